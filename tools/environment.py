@@ -61,26 +61,26 @@ def read_project(folder: Path) -> dict[str, Any]:
 
 def requirements(listed: list[str]) -> list[str]:
     """Return requirements, with extras of this repository replaced by what they require."""
-    found = []
-    for one in listed:
-        if inner := re.fullmatch(r"(anhyst[a-z-]*)\[(.*)\]", one):
-            extras = read_project(ROOT / "packages" / inner[1])["project"]["optional-dependencies"]
-            found += [needed for name in inner[2].split(",") for needed in extras[name]]
-        elif not one.startswith("anhyst"):
-            found.append(one)
-    return found
+    expanded = []
+    for part in listed:
+        if nested_extras := re.fullmatch(r"(anhyst[a-z-]*)\[(.*)\]", part):
+            extras = read_project(ROOT / "packages" / nested_extras[1])["project"]["optional-dependencies"]
+            expanded += [requirement for name in nested_extras[2].split(",") for requirement in extras[name]]
+        elif not part.startswith("anhyst"):
+            expanded.append(part)
+    return expanded
 
 
-def run_step(name: str, work: Callable[[], None]) -> None:
+def run_step(name: str, action: Callable[[], None]) -> None:
     """Print the name of a step, run the step, and print its duration."""
     print(f"make: {name} ...", end="", flush=True)
-    began = time.monotonic()
+    start_time = time.monotonic()
     try:
-        work()
+        action()
     except BaseException:
         print(flush=True)
         raise
-    print(f" {time.monotonic() - began:.0f} s", flush=True)
+    print(f" {time.monotonic() - start_time:.0f} s", flush=True)
 
 
 def uses_other_index() -> bool:
@@ -94,8 +94,8 @@ def create_environment() -> None:
     subprocess.run([sys.executable, "-m", "venv", str(BIN.parent)], check=True)
     if not uses_other_index():
         # Without a wheel of uv for this machine, pip would compile it for minutes.
-        wanted = ["--quiet", "--only-binary", ":all:", "uv"]
-        subprocess.run([*PIP, "install", *wanted], capture_output=True, check=False)
+        build_packages = ["--quiet", "--only-binary", ":all:", "uv"]
+        subprocess.run([*PIP, "install", *build_packages], capture_output=True, check=False)
 
 
 def install_packages(packages: list[str]) -> None:
@@ -127,12 +127,12 @@ def prepare_environment() -> None:
 
 def install_package() -> None:
     """Compile the core and install the parts; their dependencies are installed already."""
-    env = dict(os.environ, PATH=f"{BIN}:{os.environ['PATH']}")
+    variables = dict(os.environ, PATH=f"{BIN}:{os.environ['PATH']}")
     if (BIN / "c++").exists():
-        env["CXX"] = str(BIN / "c++")
+        variables["CXX"] = str(BIN / "c++")
     wanted = ["--quiet", "--no-deps", "--no-build-isolation"]
     wanted += [word for part in PARTS for word in ("--editable", str(ROOT / "packages" / part))]
-    subprocess.run([*PIP, "install", *wanted], check=True, env=env)
+    subprocess.run([*PIP, "install", *wanted], check=True, env=variables)
 
 
 def main() -> int:

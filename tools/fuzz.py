@@ -83,7 +83,7 @@ def build_harness(run_name: str, folder: Path, clang: str) -> Path:
     ]
     program = folder / f"fuzz-{run_name}"
     include = (ROOT / "firmware", compiled / "include", ROOT / "core" / "include", compiled)
-    options = [f"-I{place}" for place in include]
+    options = [f"-I{folder_path}" for folder_path in include]
     options += [f"-D{key}={value}" for key, value in actuator_defines(NAME).items()]
     options += ["-DFUZZ_XCP"] if is_xcp_only else []
     subprocess.run([clang, *COMPILER_FLAGS, *options, *map(str, sources), "-o", str(program)], check=True)
@@ -125,8 +125,8 @@ def run_in_parallel(run_names: tuple[str, str], runs: int, seed: int, folder: Pa
     """Build and run two programs, each with half of the inputs; return the number of failures."""
     programs = {run_name: build_harness(run_name, folder, clang) for run_name in run_names}
     running = {
-        kind: start_run(kind, programs[kind], runs // 2, seed + number)
-        for number, kind in enumerate(run_names)
+        run_label: start_run(run_label, programs[run_label], runs // 2, seed + number)
+        for number, run_label in enumerate(run_names)
     }
     failures = 0
     for kind, process in running.items():

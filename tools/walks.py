@@ -73,10 +73,10 @@ def trace_rig_to_recording() -> dict[str, int]:
 
     def job() -> None:
         rig, controller = read_files(RIG_FILE, None)
-        ready = check_inputs(rig, controller)
+        prepared_rig = check_inputs(rig, controller)
         variant = controller.settings.compensation.variant
-        setup = make_setups(ready.rig, controller, ready.identify_magnet(), (variant,))[variant]
-        steps, *_ = plan_recorded_run(ready.rig, setup.controller)
+        setup = make_setups(prepared_rig.rig, controller, prepared_rig.identify_magnet(), (variant,))[variant]
+        steps, *_ = plan_recorded_run(prepared_rig.rig, setup.controller)
         assert levitation_fault(setup, SimulatedLoop(setup).run(steps), steps) is None
 
     return FileTrace("anhyst_rigs").trace_job(job)

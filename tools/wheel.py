@@ -44,8 +44,8 @@ def wheel_tag(version: tuple[int, int], machine: str) -> str:
     platform = f"manylinux_{MIN_GLIBC[0]}_{MIN_GLIBC[1]}_{machine}"
     if version >= _FIRST_STABLE_ABI:
         return f"cp{_FIRST_STABLE_ABI[0]}{_FIRST_STABLE_ABI[1]}-abi3-{platform}"
-    own = f"cp{version[0]}{version[1]}"
-    return f"{own}-{own}-{platform}"
+    interpreter_tag = f"cp{version[0]}{version[1]}"
+    return f"{interpreter_tag}-{interpreter_tag}-{platform}"
 
 
 def build_wheel(python: Path, machine: str, dist: Path) -> Path:
@@ -117,9 +117,9 @@ def check_wheel(wheel: Path) -> None:
         If the wheel needs more than its name promises.
     """
     platform = wheel.stem.split("-")[4]
-    said = run([sys.executable, "-m", "auditwheel", "show", str(wheel)])
-    if f'platform tag: "{platform}"' not in " ".join(said.split()):
-        raise RuntimeError(f"{wheel.name}: {said}")
+    report = run([sys.executable, "-m", "auditwheel", "show", str(wheel)])
+    if f'platform tag: "{platform}"' not in " ".join(report.split()):
+        raise RuntimeError(f"{wheel.name}: {report}")
     if "-abi3-" in wheel.name:
         run([sys.executable, "-m", "abi3audit", "--strict", str(wheel)])
 
@@ -142,16 +142,16 @@ def installed_megabytes(python: Path) -> float:
     """Return the size of the packages in the environment of a Python, without pip, MB."""
     (packages,) = (python.parents[1] / "lib").glob("python*/site-packages")
     files = (path for path in packages.rglob("*") if path.is_file() and not path.is_symlink())
-    own = (path for path in files if path.relative_to(packages).parts[0] not in {"pip", "setuptools"})
-    return sum(path.stat().st_size for path in own) / 1e6
+    own_files = (path for path in files if path.relative_to(packages).parts[0] not in {"pip", "setuptools"})
+    return sum(path.stat().st_size for path in own_files) / 1e6
 
 
-def page_up_to_step(page: str, last: int) -> str:
+def page_up_to_step(page: str, last_step: int) -> str:
     """Return a page up to the end of a numbered step."""
-    return page.partition(f"\n## {last + 1}. ")[0]
+    return page.partition(f"\n## {last_step + 1}. ")[0]
 
 
-def run_page(page: str, python: Path, place: Path) -> int:
+def run_page(page: str, python: Path, working_folder: Path) -> int:
     """Run the shell and Python blocks of a page in their order, in a folder.
 
     Parameters
@@ -173,13 +173,15 @@ def run_page(page: str, python: Path, place: Path) -> int:
     RuntimeError
         If a block fails.
     """
-    blocks = [(language, code) for shown, language, code in _CODE_BLOCK.findall(page) if not shown]
+    blocks = [
+        (language, code) for printed_code, language, code in _CODE_BLOCK.findall(page) if not printed_code
+    ]
     for language, code in blocks:
         if language == "sh":
             command = ["bash", "-e", "-o", "pipefail", "-c", code]
         else:
             command = [str(python), "-c", code]
-        run(command, place, {"PATH": f"{python.parent}{os.pathsep}{os.defpath}"})
+        run(command, working_folder, {"PATH": f"{python.parent}{os.pathsep}{os.defpath}"})
     return len(blocks)
 
 
@@ -192,7 +194,7 @@ def run(command: Sequence[str], cwd: Path | None = None, variables: Mapping[str,
         If the command fails.
     """
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    done = subprocess.run(
+    completed = subprocess.run(
         command,
         cwd=cwd,
         capture_output=True,
@@ -200,16 +202,16 @@ def run(command: Sequence[str], cwd: Path | None = None, variables: Mapping[str,
         check=False,
         env=environment | {"MPLBACKEND": "agg"} | dict(variables or {}),
     )
-    if done.returncode:
-        said = (done.stdout + done.stderr).splitlines()
-        raise RuntimeError("\n".join([" ".join(command), *said[-40:]]))
-    return done.stdout
+    if completed.returncode:
+        output_text = (completed.stdout + completed.stderr).splitlines()
+        raise RuntimeError("\n".join([" ".join(command), *output_text[-40:]]))
+    return completed.stdout
 
 
 def python_version(python: Path) -> tuple[int, int]:
     """Return the major and minor version of a Python."""
-    said = run([str(python), "-c", "import sys; print(*sys.version_info[:2])"])
-    major, minor = map(int, said.split())
+    output_text = run([str(python), "-c", "import sys; print(*sys.version_info[:2])"])
+    major, minor = map(int, output_text.split())
     return major, minor
 
 
@@ -237,11 +239,11 @@ def main() -> int:
     try:
         for python in pythons:
             for machine in MACHINES:
-                wanted = wheel_tag(python_version(python), machine)
-                if wanted not in wheels:
-                    wheels[wanted] = build_wheel(python, machine, DIST)
-                    check_wheel(wheels[wanted])
-                    say(f"{wheels[wanted].name}: built and checked")
+                tag_text = wheel_tag(python_version(python), machine)
+                if tag_text not in wheels:
+                    wheels[tag_text] = build_wheel(python, machine, DIST)
+                    check_wheel(wheels[tag_text])
+                    say(f"{wheels[tag_text].name}: built and checked")
         others = build_others(DIST)
         say(f"{', '.join(wheel.name for wheel in others)}: built")
         for python in pythons:

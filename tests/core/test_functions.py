@@ -58,9 +58,9 @@ def test_exp_of_the_batch_is_right_to_1e_11() -> None:
     t = np.concatenate([np.logspace(-12, np.log10(680.0), 3000), np.linspace(0.0, 40.0, 2001)])
     with localcontext() as context:
         context.prec = 50
-        truth = [(-Decimal(v)).exp() for v in t.tolist()]
+        exact_value = [(-Decimal(v)).exp() for v in t.tolist()]
         found = [Decimal(v) for v in batch_functions(t)[0].tolist()]
-        error = max(abs(f / e - 1) for f, e in zip(found, truth, strict=True))
+        error = max(abs(f / e - 1) for f, e in zip(found, exact_value, strict=True))
     assert error < Decimal("1e-11")
 
 
@@ -78,8 +78,8 @@ def test_langevin_of_the_core_agrees_with_50_digits() -> None:
             t = Decimal(at)
             e = (-2 * t).exp()
             assert abs(Decimal(found) / ((1 + e) / (1 - e) - 1 / t) - 1) < Decimal("4e-16")
-            truth = 1 / (t * t) - 4 * e / (1 - e) ** 2
-            assert abs(Decimal(steepness) / truth - 1) < Decimal("1.7e-15")
+            exact_value = 1 / (t * t) - 4 * e / (1 - e) ** 2
+            assert abs(Decimal(steepness) / exact_value - 1) < Decimal("1.7e-15")
 
 
 def test_functions_of_the_batch_are_odd_and_bounded() -> None:

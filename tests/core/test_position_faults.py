@@ -65,15 +65,15 @@ def make_samples(seed: int) -> list[Sample]:
     gap, rows = REST, []
     for tick in range(3000):
         gap = float(np.clip(gap + rng.normal(0.0, 20e-6), 0.32e-3, 0.58e-3))
-        place = round((0.45e-3 - gap) / CONTROL.position_full * 2**31)
+        position = round((0.45e-3 - gap) / CONTROL.position_full * 2**31)
         target = round(rng.choice([0.45e-3 - TARGET, 30e-6]) / CONTROL.position_full * 2**31)
-        flows = [int(code) for code in rng.integers(0, 2**31, 2)]
+        current_codes = [int(code) for code in rng.integers(0, 2**31, 2)]
         rows.append(
             Sample(
-                position=None if tick % 9 == 0 or tick % 200 > 180 else place,
+                position=None if tick % 9 == 0 or tick % 200 > 180 else position,
                 target=target,
                 load=int(rng.integers(-(2**28), 2**28)),
-                current=(flows[0], flows[1]),
+                current=(current_codes[0], current_codes[1]),
                 command=int(rng.choice([1, 2, 3, 3, 4, 5, 6, 9])) if tick % 13 == 0 else 0,
             )
         )
@@ -119,14 +119,19 @@ def is_exact(library: Path) -> bool:
             for sample in make_samples(i)
         ]
         found = np.zeros_like(expected)
-        arrays: list[NDArray[Any]] = [
+        input_arrays: list[NDArray[Any]] = [
             settings_as_numbers(control),
             entries,
             np.array(rows, dtype=np.int32),
             found,
         ]
-        at = [array.ctypes.data_as(ctypes.c_void_p) for array in arrays]
-        assert run_plant(at[0], at[1], magnet_count(control), len(rows), at[2], at[3]) == 0
+        row_start = [input_array.ctypes.data_as(ctypes.c_void_p) for input_array in input_arrays]
+        assert (
+            run_plant(
+                row_start[0], row_start[1], magnet_count(control), len(rows), row_start[2], row_start[3]
+            )
+            == 0
+        )
         if not np.array_equal(found, expected):
             return False
     return True

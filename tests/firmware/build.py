@@ -39,14 +39,14 @@ def tool(*names: str) -> str:
 
 
 def compile_c(
-    compiler: str, sources: Sequence[Path], out: Path, *options: str
+    compiler: str, sources: Sequence[Path], output_file: Path, *options: str
 ) -> subprocess.CompletedProcess[str]:
     """Compile and link; warnings are errors. With -c, `out` is the folder of the object files."""
     include = [f"-I{ROOT / 'firmware'}", f"-I{HERE}", f"-I{ROOT / 'core' / 'include'}"]
     command = [compiler, "-std=c99", "-O1", *WARNINGS, *options, *include, *map(str, sources)]
     if "-c" in options:
-        return subprocess.run(command, capture_output=True, text=True, check=False, cwd=out)
-    command += ["-o", str(out), "-lm"]
+        return subprocess.run(command, capture_output=True, text=True, check=False, cwd=output_file)
+    command += ["-o", str(output_file), "-lm"]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 

@@ -18,16 +18,16 @@ from anhyst_rigs.link import frames
 from .build import ROOT, compile_c, tool
 
 
-def encode_cobs(data: bytes) -> bytes:
+def encode_cobs(payload: bytes) -> bytes:
     """Encode by definition: put the offset of the next zero before each piece between zeros."""
-    out = bytearray()
-    for piece in (data + b"\0").split(b"\0")[:-1]:
-        rest = piece
-        while len(rest) >= 254:
-            out += b"\xff" + rest[:254]
-            rest = rest[254:]
-        out += bytes([len(rest) + 1]) + rest
-    return bytes(out)
+    encoded = bytearray()
+    for piece in (payload + b"\0").split(b"\0")[:-1]:
+        remaining = piece
+        while len(remaining) >= 254:
+            encoded += b"\xff" + remaining[:254]
+            remaining = remaining[254:]
+        encoded += bytes([len(remaining) + 1]) + remaining
+    return bytes(encoded)
 
 
 def encode_frame(kind: int, sequence: int, tick: int, payload: bytes) -> bytes:
@@ -51,11 +51,11 @@ class CFrame(ctypes.Structure):
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     """The C framing as a loaded library."""
-    out = tmp_path_factory.mktemp("framing") / "framing.so"
+    library_file = tmp_path_factory.mktemp("framing") / "framing.so"
     sources = [ROOT / "firmware" / "link" / name for name in ("frame.c", "crc.c")]
-    completed = compile_c(tool("cc", "gcc"), sources, out, "-shared", "-fPIC")
+    completed = compile_c(tool("cc", "gcc"), sources, library_file, "-shared", "-fPIC")
     assert completed.returncode == 0, completed.stderr
-    loaded = ctypes.CDLL(str(out))
+    loaded = ctypes.CDLL(str(library_file))
     loaded.link_crc32.restype = ctypes.c_uint32
     loaded.link_encode.restype = ctypes.c_uint16
     return loaded

@@ -46,24 +46,24 @@ def build_package(folder: Path) -> None:
     subprocess.run([*pip, *options, str(folder / "my-lab")], check=True)
 
 
-def my_lab(factory: pytest.TempPathFactory) -> Path:
+def build_installed_package(factory: pytest.TempPathFactory) -> Path:
     """Return the folder in which the package is installed."""
     return made_once(factory, "my-lab", build_package) / "site"
 
 
-def _forget() -> None:
+def _unload_package() -> None:
     registry._all_entry_points.cache_clear()
-    for known in (LAWS, FORMATS, ACTUATORS, kinds._RIG_KINDS):
-        vars(known).pop("_plugins", None)
+    for plugin_table in (LAWS, FORMATS, ACTUATORS, kinds._RIG_KINDS):
+        vars(plugin_table).pop("_plugins", None)
 
 
 @contextmanager
 def installed(site: Path) -> Iterator[None]:
     """Make an installed package available in this process."""
     sys.path.insert(0, str(site))
-    _forget()
+    _unload_package()
     try:
         yield
     finally:
         sys.path.remove(str(site))
-        _forget()
+        _unload_package()

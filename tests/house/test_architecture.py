@@ -36,8 +36,8 @@ def test_no_file_is_longer_than_600_lines(folder: str) -> None:
 
 
 def test_every_c_source_is_in_the_one_list() -> None:
-    listed = (ROOT / "core" / "core.cmake").read_text(encoding="utf-8")
-    missing = [path.name for path in (ROOT / "core" / "src").rglob("*.c") if path.name not in listed]
+    listed_sources = (ROOT / "core" / "core.cmake").read_text(encoding="utf-8")
+    missing = [path.name for path in (ROOT / "core" / "src").rglob("*.c") if path.name not in listed_sources]
     assert missing == []
 
 
@@ -69,13 +69,13 @@ def test_tests_of_a_package_use_only_it_and_its_dependencies() -> None:
 
 
 def test_public_class_names_are_unique() -> None:
-    places: dict[str, list[str]] = defaultdict(list)
+    files_by_class: dict[str, list[str]] = defaultdict(list)
     for path in (ROOT / "packages").glob("*/src/**/*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                places[node.name].append(str(path.relative_to(ROOT)))
-    assert places
-    assert {name: found for name, found in places.items() if len(found) > 1} == {}
+                files_by_class[node.name].append(str(path.relative_to(ROOT)))
+    assert files_by_class
+    assert {name: files for name, files in files_by_class.items() if len(files) > 1} == {}
 
 
 def test_the_page_loads_nothing_from_elsewhere() -> None:
@@ -99,10 +99,12 @@ _QUOTED = re.compile(r"`([^`\n]+)`")
 
 def _matching_files(name: str) -> list[Path]:
     """Return the files that a name on the page matches; `{a,b}` lists alternatives, `*` is any."""
-    prefix, brace, rest = name.partition("{")
-    if brace:
-        choices, _, suffix = rest.partition("}")
-        alternatives = [_matching_files(f"{prefix}{choice}{suffix}") for choice in choices.split(",")]
+    prefix, opening_brace, remaining_text = name.partition("{")
+    if opening_brace:
+        alternatives_text, _, suffix = remaining_text.partition("}")
+        alternatives = [
+            _matching_files(f"{prefix}{alternative}{suffix}") for alternative in alternatives_text.split(",")
+        ]
         return [path for paths in alternatives for path in paths] if all(alternatives) else []
     return [*ROOT.glob(name), *ROOT.glob(f"packages/*/src/{name}")]
 
@@ -160,7 +162,9 @@ def test_every_room_of_the_page_begins_with_a_file_that_exists() -> None:
     rows = _table_rows("Rooms")
     assert len(rows) > 15
     names = [
-        f"*/{_QUOTED.findall(room)[0]}/{one}" for room, _, files in rows for one in _QUOTED.findall(files)
+        f"*/{_QUOTED.findall(room)[0]}/{file_name}"
+        for room, _, files in rows
+        for file_name in _QUOTED.findall(files)
     ]
     assert [name for name in names if not _matching_files(name)] == []
 

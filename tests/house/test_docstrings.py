@@ -23,11 +23,11 @@ def public_names(exported: Any) -> Iterator[tuple[str, str]]:
     if not inspect.isclass(exported):
         yield exported.__module__, exported.__qualname__
         return
-    for base in exported.__mro__:
-        yield base.__module__, base.__qualname__
-        for member in vars(base):
+    for qualified_name in exported.__mro__:
+        yield qualified_name.__module__, qualified_name.__qualname__
+        for member in vars(qualified_name):
             if not member.startswith("_") or member in {"__call__", "__init__"}:
-                yield base.__module__, f"{base.__qualname__}.{member}"
+                yield qualified_name.__module__, f"{qualified_name.__qualname__}.{member}"
 
 
 def documented_names(tree: ast.AST, prefix: str = "") -> Iterator[tuple[str, Documented]]:

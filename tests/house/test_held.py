@@ -35,14 +35,14 @@ def test_a_byte_more_changes_the_hash(name: str, root: Path) -> None:
 
 
 def test_an_added_removed_or_renamed_file_changes_the_hash(root: Path) -> None:
-    found = [content_hash(PATHS, root)]
+    hashes = [content_hash(PATHS, root)]
     (root / "core" / "src" / "b.c").touch()
-    found.append(content_hash(PATHS, root))
+    hashes.append(content_hash(PATHS, root))
     (root / "core" / "src" / "a.c").rename(root / "core" / "src" / "c.c")
-    found.append(content_hash(PATHS, root))
+    hashes.append(content_hash(PATHS, root))
     (root / "core" / "src" / "c.c").unlink()
-    found.append(content_hash(PATHS, root))
-    assert len(set(found)) == 4
+    hashes.append(content_hash(PATHS, root))
+    assert len(set(hashes)) == 4
 
 
 def test_unrelated_files_do_not_change_the_hash(root: Path) -> None:
@@ -53,9 +53,9 @@ def test_unrelated_files_do_not_change_the_hash(root: Path) -> None:
 
 def run_marked_test(record: Path, held: str) -> str:
     """Run one quick marked test; return its summary."""
-    case = f"{TEST_FILE}::test_a_seeded_fault_is_found[knee-of-half-the-height]"
+    test_id = f"{TEST_FILE}::test_a_seeded_fault_is_found[knee-of-half-the-height]"
     completed = subprocess.run(
-        [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", case],
+        [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", test_id],
         cwd=ROOT,
         env=os.environ | {"ANHYST_HELD": held, "ANHYST_HELD_RECORD": str(record), "ANHYST_NO_SKIP": "1"},
         capture_output=True,

@@ -30,7 +30,7 @@ from tests.docs.blocks import blocks
 from tests.docs.places import fill, shell
 from tests.exchange.slave import HERE, slave
 from tests.exchange.test_bearing import scanned_by_axes
-from tests.house.outside import PAGE, installed, my_lab, page_file
+from tests.house.outside import PAGE, build_installed_package, installed, page_file
 from tests.once import made_once
 from tests.refusals import refused
 from tests.repository import ROOT
@@ -50,14 +50,14 @@ TRUE_PARAMETERS: dict[str, Parameter] = {
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Folder for loops and models; the package of the page is installed while the module runs."""
-    with installed(my_lab(tmp_path_factory)):
+    with installed(build_installed_package(tmp_path_factory)):
         yield tmp_path_factory.mktemp("lab")
 
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Folder with the rig of the page; its actuator is registered while the module runs."""
-    with installed(my_lab(tmp_path_factory)):
+    with installed(build_installed_package(tmp_path_factory)):
         place = tmp_path_factory.mktemp("table")
         (place / "table.toml").write_text(page_file("table.toml"))
         yield place
@@ -89,7 +89,10 @@ def measured(lab: Path) -> Path:
         for name, largest in (("large", 3.0), ("small", 1.2)):
             drive = current_cycle(largest)
             force = magnet().predict(drive, gap).output.tolist()
-            lines += [json.dumps([i, f, 1e3 * gap, name]) for i, f in zip(drive.tolist(), force, strict=True)]
+            lines += [
+                json.dumps([i, loop_file, 1e3 * gap, name])
+                for i, loop_file in zip(drive.tolist(), force, strict=True)
+            ]
     path.write_text("\n".join(lines))
     return path
 
@@ -105,9 +108,9 @@ def run_command(*arguments: object) -> str:
 def found(measured: Path) -> Path:
     """Return the model file of the identification."""
     path = measured.with_name("model.toml")
-    said = run_command("identify", measured, "--history", "demagnetised", "--law", "play",
+    output = run_command("identify", measured, "--history", "demagnetised", "--law", "play",
                "--gap-map", "reluctance", "--out", path)  # fmt: skip
-    assert "law 'play' cannot be compiled: there is no compensator for it" in said
+    assert "law 'play' cannot be compiled: there is no compensator for it" in output
     return path
 
 
@@ -176,8 +179,8 @@ def test_the_actuator_of_the_page_is_measured_simulated_tuned_and_compiled(table
     assert average["full"] < average["single-valued"] / 3.0
     tuned = json.loads((table / "tuned" / "tuning.json").read_text())["variants"]["full"]
     assert tuned["met"]
-    said = run_command("verify", table / "controller", "--on", "host")
-    assert "identical" in said
+    output = run_command("verify", table / "controller", "--on", "host")
+    assert "identical" in output
     loops = read_loops(table / "loops.csv")
     assert loops.output.name == "thrust"
     assert min(loop.output.min() for loop in loops.loops) < -50.0
@@ -208,13 +211,13 @@ def test_the_actuator_of_the_page_flies_as_an_fmu_bit_for_bit(table: Path) -> No
     path = measured_table(table)
     magnet = identify_stage_magnet(read_stage(path))
     fmu = export_fmu(path, table / "table.fmu", platforms=[HERE])
-    scan = scanned_by_axes(fmu, path, 10.0, magnet)
+    output_names = scanned_by_axes(fmu, path, 10.0, magnet)
     names = ("demand_x_N", "command_A", "command_3_A")
-    with slave(fmu, table / "flown") as made:
-        rows = np.array(made.run(scan.inputs, names, 1e-4))
-    assert scan.recording.loss is None
+    with slave(fmu, table / "flown") as fmu_file:
+        rows = np.array(fmu_file.run(output_names.inputs, names, 1e-4))
+    assert output_names.recording.loss is None
     for name, values in zip(names, rows.T, strict=True):
-        assert np.array_equal(values, scan.recording[name]), name
+        assert np.array_equal(values, output_names.recording[name]), name
     assert np.ptp(rows[:, 1]) > 0.3
 
 
@@ -225,8 +228,8 @@ def test_the_board_of_the_page_is_built_and_driven(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    made = made_once(tmp_path_factory, "what-pages-speak-of", fill)
-    shutil.copytree(made / "controller", tmp_path / "controller")
+    firmware_folder = made_once(tmp_path_factory, "what-pages-speak-of", fill)
+    shutil.copytree(firmware_folder / "controller", tmp_path / "controller")
     shutil.copytree(ROOT / "firmware", tmp_path / "firmware")
     (tmp_path / "firmware" / "boards" / "desk").mkdir()
     for name in ("board_force.c", "main.c"):

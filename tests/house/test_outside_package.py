@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst.model.actuator import read_model
-from tests.house.outside import installed, my_lab, page_file
+from tests.house.outside import build_installed_package, installed, page_file
 from tests.repository import ROOT
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
@@ -21,7 +21,7 @@ LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder in which the package of docs/contributing.md is installed."""
-    return my_lab(tmp_path_factory)
+    return build_installed_package(tmp_path_factory)
 
 
 def run_python(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -44,23 +44,23 @@ def anhyst(site: Path, place: Path, *arguments: str) -> subprocess.CompletedProc
 
 def write_loops(path: Path) -> None:
     """Write loops of a single play operator in the format of the package."""
-    up = np.linspace(0.0, 3.0, 13)
+    ascending = np.linspace(0.0, 3.0, 13)
     lines: list[list[object]] = [["I_A", "F_N", "gap_mm", "loop"]]
     for gap in (0.3, 0.5):
         for label, largest in (("large", 1.0), ("small", 0.4)):
-            drive = largest * np.concatenate([up, up[-2::-1], up[1:]])
-            play = 0.0
+            drive = largest * np.concatenate([ascending, ascending[-2::-1], ascending[1:]])
+            play_state = 0.0
             for current in drive:
-                play = min(max(play, current - 0.2), current + 0.2)
-                lines.append([float(current), 30.0 * (play / (0.2 + gap)) ** 2, gap, label])
+                play_state = min(max(play_state, current - 0.2), current + 0.2)
+                lines.append([float(current), 30.0 * (play_state / (0.2 + gap)) ** 2, gap, label])
     path.write_text("\n".join(map(json.dumps, lines)))
 
 
 def test_its_law_fits_loops_in_its_format_and_its_verb_reads_them(site: Path, tmp_path: Path) -> None:
     write_loops(tmp_path / "loops.toy")
-    asked = ("loops.toy", "--history", "demagnetised")
+    arguments = ("loops.toy", "--history", "demagnetised")
     found = anhyst(
-        *(site, tmp_path, "identify", *asked, "--law", "play"),
+        *(site, tmp_path, "identify", *arguments, "--law", "play"),
         *("--gap-map", "reluctance", "--out", "model.toml", "--json"),
     )
     assert found.returncode == 0, found.stderr
@@ -69,21 +69,21 @@ def test_its_law_fits_loops_in_its_format_and_its_verb_reads_them(site: Path, tm
         assert model.law == "play"
         assert [source.path for source in model.provenance.sources] == ["loops.toy"]
         assert model.predict([0.0, 1.0, 2.0], 0.3e-3, history="demagnetised").output[2] > 0.0
-    found = anhyst(site, tmp_path, "widest", *asked, "--share", "0.25", "--json")
+    found = anhyst(site, tmp_path, "widest", *arguments, "--share", "0.25", "--json")
     assert found.returncode == 0, found.stderr
-    answer = json.loads(found.stdout)
-    assert 0.3 < answer["width"] < 0.5  # twice the play
+    printed_model = json.loads(found.stdout)
+    assert 0.3 < printed_model["width"] < 0.5  # twice the play
     assert "Example: anhyst widest" in anhyst(site, tmp_path, "widest", "--help").stdout
     program = "import anhyst; print(anhyst.widest('loops.toy', history='demagnetised')['loop'])"
-    said = run_python(site, tmp_path, "-c", program)
-    assert said.stdout.split() == [answer["loop"]]
+    completed = run_python(site, tmp_path, "-c", program)
+    assert completed.stdout.split() == [printed_model["loop"]]
 
 
 def test_without_it_nothing_knows_its_law_or_its_verb(site: Path, tmp_path: Path) -> None:
     assert site.is_dir()
-    refused = anhyst(tmp_path, tmp_path, "identify", str(LOOPS), "--law", "play", "--out", "m.toml")
-    assert refused.returncode == 2
-    assert "play" in refused.stderr
+    failed_command = anhyst(tmp_path, tmp_path, "identify", str(LOOPS), "--law", "play", "--out", "m.toml")
+    assert failed_command.returncode == 2
+    assert "play" in failed_command.stderr
     assert anhyst(tmp_path, tmp_path, "widest", str(LOOPS)).returncode == 2
 
 
@@ -95,13 +95,13 @@ def test_its_kind_of_rig_is_simulated(site: Path, tmp_path: Path) -> None:
     assert (tmp_path / "run.csv").is_file()
 
 
-def install_module(folder: Path, name: str, points: str, text: str) -> None:
+def install_module(folder: Path, name: str, entry_points: str, text: str) -> None:
     """Install a package of one module by hand."""
     metadata_folder = folder / f"{name}-1.0.dist-info"
     metadata_folder.mkdir(parents=True)
     (folder / f"{name}.py").write_text(text)
     (metadata_folder / "METADATA").write_text(f"Name: {name}\nVersion: 1.0\n")
-    (metadata_folder / "entry_points.txt").write_text(points)
+    (metadata_folder / "entry_points.txt").write_text(entry_points)
 
 
 LAW_MODULE = """
@@ -196,14 +196,14 @@ def test_a_faulty_verb_is_omitted_and_others_remain(tmp_path: Path) -> None:
     (site / "more" / "verbs" / "placed.py").write_text(placed)
     found = anhyst(site, tmp_path, "hello", "you", "--json")
     assert json.loads(found.stdout) == {"hello": "you"}
-    for said in (
+    for expected_text in (
         "left out: the verb broken of more.verbs.broken: No module named",
         "left out: the verb empty of more.verbs.empty",
         "left out: other: its verb inspect, which anhyst has too; rename it",
         "left out: the verb ends of more.verbs.ends: 3",
         "left out: the verb placed of more.verbs.placed: PLACE must be",
     ):
-        assert said in found.stderr
+        assert expected_text in found.stderr
     assert len(found.stderr.splitlines()) == 5 + 2  # and the output of two of the modules
     assert "hello" in anhyst(site, tmp_path, "--help").stdout
     program = "from anhyst import *; import anhyst; print(identify is anhyst.identify)"
@@ -225,8 +225,8 @@ def test_an_error_in_a_package_names_the_package(tmp_path: Path) -> None:
 
 def test_a_law_with_parameters_in_wrong_order_is_refused(tmp_path: Path) -> None:
     install_module(tmp_path, "other", *FAULTY_PACKAGES["takes its parameters in another order"])
-    asked = ("identify", str(LOOPS), "--law", "bad", "--out", "m.toml")
-    refused = anhyst(tmp_path, tmp_path, *asked)
+    arguments = ("identify", str(LOOPS), "--law", "bad", "--out", "m.toml")
+    refused = anhyst(tmp_path, tmp_path, *arguments)
     assert "its iron takes the parameters in another order" in refused.stderr
 
 
@@ -255,8 +255,8 @@ def test_types_of_a_verb_reach_its_function(future: str, tmp_path: Path) -> None
     (tmp_path / "lab" / "verbs").mkdir(parents=True)
     (tmp_path / "lab" / "verbs" / "__init__.py").write_text("")
     (tmp_path / "lab" / "verbs" / "typed.py").write_text(future + TYPED_VERB_MODULE)
-    said = anhyst(tmp_path, tmp_path, "typed", "3", "--b", "2", "--c", "kg")
-    assert said.stdout == "types: int float str\n", said.stderr
+    completed = anhyst(tmp_path, tmp_path, "typed", "3", "--b", "2", "--c", "kg")
+    assert completed.stdout == "types: int float str\n", completed.stderr
     assert "'t' is not one of 'kg', 'g'" in anhyst(tmp_path, tmp_path, "typed", "3", "--c", "t").stderr
 
 

@@ -44,7 +44,11 @@ def generate_files() -> dict[Path, str]:
 def main() -> int:
     """Write the files, or compare them with the tables."""
     files = generate_files()
-    differing_files = [f for f, text in files.items() if not f.exists() or f.read_text("utf-8") != text]
+    differing_files = [
+        generated_file
+        for generated_file, text in files.items()
+        if not generated_file.exists() or generated_file.read_text("utf-8") != text
+    ]
     if sys.argv[1:] == ["--check"]:
         for file in differing_files:
             print(f"{file.relative_to(ROOT)} is not what contract/ says: run python tools/contract")

@@ -51,7 +51,7 @@ def layout_header(block: Entry) -> str:
         f"#define ANHYST_BLOCK_MOST_WORDS {block['most_words']}",
         f"#define ANHYST_BLOCK_MOST_REAL_WORDS {block['most_real_words']}",
         "\n/* Kinds of compensator. */",
-        *(f"#define ANHYST_KIND_{kind.upper()} {n}" for n, kind in enumerate(block["kinds"], 1)),
+        *(f"#define ANHYST_KIND_{kind.upper()} {number}" for number, kind in enumerate(block["kinds"], 1)),
         "\n/* Units of the signals; 0: no unit. */",
         "enum {",
     ]

@@ -62,28 +62,28 @@ def fields_by_array(entry: Entry) -> dict[str, list[Entry]]:
     return found
 
 
-def field_access(field: Entry, variable: str, at: int, is_write: bool) -> str:
+def field_access(field: Entry, variable: str, byte_offset: int, is_write: bool) -> str:
     """Return the statement that writes or reads one field."""
     kind = field["type"]
-    signed = kind.startswith("i")
-    wide = f"u{8 * SIZES[kind]}"
+    is_signed = kind.startswith("i")
+    wire_type = f"u{8 * SIZES[kind]}"
     if is_write:
-        value = f"({C_TYPES[wide]}){variable}" if signed else variable
-        return f"  link_put_{wide}(p + {at}, {value});"
-    get = f"link_get_{kind if signed else wide}(p + {at})"
-    return f"  {variable} = {get};"
+        value = f"({C_TYPES[wire_type]}){variable}" if is_signed else variable
+        return f"  link_put_{wire_type}(p + {byte_offset}, {value});"
+    read_expression = f"link_get_{kind if is_signed else wire_type}(p + {byte_offset})"
+    return f"  {variable} = {read_expression};"
 
 
-def all_field_accesses(entry: Entry, put: bool) -> list[str]:
+def all_field_accesses(entry: Entry, is_write: bool) -> list[str]:
     """Return the statements that write or read all fixed fields."""
-    at = 0
+    byte_offset = 0
     lines = []
     arrays = fields_by_array(entry)
     for field in entry["fields"]:
         name = field.get("array", field["name"])
         element = f"[{field.get('number', 1) - 1}]" if name in arrays else ""
-        lines.append(field_access(field, f"m->{name}{element}", at, put))
-        at += SIZES[field["type"]]
+        lines.append(field_access(field, f"m->{name}{element}", byte_offset, is_write))
+        byte_offset += SIZES[field["type"]]
     return lines
 
 
@@ -112,7 +112,7 @@ def frame_code(frame: Entry) -> str:
             head = f"static inline void link_get_{frame['name']}({name} *m, const uint8_t *p)"
         else:
             head = f"static inline void link_put_{frame['name']}(uint8_t *p, const {name} *m)"
-        body = all_field_accesses(frame, put=not is_request(frame))
+        body = all_field_accesses(frame, is_write=not is_request(frame))
         parts.append("\n".join([head, "{", *body, "}"]))
     return "\n".join(parts)
 
@@ -124,18 +124,18 @@ def plant_code(record: Entry) -> str:
     parts = [size_line, block_comment(record["doc"]), struct(f"link_{name}", record)]
     words = range(0, size - 4, 4)
     if name == "plant_sample":
-        check = " ^ ".join(f"link_get_u32(p + {at})" for at in [*words, size - 4])
+        check = " ^ ".join(f"link_get_u32(p + {byte_offset})" for byte_offset in [*words, size - 4])
         parts.append(
             "/* Returns whether the record is valid; fills it in any case. */\n"
             f"static inline int link_get_{name}(link_{name} *m, const uint8_t *p)\n{{\n"
-            + "\n".join(all_field_accesses(record, put=False))
+            + "\n".join(all_field_accesses(record, is_write=False))
             + f"\n  return ({check}) == LINK_PLANT_MAGIC;\n}}"
         )
     else:
         check = " ^ ".join(f"link_get_u32(p + {at})" for at in words)
         parts.append(
             f"static inline void link_put_{name}(uint8_t *p, const link_{name} *m)\n{{\n"
-            + "\n".join(all_field_accesses(record, put=True))
+            + "\n".join(all_field_accesses(record, is_write=True))
             + f"\n  link_put_u32(p + {size - 4}, {check} ^ LINK_PLANT_MAGIC);\n}}"
         )
     return "\n".join(parts)
@@ -150,11 +150,11 @@ def bus_header(plant: Entry) -> str:
         for field in record["fields"]:
             lines += commented_line(f"{prefix}_{field['name'].upper()},", field["doc"])
         parts.append("\n".join([*lines, f"  {prefix}_WORDS", "};"]))
-    about = (
+    description = (
         "Records that a virtual plant and a firmware exchange in each tick, 32-bit words. Generated "
         "by tools/contract from contract/frames.toml."
     )
-    return guarded_header("ANHYST_PLANT_BUS_WORDS_H", about, ["#include <stdint.h>", *parts])
+    return guarded_header("ANHYST_PLANT_BUS_WORDS_H", description, ["#include <stdint.h>", *parts])
 
 
 def frames_header(frames: Entry, signals: Entry) -> str:
@@ -173,15 +173,19 @@ def frames_header(frames: Entry, signals: Entry) -> str:
     ]
     types = {"doc": "Types of frames.", "values": frames["frame"]}
     parts.append(enum("LINK_TYPE", types, [frame["type"] for frame in frames["frame"]]))
-    read = {"name": "signal", "doc": "Signals that can be read at every tick.", "values": signals["signal"]}
+    received_frames = {
+        "name": "signal",
+        "doc": "Signals that can be read at every tick.",
+        "values": signals["signal"],
+    }
     parts += [
         enum(f"LINK_{entry['name'].upper()}", entry, enum_numbers(entry))
-        for entry in [*link_enums(frames, signals), read]
+        for entry in [*link_enums(frames, signals), received_frames]
     ]
     rows = [
-        f"  {{{integer_constant(s['low'])}, {integer_constant(s['high'])}, {integer_constant(s.get('default', 0))}, "
-        f"{s.get('default_ms', 0)}, {int(s['run'])}}}, /* {s['name']} */"
-        for s in signals["setting"]
+        f"  {{{integer_constant(setting['low'])}, {integer_constant(setting['high'])}, {integer_constant(setting.get('default', 0))}, "
+        f"{setting.get('default_ms', 0)}, {int(setting['run'])}}}, /* {setting['name']} */"
+        for setting in signals["setting"]
     ]
     parts.append(
         "/* Lowest value, highest value, initial value, initial value of a time in ms (otherwise 0),\n"
@@ -205,15 +209,17 @@ def macros(prefix: str, entry: Entry, values: list[int]) -> list[str]:
     return lines
 
 
-def guarded_header(guard: str, about: str, parts: list[str]) -> str:
+def guarded_header(guard: str, description: str, parts: list[str]) -> str:
     """Return a header with an include guard."""
-    top = f"{SPDX}\n{block_comment(about)}\n/* clang-format off */\n#ifndef {guard}\n#define {guard}"
-    return "\n\n".join([top, *parts]) + "\n\n#endif\n"
+    file_start = (
+        f"{SPDX}\n{block_comment(description)}\n/* clang-format off */\n#ifndef {guard}\n#define {guard}"
+    )
+    return "\n\n".join([file_start, *parts]) + "\n\n#endif\n"
 
 
 def states_header(controller: Entry) -> str:
     """Return the contents of states.h."""
-    about = (
+    description = (
         "States, phases, faults and commands of a controller. Generated by tools/contract from "
         "contract/controller.toml."
     )
@@ -222,14 +228,14 @@ def states_header(controller: Entry) -> str:
         prefix, values = f"ANHYST_{entry['name'].upper()}", enum_numbers(entry)
         lines = macros(prefix, entry, values)
         parts.append("\n".join([*lines, f"#define {prefix}_COUNT {len(values)}U"]))
-    return guarded_header("ANHYST_STATES_H", about, parts)
+    return guarded_header("ANHYST_STATES_H", description, parts)
 
 
 def flags_header(controller: Entry) -> str:
     """Return the contents of flags.h."""
-    about = (
+    description = (
         "Flags of a solve and of a tick, the same in every number format. Generated by "
         "tools/contract from contract/controller.toml."
     )
     parts = ["\n".join(macros("ANHYST", entry, flag_bits(entry))) for entry in controller["flags"]]
-    return guarded_header("ANHYST_FLAGS_H", about, parts)
+    return guarded_header("ANHYST_FLAGS_H", description, parts)

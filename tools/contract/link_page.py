@@ -30,18 +30,22 @@ def link_tables(frames: Entry, signals: Entry, controller: Entry) -> str:
     lines = ["| type | request | payload | answer | meaning |", "| --- | --- | --- | --- | --- |"]
     requests = [frame for frame in frames["frame"] if is_request(frame)]
     answers = [frame for frame in frames["frame"] if not is_request(frame)]
-    for f in requests:
-        payload = list_fields(f)
-        lines.append(f"| {f['type']:#04x} | `{f['name']}` | {payload} | `{f['answer']}` | {f['doc']} |")
+    for item in requests:
+        payload = list_fields(item)
+        lines.append(
+            f"| {item['type']:#04x} | `{item['name']}` | {payload} | `{item['answer']}` | {item['doc']} |"
+        )
     lines += ["", "| type | answer | payload | meaning |", "| --- | --- | --- | --- |"]
-    for f in answers:
-        lines.append(f"| {f['type']:#04x} | `{f['name']}` | {list_fields(f)} | {f['doc']} |")
+    for item in answers:
+        lines.append(f"| {item['type']:#04x} | `{item['name']}` | {list_fields(item)} | {item['doc']} |")
     lines += ["", "| setting | from | to | at the start | in run | meaning |"]
     lines.append("| --- | --- | --- | --- | --- | --- |")
-    for s in signals["setting"]:
-        start = s.get("default", f"{s.get('default_ms')} ms")
-        run = "yes" if s["run"] else "no"
-        lines.append(f"| `{s['name']}` | {s['low']} | {s['high']} | {start} | {run} | {s['doc']} |")
+    for setting in signals["setting"]:
+        start = setting.get("default", f"{setting.get('default_ms')} ms")
+        writable_in_run = "yes" if setting["run"] else "no"
+        lines.append(
+            f"| `{setting['name']}` | {setting['low']} | {setting['high']} | {start} | {writable_in_run} | {setting['doc']} |"
+        )
     titles = {
         "phase": "phase of a position controller",
         "command": "command",
@@ -58,8 +62,8 @@ def link_tables(frames: Entry, signals: Entry, controller: Entry) -> str:
 
 def page_with_tables(text: str, tables: str) -> str:
     """Return the page with new tables; return it unchanged if it has no markers for them."""
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
+    before, begin, after_begin = text.partition(BEGIN)
+    _, end, after = after_begin.partition(END)
     if not begin or not end:
         return text
     return f"{before}{BEGIN}\n\n{tables}\n\n{END}{after}"

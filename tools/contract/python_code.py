@@ -128,10 +128,10 @@ def dataclass_code(entry: Entry, name: str, base: str) -> str:
     """Return the dataclass of a frame or record; `base` is its base class."""
     tail = entry.get("tail")
     code = "<" + "".join(CODES[field["type"]] for field in entry["fields"])
-    own = f', tail="{CODES[tail["type"]]}"' if tail else ""
+    tail_argument = f', tail="{CODES[tail["type"]]}"' if tail else ""
     lines = [
         "@dataclass(frozen=True)",
-        f'class {name}({base}, form="{code}"{own}):',
+        f'class {name}({base}, form="{code}"{tail_argument}):',
         docstring(entry["doc"], "    "),
     ]
     if entry["fields"] or tail:
@@ -157,11 +157,14 @@ def frames_module(frames: Entry, signals: Entry) -> str:
         f"VERSION = {protocol['version']}\nMAX_PAYLOAD_BYTES = {protocol['payload_most']}\n"
         f"PLANT_MAGIC = 0x{plant['magic']:08X}\n"
     ]
-    parts += [f"{enum_class(e, 'IntEnum', enum_numbers(e))}\n" for e in link_enums(frames, signals)]
+    parts += [
+        f"{enum_class(enum_entry, 'IntEnum', enum_numbers(enum_entry))}\n"
+        for enum_entry in link_enums(frames, signals)
+    ]
     rows = [
-        f"    Setting.{s['name'].upper()}: SettingRange({s['low']}, {s['high']}, "
-        f"{s.get('default', 0)}, {s.get('default_ms', 0)}, {s['run']}),"
-        for s in signals["setting"]
+        f"    Setting.{setting_entry['name'].upper()}: SettingRange({setting_entry['low']}, {setting_entry['high']}, "
+        f"{setting_entry.get('default', 0)}, {setting_entry.get('default_ms', 0)}, {setting_entry['run']}),"
+        for setting_entry in signals["setting"]
     ]
     parts.append(
         'class SettingRange(NamedTuple):\n    """Range and default value of a setting."""\n\n'
@@ -179,10 +182,10 @@ def frames_module(frames: Entry, signals: Entry) -> str:
         name = "".join(word.capitalize() for word in record["name"].split("_"))
         parts.append(dataclass_code(record, name, "PlantRecord") + "\n")
     names = [class_name(frame) for frame in frames["frame"] if not is_request(frame)]
-    listed = "".join(f"        {name},\n" for name in names)
+    class_list = "".join(f"        {name},\n" for name in names)
     parts.append(
         "ANSWERS: dict[int, type[Message]] = {\n    answer.TYPE: answer\n    for answer in (\n"
-        f"{listed}    )\n}}\n"
+        f"{class_list}    )\n}}\n"
     )
     return PREAMBLE + "\n\n".join(parts)
 

@@ -21,30 +21,30 @@ def c_reference(include: Path) -> str:
     for room in FOLDERS:
         parts.append(f"## {room}\n")
         headers = sorted((include / "anhyst" / room).glob("*.h"))
-        parts += [_header(header, include) for header in headers]
+        parts += [_header_section(header, include) for header in headers]
     return "\n".join(parts)
 
 
-def _header(path: Path, include: Path) -> str:
+def _header_section(path: Path, include: Path) -> str:
     text = path.read_text(encoding="utf-8")
     comments = [_comment_as_markdown(match.group(1)) for match in _COMMENT.finditer(text)]
-    about = next((one for one in comments if "SPDX" not in one), "")
-    parts = [f"### {path.relative_to(include)}\n", f"{about}\n"]
-    parts += [_entry(comment, code) for comment, code in _declarations(text)]
+    description = next((declaration for declaration in comments if "SPDX" not in declaration), "")
+    parts = [f"### {path.relative_to(include)}\n", f"{description}\n"]
+    parts += [_declaration_entry(comment, code) for comment, code in _declarations(text)]
     return "\n".join(parts)
 
 
 def _declarations(text: str) -> list[tuple[str, str]]:
     """Return each comment before a declaration, with that declaration."""
-    found = []
+    documented = []
     for match in _DECLARED.finditer(text):
         comment, code = _comment_as_markdown(match.group(1)), match.group(2).strip()
         if "SPDX" not in comment and not _MACRO_NOISE.match(code):
-            found.append((comment, code))
-    return found
+            documented.append((comment, code))
+    return documented
 
 
-def _entry(comment: str, code: str) -> str:
+def _declaration_entry(comment: str, code: str) -> str:
     return f"```c\n{code}\n```\n\n{comment}\n"
 
 

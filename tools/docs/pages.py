@@ -69,12 +69,12 @@ def landing_page() -> str:
 
 def chapter_pages() -> dict[str, str]:
     """Return one page for each chapter, by name. It lists the pages of the chapter."""
-    found = {
+    pages_by_name = {
         chapter_file_name(title): f"# {title}\n\n{_table_of_contents(pages)}"
         for title, pages in CHAPTERS.items()
     }
     pages = tuple(f"reference/{name}" for name in REFERENCE)
-    return found | {"reference": f"# Reference\n\n{_table_of_contents(pages)}"}
+    return pages_by_name | {"reference": f"# Reference\n\n{_table_of_contents(pages)}"}
 
 
 def without_outside_links(text: str, depth: int) -> str:
@@ -82,8 +82,8 @@ def without_outside_links(text: str, depth: int) -> str:
 
     ``depth`` is the number of folders between docs/ and the page.
     """
-    up = r"\.\./" * (depth + 1)
-    return re.sub(rf"\[([^\]]+)\]\({up}([^)#]+)[^)]*\)", r"\1 (`\2`)", text)
+    parent_prefix = r"\.\./" * (depth + 1)
+    return re.sub(rf"\[([^\]]+)\]\({parent_prefix}([^)#]+)[^)]*\)", r"\1 (`\2`)", text)
 
 
 def decision_navigation(folder: Path) -> str:

@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 
 from tools.prove.inputs import content_hash
 from tools.prove.listing import PROOFS, Proof, read_proofs
-from tools.prove.provers import install, version
+from tools.prove.provers import install_provers, version
 from tools.prove.record import Entry, is_valid, make_entry, read_record, write_record
 from tools.prove.running import Evidence, Outcome, run_prover
 from tools.prove.verdict import PROVED, REFUTED
@@ -25,16 +25,16 @@ MIN_RECORDED_S = 5  # processor time below which a proof is always run and not r
 
 def print_evidence(proof: Proof, evidence: Evidence) -> None:
     """Print one line of the table, and the end of the tool's output if the proof failed."""
-    real, control = evidence.real, evidence.control
-    rejected = "rejected" if control.verdict == REFUTED else control.verdict
+    proof_outcome, control = evidence.real, evidence.control
+    control_text = "rejected" if control.verdict == REFUTED else control.verdict
     print(
-        f"{proof.name:43} {proof.tool:8} {real.verdict:10} {rejected:10} "
+        f"{proof.name:43} {proof.tool:8} {proof_outcome.verdict:10} {control_text:10} "
         f"{evidence.seconds:6.1f}  {'' if evidence.holds else 'FAILED'}",
         flush=True,
     )
-    for outcome, expected_verdict in ((real, PROVED), (control, REFUTED)):
+    for outcome, expected_verdict in ((proof_outcome, PROVED), (control, REFUTED)):
         if outcome.verdict != expected_verdict:
-            lines = [x for x in outcome.output.splitlines() if not re.search("PASSED|Valid", x)]
+            lines = [line for line in outcome.output.splitlines() if not re.search("PASSED|Valid", line)]
             print("    " + "\n    ".join(lines[-25:]))
 
 
@@ -49,13 +49,13 @@ def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Ent
     held_count = 0
     with ThreadPoolExecutor(2) as pool:
         pending = {
-            pool.submit(run_prover, proof, broken=broken): (proof, broken)
+            pool.submit(run_prover, proof, broken=has_fault): (proof, has_fault)
             for proof in proofs
-            for broken in (False, True)
+            for has_fault in (False, True)
         }
-        for done in as_completed(pending):
-            proof, broken = pending[done]
-            runs[proof.name][broken] = done.result()
+        for finished in as_completed(pending):
+            proof, broken = pending[finished]
+            runs[proof.name][broken] = finished.result()
             if len(runs[proof.name]) < 2:
                 continue
             evidence = Evidence(real=runs[proof.name][False], control=runs[proof.name][True])
@@ -72,9 +72,13 @@ def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Ent
 
 def read_valid_record(contents: dict[str, str]) -> dict[str, Entry]:
     """Return the entries of the record that are still valid; print the names of the others."""
-    found = read_record(RECORD)
-    valid = {n: e for n, e in found.items() if n in contents and is_valid(e, contents[n])}
-    for name in sorted(set(found) - set(valid)):
+    all_entries = read_record(RECORD)
+    valid = {
+        recorded_name: recorded_entry
+        for recorded_name, recorded_entry in all_entries.items()
+        if recorded_name in contents and is_valid(recorded_entry, contents[recorded_name])
+    }
+    for name in sorted(set(all_entries) - set(valid)):
         print(f"{name}: what it depends on, or its record, has changed")
     return valid
 
@@ -86,7 +90,7 @@ def main() -> int:
     if unknown := requested - names - {"--all"}:
         print(f"prove: no such proof: {', '.join(sorted(unknown))}", file=sys.stderr)
         return 2
-    if problem := install():
+    if problem := install_provers():
         print(f"prove: {problem}", file=sys.stderr)
         return 2
     start = time.monotonic()

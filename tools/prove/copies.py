@@ -27,14 +27,14 @@ def replace_by_contract(file: Path, function: str) -> None:
     file.write_text(head.sub(declared, text), encoding="utf-8")
 
 
-def copy_core(core: Path, proof: Proof, to: Path, *, broken: bool) -> None:
+def copy_core(core: Path, proof: Proof, target: Path, *, broken: bool) -> None:
     """Copy ``core`` to ``to`` with a proof's annotations, and with its control's fault if broken."""
-    shutil.copytree(core, to)
+    shutil.copytree(core, target)
     if broken:
         control = proof.control
-        replace_once(to / control["file"], control["right"], control["wrong"])
+        replace_once(target / control["file"], control["right"], control["wrong"])
     for file, text, facts in proof.facts:
-        replace_once(to / file, text, facts + text)
+        replace_once(target / file, text, facts + text)
     for item in proof.contracts:
         file, function = item.split(":")
-        replace_by_contract(to / file, function)
+        replace_by_contract(target / file, function)

@@ -78,7 +78,12 @@ def read_record(file: Path) -> dict[str, Entry]:
 def write_record(file: Path, record: dict[str, Entry]) -> None:
     """Write the complete record, sorted by name."""
     blocks = [
-        "\n".join([f'["{name}"]', *(f"{k} = {json.dumps(v)}" for k, v in asdict(entry).items())])
+        "\n".join(
+            [
+                f'["{name}"]',
+                *(f"{key} = {json.dumps(field_value)}" for key, field_value in asdict(entry).items()),
+            ]
+        )
         for name, entry in sorted(record.items())
     ]
     part = file.with_suffix(".part")
