@@ -183,7 +183,8 @@ def frames_header(frames: Entry, signals: Entry) -> str:
         for entry in [*link_enums(frames, signals), received_frames]
     ]
     rows = [
-        f"  {{{integer_constant(setting['low'])}, {integer_constant(setting['high'])}, {integer_constant(setting.get('default', 0))}, "
+        f"  {{{integer_constant(setting['low'])}, {integer_constant(setting['high'])}, "
+        f"{integer_constant(setting.get('default', 0))}, "
         f"{setting.get('default_ms', 0)}, {int(setting['run'])}}}, /* {setting['name']} */"
         for setting in signals["setting"]
     ]

@@ -44,7 +44,8 @@ def link_tables(frames: Entry, signals: Entry, controller: Entry) -> str:
         start = setting.get("default", f"{setting.get('default_ms')} ms")
         writable_in_run = "yes" if setting["run"] else "no"
         lines.append(
-            f"| `{setting['name']}` | {setting['low']} | {setting['high']} | {start} | {writable_in_run} | {setting['doc']} |"
+            f"| `{setting['name']}` | {setting['low']} | {setting['high']} | {start} | "
+            f"{writable_in_run} | {setting['doc']} |"
         )
     titles = {
         "phase": "phase of a position controller",
