@@ -14,7 +14,7 @@ static struct {
   double kappa[MAX_SETS], c[MAX_SETS], omega[MAX_SETS], scale[MAX_SETS], offset[MAX_SETS];
 } drawn;
 
-static anhyst_batch_sets draw(uint64_t *seed, size_t sets)
+static anhyst_batch_sets random_sets(uint64_t *seed, size_t sets)
 {
   for (size_t i = 0; i < sets; i++) {
     drawn.kappa[i] = log_uniform(seed, 0.1, 10.0);
@@ -48,7 +48,7 @@ static errors compare_with_scalar(anhyst_batch_level level, size_t sets, size_t 
 {
   uint64_t seed = 61;
   const size_t n = samples + samples / 2;
-  const anhyst_batch_sets all = draw(&seed, sets);
+  const anhyst_batch_sets all = random_sets(&seed, sets);
   double *drive = zeros(n);
   double *x = zeros(sets);
   double *y = zeros(sets);
@@ -129,7 +129,7 @@ static void outputs_are_optional(void)
 {
   uint64_t seed = 63;
   const double drive[] = {0.5, 1.0, -0.5};
-  const anhyst_batch_sets all = draw(&seed, 70);
+  const anhyst_batch_sets all = random_sets(&seed, 70);
   double x[2][70];
   double y[2][70];
   double m_out[3 * 70];
@@ -152,7 +152,7 @@ static void set_out_of_range_is_refused_without_a_change(void)
   const double bad_c[] = {-0.1, 1.1, (double)NAN};
   const double bad_omega[] = {-3.0, -4.0, (double)NAN};
   for (int i = 0; i < 9; i++) {
-    const anhyst_batch_sets all = draw(&seed, 65);
+    const anhyst_batch_sets all = random_sets(&seed, 65);
     double x[65] = {0.0};
     double y[65] = {0.0};
     double *where = i < 3 ? drawn.kappa : i < 6 ? drawn.c : drawn.omega;
@@ -169,7 +169,7 @@ static void missing_instruction_set_is_refused(void)
   uint64_t seed = 66;
   const double drive[] = {0.5};
   const anhyst_batch_level lacking = (anhyst_batch_level)(anhyst_batch_best() + 1);
-  const anhyst_batch_sets all = draw(&seed, 1);
+  const anhyst_batch_sets all = random_sets(&seed, 1);
   double x[1] = {0.0};
   double y[1] = {0.0};
   CHECK(anhyst_batch_f64(&all, lacking, ANHYST_BATCH_IMPLICIT, 1, drive, x, y, 0, 0) ==
@@ -182,7 +182,7 @@ static void nan_drive_does_not_hang(void)
 {
   uint64_t seed = 65;
   const double drive[] = {0.5, (double)NAN, (double)INFINITY, 1e300, -1e300, 0.5};
-  const anhyst_batch_sets all = draw(&seed, 10);
+  const anhyst_batch_sets all = random_sets(&seed, 10);
   for (int mode = 0; mode < 2; mode++) {
     double x[10] = {0.0};
     double y[10] = {0.0};

@@ -7,7 +7,7 @@
 
 enum { STEPS = 100000, RESTING = 200000 };
 
-static void fill(void)
+static void fill_block(void)
 {
   fill_cell_words();
   fill_real_words();
@@ -137,7 +137,7 @@ static void damaged_words_and_nan_signals_do_no_harm(void)
 
 int main(void)
 {
-  fill();
+  fill_block();
   formats_agree_on_random_paths();
   for (int law = 0; law < 3; law++) {
     no_format_drifts_at_rest(&FORMATS[law]);

@@ -20,14 +20,14 @@ typedef struct {
 
 static void build(sample *s)
 {
-  size_t pieces = 0;
-  CHECK(anhyst_cells_lay_f64(&s->cells, &s->weights, ANHYST_CELLS_AIM, &pieces) == ANHYST_OK);
-  s->rows = malloc(pieces * sizeof *s->rows);
+  size_t piece_count = 0;
+  CHECK(anhyst_cells_lay_f64(&s->cells, &s->weights, ANHYST_CELLS_AIM, &piece_count) == ANHYST_OK);
+  s->rows = malloc(piece_count * sizeof *s->rows);
   anhyst_cells_tabulate_f64(&s->cells, &s->weights, s->rows);
 }
 
 /* Random cells with widths and thresholds over a decade; some weights are zero. */
-static void draw(uint64_t *seed, anhyst_shape shape, sample *s)
+static void make_random_cells(uint64_t *seed, anhyst_shape shape, sample *s)
 {
   const double scale = log_uniform(seed, 1.0, 1e4);
   s->threshold[0] = 0.0;
@@ -109,7 +109,7 @@ static void solutions_satisfy_equation_and_direct_sums(anhyst_shape shape)
   double off = 0.0;
   for (int set = 0; set < 40; set++) {
     sample s;
-    draw(&seed, shape, &s);
+    make_random_cells(&seed, shape, &s);
     anhyst_cells_state_f64 state = random_state(&seed, &s);
     for (int i = 0; i < 300; i++) {
       const double steepness = log_uniform(&seed, 0.02, 1e4);
@@ -164,7 +164,7 @@ static void jump_selects_the_first_solution(anhyst_shape shape)
   int passed = 0;
   for (int set = 0; set < 40; set++) {
     sample s;
-    draw(&seed, shape, &s);
+    make_random_cells(&seed, shape, &s);
     anhyst_cells_state_f64 state = random_state(&seed, &s);
     for (int i = 0; i < 8; i++) {
       const double omega = (uniform(&seed, -8.0, 0.0) - 1.0) / s.cells.steepest;
@@ -193,7 +193,7 @@ static void any_numbers_become_a_valid_state(void)
   uint64_t seed = 81;
   const double wild[] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e9, -1e300};
   sample s;
-  draw(&seed, ANHYST_SHAPE_TANH, &s);
+  make_random_cells(&seed, ANHYST_SHAPE_TANH, &s);
   for (int i = 0; i < 2000; i++) {
     double numbers[CELLS];
     double again[CELLS];
@@ -224,7 +224,7 @@ static void unsolvable_input_has_a_status(void)
   uint64_t seed = 91;
   const double bad[] = {(double)NAN, (double)INFINITY, -(double)INFINITY};
   sample s;
-  draw(&seed, ANHYST_SHAPE_LANGEVIN, &s);
+  make_random_cells(&seed, ANHYST_SHAPE_LANGEVIN, &s);
   for (int i = 0; i < 200; i++) {
     const anhyst_cells_state_f64 state = random_state(&seed, &s);
     anhyst_cells_candidate_f64 next;
@@ -246,8 +246,8 @@ static void weights_out_of_range_are_refused(void)
 {
   uint64_t seed = 95;
   sample s;
-  size_t pieces;
-  draw(&seed, ANHYST_SHAPE_TANH, &s);
+  size_t piece_count;
+  make_random_cells(&seed, ANHYST_SHAPE_TANH, &s);
   double *const places[] = {&s.threshold[0], &s.threshold[5], &s.width[1], &s.weight[4],
                             &s.centre[1]};
   const double bad[][3] = {{1.0, -1.0, (double)NAN},
@@ -259,13 +259,13 @@ static void weights_out_of_range_are_refused(void)
     const double good = *places[i];
     for (int j = 0; j < 3; j++) {
       *places[i] = bad[i][j];
-      CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &pieces) ==
+      CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &piece_count) ==
             ANHYST_BAD_PARAMETER);
     }
     *places[i] = good;
   }
   s.width[0] = 1e-4 * s.threshold[12];
-  CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &pieces) ==
+  CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &piece_count) ==
         ANHYST_BAD_PARAMETER);
   free(s.rows);
 }

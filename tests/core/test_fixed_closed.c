@@ -41,7 +41,7 @@ static double segment_begin(int octaves, int n, int index)
   return octave == 0 ? inside * first : first * pow(2.0, octave - 1) * (1.0 + inside);
 }
 
-static int prepare(double nu, int octaves, int n)
+static int fill_curve(double nu, int octaves, int n)
 {
   const int segments = (octaves + 1) << n;
   words[ANHYST_WORD_SIMPLE_OCTAVES] = (int16_t)octaves;
@@ -91,7 +91,7 @@ static void table_and_search_agree(void)
   double lost = 0.0;
   for (int octaves = 4; octaves <= 14; octaves++) {
     for (int n = 2; n <= 6; n += 2) {
-      const int segments = prepare(NUS[(octaves + n) % NU_COUNT], octaves, n);
+      const int segments = fill_curve(NUS[(octaves + n) % NU_COUNT], octaves, n);
       check_table(octaves, n, segments, &worst, &lost);
       CHECK(state_at_distance(words, 0) == 0);
       CHECK(state_at_distance(words, ANHYST_Q31_MAX) >= 32766 * 32768);
@@ -106,7 +106,7 @@ static void table_matches_the_law(void)
 {
   double worst = 0.0;
   for (int i = 0; i < NU_COUNT; i++) {
-    (void)prepare(NUS[i], 12, 4);
+    (void)fill_curve(NUS[i], 12, 4);
     for (int step = 0; step < 5500; step++) {
       const double z = 1e-6 * pow(1.003, step); /* up to 14 */
       const double found =

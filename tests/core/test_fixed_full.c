@@ -12,7 +12,7 @@ static const double FULL_Q26 = 67108864.0;
 static const double FULL_Q28 = 268435456.0;
 
 /* A rising table with irregular steps. */
-static void fill(int16_t *entries, int count, uint64_t *seed)
+static void fill_entries(int16_t *entries, int count, uint64_t *seed)
 {
   const int32_t most = 60000 / count;
   int32_t level = -30000;
@@ -31,7 +31,7 @@ static void tables_are_linear_between_entries(void)
   for (uint16_t n = 3; n <= 9; n++) {
     const int count = 1 << n;
     const table t = {entries, n};
-    fill(entries, count, &seed);
+    fill_entries(entries, count, &seed);
     for (int i = 0; i < 50000; i++) {
       const int32_t u = (int32_t)(random_bits(&seed) % (uint64_t)UNIT);
       const double place = (double)u / FULL_Q28 * count;

@@ -10,7 +10,7 @@
 static const double FULL = 2147483648.0;
 static int16_t entries[MOST_COLUMNS * MOST_ROWS];
 
-static double entry_of(const anhyst_map_q31 *map, double gap, int column)
+static double exact_entry(const anhyst_map_q31 *map, double gap, int column)
 {
   const int columns = (1 << map->force_segments) + 1;
   const double place = fmax(gap, 0.0) / FULL * (double)(1 << map->gap_segments);
@@ -20,12 +20,12 @@ static double entry_of(const anhyst_map_q31 *map, double gap, int column)
   return 65536.0 * (low + (place - row) * (high - low));
 }
 
-static double value_of(const anhyst_map_q31 *map, double force, double gap)
+static double exact_value(const anhyst_map_q31 *map, double force, double gap)
 {
   const double place = fmax(force, 0.0) / FULL * (double)(1 << map->force_segments);
   const int column = (int)place;
-  const double low = entry_of(map, gap, column);
-  return low + (place - column) * (entry_of(map, gap, column + 1) - low);
+  const double low = exact_entry(map, gap, column);
+  return low + (place - column) * (exact_entry(map, gap, column + 1) - low);
 }
 
 /* Returns the largest change of the value per unit of the force at this gap. */
@@ -34,7 +34,7 @@ static double steepest_slope(const anhyst_map_q31 *map, double gap)
   const int segments = 1 << map->force_segments;
   double most = 0.0;
   for (int i = 0; i < segments; i++) {
-    most = fmax(most, entry_of(map, gap, i + 1) - entry_of(map, gap, i));
+    most = fmax(most, exact_entry(map, gap, i + 1) - exact_entry(map, gap, i));
   }
   return most * segments / FULL;
 }
@@ -45,15 +45,15 @@ static void check_values(const anhyst_map_q31 *map, double *worst, double *worst
     const int32_t force = i < EDGE_COUNT && i % 2 == 0 ? edge_number(i) : any_code();
     const int32_t gap = i % 3 == 0 ? edge_number((7 * i) % EDGE_COUNT) : any_code();
     const int32_t value = anhyst_map_value_q31(map, force, gap);
-    keep_largest(worst, fabs((double)value - value_of(map, (double)force, (double)gap)));
+    keep_largest(worst, fabs((double)value - exact_value(map, (double)force, (double)gap)));
 
-    const double low = entry_of(map, (double)gap, 0);
-    const double high = entry_of(map, (double)gap, 1 << map->force_segments);
+    const double low = exact_entry(map, (double)gap, 0);
+    const double high = exact_entry(map, (double)gap, 1 << map->force_segments);
     const int32_t wanted = any_code();
     const int32_t found = anhyst_map_force_q31(map, wanted, gap);
     const double reached = fmin(fmax((double)wanted, low), high);
     const double room = 2.0 * steepest_slope(map, (double)gap);
-    keep_largest(worst_back, fabs(value_of(map, (double)found, (double)gap) - reached) - room);
+    keep_largest(worst_back, fabs(exact_value(map, (double)found, (double)gap) - reached) - room);
     CHECK(found >= 0);
   }
 }

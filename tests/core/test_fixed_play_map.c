@@ -18,7 +18,7 @@ static anhyst_play_map_q31 start_with_any_block(uint16_t n, uint16_t m, int32_t 
   return c;
 }
 
-static anhyst_play_map_q31 drawn(int i)
+static anhyst_play_map_q31 make_random_map(int i)
 {
   return start_with_any_block((uint16_t)(i % 9), (uint16_t)(i % 5), 65536 >> (i % 9));
 }
@@ -27,7 +27,7 @@ static void solve_matches_the_law(void)
 {
   double worst = 0.0;
   for (int i = 0; i < 200; i++) {
-    anhyst_play_map_q31 c = drawn(i);
+    anhyst_play_map_q31 c = make_random_map(i);
     for (int at = 0; at < SIGNALS; at++) {
       const int32_t force = at < EDGE_COUNT && at % 2 == 0 ? edge_number(at) : any_code();
       const int32_t gap = any_code();
@@ -51,7 +51,7 @@ static void commit_finds_the_force_of_any_current(void)
   double worst = 0.0;
   double beyond = 0.0;
   for (int i = 0; i < 200; i++) {
-    anhyst_play_map_q31 c = drawn(i);
+    anhyst_play_map_q31 c = make_random_map(i);
     for (int at = 0; at < SIGNALS; at++) {
       c.play = at % 7 == 0 ? any_code() : c.play;
       const int32_t gap = any_code();
@@ -143,7 +143,7 @@ static void block_with_a_flipped_bit_is_refused(void)
 }
 
 /* Sets a word, updates the checksum, and returns whether the block is rejected without a change. */
-static int is_refused(int word, int16_t value)
+static int is_block_refused(int word, int16_t value)
 {
   anhyst_play_map_q31 c;
   anhyst_play_map_q31 untouched;
@@ -164,20 +164,20 @@ static void invalid_blocks_are_refused(void)
   CHECK(anhyst_play_map_init_q31(&c, made.fixed, (uint16_t)(made.count - 1U)) ==
         ANHYST_BAD_PARAMETER);
   CHECK(anhyst_play_map_init_q31(&c, made.fixed, 0) == ANHYST_BAD_PARAMETER);
-  CHECK(is_refused(ANHYST_WORD_KIND, ANHYST_KIND_CELLS));
-  CHECK(is_refused(ANHYST_WORD_LAYOUT, ANHYST_BLOCK_LAYOUT + 1));
-  CHECK(is_refused(ANHYST_WORD_LENGTH, (int16_t)(made.count - 1)));
-  CHECK(is_refused(ANHYST_WORD_PLAY_FORCE_SEGMENTS, 4));
-  CHECK(is_refused(ANHYST_WORD_PLAY_FORCE_SEGMENTS, 9));
-  CHECK(is_refused(ANHYST_WORD_PLAY_GAP_SEGMENTS, -1));
-  CHECK(is_refused(ANHYST_WORD_PLAY_CURRENT, FIRST + 1));
-  CHECK(is_refused(ANHYST_WORD_PLAY_HALF, FIRST));
-  CHECK(is_refused(ANHYST_WORD_PLAY_STEEPNESS, 16383));
-  CHECK(is_refused(ANHYST_WORD_PLAY_SHIFT, 10));
-  CHECK(is_refused(ANHYST_WORD_PLAY_SHIFT, -1));
-  CHECK(is_refused(ANHYST_WORD_PLAY_DEMAND_LOW, -1));
+  CHECK(is_block_refused(ANHYST_WORD_KIND, ANHYST_KIND_CELLS));
+  CHECK(is_block_refused(ANHYST_WORD_LAYOUT, ANHYST_BLOCK_LAYOUT + 1));
+  CHECK(is_block_refused(ANHYST_WORD_LENGTH, (int16_t)(made.count - 1)));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_FORCE_SEGMENTS, 4));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_FORCE_SEGMENTS, 9));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_GAP_SEGMENTS, -1));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_CURRENT, FIRST + 1));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_HALF, FIRST));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_STEEPNESS, 16383));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_SHIFT, 10));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_SHIFT, -1));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_DEMAND_LOW, -1));
   made.fixed[ANHYST_WORD_PLAY_CURRENT_LOW] = 5;
-  CHECK(is_refused(ANHYST_WORD_PLAY_CURRENT_HIGH, 4));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_CURRENT_HIGH, 4));
 }
 
 static void invalid_tables_are_refused(void)
@@ -190,14 +190,14 @@ static void invalid_tables_are_refused(void)
   anhyst_play_map_q31 c;
   CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
   for (int i = 0; i < 8; i++) {
-    CHECK(is_refused(FIRST + i, wrong[i]));
+    CHECK(is_block_refused(FIRST + i, wrong[i]));
   }
-  CHECK(is_refused(FIRST + 4, 6)); /* a half-width that falls more than the map rises */
+  CHECK(is_block_refused(FIRST + 4, 6)); /* a half-width that falls more than the map rises */
   const int16_t high[] = {32762, 32767, 32762, 32767, 5, 0, 5, 0};
   memcpy(made.fixed + FIRST, high, sizeof high);
   set_checksums(&made);
   CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
-  CHECK(is_refused(FIRST + 5, 1)); /* a branch beyond the range of the format */
+  CHECK(is_block_refused(FIRST + 5, 1)); /* a branch beyond the range of the format */
 }
 
 int main(void)

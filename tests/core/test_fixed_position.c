@@ -275,41 +275,41 @@ static int32_t solve_by_other(anhyst_force_controller_q31 *c, int32_t demand, in
   return current;
 }
 
-static int32_t commit_by_other(anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
+static int32_t other_commit(anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
 {
   return anhyst_force_controller_commit_q31(c->own, applied, gap);
 }
 
-static int32_t expected_by_other(const anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
+static int32_t other_expected(const anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
 {
   return anhyst_force_controller_expected_q31(c->own, applied, gap);
 }
 
-static int32_t length_by_other(const anhyst_force_controller_q31 *c)
+static int32_t other_length(const anhyst_force_controller_q31 *c)
 {
   return anhyst_force_controller_conditioning_length_q31(c->own);
 }
 
-static int32_t conditioning_by_other(const anhyst_force_controller_q31 *c, int32_t tick)
+static int32_t other_conditioning(const anhyst_force_controller_q31 *c, int32_t tick)
 {
   return anhyst_force_controller_conditioning_q31(c->own, tick);
 }
 
-static void demagnetise_by_other(anhyst_force_controller_q31 *c)
+static void other_demagnetise(anhyst_force_controller_q31 *c)
 {
   anhyst_force_controller_demagnetise_q31(c->own);
 }
 
-static void carry_by_other(anhyst_force_controller_q31 *c, const int16_t *words)
+static void other_transfer(anhyst_force_controller_q31 *c, const int16_t *words)
 {
   anhyst_force_controller_carry_q31(c->own, words);
 }
 
 static void method_of_another_project_controls_a_position(void)
 {
-  const anhyst_force_method_q31 by_other = {
-      solve_by_other,        commit_by_other,      expected_by_other, length_by_other,
-      conditioning_by_other, demagnetise_by_other, carry_by_other};
+  const anhyst_force_method_q31 by_other = {solve_by_other, other_commit,       other_expected,
+                                            other_length,   other_conditioning, other_demagnetise,
+                                            other_transfer};
   const anhyst_map_q31 map = any_map(entries, 3, 2, 6000);
   for (int i = 0; i < 100; i++) {
     const anhyst_position_limits_q31 limits = any_limits();

@@ -40,7 +40,7 @@ static double word_as_number(int word)
   }
 }
 
-static void fill(void)
+static void fill_block(void)
 {
   prepare_law(0.5, 0.2, 0.15);
   words[ANHYST_WORD_FULL_AIR] = 300;
@@ -194,7 +194,7 @@ static void damaged_words_and_nan_signals_do_no_harm(void)
 int main(int count, char **arguments)
 {
   const long ticks = count > 1 ? strtol(arguments[1], NULL, 10) : STEPS;
-  fill();
+  fill_block();
   formats_agree_on_random_paths(12000);
   formats_agree_on_random_paths(-2000);
   for (int law = 0; law < 3; law++) {

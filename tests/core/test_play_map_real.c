@@ -101,7 +101,7 @@ static void block_with_a_flipped_bit_is_refused(void)
 }
 
 /* Sets a word, updates the checksum, and returns whether the block is rejected without a change. */
-static int is_refused(int word, double value)
+static int is_block_refused(int word, double value)
 {
   anhyst_play_map_f32 c;
   anhyst_play_map_f32 untouched;
@@ -141,15 +141,15 @@ static void invalid_blocks_are_refused(void)
         ANHYST_BAD_PARAMETER);
   for (size_t i = 0; i < sizeof counted / sizeof *counted; i++) {
     for (size_t j = 0; j < sizeof wrong / sizeof *wrong; j++) {
-      CHECK(is_refused(counted[i], wrong[j]));
+      CHECK(is_block_refused(counted[i], wrong[j]));
     }
   }
-  CHECK(is_refused(ANHYST_WORD_PLAY_FORCE_SEGMENTS, 3.0000002));
-  CHECK(is_refused(ANHYST_WORD_PLAY_STEEPNESS, 0.0));
-  CHECK(is_refused(ANHYST_WORD_PLAY_STEEPNESS, -1.0));
-  CHECK(is_refused(ANHYST_WORD_PLAY_DEMAND_LOW, 1.0));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_FORCE_SEGMENTS, 3.0000002));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_STEEPNESS, 0.0));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_STEEPNESS, -1.0));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_DEMAND_LOW, 1.0));
   made.single[ANHYST_WORD_PLAY_CURRENT_LOW] = 0.5F;
-  CHECK(is_refused(ANHYST_WORD_PLAY_CURRENT_HIGH, 0.25));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_CURRENT_HIGH, 0.25));
 }
 
 static void no_signal_exceeds_the_limits(void)

@@ -24,7 +24,7 @@ typedef struct {
   int sets, jumping, saturated;
 } outcome;
 
-static void drive_of(uint64_t *seed, double drive[SAMPLES])
+static void sum_drive_terms(uint64_t *seed, double drive[SAMPLES])
 {
   const int wandering = random_bits(seed) % 2 == 0;
   for (int i = 0; i < SAMPLES; i++) {
@@ -47,7 +47,7 @@ static void forward_and_inverse(uint64_t *seed, double rho, double eddy, outcome
   double gap_ratio[SAMPLES];
   double eddies[SAMPLES];
   size_t index = 0;
-  drive_of(seed, drive);
+  sum_drive_terms(seed, drive);
   for (int i = 0; i < SAMPLES; i++) {
     gap_ratio[i] = rho * (1.0 + 0.4 * sin((double)i));
     eddies[i] = eddy;

@@ -28,7 +28,7 @@ static anhyst_compensator_f32 f32;
 static anhyst_compensator_f64 f64;
 
 /* Sets a number in all blocks, rounded to a word in which 1.0 is `one`. */
-static void put(int word, double value, double one)
+static void set_number(int word, double value, double one)
 {
   fixed_words[word] = (int16_t)lrint(fmin(value * one, 32767.0));
   f64_words[word] = fixed_words[word] / one;
@@ -36,10 +36,10 @@ static void put(int word, double value, double one)
 }
 
 /* Sets a weight, and its exponent in the next word. */
-static void put_weight(int word, double value, int shift)
+static void set_weight(int word, double value, int shift)
 {
-  put(word, value / pow(2.0, shift), 65536.0);
-  put(word + 1, 0.0, 1.0);
+  set_number(word, value / pow(2.0, shift), 65536.0);
+  set_number(word + 1, 0.0, 1.0);
   fixed_words[word + 1] = (int16_t)shift;
   f64_words[word] *= pow(2.0, shift);
   f32_words[word] = (float)f64_words[word];
@@ -63,25 +63,25 @@ static double state_at(double z)
 
 static void make_blocks(void)
 {
-  put(ANHYST_WORD_LENGTH, WORDS, 1.0);
-  put(ANHYST_WORD_GAP_FLUX_ARM, ARMS, 1.0);
-  put_weight(ANHYST_WORD_SIMPLE_RATE, RATE / 8.0, 0);
-  put_weight(ANHYST_WORD_SIMPLE_HOLD, RATE / REST, 6);
-  put(ANHYST_WORD_SIMPLE_REST, REST, 32768.0);
-  put(ANHYST_WORD_SIMPLE_BAND, BAND, 65536.0);
-  put(ANHYST_WORD_SIMPLE_ITERATIONS, 16.0, 1.0);
-  put(ANHYST_WORD_SIMPLE_OCTAVES, OCTAVES, 1.0);
-  put(ANHYST_WORD_SIMPLE_SEGMENTS, 4.0, 1.0);
-  put(ANHYST_WORD_SIMPLE_CURVE, CURVE, 1.0);
+  set_number(ANHYST_WORD_LENGTH, WORDS, 1.0);
+  set_number(ANHYST_WORD_GAP_FLUX_ARM, ARMS, 1.0);
+  set_weight(ANHYST_WORD_SIMPLE_RATE, RATE / 8.0, 0);
+  set_weight(ANHYST_WORD_SIMPLE_HOLD, RATE / REST, 6);
+  set_number(ANHYST_WORD_SIMPLE_REST, REST, 32768.0);
+  set_number(ANHYST_WORD_SIMPLE_BAND, BAND, 65536.0);
+  set_number(ANHYST_WORD_SIMPLE_ITERATIONS, 16.0, 1.0);
+  set_number(ANHYST_WORD_SIMPLE_OCTAVES, OCTAVES, 1.0);
+  set_number(ANHYST_WORD_SIMPLE_SEGMENTS, 4.0, 1.0);
+  set_number(ANHYST_WORD_SIMPLE_CURVE, CURVE, 1.0);
   for (int i = 0; i < ENTRIES; i++) {
     const double inside = i % SEGMENTS / (double)SEGMENTS;
     const double first = 16.0 / pow(2.0, OCTAVES);
     const int octave = i / SEGMENTS;
     const double z = octave == 0 ? inside * first : first * pow(2.0, octave - 1) * (1.0 + inside);
-    put(CURVE + i, state_at(z), 32768.0);
+    set_number(CURVE + i, state_at(z), 32768.0);
   }
-  put(ARMS, FLUX_ARM, 65536.0);
-  put(ARMS + 1, FLUX_ARM, 65536.0);
+  set_number(ARMS, FLUX_ARM, 65536.0);
+  set_number(ARMS + 1, FLUX_ARM, 65536.0);
   CHECK(anhyst_kernel_simplified.valid(fixed_words));
   CHECK(anhyst_kernel_simplified_f32.valid(f32_words));
   CHECK(anhyst_kernel_simplified_f64.valid(f64_words));

@@ -8,7 +8,7 @@
 enum { STEPS = 20000, RESTING = 20000 };
 
 /* An iron with this number of layers, whose fields differ by 0.3*2^shift for a flux of 1 a tick. */
-static void fill(int layers, int shift, int laminated)
+static void fill_block(int layers, int shift, int laminated)
 {
   fill_cell_words();
   words[ANHYST_WORD_LENGTH] = 1024;
@@ -103,9 +103,9 @@ int main(void)
 {
   for (int layers = 2; layers <= 4; layers++) {
     for (int laminated = 0; laminated <= 20000; laminated += 10000) {
-      fill(layers, 3, laminated);
+      fill_block(layers, 3, laminated);
       formats_agree_while_the_demand_moves(0.001, 0.0173);
-      fill(layers, 0, laminated);
+      fill_block(layers, 0, laminated);
       formats_agree_while_the_demand_moves(0.02, 0.173);
     }
     for (int law = 0; law < 6; law++) {

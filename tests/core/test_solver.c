@@ -16,7 +16,8 @@ typedef struct {
 } problem;
 
 /* steepness: range of 1 + omega*A, which is below zero if the magnetisation jumps. */
-static problem draw(uint64_t *seed, anhyst_step step, double low, double high, double reach)
+static problem random_problem(uint64_t *seed, anhyst_step step, double low, double high,
+                              double reach)
 {
   problem p;
   p.law.step = step;
@@ -72,7 +73,7 @@ static void solution_residual_is_rounding(anhyst_step step, double low, double h
   double total = 0.0;
   int most = 0;
   for (int i = 0; i < count; i++) {
-    const problem p = draw(&seed, step, low, high, log_uniform(&seed, 0.01, 300.0));
+    const problem p = random_problem(&seed, step, low, high, log_uniform(&seed, 0.01, 300.0));
     const problem before = p;
     anhyst_candidate_f64 found;
     const anhyst_status status = anhyst_solve_f64(&p.law, &p.from, p.omega, p.r, &found);
@@ -124,7 +125,7 @@ static void jump_selects_the_first_solution(anhyst_step step)
   int refused = 0;
   for (int i = 0; i < count; i++) {
     const double reach = log_uniform(&seed, 0.1, 30.0);
-    const problem p = draw(&seed, step, -20.0, 0.0, reach);
+    const problem p = random_problem(&seed, step, -20.0, 0.0, reach);
     anhyst_candidate_f64 found;
     const anhyst_status status = anhyst_solve_f64(&p.law, &p.from, p.omega, p.r, &found);
     const int beyond = -p.omega * p.law.c > 3.0;
@@ -146,7 +147,7 @@ static void unchanged_demand_changes_no_state(void)
 {
   uint64_t seed = 41;
   for (int i = 0; i < 2000; i++) {
-    problem p = draw(&seed, ANHYST_STEP_EXACT, 0.05, 1e3, 10.0);
+    problem p = random_problem(&seed, ANHYST_STEP_EXACT, 0.05, 1e3, 10.0);
     anhyst_candidate_f64 found;
     p.r = p.from.x + p.omega * anhyst_operator_m_f64(&p.law, &p.from);
     CHECK(anhyst_solve_f64(&p.law, &p.from, p.omega, p.r, &found) == ANHYST_OK);
@@ -161,7 +162,7 @@ static void unsolvable_input_has_a_status(void)
   const double inf = (double)INFINITY;
   const double bad[] = {nan, inf, -inf};
   for (int i = 0; i < 200; i++) {
-    problem p = draw(&seed, (anhyst_step)(i % 3), 0.05, 1e3, 10.0);
+    problem p = random_problem(&seed, (anhyst_step)(i % 3), 0.05, 1e3, 10.0);
     anhyst_candidate_f64 found;
     for (int j = 0; j < 3; j++) {
       CHECK(anhyst_solve_f64(&p.law, &p.from, p.omega, bad[j], &found) == ANHYST_OUT_OF_RANGE);
@@ -183,7 +184,7 @@ static void search_ends_at_any_magnitude(void)
   for (int i = 0; i < 20000; i++) {
     const anhyst_step step = i % 50 == 0 ? ANHYST_STEP_JA1986 : (anhyst_step)(i % 2);
     const double reach = step == ANHYST_STEP_JA1986 ? 100.0 : log_uniform(&seed, 1e-6, 8e4);
-    problem p = draw(&seed, step, 0.05, 1e3, reach);
+    problem p = random_problem(&seed, step, 0.05, 1e3, reach);
     const double sign = random_bits(&seed) % 2 == 0 ? 1.0 : -1.0;
     p.omega = sign * log_uniform(&seed, 1e-12, 1e30);
     const double size = log_uniform(&seed, 1e-12, 1.0);

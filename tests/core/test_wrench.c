@@ -84,7 +84,7 @@ static void reported_wrench_is_produced_and_drives_only_pull(void)
 }
 
 /* Returns a layout with all numbers rounded to single precision. */
-static anhyst_wrench_layout_f32 rounded(const anhyst_wrench_layout_f64 *layout)
+static anhyst_wrench_layout_f32 round_layout(const anhyst_wrench_layout_f64 *layout)
 {
   static float narrow[ANHYST_WRENCH_DRIVES * ANHYST_WRENCH_AXES];
   const anhyst_wrench_layout_f32 found = {
@@ -102,7 +102,7 @@ static void single_precision_gives_the_same_wrenches(void)
   int made = 0;
   for (int i = 0; i < 100000; i++) {
     const anhyst_wrench_layout_f64 wide = any_layout();
-    const anhyst_wrench_layout_f32 layout = rounded(&wide);
+    const anhyst_wrench_layout_f32 layout = round_layout(&wide);
     anhyst_wrench_f32 narrow;
     float wrench[ANHYST_WRENCH_AXES] = {0};
     double wanted[ANHYST_WRENCH_AXES] = {0};

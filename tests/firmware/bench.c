@@ -37,7 +37,7 @@ static app_board board = {
 
 static uint8_t sequence;
 
-static void sense(void *context, port_sample *sample)
+static void read_sample(void *context, port_sample *sample)
 {
   *sample = ((const bench_board *)context)->sample;
 }
@@ -90,7 +90,7 @@ static int keep(void *context, const int16_t *block, uint16_t words)
 }
 
 static const struct port port = {.context = &bench,
-                                 .sense = sense,
+                                 .sense = read_sample,
                                  .drive = drive,
                                  .link_read = link_read,
                                  .link_write = link_write,

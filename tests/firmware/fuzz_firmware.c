@@ -61,7 +61,7 @@ static uint32_t drive_state;
 static uint8_t wire[4096];
 static uint16_t wire_count;
 static uint16_t wire_index;
-static uint16_t accepts;
+static uint16_t max_accepted_bytes;
 static link_receiver line; /* receiver of a PC */
 static link_receiver twin; /* receiver that the firmware should be equal to */
 static uint32_t answers;
@@ -70,7 +70,7 @@ static uint8_t sequence;
 static int locks;
 static xcp_slave *const slave = &firmware.carried; /* used directly and through the link */
 static xcp_line serial;                            /* with checksums and its own slave */
-static uint32_t stamp;                             /* tick of the last sample of list 0 */
+static uint32_t last_sample_tick;                  /* tick of the last sample of list 0 */
 
 static void require(int holds)
 {
@@ -133,7 +133,7 @@ static void check_packets(const link_frame *answer)
 static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   (void)context;
-  const uint16_t taken = count < accepts ? count : accepts;
+  const uint16_t taken = count < max_accepted_bytes ? count : max_accepted_bytes;
   link_frame answer;
   for (uint16_t i = 0; i < taken; i++) {
     if (link_receive(&line, bytes[i], &answer)) {
@@ -367,7 +367,7 @@ static void raw_bytes(script *s)
 static void step(script *s)
 {
   const uint8_t what = next8(s);
-  accepts = (uint16_t)((what >> 3) + 1U);
+  max_accepted_bytes = (uint16_t)((what >> 3) + 1U);
 #ifdef FUZZ_XCP
   if ((what & 7U) != 7U) {
     any_command(s, (what >> 3) & 3U);
@@ -426,7 +426,7 @@ static void start(void)
   requests = 0;
   sequence = 0;
   locks = 0;
-  stamp = 0;
+  last_sample_tick = 0;
   xcp_start(slave, &firmware);
   xcp_line_start(&serial, &firmware, 1);
 }
@@ -435,7 +435,7 @@ static void start(void)
 static void open_session(void)
 {
   uint8_t payload[LINK_SIZE_HELLO] = {LINK_VERSION};
-  accepts = UINT16_MAX;
+  max_accepted_bytes = UINT16_MAX;
   put_frame(LINK_TYPE_HELLO, payload, sizeof payload, 0);
   poll();
 }

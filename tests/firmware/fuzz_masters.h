@@ -5,7 +5,7 @@
 #define ANHYST_FUZZ_MASTERS_H
 
 /* Performs an XCP command, and checks what is true of every answer. */
-static uint16_t master(const uint8_t *command, uint16_t length, uint8_t *answer)
+static uint16_t perform_xcp_command(const uint8_t *command, uint16_t length, uint8_t *answer)
 {
   const int listens = slave->is_connected != 0U || (length > 0U && command[0] == 0xFFU);
   const uint16_t count = xcp_answer(slave, command, length, answer);
@@ -20,27 +20,27 @@ static void unlock(void)
 {
   uint8_t answer[XCP_PACKET];
   uint8_t command[6] = {0xF8, 0, 1};
-  if (master(command, 3, answer) == 6U) {
+  if (perform_xcp_command(command, 3, answer) == 6U) {
     const uint32_t key = link_crc32(XCP_SECRET, answer + 2, 4);
     command[0] = 0xF7;
     command[1] = 4;
     link_put_u32(command + 2, key);
-    require(master(command, 6, answer) == 2U && slave->is_unlocked != 0U);
+    require(perform_xcp_command(command, 6, answer) == 2U && slave->is_unlocked != 0U);
   }
 }
 
 /* Allocates one list with one part and a few signals, which random commands would rarely do. */
-static void configure(script *s)
+static void allocate_list(script *s)
 {
   static const uint8_t steps[][6] = {
       {0xD6}, {0xD5, 0, 1, 0}, {0xD4, 0, 0, 0, 1}, {0xD3, 0, 0, 0, 0, 3}, {0xE2, 0, 0, 0, 0, 0}};
   uint8_t answer[XCP_PACKET];
   for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
-    (void)master(steps[i], 6, answer);
+    (void)perform_xcp_command(steps[i], 6, answer);
   }
   for (int i = 0; i < 3; i++) {
     const uint8_t entry[8] = {0xE1, 0xFF, 4, 0, (uint8_t)(next8(s) & 0x3CU), 0, 1, 0};
-    (void)master(entry, 8, answer);
+    (void)perform_xcp_command(entry, 8, answer);
   }
 }
 
@@ -53,8 +53,8 @@ static void take_samples(void)
     require(count <= XCP_PACKET && locks == 0);
     require(packet[0] < XCP_ODTS || (packet[0] == 0xFDU && count == 2U));
     if (packet[0] == 0U && packet[1] == 0U && count >= 6U) {
-      require(link_get_u32(packet + 2) - stamp <= sample.tick - stamp);
-      stamp = link_get_u32(packet + 2);
+      require(link_get_u32(packet + 2) - last_sample_tick <= sample.tick - last_sample_tick);
+      last_sample_tick = link_get_u32(packet + 2);
     }
   }
 }
@@ -71,7 +71,7 @@ static void xcp_command(script *s)
     unlock();
     break;
   case 0x40:
-    configure(s);
+    allocate_list(s);
     break;
   case 0x80:
     xcp_disconnect(slave);
@@ -83,7 +83,7 @@ static void xcp_command(script *s)
     command[3] = 0;
     link_put_u16(command + 4, next16(s));
     link_put_u16(command + 6, (uint16_t)((what >> 2) & 7U));
-    (void)master(command, 8, answer);
+    (void)perform_xcp_command(command, 8, answer);
     break;
   default:
     command[0] = (uint8_t)(0xC0U | (what >> 2));
@@ -91,7 +91,7 @@ static void xcp_command(script *s)
     for (uint16_t i = 1; i < length; i++) {
       command[i] = (what & 1U) != 0U && i > 24U ? 0U : next8(s);
     }
-    (void)master(command, length, answer);
+    (void)perform_xcp_command(command, length, answer);
     break;
   }
   take_samples();
@@ -114,7 +114,7 @@ static void carried_command(script *s)
 }
 
 /* Every packet that leaves the serial line is complete and has a correct checksum. */
-static void drain(uint16_t most)
+static void check_sent_packets(uint16_t most)
 {
   uint8_t packet[XCP_LINE_MAX_BYTES];
   uint16_t have = 0;
@@ -163,7 +163,7 @@ static void serial_command(script *s)
   }
   while (at < count) {
     at = (uint16_t)(at + xcp_line_take(&serial, bytes + at, (uint16_t)(count - at)));
-    drain((uint16_t)((what >> 6) + 1U));
+    check_sent_packets((uint16_t)((what >> 6) + 1U));
   }
   check_session();
 }

@@ -8,7 +8,7 @@
 static link_receiver receiver;
 static link_frame got;
 
-static int feed(const uint8_t *bytes, uint16_t count)
+static int feed_bytes(const uint8_t *bytes, uint16_t count)
 {
   int frames = 0;
   for (uint16_t i = 0; i < count; i++) {
@@ -55,7 +55,7 @@ static void every_payload_length_arrives_unchanged(void)
       const uint16_t count = encode(wire, payload, (uint8_t)length);
       CHECK(count == LINK_HEADER_BYTES + length + LINK_CRC_BYTES + 2);
       CHECK(memchr(wire, 0, count) == wire + count - 1);
-      CHECK(feed(wire, count) == 1);
+      CHECK(feed_bytes(wire, count) == 1);
       CHECK(got.version == LINK_VERSION && got.type == 0x42 && got.sequence == 17);
       CHECK(got.tick == 0xFEDC0100U && got.length == length);
       CHECK(memcmp(got.payload, payload, (size_t)length) == 0);
@@ -73,7 +73,7 @@ static void every_single_flipped_bit_is_detected(void)
   for (int bit = 0; bit < 8 * count; bit++) {
     wire[bit / 8] ^= (uint8_t)(1U << (bit % 8));
     link_receiver_start(&receiver);
-    CHECK(feed(wire, count) == 0);
+    CHECK(feed_bytes(wire, count) == 0);
     wire[bit / 8] ^= (uint8_t)(1U << (bit % 8));
   }
 }
@@ -87,8 +87,8 @@ static void truncated_frame_is_discarded_and_counted(void)
   const uint16_t count = encode(wire, payload, sizeof payload);
   link_receiver_start(&receiver);
   for (uint16_t part = 1; part + 1 < count; part++) {
-    CHECK(feed(wire, part) == 0);
-    CHECK(feed(&zero, 1) == 0);
+    CHECK(feed_bytes(wire, part) == 0);
+    CHECK(feed_bytes(&zero, 1) == 0);
     CHECK(receiver.discarded_frames == part);
   }
 }
@@ -107,10 +107,10 @@ static void second_frame_after_any_garbage_arrives(void)
       garbage[i] = (uint8_t)(random >> 24);
     }
     link_receiver_start(&receiver);
-    CHECK(feed(garbage, (uint16_t)round) == 0);
-    const int first = feed(wire, count);
+    CHECK(feed_bytes(garbage, (uint16_t)round) == 0);
+    const int first = feed_bytes(wire, count);
     CHECK(first == 0 || first == 1);
-    CHECK(feed(wire, count) == 1);
+    CHECK(feed_bytes(wire, count) == 1);
   }
 }
 
@@ -124,19 +124,19 @@ static void too_long_frame_costs_one_frame_and_no_memory(void)
   const uint16_t count = encode(wire, payload, sizeof payload);
   link_receiver_start(&receiver);
   for (long i = 0; i < 0x10000; i++) { /* a counter of 16 bits would be zero again */
-    CHECK(feed(&one, 1) == 0);
+    CHECK(feed_bytes(&one, 1) == 0);
   }
-  CHECK(feed(wire, count) == 0);
-  CHECK(feed(&zero, 1) == 0);
+  CHECK(feed_bytes(wire, count) == 0);
+  CHECK(feed_bytes(&zero, 1) == 0);
   CHECK(receiver.discarded_frames == 1);
-  CHECK(feed(wire, count) == 1);
+  CHECK(feed_bytes(wire, count) == 1);
 }
 
 static void zeros_between_frames_are_no_frames(void)
 {
   const uint8_t zeros[3] = {0, 0, 0};
   link_receiver_start(&receiver);
-  CHECK(feed(zeros, 3) == 0);
+  CHECK(feed_bytes(zeros, 3) == 0);
   CHECK(receiver.discarded_frames == 0);
 }
 
@@ -153,7 +153,7 @@ static void wrong_length_in_the_header_is_refused(void)
       uint8_t wire[LINK_MAX_ENCODED_FRAME];
       memcpy(wire, plain, count);
       wire[4] = (uint8_t)(length == 0 ? 1 : length);
-      CHECK(feed(wire, count) == 0);
+      CHECK(feed_bytes(wire, count) == 0);
     }
   }
 }

@@ -15,7 +15,7 @@ static uint32_t memory[2][WORDS];
 static long steps_left;
 static uint32_t rubbish;
 
-static int power(void)
+static int use_power(void)
 {
   if (steps_left == 0) {
     return 0;
@@ -36,7 +36,7 @@ static uint32_t random_word(void)
 static int erase(uint16_t copy)
 {
   for (int i = 0; i < WORDS; i++) {
-    if (!power()) {
+    if (!use_power()) {
       for (int j = i; j < WORDS; j++) {
         memory[copy][j] |= random_word();
       }
@@ -52,7 +52,7 @@ static int program(uint16_t copy, uint32_t at, uint32_t word)
 {
   for (unsigned byte = 0; byte < 4U; byte++) {
     const uint32_t mask = (uint32_t)0xFFU << (8U * byte);
-    if (!power()) {
+    if (!use_power()) {
       memory[copy][at] &= (word | ~mask) | random_word();
       return 0;
     }
@@ -71,7 +71,7 @@ static void make_set(uint32_t *set, uint32_t name, uint32_t count)
   }
 }
 
-static int reads(uint32_t name, uint32_t count)
+static int reads_set(uint32_t name, uint32_t count)
 {
   uint32_t expected[WORDS];
   uint32_t found = 0;
@@ -88,14 +88,14 @@ static int reads(uint32_t name, uint32_t count)
   return 1;
 }
 
-static int writes(uint32_t name, uint32_t count)
+static int writes_set(uint32_t name, uint32_t count)
 {
   uint32_t set[WORDS];
   make_set(set, name, count);
   return store_write(&flash, set, count);
 }
 
-static void fresh(void)
+static void start_with_empty_flash(void)
 {
   memset(memory, 0xFF, sizeof memory);
   steps_left = -1;
@@ -104,18 +104,18 @@ static void fresh(void)
 static void a_set_is_read_back(void)
 {
   uint32_t count = 1;
-  fresh();
+  start_with_empty_flash();
   CHECK(store_read(&flash, &count) == NULL && count == 0);
   for (uint32_t name = 1; name < 9; name++) {
-    CHECK(writes(name, name));
-    CHECK(reads(name, name));
+    CHECK(writes_set(name, name));
+    CHECK(reads_set(name, name));
   }
-  CHECK(writes(9, WORDS - STORE_OVERHEAD_WORDS));
-  CHECK(reads(9, WORDS - STORE_OVERHEAD_WORDS));
-  CHECK(!writes(10, WORDS - STORE_OVERHEAD_WORDS + 1));
-  CHECK(reads(9, WORDS - STORE_OVERHEAD_WORDS));
-  CHECK(writes(11, 0));
-  CHECK(reads(11, 0));
+  CHECK(writes_set(9, WORDS - STORE_OVERHEAD_WORDS));
+  CHECK(reads_set(9, WORDS - STORE_OVERHEAD_WORDS));
+  CHECK(!writes_set(10, WORDS - STORE_OVERHEAD_WORDS + 1));
+  CHECK(reads_set(9, WORDS - STORE_OVERHEAD_WORDS));
+  CHECK(writes_set(11, 0));
+  CHECK(reads_set(11, 0));
 }
 
 /* Writes to a flash with none, one or two sets, interrupts after every step, and writes again. */
@@ -124,21 +124,21 @@ static long interrupt_after_every_step(int sets)
   long steps = 0;
   for (;; steps++) {
     uint32_t count;
-    fresh();
+    start_with_empty_flash();
     for (int i = 0; i < sets; i++) {
-      CHECK(writes(100U + (uint32_t)i, SET));
+      CHECK(writes_set(100U + (uint32_t)i, SET));
     }
     const uint32_t before = 100U + (uint32_t)sets - 1U;
     steps_left = steps;
-    const int told = writes(200, SET - 2);
+    const int told = writes_set(200, SET - 2);
     const int cut = steps_left == 0 && !told;
     steps_left = -1;
-    const int old = sets > 0 ? reads(before, SET) : store_read(&flash, &count) == NULL;
-    const int new = reads(200, SET - 2);
+    const int old = sets > 0 ? reads_set(before, SET) : store_read(&flash, &count) == NULL;
+    const int new = reads_set(200, SET - 2);
     CHECK(old != new);
     CHECK(new || !told);
-    CHECK(writes(300, SET));
-    CHECK(reads(300, SET));
+    CHECK(writes_set(300, SET));
+    CHECK(reads_set(300, SET));
     if (!cut) {
       CHECK(told && new);
       return steps;
@@ -160,28 +160,28 @@ static void interruption_leaves_the_old_or_the_new_set(void)
 static void set_number_that_wraps_is_still_newer(void)
 {
   uint32_t count = 1;
-  fresh();
+  start_with_empty_flash();
   memory[0][0] = STORE_MAGIC;
   memory[0][1] = 0xFFFFFFFFU;
   memory[0][2] = 0;
   memory[0][3] = 0xC02EFFBEU; /* CRC-32 of these three words, by zlib */
   CHECK(store_read(&flash, &count) != NULL && count == 0);
-  CHECK(writes(7, 3));
+  CHECK(writes_set(7, 3));
   CHECK(memory[1][1] == 0);
-  CHECK(reads(7, 3));
+  CHECK(reads_set(7, 3));
 }
 
 static void damage_is_detected(void)
 {
-  fresh();
-  CHECK(writes(1, SET));
-  CHECK(writes(2, SET));
+  start_with_empty_flash();
+  CHECK(writes_set(1, SET));
+  CHECK(writes_set(2, SET));
   for (int bit = 0; bit < 8 * 4 * (SET + STORE_OVERHEAD_WORDS); bit++) {
     memory[1][bit / 32] ^= (uint32_t)1 << (bit % 32);
-    CHECK(reads(1, SET));
+    CHECK(reads_set(1, SET));
     memory[1][bit / 32] ^= (uint32_t)1 << (bit % 32);
   }
-  CHECK(reads(2, SET));
+  CHECK(reads_set(2, SET));
 }
 
 static void a_calibration_rounds_and_saturates(void)

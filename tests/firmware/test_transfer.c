@@ -24,7 +24,7 @@ static void make_block(uint16_t generation)
   checksum = link_crc32(0, bytes, BLOCK_BYTES);
 }
 
-static uint8_t begin(uint16_t words, uint16_t generation, uint32_t check)
+static uint8_t begin_block(uint16_t words, uint16_t generation, uint32_t check)
 {
   uint8_t payload[LINK_SIZE_BLOCK_BEGIN];
   link_put_u16(payload, words);
@@ -41,7 +41,7 @@ static uint8_t data(uint16_t offset, size_t count)
   return bench_request(LINK_TYPE_BLOCK_DATA, payload, (uint8_t)(2 + 2 * count));
 }
 
-static uint8_t swap(uint16_t generation)
+static uint8_t request_swap(uint16_t generation)
 {
   uint8_t payload[LINK_SIZE_BLOCK_SWAP];
   link_put_u16(payload, generation);
@@ -63,10 +63,10 @@ static void change_word(uint16_t word, int16_t value)
 
 static uint8_t send_changed_block(uint16_t generation)
 {
-  (void)begin(BENCH_WORDS, generation, checksum);
+  (void)begin_block(BENCH_WORDS, generation, checksum);
   (void)data(0, 40);
   (void)data(40, BENCH_WORDS - 40);
-  return swap(generation);
+  return request_swap(generation);
 }
 
 static uint8_t send_complete_block(uint16_t generation)
@@ -97,10 +97,10 @@ static void download_never_overwrites_the_active_block(void)
     int16_t copy[BENCH_WORDS];
     memcpy(copy, before, sizeof copy);
     make_block(generation);
-    (void)begin(BENCH_WORDS, generation, checksum);
+    (void)begin_block(BENCH_WORDS, generation, checksum);
     (void)data(0, BENCH_WORDS);
     CHECK(memcmp(copy, before, sizeof copy) == 0);
-    CHECK(swap(generation) == LINK_TYPE_ACK);
+    CHECK(request_swap(generation) == LINK_TYPE_ACK);
     CHECK(bench.firmware.control.body->compensator.words != before);
     CHECK(active_generation() == generation);
   }
@@ -110,29 +110,29 @@ static void old_block_stays_active_after_any_error(void)
 {
   bench_start();
   make_block(2);
-  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+  CHECK(request_swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
   CHECK(data(0, 8) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
-  CHECK(begin(ANHYST_BLOCK_LEAST_WORDS - 1, 2, checksum) == LINK_TYPE_NAK);
+  CHECK(begin_block(ANHYST_BLOCK_LEAST_WORDS - 1, 2, checksum) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_VALUE);
-  CHECK(begin(ANHYST_BLOCK_MOST_WORDS + 1, 2, checksum) == LINK_TYPE_NAK);
+  CHECK(begin_block(ANHYST_BLOCK_MOST_WORDS + 1, 2, checksum) == LINK_TYPE_NAK);
 
-  CHECK(begin(BENCH_WORDS, 2, checksum) == LINK_TYPE_ACK);
+  CHECK(begin_block(BENCH_WORDS, 2, checksum) == LINK_TYPE_ACK);
   CHECK(data(0, 40) == LINK_TYPE_ACK && bench_detail() == 40);
   CHECK(data(41, 10) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
   CHECK(bench_detail() == 40);
-  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+  CHECK(request_swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
   CHECK(data(40, BENCH_WORDS - 40) == LINK_TYPE_ACK);
   CHECK(data(BENCH_WORDS, 1) == LINK_TYPE_NAK);
-  CHECK(swap(3) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_GENERATION);
+  CHECK(request_swap(3) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_GENERATION);
 
-  (void)begin(BENCH_WORDS, 2, checksum ^ 1U);
+  (void)begin_block(BENCH_WORDS, 2, checksum ^ 1U);
   (void)data(0, BENCH_WORDS);
-  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_CHECKSUM);
+  CHECK(request_swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_CHECKSUM);
 
   bytes[0] ^= 1U; /* no magic */
-  (void)begin(BENCH_WORDS, 2, link_crc32(0, bytes, BLOCK_BYTES));
+  (void)begin_block(BENCH_WORDS, 2, link_crc32(0, bytes, BLOCK_BYTES));
   (void)data(0, BENCH_WORDS);
-  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_BLOCK);
+  CHECK(request_swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_BLOCK);
   CHECK(active_generation() == 1);
   CHECK(bench.firmware.control.body->compensator.words == bench_words);
 }
@@ -239,7 +239,7 @@ static void repeated_swap_is_performed_once(void)
 {
   bench_start();
   CHECK(send_complete_block(2) == LINK_TYPE_ACK);
-  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+  CHECK(request_swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
 }
 
 static void half_a_word_is_refused(void)
@@ -247,7 +247,7 @@ static void half_a_word_is_refused(void)
   uint8_t payload[5] = {0};
   bench_start();
   make_block(2);
-  (void)begin(BENCH_WORDS, 2, checksum);
+  (void)begin_block(BENCH_WORDS, 2, checksum);
   CHECK(bench_request(LINK_TYPE_BLOCK_DATA, payload, 5) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_LENGTH);
   CHECK(bench_request(LINK_TYPE_BLOCK_DATA, payload, 2) == LINK_TYPE_NAK);
