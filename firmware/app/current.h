@@ -31,7 +31,7 @@ void app_current_start(app_current *current);
 uint16_t app_current_judge(app_current *current, const app_limits *limits, const int32_t *settings,
                            int32_t value, uint32_t ticks, int32_t drive);
 
-/* Whether one sample with this reason is a fault. Others are limited by max_implausible_samples. */
+/* Whether one sample with this reason is a fault; otherwise, max_implausible_samples applies. */
 int app_current_is_immediate_fault(uint16_t fault);
 
 #endif

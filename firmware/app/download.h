@@ -39,8 +39,8 @@ uint16_t app_download_words(app_download *download, uint16_t offset, const uint8
 uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint16_t at,
                            const uint8_t *bytes, uint16_t count);
 
-/* Marks the edited block as received. Calculates its checksum, unless an edit wrote a checksum; the
-   written checksum is then checked later. */
+/* Marks the edited block as received. Calculates the checksum of the block, unless an edit wrote
+   one; that checksum is checked later. */
 void app_download_finish_edit(app_download *download);
 
 /* Checks the received block. Returns LINK_REASON_NONE, with the block in *words and its length in

@@ -50,7 +50,7 @@ typedef struct {
   uint32_t status;                /* bits of PORT_..., or 0 */
 } port_sample;
 
-/* Functions of a board. All are required; each receives the context. */
+/* Functions of a board. All functions are required; each receives the context. */
 struct port {
   void *context; /* object of the board for this controller */
 
@@ -58,8 +58,8 @@ struct port {
      t_n. Must not wait: if a converter has not finished, sets PORT_NO_SAMPLE. */
   void (*sense)(void *context, port_sample *sample);
 
-  /* Sets the PORT_CURRENTS reference currents from t_(n+1) on, q31 of full scale. Called once by
-     each app_tick, also in the state FAULT. state: controller state + 256*fault reason. A board may
+  /* Sets the PORT_CURRENTS reference currents from t_(n+1) on, q31 of full scale. Each app_tick
+     calls it once, also in the state FAULT. state: controller state + 256*fault reason. A board may
      display the state. At zero currents in the state FAULT, it may switch its power stage off. */
   void (*drive)(void *context, const int32_t *currents, uint32_t state);
 
@@ -77,7 +77,7 @@ struct port {
   void (*lock)(void *context);
   void (*unlock)(void *context);
 
-  /* Stores a parameter block of `words` words for the next start. Called by app_poll at zero
+  /* Stores a parameter block of `words` words for the next start. app_poll calls it at zero
      current. The board may stop its ticks for seconds during this call. Returns 1, or 0 if the
      block was not stored. */
   int (*keep)(void *context, const int16_t *block, uint16_t words);

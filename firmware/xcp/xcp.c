@@ -177,7 +177,7 @@ static uint8_t on_unlock(xcp_slave *x, xcp_request *r)
 static uint8_t on_address(xcp_slave *x, xcp_request *r)
 {
   if (r->command[3] != 0U) {
-    return XCP_ERR_RANGE; /* no address extensions */
+    return XCP_ERR_RANGE; /* there are no address extensions */
   }
   x->address = link_get_u32(r->command + 4);
   return XCP_OK;

@@ -7,7 +7,7 @@
        xcp_answer(&slave, ...), xcp_take(...)           between ticks, like app_poll
        xcp_disconnect(&slave);                          after a disconnection
 
-   An address is a number of the tables in contract/, not a memory address. Writes use the same
+   An address is a number from the tables in contract/, not a memory address. Writes use the same
    functions as requests of the link, with the same limits and refusals. Writing requires a key once
    per connection. Commands count as a heartbeat only after the key. */
 #ifndef ANHYST_XCP_H

@@ -48,11 +48,11 @@ static void make_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   const anhyst_plant_body *body = loop->body;
   const size_t row = i * (size_t)body->coordinates;
   const double *inject = events->inject + row;
-  double *current = loop->room + body->magnets; /* readings; stored after the commands */
+  double *current = loop->room + body->magnets; /* current readings */
   double *flux = current + body->magnets;
   double *head = flux + body->magnets;
   double *position = head + body->heads;
-  double *last = position + body->magnets + (ptrdiff_t)3 * body->coordinates; /* after the answer */
+  double *last = position + body->magnets + (ptrdiff_t)3 * body->coordinates; /* last readings */
   const uint32_t command = events->command[i];
   int has_failed;
   anhyst_plant_readings readings = {head, current, flux, 0.0};

@@ -244,8 +244,8 @@ static inline int limit_source(anhyst_plant_source *s, double current)
   return 1;
 }
 
-/* Solves for iron and current at the end of a step of twice end->half. The flux linkage at the end
-   is end->psi_start plus the terms that depend on the solution. */
+/* Solves for iron and current at the end of a step, whose length is twice end->half. The flux
+   linkage at the end is end->psi_start plus the terms that depend on the solution. */
 static inline void solve_step_end(const anhyst_plant_magnet *magnet, const anhyst_plant_coil *coil,
                                   const anhyst_plant_source *s, const step_end *end,
                                   solution *found)

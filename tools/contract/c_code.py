@@ -151,7 +151,7 @@ def bus_header(plant: Entry) -> str:
             lines += commented_line(f"{prefix}_{field['name'].upper()},", field["doc"])
         parts.append("\n".join([*lines, f"  {prefix}_WORDS", "};"]))
     description = (
-        "Records that a virtual plant and a firmware exchange in each tick, 32-bit words. Generated "
+        "Records of 32-bit words that a virtual plant and a firmware exchange in each tick. Generated "
         "by tools/contract from contract/frames.toml."
     )
     return guarded_header("ANHYST_PLANT_BUS_WORDS_H", description, ["#include <stdint.h>", *parts])

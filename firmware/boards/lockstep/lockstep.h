@@ -35,8 +35,8 @@ void lockstep_start(lockstep *l,
 void lockstep_tick(lockstep *l);
 
 /* Processes a byte of the plant. When it completes a valid record, runs the tick, writes the answer
-   of LINK_SIZE_PLANT_DRIVE bytes and returns 1; else returns 0. After lost bytes it synchronises to
-   the next valid record. */
+   of LINK_SIZE_PLANT_DRIVE bytes and returns 1; else returns 0. After lost bytes, the board
+   synchronises to the next valid record. */
 int lockstep_receive(lockstep *l, uint8_t byte, uint8_t *answer);
 
 #endif

@@ -18,8 +18,8 @@ typedef struct {
   calibration gap; /* calibrations of the codes of the chip's ADCs, values q30 */
   calibration force;
   calibration current;
-  calibration position;     /* calibrations of the codes of place.h, values q31 */
-  uint32_t position_source; /* POSITION_FROM_... */
+  calibration position;     /* calibration of the codes of place.h, values q31 */
+  uint32_t position_source; /* source of the position: POSITION_FROM_... */
   uint32_t words;           /* number of words of the block; 0: the built-in block is used */
   int16_t block[ANHYST_BLOCK_MOST_WORDS];
 } memory_set;

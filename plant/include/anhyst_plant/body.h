@@ -29,9 +29,9 @@
 
    The caller advances the body tick by tick: it reads the sensors at the start of a tick, then
    advances by one tick with the computed commands. The currents take effect `delay` sub-steps after
-   the reading. The integration uses a fixed sub-step: the velocity by half a sub-step, the pose,
-   the windings by the trapezoidal rule, the velocity by the other half. It is of second order in
-   the sub-step. In one coordinate with d = +1 or -1, all other factors are one or zero. */
+   the reading. The integration has a fixed sub-step. It advances the velocity by half a sub-step,
+   the pose, the windings by the trapezoidal rule, and the velocity by the other half. It is of
+   second order. In one coordinate with d = +1 or -1, all other factors are one or zero. */
 #ifndef ANHYST_PLANT_BODY_H
 #define ANHYST_PLANT_BODY_H
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A rig with a force controller: an actuator whose armature is moved from outside, its amplifier
-   and its sensors, tick by tick.
+/* A rig with a force controller: an actuator whose armature moves on a given path, its amplifier
+   and its sensors.
 
    At tick n, the gap is set, the present current of the amplifier flows, and the sensors are read.
    The amplifier gets the controller's reference at tick n + 1, and its current changes from then

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Irons of several families with one interface. None of them is a Jiles-Atherton material. An iron
+/* Irons of several families with one interface. No iron is a Jiles-Atherton material. An iron
    consists of its steel (parameters) and its memory (state). Every family computes the end of a
    monotone path of one coordinate: the field and the flux density, which both rise with the
    coordinate, and their slopes at the end. The coordinate is the field of the anhysteretic curve
