@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Proves the check of a parameter block, for any number of any words: nothing is read beyond them,
    nothing overflows, and a block that passes has the properties that the proofs of the compensators
-   assume. The words are in memory that ends with the last of them. The number of iterations of a
+   assume. The memory ends with the last word. The number of iterations of a
    loop over words or entries depends on the block. Therefore, proofs.toml selects an arbitrary
    iteration at the start of the body and leaves the loop after it. For tables, this is the
    iteration of `watched`, so that the checked properties of any entry are known. */

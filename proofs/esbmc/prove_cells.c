@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Proves the kernel of the play-cell law, function by function. PART is the proved function. The
-   functions that it calls are replaced by their proved contracts (proofs.toml), which first show
-   that the call is allowed. A loop whose number of iterations depends on data is proved for one
-   iteration: proofs.toml inserts BEGIN_ITERATION and END_ITERATION, which show an invariant, forget
-   everything except the invariant, and leave the loop. A path is any path that satisfies the
-   invariant `is_path`, on rows of any size that anhyst_block_check accepts. For entries that are
-   read, the properties of that check are assumed. */
+/* Proves the kernel of the play-cell law, function by function. The macro PART names the proved
+   function. The functions that PART calls are replaced by their proved contracts (proofs.toml),
+   which first show that the call is allowed. A loop whose number of iterations depends on data is
+   proved for one iteration: proofs.toml inserts BEGIN_ITERATION and END_ITERATION, which show an
+   invariant, forget everything except the invariant, and leave the loop. A path is any path that
+   satisfies the invariant `is_path`, on rows of any size that anhyst_block_check accepts. The
+   proofs assume that entries have the properties that this check guarantees. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 

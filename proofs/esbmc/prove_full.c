@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Proves the kernel of the Jiles-Atherton law, function by function up to the whole step. PART is
-   the proved function. The functions that it calls are replaced by their proved contracts
-   (proofs.toml), which first show that the call is allowed. Words that are read from tables are any
-   that anhyst_block_check accepts. */
+/* Proves the kernel of the Jiles-Atherton law, function by function up to the whole step. The macro
+   PART names the proved function. The functions that PART calls are replaced by their proved
+   contracts (proofs.toml), which first show that the call is allowed. Words from tables have any
+   value that anhyst_block_check accepts. */
 #ifndef RAW_PRODUCTS
 #define ANHYST_PORT_HEADER "contracts.h"
 #endif
@@ -42,7 +42,8 @@
 
 #include "compensator/full.c"
 
-/* The tables of a path. The replacement of interpolate() distinguishes them by their addresses. */
+/* Tables that a path uses. The replacement of interpolate() distinguishes them by their
+   addresses. */
 enum { CURVE_AT = ANHYST_BLOCK_LEAST_WORDS, BRANCH_AT, INVERSE_AT };
 static int16_t block_words[INVERSE_AT + 1];
 static const int16_t *const curve_words = block_words + CURVE_AT;

@@ -3,7 +3,7 @@
    compensation, or a change of gains, for any valid limits and settings, any state, any sample, and
    one magnet or two. Levitation, PIDD2 and force controllers are replaced by their proved
    contracts: each call is shown to be allowed, and returns any result. The currents stay within the
-   limits of the board. PART is the proved function. */
+   limits of the board. The macro PART names the proved function. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 

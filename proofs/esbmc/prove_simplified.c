@@ -12,7 +12,7 @@
 
 enum { WORDS = ANHYST_BLOCK_MOST_WORDS };
 
-/* Valid words, with the table of the curve anywhere in the block. */
+/* Fills valid words, with the table of the curve anywhere in the block. */
 static void any_words(int16_t *words)
 {
   ASSUME(words[ANHYST_WORD_SIMPLE_RATE] > 0 && words[ANHYST_WORD_SIMPLE_HOLD] > 0);

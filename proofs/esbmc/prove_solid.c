@@ -38,7 +38,7 @@ static void any_block(int16_t *words)
   ASSUME(is_solid_valid(words));
 }
 
-/* Any state of the search of a compensator, with any shares and slopes. */
+/* Sets any state of the search of a compensator, with any shares and slopes. */
 static void any_tick(solid_tick *tick, anhyst_compensator *c)
 {
   const int16_t *words = c->words;

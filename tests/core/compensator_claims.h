@@ -350,7 +350,7 @@ static void missed_ticks_are_committed_with_a_lag(void)
   CHECK(flux_calls == 1);
 }
 
-/* A lag requires more current while the flux rises, and none at rest. */
+/* A lag requires more current while the flux rises, and no more current at rest. */
 static void lag_needs_current_while_the_flux_changes(void)
 {
   compensator_type c = start_compensator();

@@ -48,7 +48,7 @@ def test_claims_of_the_firmware_hold(programs: Path, name: str) -> None:
     assert completed.returncode == 0, completed.stdout + completed.stderr
 
 
-# Allowed functions of the C library. A small controller may lack all others.
+# Allowed functions of the C library. A small controller may not have any other function.
 ALLOWED_LIBRARY_FUNCTIONS = {"memcpy", "memset", "memmove", "_GLOBAL_OFFSET_TABLE_"}
 
 

@@ -28,7 +28,7 @@ class Calibration(ctypes.Structure):
 
 
 class Plan(ctypes.Structure):
-    """C structure of thermal.h."""
+    """The C structure of thermal.h."""
 
     _fields_ = (
         ("mantissa", ctypes.c_uint32),
@@ -39,7 +39,7 @@ class Plan(ctypes.Structure):
 
 
 class Thermal(ctypes.Structure):
-    """C structure of thermal.h."""
+    """The C structure of thermal.h."""
 
     _fields_ = (("warmth", ctypes.c_uint64), ("tripped", ctypes.c_int))
 

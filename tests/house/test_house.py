@@ -47,7 +47,7 @@ def test_imports_inside_functions_are_counted() -> None:
 
 
 def test_names_of_number_formats_are_in_one_list() -> None:
-    """A debugger, a search and an index of names then find the functions of the core."""
+    """This way, a debugger, a text search and an index of names find the functions of the core."""
     files = [path for path in (house.ROOT / "core").rglob("*.[ch]") if path.parent.name != "numeric"]
     assert len(files) > 100
     assert [path.name for path in files if "ANHYST_NAME" in path.read_text("utf-8")] == []

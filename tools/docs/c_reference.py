@@ -16,7 +16,7 @@ def c_reference(include: Path) -> str:
     parts = [
         "# C\n",
         "C99, no heap, no globals, no clock; each header states format, rounding, saturation and "
-        "error bound. Headers of the folders `generic` are the frame that the formats share.\n",
+        "error bound. Headers in the folders `generic` contain the code that the formats share.\n",
     ]
     for room in FOLDERS:
         parts.append(f"## {room}\n")

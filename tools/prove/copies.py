@@ -28,7 +28,7 @@ def replace_by_contract(file: Path, function: str) -> None:
 
 
 def copy_core(core: Path, proof: Proof, target: Path, *, broken: bool) -> None:
-    """Copy ``core`` to ``to`` with a proof's annotations, and with its control's fault if broken."""
+    """Copy core/ with the annotations of a proof; if broken, also with the fault of its control."""
     shutil.copytree(core, target)
     if broken:
         control = proof.control
