@@ -224,7 +224,7 @@ def test_an_error_in_a_package_names_the_package(tmp_path: Path) -> None:
 
 
 def test_a_law_with_parameters_in_wrong_order_is_refused(tmp_path: Path) -> None:
-    install_module(tmp_path, "other", *FAULTY_PACKAGES["takes its parameters in another order"])
+    install_module(tmp_path, "other", *FAULTY_PACKAGES["parameters in wrong order"])
     arguments = ("identify", str(LOOPS), "--law", "bad", "--out", "m.toml")
     refused = anhyst(tmp_path, tmp_path, *arguments)
     assert "its iron takes the parameters in another order" in refused.stderr

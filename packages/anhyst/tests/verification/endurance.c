@@ -10,8 +10,7 @@
 #include "check.h"
 
 enum { WORDS = MAGNET_PARAMETERS_WORDS, LAST = 32767, SETTLE = 2000, HELD = 300 };
-enum { STEP = 16 };                /* rounding of the converter, codes: tolerance of claims about
-                                    * currents */
+enum { STEP = 16 };                /* rounding of the converter, codes; tolerance of currents */
 enum { MOVED_AT_REST = 4 * STEP }; /* tolerance, codes of the current */
 
 static const int16_t *const words = magnet_parameters;
