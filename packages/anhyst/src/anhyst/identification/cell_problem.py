@@ -1,10 +1,9 @@
 """Set up the least-squares problem of play cells with lag and creep for displacement loops.
 
-If the lag and the centre field of the cell curves are given, the output is linear in the cell
-weights, the creep amplitudes and the offset. :class:`CellProblem` computes the columns of this
-problem, and :class:`System` solves it with weights not below zero. Samples before the drive first
-reaches its largest distance from its initial value are excluded, because they depend on an
-uncertain history.
+If the lag and the centre of the cell curves are given, the output is linear in the cell weights,
+the creep amplitudes and the offset. :class:`CellProblem` computes the columns of this problem, and
+:class:`System` solves it with nonnegative weights. Samples before the drive first reaches its
+largest distance from its initial value are excluded, because they depend on an uncertain history.
 """
 
 from __future__ import annotations
@@ -29,12 +28,12 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 MIDDLE_POSITIONS = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
-"""Middles of the curves that are tried, relative to the lowest input, in input ranges."""
+"""Tried centres of the curves: distance from the lowest input, divided by the input range."""
 
 LAG_SAMPLES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # tried lags, in samples
 
 MAX_LAG_SAMPLES_AT_ONE_RATE = 1.0
-"""Largest lag that is tried if all loops have about one rate, at which a lag and a wider loop are
+"""Largest tried lag if all loops have about the same cycle rate. A lag and a wider loop are then
 barely separable."""
 
 # ratio of the fastest to the slowest cycle rate above which lag and width are separable
@@ -43,42 +42,41 @@ CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # time constants, relative to the lo
 MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # smallest time constant, in samples
 
 STRAIGHT_SLOPE_SHARE = 0.02
-"""Share of the fixed straight part in the mean slope, which the model must have. Any further
-straight part is a cell with the widest curve, so that the saturation of all cells exceeds every
-output."""
+"""Slope of a fixed linear term of every model, relative to the mean slope. Further linear output is
+a cell with the widest curve, so that the saturation of all cells exceeds every output."""
 
 OUTLIER_RATIO = 10.0
-"""Multiple of the median deviation above which a sample is an outlier, such as a spike or the start
-of the amplifier."""
+"""Multiple of the median deviation above which a sample is an outlier, such as a spike or the
+start-up of the amplifier."""
 
-FAR_END_SHARE = 0.98  # part of the largest distance from the first input value
+FAR_END_SHARE = 0.98  # fraction of the largest distance from the first input value
 MAX_UNKNOWN_SHARE = 0.3  # maximum fraction of a record that is excluded as an initial curve
 MAX_OUTLIER_SHARE = 0.02  # maximum fraction of samples that are excluded as outliers
 MAX_SAMPLES = 20_000  # maximum number of fitted samples
 
 MAX_NOISE_RATIO = 1.1
-"""Residual relative to the noise up to which noise explains it, so that no grid is tried."""
+"""Ratio of residual to noise up to which noise explains the residual, so that no grid is tried."""
 
 MAX_FOLDS = 5
-"""Maximum number of parts that are withheld one after the other: loops, or blocks of few loops."""
+"""Maximum number of folds that are withheld in turn: loops, or blocks if there are few loops."""
 
 BLOCKS_PER_FOLD = 20
-"""Blocks of a record that are withheld together. With fewer, a fold lacks whole branches; a grid then
-has to extrapolate, and its error says nothing about other records."""
+"""Blocks of a record that are withheld together. With fewer, whole branches would be withheld. A
+grid would have to extrapolate, and its error would say nothing about other records."""
 
-MIN_LOOPS_TO_WITHHOLD = 3  # smallest number of loops for withholding whole loops
+MIN_LOOPS_TO_WITHHOLD = 3  # minimum number of loops with which whole loops are withheld
 MAX_CENTRE_SHARE = 0.1
-"""Largest distance of the input's middle from zero, in input ranges, for trying an even grid."""
+"""Largest distance of the mid-range input from zero, in input ranges, for trying an even grid."""
 
 LAW = "play-cells"
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Nonlinear settings of the least-squares problem, and the solution for them."""
+    """Nonlinear parameters of the least-squares problem, and the solution for their values."""
 
-    lag: float  # s
-    middle: float  # middle of the curves (``in_0``)
+    lag: float  # lag, s
+    middle: float  # centre of the curves (``in_0``)
     creep_times: tuple[float, ...] = ()  # time constants of the creep, s
     smoothness: float = SMOOTHNESS
     weights: FloatArray | None = None
@@ -87,10 +85,10 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A linear least-squares problem with weights not below zero."""
+    """A linear least-squares problem with nonnegative weights."""
 
     basis: CellBasis
-    matrix: FloatArray  # columns: weights of the cells, of the creep, and positive and negative offset
+    matrix: FloatArray  # columns of cell weights, creep weights, and positive and negative offset
     target: FloatArray
     fold_numbers: NDArray[np.intp]  # number of the fold in which each row is withheld; -1: never
 
@@ -116,7 +114,7 @@ class System:
         return replace(attempt, weights=weights, rms=float(np.linalg.norm(residual)) * height)
 
     def withheld_errors(self, smoothness_values: Sequence[float]) -> list[float]:
-        """Return, for each smoothness, the rms error at parts that are withheld in turn."""
+        """Return, for each smoothness, the rms error at the folds, which are withheld in turn."""
         matrix = self.matrix[:, self.solved_columns]
         normal, rhs = matrix.T @ matrix, matrix.T @ self.target
         square_sums = np.zeros(len(smoothness_values))
@@ -145,7 +143,7 @@ class System:
 
 
 class CellProblem:
-    """Loops, and the columns of their least-squares problem."""
+    """Measured loops, and the matrix columns of their least-squares problem."""
 
     def __init__(self, loopset: Loops) -> None:
         self.loopset = loopset
@@ -161,7 +159,7 @@ class CellProblem:
             )
         self.slope = STRAIGHT_SLOPE_SHARE * self.height / self.span
         self.basis = make_common_basis(self.span)
-        # tried middles of the curves, in units of the input
+        # tried centres of the curves, in units of the input
         self.middles = [self.low + position * self.span for position in MIDDLE_POSITIONS]
         self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
         self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
@@ -169,10 +167,9 @@ class CellProblem:
         self.fitted_masks = self.known_masks
 
     def make_grid_problems(self) -> list[CellProblem]:
-        """Return the same problem with curves on a grid from the low end of the input.
+        """Return the same problem with curves on a grid that begins at the lowest input.
 
-        If the input range is almost symmetrical about zero, a grid that is even in the input is
-        added.
+        If the input range is almost symmetrical about zero, a problem with an even grid is added.
         """
         middle = self.low + 0.5 * self.span
         problems = []
@@ -185,9 +182,9 @@ class CellProblem:
         return problems
 
     def include_initial_curves(self) -> CellProblem:
-        """Return the same problem with initial curves that begin at the middle of the cells.
+        """Return the same problem, with initial curves that begin at the centre of the curves.
 
-        Before such a curve, the input was nowhere else. A grid has curves for these samples.
+        Before such a curve, the input never left this centre. A grid has curves for these samples.
         """
         problem, masks = copy(self), []
         for loop, mask in zip(self.loopset.loops, self.fitted_masks, strict=True):
@@ -263,7 +260,8 @@ class CellProblem:
         return tuple(time for time in times if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time)
 
     def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
-        """Return the positions of the cells in each loop, and before it, relative to the middle."""
+        """Return the play positions in each loop and before it, relative to a centre of the curves.
+        """
         if (lag, middle) not in self._plays:
             self._plays |= {(lag, tried_middle): [] for tried_middle in self.middles}
             middles, thresholds = np.array(self.middles)[:, None], self.basis.thresholds
@@ -271,7 +269,7 @@ class CellProblem:
                 drive = loop.input
                 if lag and loop.time is not None:
                     drive = Dynamics(lag).delayed(drive, loop.time)
-                # Cells start in the middle.
+                # All cells start at the centre of the curves.
                 path = _input_before(loop.history, drive) - middles
                 path = np.concatenate([np.zeros_like(middles), path], axis=1)
                 start = np.zeros((middles.size, thresholds.size))
@@ -282,7 +280,7 @@ class CellProblem:
         return self._plays[lag, middle]
 
     def outputs(self, attempt: Trial) -> list[tuple[FloatArray, float]]:
-        """Return the output of weights in each loop and before it, without creep and offset."""
+        """Return the output of a trial in each loop and before it, without creep and offset."""
         assert attempt.weights is not None
         outputs, plays = [], self.play_positions(attempt.lag, attempt.middle)
         for columns, (fields, at_rest) in zip(self.columns(attempt), plays, strict=True):
@@ -292,14 +290,14 @@ class CellProblem:
         return outputs
 
     def columns(self, attempt: Trial) -> list[FloatArray]:
-        """Return the output of each unit weight in each loop; the last result is cached."""
+        """Return the output of each curve with weight 1 in each loop; the last result is cached."""
         key = attempt.lag, attempt.middle
         if self._columns is None or self._columns[0] != key:
             self._columns = (key, [self.basis.columns(fields) for fields, _ in self.play_positions(*key)])
         return self._columns[1]
 
     def solve(self, attempt: Trial, creeping: Sequence[FloatArray] = ()) -> Trial:
-        """Solve for the weights of a trial; creep follows the output of its previous weights."""
+        """Solve for the weights of a trial; creep follows the output of previous weights."""
         self.solve_count += 1
         if attempt.creep_times and not creeping:
             creeping = self.creep_responses(attempt, attempt.creep_times)
@@ -308,7 +306,7 @@ class CellProblem:
     def deviation(
         self, attempt: Trial, creeping: Sequence[FloatArray], masks: list[NDArray[np.bool_]]
     ) -> float:
-        """Return the rms deviation of a solved trial over some samples, relative to the height."""
+        """Return the rms deviation of a solved trial at masked samples, relative to the range."""
         assert attempt.weights is not None
         system = self.make_system(attempt, creeping, masks)
         return float(np.linalg.norm(system.matrix @ attempt.weights - system.target))
@@ -420,8 +418,8 @@ def thin_loops(loopset: Loops) -> Loops:
 def _mask_known_samples(loop: Loop) -> NDArray[np.bool_]:
     """Return a mask of the samples that do not depend on the initial state.
 
-    They begin when the input first reaches FAR_END_SHARE of its largest distance from its first
-    value.
+    These samples begin when the input first reaches FAR_END_SHARE of its largest distance from its
+    first value.
     """
     mask = np.ones(loop.n, dtype=np.bool_)
     if loop.history.kind == "settled":
@@ -434,6 +432,6 @@ def _mask_known_samples(loop: Loop) -> NDArray[np.bool_]:
 
 
 def _input_before(history: History, drive: FloatArray) -> FloatArray:
-    """Return the input that moved the cells before a loop."""
+    """Return the input that moved the cells before a loop began."""
     points = np.array(history.turning_points)
     return np.concatenate([points, drive]) if history.kind == "settled" else points

@@ -1,10 +1,10 @@
 """Fit play cells with lag and creep to actuators that deform under a voltage, such as piezo stacks.
 
 The positions of the cells depend only on the drive and the thresholds. Therefore, all weights, the
-creep and the offset come from one least-squares problem with weights not below zero. The lag and
-the middle of the curves (``in_0``) are tried on a grid of values: a loop that bends to one side has
-its middle beyond that side. If the residual exceeds the noise, curves on a grid are fitted too, and
-used if they predict withheld samples better.
+creep and the offset come from one least-squares problem with nonnegative weights. Several lags and
+centres of the curves (``in_0``) are tried; a loop that is curved to one side has its centre outside
+the input range. If the residual exceeds the noise, curves on a grid are fitted too, and used if
+they predict withheld samples better.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from anhyst.model.actuator import Model
 from anhyst.model.schema import CandidateFit, Uncertainty
 
 MAX_CREEP_ERROR_RATIO = 0.98
-"""Rms residual relative to that without creep, above which creep is not used."""
-# ratio of rms residuals within which lags are equal; the shortest is used
+"""Ratio of rms residuals with and without creep, above which creep is not used."""
+# ratio of rms residuals within which lags count as equal; the shortest is used
 EQUAL_LAG_ERROR_RATIO = 0.995
-CREEP_ROUNDS = 3  # rounds of fitting creep, each with the output of the round before
+CREEP_ROUNDS = 3  # number of creep fits; each uses the output of the previous one
 MAX_RATE_ERROR_RATIO = 1.5
-"""Error relative to that of the slowest loops, up to which a model is valid at a cycle rate."""
+"""Ratio of the errors at a cycle rate and at the slowest one, up to which a model is valid."""
 
 MAX_GRID_ERROR_RATIO = 0.7
 """Largest ratio of errors at withheld samples, grid to few curves, with which the grid is used. Few
-curves separate creep better: on a real stack, a grid with 0.73 predicts the second half of the
-record worse."""
+curves separate creep better: on a real stack, a grid with the ratio 0.73 predicts the second half
+of the record worse."""
 
 CLOSE_GRID_FIT_RATIO = 0.5
 """Largest ratio of rms residuals, grid to few curves, with which an equally predictive grid is
@@ -132,7 +132,7 @@ def _describe_dynamics(attempt: Trial) -> str:
 def _fit_on_grid(problem: CellProblem, few_curves_fit: Trial) -> tuple[CellProblem, Trial, float, float]:
     """Fit curves on a grid with the lag and the creep times of a fit with few curves.
 
-    Return the problem, the fit, and both errors at withheld samples, relative to the output range.
+    Return the problem, the fit, and both errors (grid, few curves) at withheld samples, in ranges.
     """
     creeping = (
         problem.creep_responses(few_curves_fit, few_curves_fit.creep_times)

@@ -32,13 +32,13 @@ Fold = frozenset[int]  # indices of the gaps, loops or blocks of samples that ar
 WithheldKind = Literal["gap", "loop", "block"]
 
 _BLOCKS_PER_LOOP = {1: 6, 2: 4}
-"""Number of blocks per loop for one and two loops, so that blocks cover both ends and the middles.
+"""Number of blocks per loop, for one loop and for two. Blocks then cover both ends and the middles.
 """
 
 _CLEAR_SQUARE_RATIO = 1.0 / 9.0
-"""Ratio of mean square errors below which a fit that is better everywhere needs no scatter test."""
+"""Ratio of mean square errors below which a fit that is better at all loops needs no other test."""
 
-_MIN_WITHHELD_ITEMS = 4  # minimum number of withheld items for "better everywhere"
+_MIN_WITHHELD_ITEMS = 4  # minimum number of gaps, loops or blocks to be better at all
 EQUAL_ERROR_RATIO = 1.02
 """Ratio of cross-validation errors within which they count as equal."""
 
@@ -47,15 +47,14 @@ _MAX_MEAN_ERROR_RATIO = 1.05
 
 _NEGLIGIBLE_SQUARE = 1e-8
 """Mean square error below any sensor noise, relative to the largest output squared."""
-FOLD_SAMPLES = 160  # samples per loop of a refit, at most
+FOLD_SAMPLES = 160  # maximum number of samples per loop in a refit
 
 _TOLERANCE = 1e-5
 _MAX_STEPS = 25
 """Stopping rule of a refit of a Jiles-Atherton law."""
 _CELL_TOLERANCE = 1e-4
 _MAX_CELL_STEPS = 8
-"""Stopping rule of a refit of play cells, with a larger tolerance because of their many parameters.
-"""
+"""Stopping rule of a refit of play cells. It is looser because these have many parameters."""
 
 PRIOR_LOG_STD = 0.35
 """Prior standard deviation of the logarithm of the error between gaps. It has the weight of
@@ -73,10 +72,10 @@ _MIN_ERROR_SHARE = 0.3
 
 @dataclass(frozen=True, slots=True)
 class WithheldError:
-    """Errors at a withheld gap, loop or block, relative to full scale; infinite if unsolvable."""
+    """Errors at a withheld gap, loop or block, relative to full scale; infinite if unsolved."""
 
     mean: float  # mean absolute error over all samples
-    # mean squares of its loops without the explained drift; noise affects all models equally, so it
+    # mean squares of the loops without the explained drift; noise affects all models equally, so it
     # cancels in differences of mean squares
     mean_squares: tuple[float, ...]
     outer_squares: tuple[
@@ -86,7 +85,7 @@ class WithheldError:
 
 @dataclass(frozen=True, slots=True)
 class Refit:
-    """A fit without some parts: its cost, and its error at each of these parts."""
+    """A fit without some gaps, loops or blocks: its cost, and its error at each of them."""
 
     cost: float
     errors: Mapping[int, WithheldError]
@@ -122,7 +121,7 @@ def block_numbers(records: FitRecords) -> tuple[int, ...]:
 
 
 def refit(start: FoundModel, loopset: Loops, fold: Fold, withheld_kind: WithheldKind = "gap") -> Refit:
-    """Fit without some gaps, loops or blocks, select the offsets again, and predict these parts."""
+    """Fit without some gaps, loops or blocks, select the offsets again, and predict these data."""
     full_space = start.with_records(start.space.records.thinned(FOLD_SAMPLES)).space
     groups = list(loopset.by_schedule().values())
     blocks, coordinates = blocks_per_loop(full_space.records), np.arange(full_space.size)
@@ -177,7 +176,7 @@ def _block_errors(
         if loop not in residuals:
             residuals[loop] = _residuals(model, [loops[loop]])[0] / span
         block_residual = residuals[loop][block_numbers_along(loops[loop].input, blocks) == number]
-        samples = max(block_residual.size, 1)  # a block within a jump has no samples
+        samples = max(block_residual.size, 1)  # no sample lies in a block that is inside a jump
         errors[index] = WithheldError(
             float(np.sum(np.abs(block_residual))) / samples,
             (float(block_residual @ block_residual) / samples,),
@@ -202,12 +201,12 @@ def _mean_squares_without_drift(
 
 
 def mean_error(errors: Sequence[WithheldError]) -> float:
-    """Return the mean of the errors over the withheld parts."""
+    """Return the mean of the errors at all withheld gaps, loops or blocks."""
     return float(np.mean([error.mean for error in errors]))
 
 
 def mean_square_error(errors: Sequence[WithheldError]) -> float:
-    """Return the mean square over the loops of the withheld parts and of the outermost gaps."""
+    """Return the mean square error over the loops of withheld data and of the outermost gaps."""
     return float(np.mean([square for error in errors for square in error.mean_squares + error.outer_squares]))
 
 
@@ -255,7 +254,7 @@ def is_better(
 def mean_log_ratio(first: Sequence[WithheldError], second: Sequence[WithheldError]) -> tuple[float, float]:
     """Return the mean logarithm of the ratio of two errors, and its standard error.
 
-    The ratio is taken for each withheld part, so that one part with extrapolation does not decide.
+    The ratio is taken for each withheld item. Otherwise, one item with extrapolation would decide.
     """
     ratios = [
         math.log(sum(first_error.mean_squares) + _NEGLIGIBLE_SQUARE)

@@ -1,4 +1,4 @@
-"""Search Jiles-Atherton parameters: screen one gap, descend from the best, join the gaps.
+"""Search Jiles-Atherton parameters: screen one gap, optimise the best sets, then join all gaps.
 
 1. Simulate many parameter sets for the loops of the gap with the largest output (:mod:`.screening`).
 2. Minimise the squared residuals at that gap from the few best sets that differ.
@@ -147,7 +147,7 @@ def descend_from(
     smoothness: float = 0.0,
     goal: float = np.inf,
 ) -> FoundModel:
-    """Descend from a start; it ends early without a reachable goal (:func:`descend`)."""
+    """Minimise the cost from a start point; stop early if the goal is out of reach."""
     objective = Objective(space, smoothness)
     theta_end, cost = descend(objective, theta, tolerance, max_steps, goal)
     return FoundModel(space, theta_end, cost, objective.evaluations)
@@ -162,7 +162,7 @@ def search_one_gap(form: ResponseForm, records: FitRecords, seed: int, fixed: fr
 
 
 def _descend_from_best(space: CoordinateSpace, starts: list[list[ParameterSet]]) -> FoundModel:
-    """Descend for a few steps from each start, and to convergence from the best result."""
+    """Descend for a few steps from each start point, and to convergence from the best result."""
     max_steps = _SHORT_DESCENT_STEPS + space.records.gap_count
     short_fits = [descend_from(space, space.pack(sets), 1e-4, max_steps) for sets in starts]
     final_fit = descend_from(space, min(short_fits, key=lambda fit: fit.cost).theta)

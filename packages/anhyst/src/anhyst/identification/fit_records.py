@@ -20,34 +20,34 @@ from anhyst.support.numeric import FloatArray
 MAX_REST_SHARE = 0.01  # fraction of the largest input below which the smallest input counts as zero
 
 _EQUAL_READING_SHARE = 1e-3
-"""Largest difference of readings at the same rest, relative to the largest reading. A smaller
-offset counts as zero."""
+"""Largest difference of readings in the same rest period, relative to the largest reading. A
+smaller offset counts as zero."""
 
 _REST_BAND = 0.005
 # a drive rests if this fraction of its samples is within a band above the lowest sample
 _MIN_REST_SHARE = 0.08
 _ROUND_REVERSAL_RATIO = 1.2
-"""A reversal is round if the residual of one curve across it is at most this multiple of that of
-two."""
+"""Reversals are round if one curve across them has at most this multiple of the residual of two
+curves."""
 _BRANCH_PARTS_PER_TIP = 12  # the curves at a reversal use 1/12 of a branch
 _OFFSET_SIGMAS = 3.0  # number of standard errors above which an offset is used
 
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """Reading of a sensor at rest."""
+    """Reading of a sensor while the drive is at rest."""
 
     # sensor offset, SI; zero if the readings do not differ from zero
     offset: float = 0.0
     # standard error of the reading, SI; None if the records do not come to rest
     std: float | None = None
-    # half-width of the 95 % interval, SI, from Student's t for the number of readings
+    # half-width of the 95 % interval, SI (Student's t)
     half_width: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class RestReadings:
-    """Readings of both sensors at rest."""
+    """Readings of both sensors while the drive is at rest."""
 
     input: RestReading = field(default_factory=RestReading)
     output: RestReading = field(default_factory=RestReading)
@@ -159,7 +159,7 @@ class FitRecord:
     clock: FloatArray
     # samples that are excluded from the fit but not from the drive; None: none
     is_withheld: NDArray[np.bool_] | None = None
-    # number of measured samples that each one represents, relative to the mean; None: all equal
+    # number of measured samples that each sample represents, relative to the mean; None: all equal
     sample_shares: FloatArray | None = None
 
     @property
@@ -172,7 +172,7 @@ class FitRecord:
 
     @cached_property
     def remembered_history(self) -> InputHistory:
-        """The part of the earlier drive that remains after the wiping-out property."""
+        """The part of the earlier drive that later reversals have not wiped out."""
         past = self.history.extended(self.input, self.gap) if self.is_cycle else self.history
         return past.remembered()
 
@@ -197,9 +197,9 @@ class FitRecord:
             lead_history = lead_history.extended(self.input[piece], self.gap).remembered()
 
     def thinned(self, max_samples: int) -> FitRecord:
-        """Return about `max_samples` samples at most, plus more in steep parts.
+        """Return at most about `max_samples` samples, plus more in steep parts of the loop.
 
-        With more samples in steep parts, each sample represents the measured samples around it.
+        If steep parts have more samples, each is weighted by the number of samples it represents.
         """
         samples = thin_rows(self.input, max_samples, self.output)
         shares = None if self.sample_shares is None else self.sample_shares[samples]
@@ -230,7 +230,7 @@ class FitRecords:
 
     @property
     def gap_count(self) -> int:
-        """Number of parameter sets for different gaps; one without a scheduling variable."""
+        """Number of gaps, or of other scheduling values; 1 without a scheduling variable."""
         return max(1, self.nodes.size)
 
     @property
@@ -251,7 +251,7 @@ class FitRecords:
         return replace(self, loops=records, nodes=self.nodes[gap : gap + 1])
 
     def without_gaps(self, withheld: Collection[int]) -> FitRecords:
-        """Return the loops of all other gaps, numbered again from zero."""
+        """Return the loops of all other gaps, with the gaps renumbered from zero."""
         kept_gaps = [gap for gap in range(self.gap_count) if gap not in withheld]
         new_gaps = {old: new for new, old in enumerate(kept_gaps)}
         loops = tuple(
@@ -282,7 +282,7 @@ class FitRecords:
         return replace(self, loops=loops)
 
     def thinned(self, max_samples: int) -> FitRecords:
-        """Return about `max_samples` samples of each loop at most, with the same total weight.
+        """Return at most about `max_samples` samples of each loop, with the same total weight.
 
         The result of the exact step does not depend on the sampling of a path, so a search may use
         fewer samples.
@@ -312,7 +312,7 @@ def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
 
 
 def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
-    """Return weights with a unit sum of squares over all samples for outputs of full scale."""
+    """Return weights with which residuals of full scale at all samples have a square sum of 1."""
     total = sum(loop.n for loop in loops)
     if weighting == "points":
         return [1.0 / (span * np.sqrt(total))] * len(loops)
@@ -366,7 +366,7 @@ def make_fit_records(
 
 
 def _input_history(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> InputHistory:
-    """Return the input before a loop; gaps beyond the outermost nodes are limited to these."""
+    """Return the input before a loop; gaps are limited to the range of the nodes."""
     drive = np.asarray(loop.history.turning_points, dtype=np.float64) - offset
     if not loop.history.schedule:
         return InputHistory.at(drive, gap)
@@ -419,9 +419,9 @@ class InputHistory:
 def remembered_reversals(drive: FloatArray) -> FloatArray:
     """Return the ends and reversals of a drive that play cells can remember, without closed cycles.
 
-    A cycle is closed if both neighbours exceed it. This test does not depend on the zero of the
-    drive, which its offset changes. Therefore, reversals that only a demagnetised start would wipe
-    out are kept.
+    A cycle is closed if both neighbouring reversals exceed it. This test does not depend on the
+    zero of the drive, which its offset changes. Therefore, reversals that only a demagnetised start
+    would wipe out are kept.
     """
     direction = np.sign(np.diff(drive))
     moving_rows = np.flatnonzero(direction)

@@ -183,8 +183,8 @@ def check_options(law: str, gap_map: str, search: str) -> None:
             )
     kernel = LAWS[DEFAULT_LAW if law == AUTO else law].kernel
     if kernel is not None and kernel.is_coupled and gap_map in SERIES_MAPS:
-        # In this law, alpha acts on the irreversible part only, and a reluctance does not. One
-        # parameter would be fitted for two.
+        # In this law, alpha acts only on the irreversible magnetisation, but a reluctance acts on
+        # all of it. One fitted parameter would represent both.
         raise InputError(
             f"gap map '{gap_map}' cannot be used with law {law}; use --law {DEFAULT_LAW}, or "
             "--gap-map scaling",
@@ -260,7 +260,7 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
     except KeyboardInterrupt:
         if run.best is None:
             raise
-    best_fit = run.best.with_records(run.records)  # the search may have thinned them
+    best_fit = run.best.with_records(run.records)  # the search may have used thinned records
     reason = "the search was interrupted: this is the best model so far"
     return make_outcome(best_fit, loops, reason, interrupted=True)
 

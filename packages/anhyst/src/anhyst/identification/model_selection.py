@@ -227,7 +227,7 @@ class Selection:
         return fits
 
     def compare_play_cells(self, base: ModelCandidate) -> ModelCandidate:
-        """Fit play cells under the most flexible map, then the best under other maps, and select.
+        """Fit play cells under the most flexible gap map, then the best under others, and select.
 
         With fewer than three gaps, inner loops are withheld; with fewer than two of these, blocks
         of samples.
@@ -330,7 +330,7 @@ class Selection:
         return expected_error(comparison.nested_errors(), noises[1:-1])
 
     def _refit_folds(self, candidates: Sequence[ModelCandidate], fold_size: int = 1) -> None:
-        """Fit some candidates again without each withheld part, or without each pair of them."""
+        """Fit some candidates again without each withheld item, or without each pair of items."""
         comparison = self.comparison
         for fold in map(frozenset, combinations(comparison.withheld, fold_size)):
             refits = comparison.refits.setdefault(fold, {})
@@ -342,8 +342,8 @@ class Selection:
     def exceeds_noise(self, fit: FoundModel) -> bool:
         """Whether a fit's residual exceeds the sensor noise, so that another law may be better.
 
-        The test assumes white noise. For smoother noise (:mod:`anhyst.model.residual_analysis`),
-        its only effect is an unnecessary search.
+        The test assumes white noise. With smoother noise (:mod:`anhyst.model.residual_analysis`), a
+        wrong result only causes an unnecessary search.
         """
         cost = Objective(fit.space).linearise(fit.theta).cost
         return cost > max(_NOISE_LIMITED_RATIO**2 * self._noise_cost(fit), NEGLIGIBLE_DEVIATION**2)
@@ -435,7 +435,7 @@ class Selection:
                 return best, fit, dead_band
 
     def ambiguity_within_one_loop(self, best: ModelCandidate) -> float:
-        """Return how far candidates that follow the only loop equally well differ inside it."""
+        """Return the difference inside the only loop of candidates that fit it equally well."""
         if len(self.loopset) > 1:
             return 0.0
         chosen = self.comparison.fits[best].reduced

@@ -35,28 +35,28 @@ POSITIVE_NAMES = frozenset({"M_s", "a", "k", "c_H", "c_out"})
 OFFSET_NAMES = ("in_0", "out_0")
 
 _ALPHA_SCALE = 1e-3  # size at which the coordinate of alpha changes from linear to logarithmic
-_SATURATION_RANGE = (2e5, 2e6)  # M_s from ferrite to cobalt iron, A/m
-_SHAPE_RANGE = (1.0, 3e4)  # a from soft iron to iron sheared by its gap, A/m
-_PINNING_RANGE = (0.05, 3e4)  # k from almost closed loops to iron sheared by its gap, A/m
+_SATURATION_RANGE = (2e5, 2e6)  # range of M_s: from ferrite to cobalt iron, A/m
+_SHAPE_RANGE = (1.0, 3e4)  # range of a: from soft iron to iron sheared by a gap, A/m
+_PINNING_RANGE = (0.05, 3e4)  # range of k: from almost closed loops to iron sheared by a gap, A/m
 _FIELD_RANGE = (30.0, 3e5)  # largest field that c_H may produce at the largest input, A/m
 _SATURATED_OUTPUT_RANGE = (1.0, 100.0)  # output at saturation, relative to the largest measured output
 
 _ALPHA_RANGE = (-0.5, 0.05)
-"""From the demagnetisation of a wide gap to the interaction at which jumps begin."""
+"""Range from the demagnetisation of a wide gap to the interaction at which jumps begin."""
 
 COMMON_AIR_CORE_SLOPE = 1e-5
 """a/M_s in the common gauge, as in soft iron. With such a small value, a gap-dependent alpha is
 equivalent to a gap-dependent reluctance (docs/theory.md)."""
 
 _REVERSIBLE_RANGE = (0.0, 0.95)
-_MAX_OFFSET_SHARE = 0.1  # relative to the range of input or output
+_MAX_OFFSET_SHARE = 0.1  # offset bounds, relative to the input or output range
 
 
 @dataclass(frozen=True, eq=False)
 class Variables:
     """Named coordinates within bounds."""
 
-    names: tuple[str, ...]  # parameters that vary
+    names: tuple[str, ...]  # names of the parameters that vary
     low: FloatArray  # bounds of the coordinates, shape (n,)
     high: FloatArray
     # scale of each coordinate that is neither a logarithm nor alpha
@@ -68,7 +68,7 @@ class Variables:
         return len(self.names)
 
     def only(self, names: Sequence[str]) -> Variables:
-        """Return only some of the variables, in the present order."""
+        """Return only some of the variables, in their present order."""
         indices = [index for index, name in enumerate(self.names) if name in names]
         kept_names = tuple(self.names[index] for index in indices)
         return Variables(kept_names, self.low[indices], self.high[indices], self.spans)
@@ -202,7 +202,7 @@ def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: in
 
 
 UNSOLVED_COST = 10.0  # cost of parameters without a solution
-_KAPPA_RANGE = (2e-3, 5e2)  # range of pinning over shape that the tables of the core support
+_KAPPA_RANGE = (2e-3, 5e2)  # range of k/a that the tables of the core support
 
 
 class Criterion:
@@ -278,7 +278,7 @@ def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
 def run_simplex(
     cost: Callable[[FloatArray], float], variables: Variables, start: FloatArray, max_evaluations: int
 ) -> tuple[FloatArray, float]:
-    """Run a Nelder-Mead simplex search, restarted at its result until that gains little."""
+    """Run a Nelder-Mead simplex search; restart it at its result until this gains little."""
     # Imported here, because the import takes longer than the default search, which does not need
     # it.
     from scipy.optimize import minimize

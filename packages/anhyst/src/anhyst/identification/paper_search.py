@@ -1,7 +1,7 @@
 """Search the seven free parameters of the paper at each gap, by evolution and simplex (II.B, II.C).
 
 1. At each gap, an evolution strategy searches the seven parameters and the offsets of input and output
-   with the criterion of eq. 16. The batch of the core computes a generation at once, on thinned loops.
+   with the criterion of eq. 16. The core computes each generation in one batch, on thinned loops.
    A Nelder-Mead simplex search continues with the exact law.
 2. Offsets belong to the sensors, not to a gap. They are replaced by their means, and the seven
    parameters are searched again. This is the paper's free model. It fits each gap as well as the law
@@ -92,8 +92,8 @@ class EvolutionStrategy:
         self._random = np.random.default_rng(seed)
         self._mu, self._lambda = parents, children
         size = low.size
-        self._tau = 1.0 / np.sqrt(2.0 * np.sqrt(size))  # for each step size
-        self._tau_common = 1.0 / np.sqrt(2.0 * size)  # for all step sizes of a child
+        self._tau = 1.0 / np.sqrt(2.0 * np.sqrt(size))  # learning rate of each step size
+        self._tau_common = 1.0 / np.sqrt(2.0 * size)  # learning rate of a factor common to a child
         self._x = low + (high - low) * self._random.random((children, size))
         self._sigma = np.tile(_FIRST_STEP * (high - low), (children, 1))
         self.best = self._x[0].copy()

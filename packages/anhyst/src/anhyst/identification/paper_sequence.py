@@ -67,8 +67,8 @@ def move_to_common_gauge(bench: PaperSearch, free_state: SearchState) -> SearchS
 
     Parameters chosen by the gauge are then equal at all gaps, so they are fixed first and at no
     cost. Loops that barely saturate also have long flat valleys, in which a mean over gaps has no
-    meaning. Therefore, the other parameters are searched again, outward from the reference gap,
-    from the result of the neighbouring gap and from the own set. The neighbour's result is
+    meaning. Therefore, the other parameters are searched again, outward from the reference gap.
+    Each gap starts from the result of its neighbour and from its own set. The neighbour's result is
     preferred unless it costs more.
     """
     moved_sets = move_to_one_gauge(free_state.sets, bench.searched_names, bench.run.form.power)
@@ -99,7 +99,7 @@ def _search_from_neighbour(
 def reductions(
     bench: PaperSearch, free_state: SearchState, last: str | None = None
 ) -> Iterator[tuple[SearchState, ReductionStep]]:
-    """Fix one parameter after another until one is left; yield each state and step."""
+    """Make one parameter after another equal at all gaps until one varies; yield each step."""
     state = move_to_common_gauge(bench, free_state)
     while len(state.varying) > 1:
         trials = {name: _try_freezing(bench, state, name) for name in state.varying if name != last}

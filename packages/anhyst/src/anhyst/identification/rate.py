@@ -1,10 +1,10 @@
 """Fit the eddy currents of solid iron, as a number of layers, to loops of several speeds.
 
 The static model comes from the slow loops and is fixed, because layers do not change static
-behaviour. Three parameters are fitted to the fast loops: ``gamma``, the share of the surface, and
-the share of sheets. Withheld speeds (or gaps, with a single fast speed) decide whether there is a
-rate dependence. The fit decides on the number of layers: from two layers on, the number of
-parameters is the same (docs/rate.md).
+behaviour. Three parameters are fitted to the fast loops: ``gamma``, the surface layer's fraction of
+the cross-section, and the laminated fraction of the path. Withheld speeds (or gaps, with a single
+fast speed) decide whether there is a rate dependence. The fit decides on the number of layers: from
+two layers on, the number of parameters is the same (docs/rate.md).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MAX_ERROR_RATIO = 0.9
 """Largest error, relative to the static model or to fewer layers, with which layers are accepted.
 """
 
-MAX_SAMPLES_PER_LOOP = 120  # samples of a loop that are fitted, at most
+MAX_SAMPLES_PER_LOOP = 120  # maximum number of fitted samples per loop
 
 CYCLE_TOLERANCE = 1e-6
 MAX_CYCLES = 40
@@ -41,7 +41,7 @@ GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)
 """Initial values of ``gamma``, relative to the value whose eddy-current field at the fastest rate
 equals the drive."""
 
-START_LAMINATED_SHARE = 0.2  # initial laminated share of the path
+START_LAMINATED_SHARE = 0.2  # initial laminated fraction of the path
 
 MIN_RATE_EFFECT_RATIO = 0.3
 """Rms rate effect in the slow loops, relative to the static residual, above which the effect is
@@ -55,7 +55,7 @@ class RateFit:
     """Result of fitting the rate dependence to fast loops."""
 
     model: Model  # the model with layers or a lag; unchanged if they do not help
-    reason: str  # a sentence
+    reason: str  # reason, as a sentence
     log_gamma_std: float = 0.0  # standard deviation of ln(gamma)
     error: float = (
         np.inf
@@ -83,7 +83,7 @@ class RateFit:
 
 @dataclass(frozen=True)
 class _RateParameters:
-    """The fitted parameters, and the number of layers."""
+    """The fitted parameters of the rate dependence, and the number of layers."""
 
     count: int  # number of layers
     theta: tuple[float, ...]  # ``ln(gamma)`` and, with several layers, the logits of both shares
@@ -95,7 +95,7 @@ class _RateParameters:
 
     @property
     def shares(self) -> tuple[float, float]:
-        """Share of the section at the surface, and laminated share of the path."""
+        """Fraction of the section in the surface layer, and laminated fraction of the path."""
         if self.count == 1:
             return 1.0, 0.0
         surface, laminated = 0.5 + 0.5 * np.tanh(0.5 * np.array(self.theta[1:]))
@@ -253,7 +253,7 @@ def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = 
         if is_better:
             best_error, chosen = error, (rate, std)
         elif chosen is not None and count > 2:
-            break  # more layers would be finer still
+            break  # more layers would only be a finer discretisation
     static_text = f"{100.0 * static_error:.2g} % of the largest output"
     if chosen is None:
         return RateFit(

@@ -16,8 +16,8 @@ from anhyst.identification.model_building import is_scheduled_over_gap
 from anhyst.model.schema import CHOSEN, CandidateFit
 
 _MIN_OFFER_RATIO = 1.5
-"""Ratio of rms residuals to a map that cannot be compiled, above which the text suggests that map.
-"""
+"""Ratio of the rms residuals of the selected map and of one that cannot be compiled, above which
+the text suggests the other."""
 
 
 def list_candidates(
@@ -154,7 +154,7 @@ def _offer_free_map(comparison: CandidateComparison, best: ModelCandidate, loops
 
 
 def _schedule_plural(loopset: Loops) -> str:
-    """Return the plural name of the values of the schedule."""
+    """Return the plural name of the scheduling variable's values."""
     if loopset.schedule is None or is_scheduled_over_gap(loopset):
         return "gaps"
     return f"values of the {loopset.schedule.name}"

@@ -31,14 +31,14 @@ PARAMETER_NAMES = ("kappa", "c", *CIRCUIT_NAMES)
 """Gauge-free parameters of a Jiles-Atherton law at one gap, in the same order."""
 
 _DERIVATIVE_COUNT = 5  # kappa, c, omega, scale, in_0; derivatives computed by the core
-_START_DERIVATIVE = 5  # one more derivative: by the state at the start of a steady-state cycle
+_START_DERIVATIVE = 5  # index of the derivative with respect to a cycle's start state
 _CLOSED_TOLERANCE = 1e-10
 _NEARLY_CLOSED_TOLERANCE = 1e-5
 _MAX_PASSES = 80
 MAX_FLATNESS = 0.95
 _PASSES_PER_EXTRAPOLATION = 4  # passes before each extrapolation to the steady state
 _MAX_FIELD = 1e3  # effective field, in units of a, above that of any loop
-_MAX_MAGNETISATION = 1.0 - 1e-6  # magnetisation below which the effective field is within that limit
+_MAX_MAGNETISATION = 1.0 - 1e-6  # magnetisation below which x is within _MAX_FIELD
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class ParameterSet:
 
     @property
     def kappa(self) -> float:
-        """Pinning over shape, k/a, of a Jiles-Atherton law."""
+        """Ratio k/a of pinning and shape parameter of a Jiles-Atherton law."""
         return self.law[0]
 
     @property
@@ -122,7 +122,7 @@ def require_slope(sets: Sequence[ParameterSet]) -> None:
 
 
 class Responder:
-    """Simulates drives, and starts steady-state cycles from their last known start."""
+    """Simulator of drives; it starts steady-state cycles from their last known start state."""
 
     def __init__(self) -> None:
         self._starts: dict[int, FloatArray] = {}
@@ -284,7 +284,7 @@ def history_inputs(sets: Sequence[ParameterSet], past: InputHistory) -> tuple[Fl
 
 
 class _SolverInputs:
-    """Inputs of the solver for a drive, with derivatives by kappa, c, omega, scale, in_0."""
+    """Solver inputs for a drive, with derivatives with respect to kappa, c, omega, scale, in_0."""
 
     def __init__(
         self, form: ResponseForm, parameter_set: ParameterSet, drive: FloatArray, directions: int
@@ -362,7 +362,7 @@ def _make_admissible(
         anhysteretic, slope = _langevin(x)
         mismatch = x + omega * ((1.0 - c) * y + c * anhysteretic) - r
         x -= mismatch / (1.0 + omega * c * slope)
-    x = min(max(x, -_MAX_FIELD), _MAX_FIELD)  # y of other parameters can make x arbitrarily large
+    x = min(max(x, -_MAX_FIELD), _MAX_FIELD)  # y of other parameters could make x arbitrarily large
     p = x + play_offset
     anhysteretic, _ = _langevin(p)
     max_distance = kappa / 3.0
@@ -375,7 +375,7 @@ def _make_admissible(
 
 
 def _extrapolate_cycle(state: FloatArray, cycle_ends: list[float]) -> FloatArray:
-    """Extrapolate the last three ends of passes: small loops need hundreds of passes to settle."""
+    """Extrapolate the states after the last three passes: small loops need hundreds of passes."""
     first_step, second_step = cycle_ends[-2] - cycle_ends[-3], cycle_ends[-1] - cycle_ends[-2]
     if abs(second_step) >= abs(first_step):
         return state

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from anhyst.identification.default_search import FoundModel
 
-MAX_SEARCH_SAMPLES = 400  # samples per loop in a search, at most
+MAX_SEARCH_SAMPLES = 400  # maximum number of samples per loop in a search
 
 Stage = TypeVar("Stage")
 
@@ -58,7 +58,7 @@ class SearchRun:
     only_cells: bool = False  # whether only play cells may be selected
     dead_band: bool = True  # whether a dead band is fitted
     total_stages: int = 1  # expected number of stages
-    progress: Progress | None = None  # called with the number of stages done and the total
+    progress: Progress | None = None  # gets the number of finished stages and the total
     # file that stores finished stages until the run ends without an error; None: no file
     checkpoint: Path | None = None
     resumed_stages: int = 0  # number of stages taken from the checkpoint
@@ -97,7 +97,7 @@ class SearchRun:
         return self.step("search", lambda: cast("Stage", self._stored_stages[name]))
 
     def timed(self, kind: str, work: Callable[[], Stage]) -> Stage:
-        """Perform a part of a stage and add its processor time to its kind."""
+        """Perform one part of a stage, and add its processor time to the total of its kind."""
         start = time.process_time()
         result = work()
         self.cpu_times[kind] = self.cpu_times.get(kind, 0.0) + time.process_time() - start

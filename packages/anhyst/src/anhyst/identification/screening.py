@@ -1,11 +1,11 @@
 """Generate start parameters for a search, and select those with the smallest residual.
 
-For a Jiles-Atherton law, many parameter sets are simulated at one gap by the batch of the core.
-Offset and gain of the output follow by linear regression, so that only pinning, reversibility,
-interaction and the input scale are sampled. For play cells, normalised parameters are sampled: the
-drive relative to the width of the curve, pinning and its spread, the reversible part, and the share
-of the drive across the iron. Scale, gain and the gap-dependent parameters then follow in closed
-form from the largest output at every gap.
+For a Jiles-Atherton law, the core simulates many parameter sets at one gap in one batch. Offset and
+gain of the output follow by linear regression, so that only pinning, reversibility, interaction and
+the input scale are sampled. For play cells, normalised parameters are sampled: the drive relative
+to the width of the curve, pinning and its spread, the reversible part, and the fraction of the
+drive across the iron. Scale, gain and the gap-dependent parameters then follow in closed form from
+the largest output at every gap.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ _MAX_BIAS_RATIO = 1.5  # largest sampled input offset, relative to the largest i
 _MIN_SIDE_RATIO = 0.3
 """Smallest ratio of the smaller to the larger side of a bipolar input."""
 
-_SCREENING_SAMPLES = 64  # samples per loop in the screening, at most
+_SCREENING_SAMPLES = 64  # maximum number of samples per loop in the screening
 
 
 def batch_instruction_set() -> str:
-    """Return the instruction set of the batch: the processor's best, or the environment's."""
+    """Return the instruction set of the batch: the best, or that of the environment variable."""
     levels = batch_levels()
     level = os.environ.get(LEVEL_VARIABLE)
     if level is None:
@@ -248,20 +248,20 @@ _REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # share of the reversible part, relative 
 _REVERSIBLE_WIDTH_RANGE = (0.3, 6.0)
 _SHARE_RANGE = (0.1, 1.5)
 _WIDTH_RANGE = (0.2, 8.0)
-"""Share and width of a further population, relative to the first."""
+"""Ranges of share and width of a further population, relative to the first."""
 
 _IRON_DRIVE_SHARE_WITH_GAP = (0.02, 0.9)
 _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.3, 4.0)
-"""Share of the drive across the iron, with a gap and without one. Without a gap, interaction may
-increase the field."""
+"""Ranges of the fraction of the drive across the iron, with a gap and without one. Without a gap,
+interaction may increase the field."""
 
-_MAX_INTERACTION = 0.8  # largest interaction, relative to the one at which M jumps
+_MAX_INTERACTION = 0.8  # largest interaction, relative to the value at which M jumps
 
 _CURVE_SAMPLES = 200
 
 
 class CellStart(NamedTuple):
-    """Law parameters, largest effective field in their units, part of the drive across the iron."""
+    """Start point: law parameters, largest effective field, part of the drive across the iron."""
 
     law: tuple[float, ...]
     max_field: float
@@ -289,7 +289,7 @@ def sample_cell_starts(kernel: CellKernel, count: int, seed: int, has_gap: bool)
 
 
 def scale_to_loops(space: CoordinateSpace, start: CellStart) -> list[ParameterSet]:
-    """Return sets at each gap that pass through the largest output there."""
+    """Return a parameter set for each gap whose curve passes through the largest output there."""
     form = space.form
     field = np.linspace(0.0, 3.0 * start.max_field, _CURVE_SAMPLES)
     assert space.form.cells is not None

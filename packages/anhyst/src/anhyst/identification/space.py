@@ -118,7 +118,7 @@ class CoordinateSpace:
 
     @cached_property
     def _coordinate_kinds(self) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-        """Indices of logarithms and of inverse hyperbolic sines; units of all coordinates."""
+        """Indices of logarithmic and of inverse hyperbolic sine coordinates; units of all."""
         kinds = np.array([self.fit_parameters[name].coordinate for name, _ in self.entries])
         units = np.array([self.unit(name) for name, _ in self.entries])
         return np.flatnonzero(kinds == "log"), np.flatnonzero(kinds == "asinh"), units

@@ -1,6 +1,6 @@
 """Estimate the uncertainty of fitted parameters, and decide which sensor offsets the data require.
 
-Every law has a model error, and a fitted offset can hide a part of it. The offset then means a
+Every law has a model error, and a fitted offset can hide a part of it. The offset then represents a
 force that does not exist. Therefore, an offset is fitted only if it reduces the cost by more than
 chance and by more than a usual sensor offset would cost. Residuals that are correlated along a
 record or equal in all loops count once.
@@ -35,7 +35,7 @@ from anhyst.support.units import MU_0
 _MAX_RELATIVE_STD = 0.2
 
 _MAX_NAMED_PARAMETERS = 6
-"""Maximum number of uncertain parameters that are named. Many are meaningful only together."""
+"""Maximum number of uncertain parameters that are named. Many are meaningful only as a set."""
 
 _MAX_SEPARABLE_CORRELATION = 0.95
 """Correlation above which two parameters are not separable."""
@@ -194,8 +194,8 @@ _CONTRADICTION_SIGMAS = 4.0
 
 _MAX_REST_READING_COST_RATIO = 2.0
 """A reading at rest replaces a contradicting fitted offset unless it increases the mean square
-residual by more than this factor. The model error that an offset can hide raised it by 1.4 (three
-gaps, 2 mA of noise)."""
+residual by more than this factor. A model error that an offset can hide increased it by the factor
+of 1.4 (three gaps, 2 mA of noise)."""
 
 _NEGLIGIBLE_COST = 1e-20
 """Mean square residual, relative to the largest output squared, below which fits are equal."""
@@ -206,7 +206,7 @@ def remove_unneeded_offsets(
 ) -> FoundModel:
     """Fix the offsets at the sensor readings at rest, except offsets that the data require.
 
-    Offsets that differ between gaps are not sensor offsets, and stay free.
+    Offsets that differ between gaps are not sensor offsets. They are not removed.
     """
     free_offsets = sorted(name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None)
     if not free_offsets:
@@ -238,7 +238,7 @@ def remove_unneeded_offsets(
         attempts[names] = score(cost, space, theta[coordinates]), space, theta[coordinates]
     _, space, start = min(attempts.values(), key=lambda attempt: attempt[0])
     full_score = score(fit.cost, fit.space, fit.theta)
-    # For any values of the remaining offsets, the reduced fit is rejected above this cost.
+    # For any values of the remaining offsets, a reduced fit with a higher cost is rejected.
     remaining_offsets = sum(name in OFFSET_NAMES for name, _ in space.entries)
     goal_cost = math.exp(
         full_score / independent_samples
@@ -340,12 +340,12 @@ _MAX_DEVIATION_RATIO = 2.0
 """Largest allowed deviation between two maps midway between gaps, relative to the sum of their
 errors at withheld gaps."""
 _MAX_SIMPLER_ERROR_RATIO = 3.0
-"""Cross-validation error relative to a map, up to which a simpler map is evidence against that map.
-"""
+"""Largest cross-validation error of a simpler map, relative to that of another map, with which the
+simpler map is evidence against the other."""
 
 
 def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
-    """Return the largest mean deviation of two models midway between gaps, per full scale."""
+    """Return the largest mean deviation of two models midway between gaps, in full scales."""
     groups = loopset.by_schedule()
     deviations = []
     for low, high in pairwise(sorted(groups)):
