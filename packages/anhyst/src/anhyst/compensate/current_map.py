@@ -1,4 +1,4 @@
-"""Fit maps of the current over force and gap, without memory or with one play operator.
+"""Fit maps from force and gap to current, without memory or with one play operator.
 
 Single-valued maps are a constant ratio, a linearisation, a secant, or the best curve for the
 measured loops. The map with one play operator is the simplest law with hysteresis::
@@ -49,7 +49,7 @@ from anhyst.support.numeric import FloatArray, to_factor, to_q31
 
 @dataclass(frozen=True)
 class CurrentMap:
-    """Current over force and gap without memory."""
+    """Map from force and gap to current without memory."""
 
     # current, A, on a regular grid of gaps and of forces up to full scale; it increases with the
     # force. For fixed point both dimensions are 2^n + 1; shape (g, f)
@@ -93,7 +93,7 @@ def table_words(values: FloatArray, unit: float, name: str) -> NDArray[np.int16]
 
 
 def fit_single_valued_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Return the best single-valued current."""
+    """Return the best single-valued map for the measured loops."""
     return make_current_map(sources.surface().current, sources.operating, {})
 
 
@@ -111,17 +111,17 @@ def make_current_map(
 
 
 def fit_ratio_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Fit a constant force-current ratio around the operating point."""
+    """Fit a constant ratio of force to current around the operating point."""
     return _fit_tangent_map(sources, fit_line)
 
 
 def fit_linearised_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Fit force-current factor and stiffness around the operating point."""
+    """Fit the force-current factor and the stiffness around the operating point."""
     return _fit_tangent_map(sources, fit_plane, "k_s_N_per_m")
 
 
 def fit_secant_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Return a map with the ratio of force and current at the operating point, through the origin."""
+    """Return a map through the origin with the ratio of force to current at the operating point."""
     return _fit_tangent_map(sources, _fit_secant)
 
 
@@ -136,7 +136,7 @@ def _fit_tangent_map(
     fit: Callable[[Surface, float, float, float], Tangent],
     stiffness_name: str | None = None,
 ) -> CurrentMap:
-    """Return the map of a tangent, with the constants of the tangent."""
+    """Return the map of a tangent, with the constants of this tangent."""
     surface, operating = sources.surface(), sources.operating
     tangent = fit(surface, operating.force, operating.gap, operating.force_max)
     force = surface.force[[0, -1]] - operating.force
@@ -199,7 +199,7 @@ _MAX_WORD = 2.0**15 - 1.0
 
 @dataclass(frozen=True)
 class PlayMap:
-    """Current over force and gap with one play operator."""
+    """Map from force and gap to current with one play operator."""
 
     map: CurrentMap  # map without memory
     # half the width of the loop on the same grid, A; its change along the force is at most that of
@@ -253,7 +253,7 @@ class PlayMap:
         return pack_play(number_format, words, tables, model_hash)
 
     def widened(self, fraction: float) -> PlayMap:
-        """Return the map with loops that are wider by a fraction."""
+        """Return the map with loops whose width is increased by a fraction."""
         entry_steps = (1.0 - 1e-6) * np.diff(self.map.entries)
         half_width = limit_slope((1.0 + fraction) * self.half_width, entry_steps)
         return replace(self, half_width=half_width, radius=(1.0 + fraction) * self.radius)
@@ -375,7 +375,7 @@ class ConstantRatio(Memoryless):
     """Current proportional to the force: the paper's uncompensated case."""
 
     gaps: FloatArray  # gaps, m; shape (g,)
-    ratio: FloatArray  # N/A; one value if it does not depend on the gap; shape (g,)
+    ratio: FloatArray  # N/A; a single value if independent of the gap; shape (g,)
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Return the currents for forces, A, shape (n,)."""

@@ -42,9 +42,9 @@ MAX_Q8 = 32767 / 256
 class NormalisedLaw:
     """Parameters of the law in units of the shape field, and coefficients of the current."""
 
-    a: float  # shape field of the anhysteretic curve, A/m; the unit of all fields
+    a: float  # shape field ``a`` of the anhysteretic curve, A/m; the unit of all fields
     kappa: float  # pinning field ``k/a``
-    c: float  # reversible fraction
+    c: float  # reversible fraction of the magnetisation
     dead_band: float  # half-width ``r_d/a`` of the dead band
     # ``h = a/((1-alpha)*M_s)``: flux, relative to that of saturated iron, for a field ``x = 1``
     air_flux: float
@@ -89,8 +89,8 @@ def _max_field_on_ascending_branch(
 ) -> float:
     """Return the largest field on the ascending branch, where the magnetisation is lowest.
 
-    For each drive, the remaining drive decreases with the field. The last drive with a positive
-    remainder gives the largest field.
+    At each gap, the required drive increases with the field. At the largest field, it equals the
+    largest drive at one gap and exceeds it at all others.
     """
     if drive.size == 0:
         return 0.0
@@ -123,9 +123,9 @@ class FullTables:
 
     max_field: float  # largest field of the tables
     curve: FloatArray  # anhysteretic curve over fields from 0 to the largest; shape (2**n + 1,)
-    # ascending branch of a fully pinned iron, over fields of both signs; shape (2**(n + 1) + 1,)
+    # ascending branch of a fully pinned iron, for fields of both signs; shape (2**(n + 1) + 1,)
     branch: FloatArray
-    inverse: FloatArray  # field over the anhysteretic curve from 0 to 1; shape (2**m + 1,)
+    inverse: FloatArray  # field for anhysteretic magnetisations from 0 to 1; shape (2**m + 1,)
 
 
 def make_full_law(frame: BlockFrame) -> LawTables:

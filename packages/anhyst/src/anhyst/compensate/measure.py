@@ -1,8 +1,8 @@
-"""Measure the error of a compensator, part by part, with the exact model.
+"""Measure each contribution to the error of a compensator with the exact model.
 
-Each part of the error is measured alone, while everything else is exact. The currents of the
-compensator are applied to the exact model in double precision. The error is the model's output
-minus the demand.
+Each contribution is measured alone, while everything else is exact. The currents of the compensator
+are applied to the exact model in double precision. The error is the model's output minus the
+demand.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 LOSS_PERIOD_TICKS = 4
-"""On the path with losses, the amplifier deviates from the demanded current in one of this number
-of ticks."""
+"""On the path with losses, the amplifier deviates from the demanded current once in this number of
+ticks."""
 
 LOSS_SEED = 3
 
@@ -44,7 +44,7 @@ class PathRun:
 
 @dataclass(frozen=True, slots=True)
 class OutputDeviation:
-    """Worst and root-mean-square deviation of the output, in its unit, and the path of the worst."""
+    """Worst and root-mean-square deviation of the output, in its unit, and the worst path."""
 
     worst: float
     rms: float
@@ -58,7 +58,7 @@ def run_twin(model: Model, block: Block, io: SignalFormat, path: DemandPath) -> 
 
 
 def run_with_losses(model: Model, block: Block, io: SignalFormat, path: DemandPath) -> PathRun:
-    """Run a compensator whose amplifier deviates in some ticks; otherwise as `run_twin`."""
+    """Do the same as `run_twin` with an amplifier that deviates from the demand in some ticks."""
     size = path.demand.size
     is_evaluated = np.arange(size) % LOSS_PERIOD_TICKS != LOSS_PERIOD_TICKS - 1
     loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
@@ -195,7 +195,7 @@ BUDGET_SEED = 2
 BUDGET_PATH_LENGTH = 4
 
 CROSSING_TIME_S = 0.5
-"""Time in which demand and gap cross their ranges, for the part 'sample rate'."""
+"""Time in which demand and gap cross their ranges when the error 'sample rate' is measured."""
 
 MAX_CROSSING_TICKS = 400
 """Maximum number of simulated ticks of a crossing. At higher sample rates the error is scaled down
@@ -206,16 +206,16 @@ in proportion."""
 class BudgetPart:
     """One row of the budget, in units of the output."""
 
-    name: str  # identifier
+    name: str  # identifier of the row
     title: str
     worst: float | None  # errors; None if there is nothing to measure
     rms: float | None
-    note: str  # what was switched on, and the path of the worst error
+    note: str  # active error sources, and the path of the worst error
 
 
 @dataclass(frozen=True)
 class CompensatorTrial:
-    """Measures the parts of the budget of a compensator; shared results are calculated once."""
+    """Measures all rows of a compensator's error budget; shared results are calculated once."""
 
     builder: BlockBuilder
     sizes: TableSizes
@@ -322,7 +322,7 @@ class CompensatorTrial:
         demand = output_range.demand(0.05 + 0.9 * np.roll(wave, ticks // 2), gap, above_remanence=True)
         error = ticks / crossing * _delayed_error(builder.model, demand, gap)[2 * ticks :]
         note = (
-            f"{rate:g} Hz: a current at the end of its hold after one tick of delay, while demand and "
+            f"{rate:g} Hz: each current acts for one tick after one tick of delay, while demand and "
             f"gap cross their ranges in {CROSSING_TIME_S:g} s; proportional to their speed"
         )
         deviation = summarise_errors([("sample_rate", error)])
@@ -363,7 +363,7 @@ class CompensatorTrial:
 def _make_part(
     name: str, title: str, deviation: OutputDeviation, runs: Sequence[tuple[PathRun, FloatArray]]
 ) -> BudgetPart:
-    """Return the part of some runs, with the path of the worst error in its note."""
+    """Return the budget row of some runs, with the path of the worst error in its note."""
     worst_path = next(run.path.title for run, _ in runs if run.path.name == deviation.path)
     return BudgetPart(name, title, deviation.worst, deviation.rms, f"worst in {worst_path}")
 
@@ -372,8 +372,8 @@ def _delayed_error(model: Model, demand: FloatArray, gap: FloatArray) -> FloatAr
     """Return output minus demand if each current is applied two ticks late, at the later gap.
 
     The hysteresis state is updated at the ticks only. Between ticks, the gap moves under a constant
-    current that then jumps. Real iron returns from such ripples. The law of the model drifts along
-    them at any sample rate, and this drift is not a sampling error.
+    current that then jumps. Real iron returns to its state after such ripples. The law of the model
+    drifts along them at any sample rate, and this drift is not a sampling error.
     """
     iron, state = model.iron_at(float(gap[0])), np.zeros(model.operator_law.states)
     circuit = model.circuit(gap, np.zeros(gap.size))

@@ -2,9 +2,9 @@
 
 A Jiles-Atherton law accommodates with the travel of the field. Any difference between compiled law
 and model then accumulates: even table errors under a vibrating gap are enough. The simulation holds
-a demand while the gap vibrates or walks, or while the sensors are noisy. At each return of demand
-and gap to their home values, it compares the output with that of the first return. The change due
-to the first movement is not drift; the accuracy budget includes it.
+a demand while the gap vibrates or walks randomly, or while the sensors are noisy. At each return of
+demand and gap to their nominal values, it compares the output with that of the first return. The
+change due to the first movement is not drift; the accuracy budget includes it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MAX_SIMULATED_RATE_HZ = 20_000.0
 """Maximum simulated sample rate. A faster controller divides the same movements more finely."""
 
 RETURN_PERIOD_S = 0.01
-"""Period after which gap and demand return exactly to the home values: a vibration of 100 Hz."""
+"""Period after which gap and demand return exactly to nominal values: a vibration of 100 Hz."""
 
 MIN_RETURN_TICKS = 16
 """Minimum number of ticks of a return period. A slow controller gets a slower vibration."""
@@ -63,13 +63,13 @@ Without this detour, one ramp up has twice as many ticks."""
 _STATE_TOLERANCE = 1e-12
 
 Movement = Callable[[np.random.Generator, int], tuple[FloatArray, FloatArray]]
-"""Returns the changes of demand and gap from home during one return, as fractions of their ranges.
+"""Changes of demand and gap from their nominal values in one period, as fractions of their ranges.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class HeldDemand:
-    """One demand that was held."""
+    """Result for one held demand."""
 
     title: str  # description of the movement
     demand: float  # held demand, in units of the output

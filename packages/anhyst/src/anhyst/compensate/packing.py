@@ -112,7 +112,7 @@ class Packer:
         self._head[WORD_INDEX_OF_KIND[self.kind][name]] = value
 
     def put_number(self, name: str, value: float, key: str, min_word: int = -32767) -> None:
-        """Set a word to a number of at least `min_word`; messages contain `key`."""
+        """Set a word to a number, but at least to `min_word`; messages contain `key`."""
         index = WORD_INDEX_OF_KIND[self.kind][name]
         code_of_one = CODE_OF_ONE[WORD_FORMATS[self.kind, name]]
         self._head[index] = max(as_word(value, code_of_one, key), min_word) if self.is_fixed else value
@@ -203,7 +203,7 @@ def _add_checksum(words: NDArray[Any]) -> WordArray:
 class LawTables:
     """Tables that a law adds to a block."""
 
-    # bias, and coefficients for a flux and for a field of 1, at each gap; shape (n,)
+    # bias, and coefficients of flux and field, at each gap; shape (n,)
     coefficients: tuple[FloatArray, FloatArray, FloatArray]
     pack: Callable[[Packer], None]  # sets words and tables
     offset: FloatArray | None = None  # output at zero flux at each gap; None: that of the model
@@ -230,7 +230,7 @@ class BlockFrame:
         return current_coefficients(self.model, self.gaps)
 
     def layer_fields(self, layers: Layers) -> tuple[float, float]:
-        """Return the field in a layer for a flux of 1, A/m: by its change in a tick, and by itself.
+        """Return the field in a layer, A/m: for a flux change of 1 in a tick, and for a flux of 1.
 
         A tick is one implicit step of the diffusion equation. As in :func:`current_coefficients`,
         ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)`` in a layer.
@@ -296,7 +296,7 @@ class BlockFrame:
         field_coefficient: FloatArray,
         lag_coefficient: FloatArray | None,
     ) -> None:
-        """Set the coefficients of the current, A for each unit of flux, field and lag."""
+        """Set the coefficients of the current, in A per unit of flux, field and lag."""
         full_scale = self.scales.current
         columns = (
             (bias, flux_coefficient, field_coefficient)

@@ -19,11 +19,11 @@ from anhyst.support.numeric import FloatArray
 
 MAX_OUTPUT_SHARE = 0.98
 """Highest demand, as a fraction of the output range between the smallest and the largest current.
-The rest keeps every demand reachable."""
+The margin above it keeps every demand reachable."""
 
 WALK_STEP = 0.005
-"""Standard deviation of one step of a random walk, as a fraction of the range. It is small, so that
-one stroke between two reversals takes many steps."""
+"""Standard deviation of one step of a random walk, as a fraction of the range. It is so small that
+the walk takes many steps between two reversals."""
 
 RANGE_GAPS = 33
 """Number of gaps at which the reachable output is calculated."""

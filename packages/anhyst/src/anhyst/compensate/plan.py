@@ -1,6 +1,6 @@
 """Plan how a model is compiled: signal scales, limits, table sizes and the start-up sequence.
 
-`make_plan` selects all of them for a model and a `CompileRequest`. The search takes the smallest
+`make_plan` selects all of them for a model and a `CompileRequest`. The search selects the smallest
 tables that keep the requested accuracy.
 """
 
@@ -24,8 +24,8 @@ from anhyst.support.cache import c_name, check_c_name
 from anhyst.support.errors import InputError, NegativeResult
 
 RAMP_TIME_S = 0.25
-"""Duration of one start-up ramp: slow for an amplifier. The number of ticks is limited to 2..32767.
-"""
+"""Duration of one start-up ramp, which is slow for an amplifier. The number of ticks is limited to
+2..32767."""
 
 MAX_CYCLES = 16
 MAX_REMAINING_SHARE = 0.1
@@ -39,7 +39,7 @@ RAMP_SAMPLES = 60
 """Number of samples of a ramp in the simulation. The model is exact at any sampling."""
 
 START_REVERSALS = (-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0)
-"""Last currents before the start-up, relative to the largest current, of the tested histories."""
+"""Last currents of the tested histories before the start-up, relative to the largest current."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,9 +157,9 @@ class Plan:
     sizes: TableSizes  # sizes of tables and number of iterations
     block: Block  # parameter block
     static_block: Block  # block without eddy-current lag; the same block if the model has none
-    start_up: StartUp  # the start-up sequence
+    start_up: StartUp  # start-up sequence, and the difference that remains after it
     search_result: BlockSearchResult  # errors of all tested table sizes
-    reference_output: float  # 100 % of all relative errors; see :func:`reference_output`
+    reference_output: float  # output that is 100 % in relative errors; see :func:`reference_output`
     allowance: float  # largest deviation due to formats and tables, in units of the output
 
 
@@ -170,7 +170,7 @@ def round_full_scale(largest: float) -> float:
     (300.0, 4.0, 0.12)
     """
     decade = 10.0 ** np.floor(np.log10(largest))
-    # The value 1.0 itself has no code.
+    # No code represents the value 1.0 itself.
     mantissa = next(
         candidate for candidate in ROUND_MANTISSAS if candidate * decade > largest * (1.0 + 2.0**-15)
     )
@@ -270,7 +270,7 @@ def find_limits(model: Model) -> DemandLimits:
 
 
 def _largest_demand_word(model: Model, limits: DemandLimits) -> float:
-    """Return the largest magnitude of a demand or of its distance from the output at zero flux."""
+    """Return the largest magnitude of a demand, or of a demand minus the output at zero flux."""
     largest_demand_value = largest_demand(limits)
     if output_map(model.output).has_natural_zero:
         return largest_demand_value

@@ -1,7 +1,7 @@
 """Search for the smallest tables that keep the requested accuracy.
 
 The search measures the error of each table size alone, with all other sizes fine. Then it tests
-combinations in the order of their memory, and takes the first one whose total error is small
+combinations in the order of their memory, and selects the first one whose total error is small
 enough.
 """
 
@@ -33,8 +33,8 @@ TARGET_ALLOWANCE_RATIO = 0.9
 measured on other paths."""
 
 MAX_CONVERGED_RATIO = 1.05
-"""The number of iterations is sufficient if the worst error is at most this factor above that of
-many iterations."""
+"""The number of iterations is sufficient if the worst error is at most this factor times the error
+with many iterations."""
 
 SEARCH_PATH_LENGTH = 2
 """Length of the paths of the search, relative to the standard paths."""
@@ -50,7 +50,7 @@ MAX_GAP_ERROR_SHARE = 0.1
 fraction of the error of the law itself."""
 
 MAX_KNEE_SHARE = 0.1
-"""Fraction of the accuracy that the linear start of the square root may use."""
+"""Fraction of the accuracy that the linear segment of the square root near zero may use."""
 
 GAP_SEGMENT_RANGE = range(7)
 CLOSED_FORM_SIZES = {"octaves": range(6, 15), "octave_segments": range(2, 6)}
@@ -104,7 +104,7 @@ class BlockSearch:
         self._fine_cache: dict[int, tuple[list[DemandPath], list[FloatArray]]] = {}
 
     def _select_root_knee(self) -> int:
-        """Return the exponent ``k`` of the flattest start of the square root with a small error.
+        """Return the exponent ``k`` with which the root is flattest at zero and accurate enough.
 
         The error is 2^(-2k)/4 of full scale. A small ``k`` makes the square root flatter at zero.
         """
@@ -134,7 +134,7 @@ class BlockSearch:
         return BlockSearchResult(sizes, best_error, axes)
 
     def _select_iterations(self, sizes: TableSizes) -> int:
-        """Return one more than the smallest number of iterations that is as good as many."""
+        """Return one more than the smallest number of iterations that is as accurate as many."""
         b = self.builder
         paths = b.output_range.paths(seed=ITERATION_SEED, length=ITERATION_PATH_LENGTH)
 
@@ -146,7 +146,7 @@ class BlockSearch:
         return next((n + 1 for n in ITERATION_RANGE if max_error(n) <= target), FINE_SIZES.iterations)
 
     def _total_error(self, sizes: TableSizes) -> float:
-        """Return the error of some sizes.
+        """Return the total error for some table sizes.
 
         For a simplified law, the result is at least the error of its tables alone, so that the
         error of the law does not hide the error of the tables.
@@ -218,7 +218,7 @@ class BlockSearch:
         return self._fine_cache[gap_segments]
 
     def _candidates(self, axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
-        """Return the promising sizes by increasing memory; otherwise the most accurate sizes."""
+        """Return promising sizes in the order of their memory; otherwise the most accurate ones."""
         finest_table_sizes = replace(FINE_SIZES, root_knee=self.root_knee)
         rows = []
         for choice in product(*axes.values()):

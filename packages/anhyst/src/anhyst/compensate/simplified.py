@@ -49,16 +49,16 @@ noise moved the current of the bundled magnet by up to 1005 of 32,768 codes in 0
 """
 
 MAX_DEAD_BAND_STATE = 2.0**-6
-"""Largest change of the state ``u`` within the dead band. A reversal of that size causes an error
-of this size."""
+"""Largest change of the state ``u`` within the dead band. A flux reversal of the size of the dead
+band causes an error of this size."""
 
 OFFSET_PENALTY = 0.01
 """Relative penalty on the cost for the lowest possible offset. It keeps the offset from jumping
 between gaps where it has little effect."""
 
 MIN_INDEPENDENT_SHARE = 1e-12
-"""Smallest part of a column that is independent of the columns before it, relative to its length. A
-column with less is ignored."""
+"""Smallest part of a column that is independent of the columns before it, relative to the length of
+the column. A column with a smaller part is ignored."""
 
 REWEIGHTING_STEPS = 6
 """Number of reweighting steps from the least-squares fit toward the smallest maximum error."""
@@ -69,9 +69,9 @@ class ClosedForm:
     """Constants of the simplified law."""
 
     rate: float  # distance ``z`` per unit of flux (that of saturated iron)
-    nu: float  # in [0, 1)
+    nu: float  # parameter of eq. 14, in [0, 1)
     gaps: FloatArray  # scheduling variable of the coefficients, SI; shape (g,)
-    bias: FloatArray  # in units of the input; shape (g,)
+    bias: FloatArray  # bias of the current, in units of the input; shape (g,)
     flux_coefficient: FloatArray
     lag_coefficient: FloatArray
     # errors relative to the full model over the fitted demands, in units of the output
@@ -87,7 +87,7 @@ class ClosedForm:
 
 @dataclass(frozen=True)
 class _FitTask:
-    """One demand at one gap: its flux, the current of the full model, and weights in N/A."""
+    """One demand at one gap: its flux, the full model's current, and weights in N/A."""
 
     demand: FloatArray
     flux: FloatArray

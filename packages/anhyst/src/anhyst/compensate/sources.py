@@ -116,12 +116,12 @@ class OperatingRange:
 
 @dataclass(frozen=True)
 class Sources:
-    """Available information about a magnet; each method uses the part that it needs."""
+    """Available information about a magnet; each method uses what it needs."""
 
     operating: OperatingRange  # operating point and limits
     loops: Loops | None = None  # loops, current to force; required by methods without a model
-    model: Model | None = None  # from the same loops; required by methods with a model
-    # required by methods that measure the flux density
+    model: Model | None = None  # model of the same loops; required by methods with a model
+    # Hall probe; required by methods that measure the flux density
     flux_calibration: FluxCalibration | None = None
 
     def surface(self) -> Surface:

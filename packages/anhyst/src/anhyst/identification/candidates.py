@@ -119,7 +119,6 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
         return [*candidates, ModelCandidate("circuit", fixed, rank=2)] if has_offset_variant else candidates
     if gap_map == "free":
         # With all parameters free at each gap, interaction and the shape of the anhysteretic curve
-        # With all parameters free at each gap, interaction and the shape of the anhysteretic curve
         # are barely separable, and interpolated values may be inconsistent. Without interaction,
         # the fit is slightly worse, but may predict much better. The same applies to offsets that
         # differ between gaps.

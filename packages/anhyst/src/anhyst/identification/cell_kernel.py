@@ -55,7 +55,7 @@ class DrivenCells:
     """Demagnetised cells, ready for simulation."""
 
     cells: CellWeights  # thresholds, widths, weights
-    tangents: Tangents  # derivatives of weights, widths and thresholds by law parameters
+    tangents: Tangents  # derivatives with respect to the law's parameters
     table_error: float = EXACT_TABLE_ERROR  # table error, relative to the saturation
 
     @cached_property

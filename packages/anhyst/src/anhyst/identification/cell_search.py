@@ -42,7 +42,7 @@ _STARTS_PER_ROUND = 48  # number of random start points in one round
 _MAX_ROUNDS = 2  # maximum number of rounds with random start points
 _MAX_SHORT_DESCENTS = 12
 _MAX_LONG_DESCENTS = 4
-_MAX_FINAL_DESCENTS = 2  # descents of few steps, of more steps, to convergence
+_MAX_FINAL_DESCENTS = 2  # maximum numbers of short, long and final descents
 _MAX_WEIGHT_STEPS = 8  # maximum number of steps when individual weights are fitted
 
 _FINAL_STOP = (1e-5, 60)

@@ -38,7 +38,7 @@ _BLOCKS_PER_LOOP = {1: 6, 2: 4}
 _CLEAR_SQUARE_RATIO = 1.0 / 9.0
 """Ratio of mean square errors below which a fit that is better at all loops needs no other test."""
 
-_MIN_WITHHELD_ITEMS = 4  # minimum number of gaps, loops or blocks to be better at all
+_MIN_WITHHELD_ITEMS = 4  # minimum number of differences for _CLEAR_SQUARE_RATIO
 EQUAL_ERROR_RATIO = 1.02
 """Ratio of cross-validation errors within which they count as equal."""
 

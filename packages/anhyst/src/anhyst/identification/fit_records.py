@@ -41,7 +41,7 @@ class RestReading:
     offset: float = 0.0
     # standard error of the reading, SI; None if the records do not come to rest
     std: float | None = None
-    # half-width of the 95 % interval, SI (Student's t)
+    # half-width of the 95 % interval by Student's t for the number of readings, SI
     half_width: float = 0.0
 
 

@@ -116,7 +116,7 @@ def _physical_at_gap(
         a = h * saturation * (1.0 - alpha)
     c_out = parameter_set.gain / (MU_0 * saturation * (1.0 - alpha)) ** output_quantity.power
     if abs(c_out - 1.0) < 1e-12:
-        c_out = 1.0  # c_out; 1 except for rounding if flux density is measured
+        c_out = 1.0  # 1 except for rounding if flux density is measured
     return {
         **form.kernel.iron_parameters(saturation, a, parameter_set.law, alpha),
         "rho": rho,

@@ -93,7 +93,7 @@ class EvolutionStrategy:
         self._mu, self._lambda = parents, children
         size = low.size
         self._tau = 1.0 / np.sqrt(2.0 * np.sqrt(size))  # learning rate of each step size
-        self._tau_common = 1.0 / np.sqrt(2.0 * size)  # learning rate of a factor common to a child
+        self._tau_common = 1.0 / np.sqrt(2.0 * size)  # learning rate of the common factor
         self._x = low + (high - low) * self._random.random((children, size))
         self._sigma = np.tile(_FIRST_STEP * (high - low), (children, 1))
         self.best = self._x[0].copy()
