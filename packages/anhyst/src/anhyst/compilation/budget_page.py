@@ -203,7 +203,7 @@ def make_budget_page(
 
 
 def _parts_table(budget: Budget) -> PageTable:
-    """Return the table of all parts, each switched on alone, and of their sums."""
+    """Return the table of all error contributions, each measured alone, and of their sums."""
     sums = budget.compiled, budget.total, budget.drift
     largest_error = max(part.worst or 0.0 for part in (*budget.parts, *sums))
 

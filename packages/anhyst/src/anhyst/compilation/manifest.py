@@ -210,7 +210,7 @@ REPORT_FILES = ("verify.json", "verify.md")
 
 @dataclass(frozen=True, repr=False)
 class CompiledFolder(Result):
-    """Folder of C that was written."""
+    """Folder of C files that was written."""
 
     out: Path
     manifest: dict[str, Any]

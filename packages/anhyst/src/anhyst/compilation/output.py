@@ -97,7 +97,7 @@ class Compiled(CompiledFolder):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings for the user, one sentence each; usually none."""
+        """Warnings for the user, one sentence each; usually there are none."""
         notes = list(self.left_out)
         page = next(name for name in self.files if name.endswith("budget.html"))
         if not is_within_allowance(self.plan, self.budget):
@@ -126,7 +126,7 @@ class Compiled(CompiledFolder):
         return rows_to_columns(budget_dict(self.budget)["parts"])
 
     def draw(self, ax: Axes) -> None:
-        """Draw the accuracy budget: the error of each part."""
+        """Draw the accuracy budget: the error contribution of each step."""
         budget = self.budget
         parts = [part for part in (*budget.parts, budget.compiled, budget.drift) if part.worst]
         bar_positions = range(len(parts))
@@ -260,7 +260,7 @@ def _plan_within_allowance(
     if controller is not None:
         model = controller.restrict_model(model)
         shares = ALLOWANCE_SHARES[:1] if request.accuracy is None else ALLOWANCE_SHARES
-    total_steps = 2 * len(shares) + 1  # plan and budget for each share; files
+    total_steps = 2 * len(shares) + 1  # two steps per share, and one for the files
     for index, share in enumerate(shares):
         plan = make_plan(model, request, model_hash, share)
         if progress is not None:

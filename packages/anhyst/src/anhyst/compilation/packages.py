@@ -216,7 +216,7 @@ def _edit_file(ecosystem: Ecosystem, path: str, text: str, values: Values) -> st
 
 
 def _edit_guide(text: str) -> str:
-    """Return the drop-in guide without the files that a package has no use for."""
+    """Return the drop-in guide without the files that a package does not need."""
     text = re.sub(r"`anhyst.mk` and `anhyst.cmake` do both\.", "The package does both.", text)
     text = re.sub(
         r"`anhyst.mk` and `anhyst.cmake`( of both\s+folders)?", "the manifests of the packages", text
@@ -227,7 +227,7 @@ def _edit_guide(text: str) -> str:
 
 
 def _package_path(path: str, ecosystem: Ecosystem, name: str) -> str | None:
-    """Return the path in the package of a file of the folder, or None if the package omits it."""
+    """Return the path of a compiled file in the package, or None if the package omits it."""
     part, _, inner_path = path.partition("/")
     if not inner_path:
         part, inner_path = _folder_part(path, name), path
@@ -236,7 +236,7 @@ def _package_path(path: str, ecosystem: Ecosystem, name: str) -> str | None:
 
 
 def _folder_part(file: str, name: str) -> str:
-    """Return the part of the folder that a file without a folder belongs to."""
+    """Return the part of the compiled folder to which a file without a folder belongs."""
     suffix = PurePosixPath(file).suffix
     if file.startswith(f"{name}_") and suffix in {".c", ".h"}:
         return "headers" if suffix == ".h" else "sources"
@@ -273,7 +273,7 @@ def _template_values(files: Mapping[str, str], manifest: Mapping[str, Any], valu
 
 RUST_TYPES = {"q15": "i16", "q31": "i32", "f32": "f32"}
 RUST_REALS = {"q15": "f32", "q31": "f64", "f32": "f32"}
-"""Types in which a code of each format can be written in SI units."""
+"""Rust type of a value in SI units, for each signal format."""
 
 
 def _rust_values(manifest: Mapping[str, Any]) -> dict[str, Any]:

@@ -75,11 +75,11 @@ class StageController:
 
     name: str  # name in C
     rig: str  # name of the rig file
-    sha256: str  # of the rig file
+    sha256: str  # SHA-256 of the rig file
     kind: str  # method from force to current
-    rate: float  # Hz
+    rate: float  # sample rate, Hz
     feedforward_lead: float  # time by which the feedforward leads the setpoint, s
-    free: Sequence[str]  # coordinates
+    free: Sequence[str]  # names of the controlled coordinates
     # tables of TABLE_COMMENTS; `at`: reading of each head for a pose; `pid`: one filter per
     # coordinate
     rows: Mapping[str, FloatArray]
@@ -90,7 +90,7 @@ class StageController:
     force_max: float  # largest force of each magnet, N
     magnets: Sequence[ForceController]  # force controllers, in single precision or in fixed point
     correction: FloatArray | None  # calibration corrections; one row per magnet
-    fixed_controller: FixedController | None = None  # the rest of the controller in fixed point
+    fixed_controller: FixedController | None = None  # other constants, in fixed point
 
     @property
     def distinct_magnets(self) -> list[ForceController]:
@@ -229,7 +229,7 @@ def _real_values(stage: StageController) -> dict[str, object]:
 
 
 def _code_values(stage: StageController, codes: FixedController) -> dict[str, object]:
-    """Return the same values in fixed point."""
+    """Return the values for pose, PIDs and allocation in fixed point."""
     numbers, scales, words = codes.integers, codes.scales, dict(codes.words)
     feedforward = make_feedforward_rows(stage.rows["mass"], stage.rows["weight"], scales)
     words |= dict(zip(("mass", "mass_shift", "weight"), feedforward, strict=True))

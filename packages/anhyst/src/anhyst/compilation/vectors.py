@@ -50,7 +50,7 @@ def make_golden_vectors(plan: Plan) -> list[VectorRow]:
 
 
 def _select_steps(plan: Plan) -> tuple[Step, Step]:
-    """Return solve and commit of a new compensator, in the format of its signals."""
+    """Return the functions solve and commit of a new compensator, in the format of its signals."""
     core = make_core(plan.block)
     if not isinstance(core, FixedCompensator):
         return core.solve, core.commit
@@ -117,10 +117,10 @@ LEVITATION_INPUT_COUNT = 5 + POSITION_MAGNETS
 """Number of input columns. The others are outputs."""
 
 _SUBSTEPS = 4
-_SENSOR_STEPS_PER_RANGE = 4096  # resolution of the position sensor, steps over the possible gaps
+_SENSOR_STEPS_PER_RANGE = 4096  # resolution: number of steps over the possible gaps
 _WAIT_S = 0.01
 _RAMP_S = 0.03  # duration of the force ramps at lift-off and after landing
-_MAX_TICKS = 20_000  # for one run
+_MAX_TICKS = 20_000  # time limit of one run
 _Q31 = 2.0**31
 
 LevitationRow = tuple[int, ...]

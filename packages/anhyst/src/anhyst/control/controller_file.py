@@ -138,7 +138,7 @@ class PairTable(Table):
 
 
 class LiftOffTable(Table):
-    """``[lift_off]``: from the rest position to levitation."""
+    """``[lift_off]``: the transition from the rest position to levitation."""
 
     force_rate_N_per_s: Positive
     detect_m: Positive
@@ -146,7 +146,7 @@ class LiftOffTable(Table):
 
 
 class LandingTable(Table):
-    """``[landing]``: back to the rest position."""
+    """``[landing]``: the return to the rest position."""
 
     speed_m_per_s: Positive
     force_rate_N_per_s: Positive

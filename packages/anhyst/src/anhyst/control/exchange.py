@@ -1,8 +1,8 @@
 """Convert PIDD2 controllers to python-control transfer functions and back.
 
-Between its limits, the controller of the core is linear. With the gains per tick of
-:attr:`Pidd2.per_tick` (P, K, D, E, L; shares s and t of the two filters; weight b) and reference r,
-position p and load l::
+Between its limits, the controller of the core is linear. Its gains per tick
+(:attr:`Pidd2.per_tick`) are P, K (integral), D and E (derivatives) and L (load); s and t are the
+coefficients of the low-passes. With the setpoint weight b, reference r, position p and load l::
 
     first  = s (z - 1)/(z - 1 + s)          second = t (z - 1)/(z - 1 + t) first
     u = (b P + K/(z - 1)) r - (P + K/(z - 1) + D first + E second) p + L l
@@ -71,7 +71,7 @@ def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -
             "give one from the error, or one with " + ", ".join(INPUT_NAMES),
             code="signals-wrong",
         )
-    # cutoff of a low-pass that passes a given share of a step in one tick, Hz
+    # cutoff of a low-pass that passes a given fraction of a step in one tick, Hz
     cutoff, cutoff_2 = (
         -math.log1p(-share) * rate / (2.0 * math.pi) if share < 1.0 - _RELATIVE_ROUNDING else math.inf
         for share in shares
@@ -133,7 +133,7 @@ def _check_time(transfer: TransferFunction, rate: float) -> None:
 def _gains_and_shares(
     numerator: FloatArray, denominator: FloatArray
 ) -> tuple[float, float, float, float, tuple[float, float]]:
-    """Return P, K, D, E and the shares of both filters."""
+    """Return the gains P, K, D and E, and the coefficients of both low-passes."""
     denominator_w = _coefficients_in_w(denominator)
     numerator_w = _coefficients_in_w(numerator)
     if not np.any(denominator_w):
@@ -168,7 +168,7 @@ def _gains_and_shares(
 
 
 def _filter_shares(filters: FloatArray) -> tuple[float, float]:
-    """Return the shares of two filters, the larger first, from (w + s)(w + t)."""
+    """Return the coefficients of two low-passes, the larger first, from (w + s)(w + t)."""
     if len(filters) == 1:
         return 1.0, 1.0
     if len(filters) == 2:
@@ -189,7 +189,7 @@ def _filter_shares(filters: FloatArray) -> tuple[float, float]:
 
 
 def _read_weight(transfer: TransferFunction, p: float, k: float) -> float:
-    """Read the weight of the setpoint from the path of the reference."""
+    """Read the setpoint weight from the transfer function of the reference."""
     above = _coefficients_in_w(transfer.num[0][0])
     below = _coefficients_in_w(transfer.den[0][0])
     order = 1 if k == 0.0 else 2

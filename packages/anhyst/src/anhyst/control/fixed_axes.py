@@ -65,7 +65,7 @@ class FixedScales:
         return {key: np.asarray(value).tolist() for key, value in vars(self).items()}
 
     def gaps(self, gap: FloatArray) -> FloatArray:
-        """Return codes of gaps."""
+        """Return the codes of gaps."""
         span = self.gap_high - self.gap_low
         return signal_codes(np.clip(gap - self.gap_low, 0.0, span), span)
 
@@ -80,7 +80,7 @@ class FixedController:
     head_rows: FloatArray  # reading of each head for a pose; one row per head
 
     def make_core(self, magnets: Sequence[CoreForceController], flux: float) -> FixedAxes:
-        """Return the core's controller for some force controllers; `flux`: their full scale, T."""
+        """Return the core's controller for some force controllers; `flux`: full-scale flux, T."""
         scales = {key: value for key, value in self.scales.as_dict().items() if key in _CORE_SCALES}
         full = scales | {"at": self.head_rows.ravel().tolist(), "flux": flux}
         return FixedAxes(list(magnets), self.words, self.integers, full)
@@ -137,7 +137,7 @@ def make_fixed_controller(
         raise _range_error("small", "control.lift_m_per_s")
     ends = ("low", "high", "step")
     low, high, step = (to_q31(settings[f"current_{end}"] / scales.current) for end in ends)
-    high = low + (high - low) // step * step  # the last current of the converter's grid
+    high = low + (high - low) // step * step  # last current on the converter's grid
     numbers |= {"current_low": low, "current_high": high, "current_step": step}
     numbers |= {"heads": heads, "follow": to_q31(settings["follow"])}
     numbers |= {key: to_q31(settings[key] / scales.current) for key in ("slew", "off")}
@@ -150,7 +150,7 @@ def make_fixed_controller(
 def make_feedforward_rows(
     mass: FloatArray, weight: FloatArray, scales: FixedScales
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the rows from accelerations to a wrench, their shifts, and codes of the weight."""
+    """Return matrix rows from accelerations to a wrench, their shifts, and codes of the weight."""
     words = _scale_rows("mass", mass * scales.acceleration / scales.wrench[:, None])
     return words["mass"], words["mass_shift"], signal_codes(weight, scales.wrench)
 

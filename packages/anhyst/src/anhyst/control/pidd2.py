@@ -41,7 +41,7 @@ class FullScales:
 class FixedPidd2:
     """Gains as the words of ``anhyst_pidd2_gains_q31``, and their values."""
 
-    # mantissa and shift of every factor, in the order of the structure
+    # mantissa and shift of every gain factor, in the order of the structure
     factors: Mapping[str, tuple[int, int]]
     unweighted: int  # weight and limits, as in the structure
     low: int
@@ -57,7 +57,7 @@ class FixedPidd2:
 
     @property
     def per_tick(self) -> FloatArray:
-        """Exact gains of the words, as :attr:`Pidd2.per_tick`."""
+        """Gains that the words represent exactly, in the order of :attr:`Pidd2.per_tick`."""
         value = {name: m / 65536.0 * 2.0**s for name, (m, s) in self.factors.items()}
         units = _factor_units(self.scales)
         row = [value[name] / units[name] for name in _FACTOR_ORDER]
@@ -226,5 +226,5 @@ def notch(frequency: float, damping: float, new_damping: float, dt: float) -> Fl
 
 
 def integrator(gain: float) -> FloatArray:
-    """Return a filter that sums all inputs and multiplies by a gain, as :func:`notch`."""
+    """Return a filter that sums all inputs and multiplies by a gain; see :func:`notch`."""
     return np.array([gain, 0.0, 0.0, -1.0, 0.0])

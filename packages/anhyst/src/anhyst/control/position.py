@@ -44,8 +44,8 @@ class PositionLimits:
     release: float  # rate at which a current decreases to zero when no controller is active, A/s
     # number of consecutive missing or implausible samples that are replaced by the last one
     max_missing_samples: int
-    hold: int  # ticks of constant current if the position is lost during levitation
-    selftest: int = 20  # consecutive plausible samples that pass the self-test
+    hold: int  # number of ticks of constant current if the position is lost during levitation
+    selftest: int = 20  # consecutive plausible samples for a passed self-test
 
     def __post_init__(self) -> None:
         _check_above_zero(self, "step", "release", "selftest")
@@ -261,5 +261,5 @@ class Allocation(IntEnum):
     """Methods of ``core/include/anhyst/control/allocation.h`` to distribute a force to two magnets."""
 
     SINGLE = 1
-    BY_HALVES = 2  # class A
+    BY_HALVES = 2  # class A: equal changes of opposite sign around the bias
     CLASS_AB = 3

@@ -202,7 +202,7 @@ class CellKernel(_CellKernelBase):
         return parameters | {"alpha": alpha}
 
     def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
-        """Multiply the internal field of an iron without interaction by adding interaction."""
+        """Scale the internal field of an iron without interaction by adding interaction."""
         iron["alpha"] = 1.0 - factor
         for name in iron:
             if name[:2] in {"a_", "k_"}:
@@ -279,7 +279,7 @@ class WeightKernel(_CellKernelBase):
         )
 
     def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
-        """Multiply the internal field of an iron without interaction by adding interaction."""
+        """Scale the internal field of an iron without interaction by adding interaction."""
         iron["alpha"] = 1.0 - factor
         iron[SCALE_NAMES[1]] *= factor
 

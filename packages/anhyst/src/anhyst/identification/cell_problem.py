@@ -260,8 +260,7 @@ class CellProblem:
         return tuple(time for time in times if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time)
 
     def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
-        """Return the play positions in each loop and before it, relative to a centre of the curves.
-        """
+        """Return the play positions in each loop and before it, relative to the curve centre."""
         if (lag, middle) not in self._plays:
             self._plays |= {(lag, tried_middle): [] for tried_middle in self.middles}
             middles, thresholds = np.array(self.middles)[:, None], self.basis.thresholds

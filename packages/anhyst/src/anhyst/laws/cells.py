@@ -30,7 +30,7 @@ PINNED_CELLS = 12  # number of pinned cells of discretised populations
 
 MIN_THRESHOLD_RATIO = 0.2
 MAX_THRESHOLD_RATIO = 2.0
-"""First threshold relative to the smallest pinning scale, and last relative to the largest."""
+"""Smallest threshold relative to the smallest pinning scale; largest relative to the largest."""
 
 MAX_CELLS = 64  # largest number of cells in the core, including the one without a threshold
 
@@ -41,7 +41,7 @@ class Population(NamedTuple):
     magnetisation: float  # saturation magnetisation of the population, A/m
     width: float  # width of the curve of its cells, A/m
     scale: float  # scale ``k`` of the thresholds, A/m
-    spread: float  # exponent ``s``; thresholds scatter less if it is larger
+    spread: float  # exponent ``s``; a larger exponent makes the thresholds scatter less
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ class CellWeights:
     ) -> FloatArray:
         """Return a function of (p -+ b)/a for each cell and curve; shape (n + 1, J, m).
 
-        `function` gives the curve itself, or its derivative by the normalised position.
+        `function` is the curve itself, or its derivative with respect to (p -+ b)/a.
         """
         fields, middles, widths = (positions[:, None, :], self.curve_centres[:, None], self.widths[:, None])
         signs = (-1.0, 1.0) if self.curve_centres.any() else (1.0,)
@@ -148,15 +148,15 @@ class _Discretisation(NamedTuple):
     """Populations discretised into cells, for the weights and their derivatives.
 
     A cell represents the thresholds between the geometric means with its neighbours. The first cell
-    represents all smaller ones, the last all larger ones.
+    represents all smaller thresholds, and the last cell all larger ones.
     """
 
     thresholds: FloatArray  # 0, then geometrically spaced, A/m; shape (n + 1,)
-    # logarithms of the limits between cells above 0, relative to the pinning scale; shape (J, n -
+    # logarithms of the threshold limits between cells, relative to the pinning scale; shape (J, n -
     # 1)
     log_ratios: FloatArray
-    shares: FloatArray  # share of each population at each threshold above 0; shape (J, n)
-    # derivative of the share above each limit by the logarithm of ``u = (limit/scale)**spread``;
+    shares: FloatArray  # fraction of each population at each threshold; shape (J, n)
+    # derivative of the fraction above each limit with respect to ``ln((limit/scale)**spread)``;
     # shape (J, n - 1)
     log_derivatives: FloatArray
 
@@ -198,17 +198,17 @@ def discretise_populations(
 
 
 class Tangents(NamedTuple):
-    """Derivatives of weights, widths and thresholds by the parameters of populations."""
+    """Derivatives of weights, widths and thresholds with respect to population parameters."""
 
-    # by magnetisation and width of the reversible part, then by magnetisation, width, scale and
-    # spread of each population; shape (n + 1, J, d)
+    # with respect to magnetisation and width of the reversible part, then to magnetisation, width,
+    # scale and spread of each population; shape (n + 1, J, d)
     weights: FloatArray
     widths: FloatArray  # derivatives of the widths; shape (J, d)
     thresholds: FloatArray  # derivatives of the thresholds; shape (n + 1, d)
 
 
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
-    """Return the derivatives of :func:`discretise_populations` by its ``d = 2 + 4 J`` parameters."""
+    """Return the derivatives of all cell data with respect to the ``d = 2 + 4 J`` parameters."""
     magnetisation, _, scales, spreads = np.array(pinned).T
     levels, logs, shares, log_derivatives = _discretise(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
@@ -217,7 +217,7 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     for weight, population in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
         log_thresholds[:, 4 * population + 4] += weight / scales[population]
     index, column = np.arange(count), 4 * np.arange(count) + 2
-    remaining = np.zeros((count, PINNED_CELLS + 1, directions))  # derivatives of the share above each limit
+    remaining = np.zeros((count, PINNED_CELLS + 1, directions))  # of the fraction above each limit
     inner_remaining = remaining[:, 1:-1]
     inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
     inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]
@@ -256,7 +256,7 @@ def curve_slope(shape: Shape, position: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def steepest_slope(cells: CellWeights) -> float:
-    """Return the largest slope of the magnetisation over the effective field, on any path."""
+    """Return the largest slope dM/dx of the magnetisation that any path can have."""
     reach = float((cells.curve_centres + 3.0 * cells.widths).max())
     plays = np.linspace(-reach, cells.thresholds[-1] + reach, FIELD_SAMPLES) - cells.thresholds[:, None]
     slope = cells.curves(plays, curve_slope)

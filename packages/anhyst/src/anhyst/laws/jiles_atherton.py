@@ -50,7 +50,7 @@ MAX_STEEPEST_FIELD = 20.0
 
 
 def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
-    """Return the irreversible part after a rise from a large negative field, in units of the law."""
+    """Return the irreversible part, normalised, on the branch up from a large negative field."""
     import numpy as np
 
     from anhyst._core import Operator, langevin
@@ -104,7 +104,7 @@ def _operator_of_1986(kappa: float, c: float, play: float, omega: float) -> Oper
     return Operator(kappa, c, play, -omega * c, "jiles-atherton-1986")
 
 
-# A first-order lag of the anhysteretic curve, by distance travelled in the effective field.
+# The irreversible part lags behind the anhysteretic curve, to first order in the travelled field.
 EFFECTIVE_FIELD = Law(
     name="effective-field",
     title="effective-field Jiles-Atherton law",
@@ -114,7 +114,7 @@ EFFECTIVE_FIELD = Law(
     least_slope=least_slope,
 )
 
-# The same lag in the field that includes the irreversible part only.
+# The same lag, but the effective field contains only the irreversible part of the magnetisation.
 JILES_ATHERTON_1986 = Law(
     name="jiles-atherton-1986",
     title="Jiles-Atherton law of 1986",

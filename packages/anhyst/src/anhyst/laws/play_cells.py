@@ -36,7 +36,7 @@ _POPULATION_PARAMETERS: tuple[tuple[str, str, str, float, tuple[float, float], R
 
 
 def _population_specs(number: int) -> Iterator[ParameterSpec]:
-    """Yield the parameters of a population; all except those of the first are optional."""
+    """Yield the parameters of a population; only the first population is required."""
     is_first = number == 1
     ordinal = ("first", "second", "third")[number - 1]
     for symbol, meaning, unit, default, search, role in _POPULATION_PARAMETERS:

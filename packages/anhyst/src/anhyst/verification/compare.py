@@ -1,8 +1,8 @@
 """Build the test program for a target, run it, and find the first difference from the host.
 
-The program runs a start, the golden vectors and random steps. It hashes all inputs and outputs. If
-two hashes differ, both programs run again with more checkpoints, until a window of records contains
-the first difference.
+The program executes the initialisation, the golden vectors and random steps. It hashes all inputs
+and outputs. If two hashes differ, both programs run again with more checkpoints, until a window of
+records contains the first difference.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from anhyst.verification.protocol import (
 
 HARNESS_FOLDER = Path(__file__).resolve().parent / "harness"
 PORT_WITHOUT_RUNTIME = "msp430"
-"""Port whose compiler has no run-time routines."""
+"""Port for the compiler that has no run-time library."""
 
 FREESTANDING_HEADERS = "freestanding"
 """Folder of the headers that a C library would provide."""
@@ -76,12 +76,12 @@ class BuildFolder:
     """Folder with copies of all files that are compiled."""
 
     bundle: Bundle  # compiled folder that is verified
-    folder: Path  # temporary folder: C in ``c``, programs next to it
-    subject: Subject = "compensator"  # part of the bundle that is run
+    folder: Path  # temporary folder: C files in ``c``, programs next to it
+    subject: Subject = "compensator"  # part of the bundle that is tested
 
     @classmethod
     def create(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> BuildFolder:
-        """Copy the C of the bundle and the harness into a temporary folder."""
+        """Copy the C files of the bundle and the harness into a temporary folder."""
         sources = folder / "c"
         sources.mkdir(parents=True)
         bundle.copy_sources(sources)
@@ -175,7 +175,7 @@ class Difference:
 class Answers:
     """All results of a program."""
 
-    start: Reply  # replies after the start, after the golden vectors, and after the random steps
+    start: Reply  # after initialisation, after the golden vectors, after the random steps
     golden: Reply
     random: Reply
     vectors: Words  # results for the golden vectors; shape (rows, words of a record)
@@ -258,7 +258,7 @@ def _locate_difference(
         # The hash that is stored before a step covers all earlier steps.
         first_step, last_step = marks[mismatch - 1], marks[mismatch] if mismatch < len(marks) else last_step
         stride = _checkpoint_stride(last_step - first_step)
-        # Run both programs up to the last step, and store hashes from the first step on at every
+        # Run both programs up to the last step. Store a hash at the first step and after every
         # stride.
         random = Request(
             RANDOM,

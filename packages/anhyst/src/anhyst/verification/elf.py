@@ -1,9 +1,9 @@
-"""Read a linked program: memory image, symbols, sizes, worst-case stack, instruction prices.
+"""Read a linked program: memory image, symbols, sizes, worst-case stack, estimated cycles.
 
 The 16-bit Freescale 56F8322 of the paper (core 56800E, 60 MHz) has no open emulator and no open
 compiler. Its cycles are estimated from the machine code of the Cortex-M0+: each instruction belongs
-to a class with a price. The instruction counts are measured. The prices are assumptions, listed in
-:data:`PRICES`.
+to a class, and each class has a price in cycles. The instruction counts are measured. The prices
+are assumptions, listed in :data:`PRICES`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Image:
     def thumb_ranges(self) -> list[tuple[int, int]]:
         """Return begin and end of each range of Thumb code, without the constants in between.
 
-        The linker marks them with symbols called ``$t`` and ``$d``.
+        The linker marks these ranges with symbols called ``$t`` and ``$d``.
         """
         marks = sorted(
             (symbol.address & ~1, symbol.name[:2])
@@ -195,7 +195,7 @@ def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
 def _find_function_pointers(image: Image, functions: dict[int, Symbol]) -> defaultdict[int, set[int]]:
     """Return the functions whose address is stored in a constant, by the offset of the address.
 
-    Addresses between functions have the offset UNKNOWN_OFFSET.
+    Addresses that are stored outside constants have the offset UNKNOWN_OFFSET.
     """
     objects = (symbol for symbol in image.symbols if symbol.kind == "STT_OBJECT")
     offset_by_address = {item.address + at: at for item in objects for at in range(0, item.size, WORD_BYTES)}

@@ -1,6 +1,6 @@
 """Exchange requests and replies with the test program of a target.
 
-Host and target share a block of memory, called the box. The host writes a request into it, lets the
+Host and target share a block of memory, the mailbox. The host writes a request into it, lets the
 target run, and reads the reply. The numbers of this module are the same as in
 ``harness/harness.h``.
 """
@@ -40,7 +40,7 @@ class RecordLayout:
     sections: tuple[str, ...]  # names of the timed sections; empty if a section is not used
     # number of clock starts per count of a section, if it is not 1
     clock_calls: Mapping[str, int]
-    start_contents: str  # part of the start that is compared by its hash
+    start_contents: str  # part of the initialisation that is compared by its hash
 
     @property
     def word_count(self) -> int:
@@ -132,11 +132,11 @@ class Request:
 
     @property
     def box_bytes(self) -> int:
-        """Size of the box in bytes."""
+        """Size of the mailbox in bytes."""
         return 4 * (_WINDOW_AT + WINDOW_RECORDS * self.record_words)
 
     def pack(self) -> bytes:
-        """Return the request as the target reads it: the words at the start of the box."""
+        """Return the request as the target reads it: the words at the start of the mailbox."""
         head = [self.mode, self.seed, self.steps]
         head += [self.first_checkpoint_step, self.checkpoint_stride, self.first_window_step]
         return np.array(head, dtype="<u4").tobytes()
@@ -166,7 +166,7 @@ class CycleSection:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Content of the box after a request."""
+    """Content of the mailbox after a request."""
 
     status: int
     state_bytes: int
@@ -181,7 +181,7 @@ class Reply:
 
     @classmethod
     def unpack(cls, box: bytes) -> Reply:
-        """Read a box."""
+        """Read a mailbox."""
         words = np.frombuffer(box, dtype="<u4")
         if words[_REQUEST_WORDS] != len(words):
             raise ValueError("the target has a different layout of the box")

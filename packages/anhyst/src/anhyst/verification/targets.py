@@ -76,7 +76,7 @@ PendingBuild = Callable[[], Variant]
 class TargetBuilds:
     """Possible builds of a target with the installed tools, and the missing tools."""
 
-    builds: tuple[PendingBuild, ...] = ()  # empty if the target cannot run
+    builds: tuple[PendingBuild, ...] = ()  # possible builds; empty if the target cannot run
     # tools that are required, or that would allow more builds
     missing: tuple[MissingTool, ...] = ()
 
@@ -178,7 +178,7 @@ def _build_host(build_folder: BuildFolder, name: str, command: list[str], flags:
 
 
 def find_cortex_m_builds(name: str, build_folder: BuildFolder) -> TargetBuilds:
-    """Offer the builds for a Cortex-M: portable, and with optional instructions of the processor.
+    """List the builds for a Cortex-M: portable, and with optional instructions of the processor.
 
     In fixed point these are the instructions of the port header, in floating point those of the
     floating-point unit. If the processor has a floating-point unit, a stage in floating point runs
@@ -215,7 +215,7 @@ def _build_cortex_m(
 
 
 def find_avr_builds(build_folder: BuildFolder) -> TargetBuilds:
-    """Offer the build for an ATmega, run by simavr."""
+    """List the build for an ATmega, run by simavr."""
     missing_tools = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
     missing_tools += missing_modules("avr", ["elftools"])
     compilers = list(host_compilers().values())
@@ -246,7 +246,7 @@ def _build_avr(build_folder: BuildFolder, host_compiler: list[str]) -> Variant:
 
 
 def find_msp430_builds(build_folder: BuildFolder) -> TargetBuilds:
-    """Offer the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
+    """List the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
     missing_tools = (
         *missing_programs("msp430", {"mspdebug": "mspdebug"}),
         *missing_modules("msp430", ["ziglang", "elftools"]),

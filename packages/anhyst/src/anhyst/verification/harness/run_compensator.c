@@ -18,7 +18,7 @@ typedef struct {
 typedef struct {
   signal demand, gap, applied, applied_gap;
   uint32_t how;
-  int32_t reference, position, load; /* of the PIDD2, q31 */
+  int32_t reference, position, load; /* signals of the PIDD2, q31 */
 } input;
 
 static compensator_state compensator;

@@ -21,7 +21,7 @@ static tick_of now;
 
 #ifdef STAGE_CODES
 
-/* Returns a uniform random number in -most..most. */
+/* Returns a uniform random number between -most and most. */
 static int32_t draw(int32_t most) { return (int32_t)((int64_t)draw_q30(0) * most / Q30_ONE); }
 
 static void start_drawing(STAGE(_sample) * in)

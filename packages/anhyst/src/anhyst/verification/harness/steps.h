@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Functions that all subjects use: random numbers, and painted stack. */
+/* Functions for all code under test: random numbers, and painted stack. */
 #ifndef STEPS_H
 #define STEPS_H
 
@@ -11,7 +11,7 @@
 #define PAINTED_BYTES 1024U
 #endif
 
-/* Returns the number whose two's complement is u, independent of the compiler. */
+/* Returns the number whose two's complement is the word u, independent of the compiler. */
 static inline int32_t as_signed(uint32_t u)
 {
   return u <= 0x7FFFFFFFU ? (int32_t)u : -(int32_t)(0xFFFFFFFFU - u) - 1;
