@@ -226,7 +226,7 @@ def test_manifests_of_libraries_say_what_the_folder_has(case: Plain, tmp_path: P
 def test_another_ecosystem_is_one_record(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = Ecosystem(
         "own library",
-        places={"include": "h", "src": "c", "headers": "h", "sources": "c"},
+        folders={"include": "h", "src": "c", "headers": "h", "sources": "c"},
         templates={"{name}.json": "platformio/library.json.j2"},
     )
     monkeypatch.setitem(PACKAGES, "own", own)

@@ -153,7 +153,7 @@ def test_what_was_run_at_another_gap_counts_in_a_fit_as_in_a_prediction(law: str
 
 
 def test_a_past_at_a_gap_that_is_left_out_lies_between_its_neighbours() -> None:
-    past = InputHistory(np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0])).renumbered([0, 2, 3])
+    past = InputHistory(np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0])).with_renumbered_gaps([0, 2, 3])
     assert past.gap_position.tolist() == [0.0, 0.5, 1.0]
 
 

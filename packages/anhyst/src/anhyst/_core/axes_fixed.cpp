@@ -36,7 +36,7 @@ public:
   {
     return table<int32_t>(name, rows, columns);
   }
-  anhyst_rows_q31 row_table(const std::string &name, size_t rows, size_t columns)
+  anhyst_rows_q31 matrix(const std::string &name, size_t rows, size_t columns)
   {
     return {code_table(name, rows, columns), table<uint16_t>(name + "_shift", rows, 1)};
   }
@@ -49,15 +49,14 @@ anhyst_wrench_layout_q31 read_layout(Words &words, Settings &given)
 {
   const auto axes = given.take<uint16_t>("axes");
   const auto drives = given.take<uint16_t>("drives");
-  return {
-      axes,
-      drives,
-      words.table<uint16_t>("against", drives, 1),
-      {words.row_table("whole", drives, axes), words.code_table("whole_apart", drives, drives)},
-      {words.row_table("yields", drives, axes), words.code_table("yields_apart", drives, drives)},
-      {given.take<int32_t>("idle"), given.take<uint16_t>("allocation")},
-      given.take<int32_t>("least"),
-      given.take<int32_t>("most")};
+  return {axes,
+          drives,
+          words.table<uint16_t>("against", drives, 1),
+          {words.matrix("whole", drives, axes), words.code_table("whole_apart", drives, drives)},
+          {words.matrix("yields", drives, axes), words.code_table("yields_apart", drives, drives)},
+          {given.take<int32_t>("idle"), given.take<uint16_t>("allocation")},
+          given.take<int32_t>("least"),
+          given.take<int32_t>("most")};
 }
 
 // Allocation of a wrench to the drives, in codes.
@@ -109,10 +108,10 @@ public:
     const size_t axes = settings_.layout.axes;
     const size_t heads = given.take<uint16_t>("heads");
     settings_.heads = static_cast<uint16_t>(heads);
-    settings_.see = words_.row_table("see", axes, heads);
-    settings_.decouple = words_.row_table("decouple", axes, axes);
-    settings_.weigh = words_.row_table("weigh", axes, axes);
-    settings_.without = words_.row_table("without", heads * axes, heads);
+    settings_.see = words_.matrix("see", axes, heads);
+    settings_.decouple = words_.matrix("decouple", axes, axes);
+    settings_.weigh = words_.matrix("weigh", axes, axes);
+    settings_.without = words_.matrix("without", heads * axes, heads);
     settings_.reach = words_.code_table("reach", axes, 1);
     settings_.land = words_.code_table("land", axes, 1);
     settings_.lift = words_.code_table("lift", axes, 1);

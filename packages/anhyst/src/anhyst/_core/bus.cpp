@@ -14,8 +14,7 @@ using OutWords = nb::ndarray<nb::numpy, uint32_t, nb::ndim<2>>;
 
 class Bus : public LoopController {
 public:
-  // Addresses of library_tick and of a controller's memory (firmware/boards/library/library.h).
-  // Both addresses must be valid until end().
+  // Addresses of library_tick and of a controller's memory (library.h), valid until end().
   Bus(uintptr_t tick, uintptr_t firmware, const nb::dict &scales)
   {
     Settings from(scales);

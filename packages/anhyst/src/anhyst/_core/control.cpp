@@ -22,8 +22,7 @@ public:
 
   void commit(number applied) { Format::commit(&gains_, &state_, &candidate_, applied); }
 
-  void change_gains(const typename Format::row &gains, number reference, number position,
-                    number load)
+  void set_gains(const typename Format::row &gains, number reference, number position, number load)
   {
     const typename Format::gains to = valid_gains<Format>(gains);
     Format::change(&gains_, &to, &state_, reference, position, load);
@@ -51,7 +50,7 @@ template <class Format> void bind(nb::module_ &m, const char *name)
       .def("start", &Bound::start, "reference"_a, "position"_a, "load"_a, "output"_a)
       .def("solve", &Bound::solve, "reference"_a, "position"_a, "load"_a)
       .def("commit", &Bound::commit, "applied"_a)
-      .def("change", &Bound::change_gains, "gains"_a.noconvert(), "reference"_a, "position"_a,
+      .def("change", &Bound::set_gains, "gains"_a.noconvert(), "reference"_a, "position"_a,
            "load"_a)
       .def_prop_ro("wanted", &Bound::wanted)
       .def_prop_ro("state", &Bound::state);

@@ -9,7 +9,7 @@
 namespace {
 
 // Returns the exponent n of a table axis with 2^n segments.
-uint16_t segment_exponent(size_t entries)
+uint16_t to_exponent(size_t entries)
 {
   uint16_t n = 0;
   while ((size_t{1} << n) + 1 < entries) {
@@ -45,8 +45,7 @@ template <class F> void bind_real(nb::module_ &m, const char *name)
 anhyst_map_q31 FixedForceController::table(const Entries &entries)
 {
   tables_.emplace_back(entries.data(), entries.data() + entries.size());
-  return {tables_.back().data(), segment_exponent(entries.shape(1)),
-          segment_exponent(entries.shape(0))};
+  return {tables_.back().data(), to_exponent(entries.shape(1)), to_exponent(entries.shape(0))};
 }
 
 FixedForceController::Made FixedForceController::map(const Entries &entries, int32_t low,

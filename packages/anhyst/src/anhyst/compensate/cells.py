@@ -120,8 +120,8 @@ def merge_cells(weights: CellWeights, max_cells: int, max_field: float) -> CellW
     their thresholds, weighted by their magnetisation, where this moves the thresholds least.
     """
     sums = weights.weights.sum(axis=1)
-    reachable = [i for i in range(1, sums.size) if weights.thresholds[i] < max_field and sums[i] > 0.0]
-    merged_cells = [(weights.thresholds[i], weights.weights[i]) for i in reachable]
+    reachable_cells = [i for i in range(1, sums.size) if weights.thresholds[i] < max_field and sums[i] > 0.0]
+    merged_cells = [(weights.thresholds[i], weights.weights[i]) for i in reachable_cells]
     while len(merged_cells) > max_cells:
         row_sums = np.array([row.sum() for _, row in merged_cells])
         levels = np.array([level for level, _ in merged_cells])
@@ -198,27 +198,27 @@ def make_cell_law(frame: BlockFrame, *, is_static: bool) -> LawTables:
     return LawTables(law_coefficients, partial(_pack, frame, rows, None if is_static else model.layers))
 
 
-def _pack(frame: BlockFrame, rows: CellRows, layers: Layers | None, pack: Packer) -> None:
+def _pack(frame: BlockFrame, rows: CellRows, layers: Layers | None, packer: Packer) -> None:
     max_field = rows.max_field
-    pack.put_single("UNIT_FIELD", max_field)
-    pack.put_table("CELLS_THRESHOLDS", rows.thresholds / max_field, 32768.0, min_word=1)
-    pack.put_table("CELLS_ROWS", rows.magnetisation, 32767.0)
-    pack.put_number("CELLS_AIR", frame.coefficients.air_flux * max_field / 4.0, "h", min_word=1)
-    pack.put_integer("CELLS_COUNT", rows.thresholds.size)
-    pack.put_integer("CELLS_SEGMENTS", rows.grid.segment_exponent)
-    pack.put_integer("CELLS_ZONE", rows.grid.zone_exponent)
+    packer.put_single("UNIT_FIELD", max_field)
+    packer.put_table("CELLS_THRESHOLDS", rows.thresholds / max_field, 32768.0, min_word=1)
+    packer.put_table("CELLS_ROWS", rows.magnetisation, 32767.0)
+    packer.put_number("CELLS_AIR", frame.coefficients.air_flux * max_field / 4.0, "h", min_word=1)
+    packer.put_integer("CELLS_COUNT", rows.thresholds.size)
+    packer.put_integer("CELLS_SEGMENTS", rows.grid.segment_exponent)
+    packer.put_integer("CELLS_ZONE", rows.grid.zone_exponent)
     if layers is not None:
-        _pack_layers(pack, layers, *(field / max_field for field in frame.layer_fields(layers)))
+        _pack_layers(packer, layers, *(field / max_field for field in frame.layer_fields(layers)))
 
 
-def _pack_layers(pack: Packer, layers: Layers, rate_field: float, alpha_field: float) -> None:
+def _pack_layers(packer: Packer, layers: Layers, rate_field: float, alpha_field: float) -> None:
     """Set the words of a solid core: fields for a flux of 1, relative to the largest field."""
-    pack.put_weight("SOLID_HOLD", max(rate_field, 1.0 / WEIGHT_UNIT), "gamma")
-    pack.put_integer("SOLID_LAYERS", layers.count)
-    pack.put_number("SOLID_OWN", alpha_field / 4.0, "alpha")
+    packer.put_weight("SOLID_HOLD", max(rate_field, 1.0 / WEIGHT_UNIT), "gamma")
+    packer.put_integer("SOLID_LAYERS", layers.count)
+    packer.put_number("SOLID_OWN", alpha_field / 4.0, "alpha")
     surface = layers.surface
-    if pack.is_fixed:  # the fractions of all layers must add up to 1
+    if packer.is_fixed:  # the fractions of all layers must add up to 1
         inner_share = round((1.0 - surface) / (layers.count - 1) * 32768)
         surface = 1.0 - inner_share * (layers.count - 1) / 32768
-    pack.put_number("SOLID_SURFACE", surface, "surface")
-    pack.put_number("SOLID_LAMINATED", layers.laminated, "laminated")
+    packer.put_number("SOLID_SURFACE", surface, "surface")
+    packer.put_number("SOLID_LAMINATED", layers.laminated, "laminated")

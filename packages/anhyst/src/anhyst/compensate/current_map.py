@@ -127,8 +127,8 @@ def fit_secant_map(sources: Sources, _: NumberFormat) -> CurrentMap:
 
 def _fit_secant(surface: Surface, force: float, gap: float, _: float) -> Tangent:
     secant_force = force or float(surface.force[-1])
-    per_force = float(surface.current_at(np.array([secant_force]), gap)[0]) / secant_force
-    return Tangent(force * per_force, per_force, 0.0)
+    current_per_force = float(surface.current_at(np.array([secant_force]), gap)[0]) / secant_force
+    return Tangent(force * current_per_force, current_per_force, 0.0)
 
 
 def _fit_tangent_map(
@@ -171,12 +171,12 @@ def fit_uncompensated_map(model: Model, scales: Scales) -> CurrentMap:
     loops = [_simulate_loop(model, current_max, gap) for gap in (gap_range[0], middle_gap, gap_range[1])]
     model_loops = Loops(tuple(loops), model.input, model.output, model.schedule)
     surface = fit_surface(model_loops, (0.0, scales.demand), gap_range)
-    line = fit_line(surface, 0.5 * force_max, middle_gap, force_max)
+    ratio_line = fit_line(surface, 0.5 * force_max, middle_gap, force_max)
     force = np.linspace(0.0, scales.demand, _RATIO_MAP_COLUMNS)
-    row = line.current + line.current_per_force * (force - 0.5 * force_max)
+    row = ratio_line.current + ratio_line.current_per_force * (force - 0.5 * force_max)
     max_entry = _MAX_ENTRY_SHARE * scales.current
     entries = np.clip(np.tile(row, (2, 1)), -max_entry, max_entry)
-    return CurrentMap(entries, scales, (0.0, current_max), {"k_i_N_per_A": line.k_i})
+    return CurrentMap(entries, scales, (0.0, current_max), {"k_i_N_per_A": ratio_line.k_i})
 
 
 def _simulate_loop(model: Model, current_max: float, gap: float) -> Loop:
@@ -262,8 +262,8 @@ class PlayMap:
         """Return the half-widths as words, limited by full scale and by the slope of the map."""
         entries = self.map.entry_words().astype(np.float64)
         half_width_table = table_words(self.half_width, self.scales.current, "half-width")
-        limited = np.minimum(half_width_table, _MAX_WORD - np.abs(entries))
-        return limit_slope(limited, np.diff(entries)).astype(np.int16)
+        limited_half_width = np.minimum(half_width_table, _MAX_WORD - np.abs(entries))
+        return limit_slope(limited_half_width, np.diff(entries)).astype(np.int16)
 
 
 def fit_play_map(sources: Sources, _: NumberFormat) -> PlayMap:
@@ -293,8 +293,8 @@ def measure_half_widths(surface: Surface, loops: Loops) -> FloatArray:
     from scipy.signal import savgol_filter  # imported here because it loads slowly
 
     knots, rows = [], []
-    for gap, members in loops.by_schedule().items():
-        low, high = current_envelope(members, surface.force)
+    for gap, gap_loops in loops.by_schedule().items():
+        low, high = current_envelope(gap_loops, surface.force)
         half_width = 0.5 * (high - low)
         is_known = np.isfinite(half_width)
         filled_half_width = np.interp(surface.force, surface.force[is_known], half_width[is_known])
@@ -426,9 +426,9 @@ def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:
     """Fit a constant ratio at every gap, with least squares of the force up to `force_max`."""
     groups = loops.by_schedule()
     ratios = []
-    for members in groups.values():
-        current = np.concatenate([loop.input for loop in members])
-        force = np.concatenate([loop.output for loop in members])
+    for gap_loops in groups.values():
+        current = np.concatenate([loop.input for loop in gap_loops])
+        force = np.concatenate([loop.output for loop in gap_loops])
         is_used = force <= force_max
         ratios.append(float(force[is_used] @ current[is_used] / (current[is_used] @ current[is_used])))
     return ConstantRatio(np.array(list(groups), dtype=np.float64), np.array(ratios))
@@ -443,12 +443,12 @@ def fit_single_valued(loops: Loops, force_max: float) -> SingleValued:
     levels = np.linspace(0.0, force_max, FORCE_LEVEL_COUNT)
     groups = loops.by_schedule()
     table = []
-    for gap, members in groups.items():
-        middle = mid_current(members, levels)
-        is_known = np.isfinite(middle)
+    for gap, gap_loops in groups.items():
+        middle_current = mid_current(gap_loops, levels)
+        is_known = np.isfinite(middle_current)
         if not is_known[-1]:
             text = f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
             raise InputError(text, code="force-not-reached", key="loops")
-        filled_middle = np.interp(levels, levels[is_known], middle[is_known])
+        filled_middle = np.interp(levels, levels[is_known], middle_current[is_known])
         table.append(fit_monotone(filled_middle, np.ones(FORCE_LEVEL_COUNT)))
     return SingleValued(np.array(list(groups), dtype=np.float64), levels, np.array(table))

@@ -156,18 +156,18 @@ def make_full_tables(law: NormalisedLaw, limits: DemandLimits, sizes: TableSizes
     return FullTables(max_field, curve, ascending_branch(law.kappa, field), inverse)
 
 
-def _pack(law: NormalisedLaw, tables: FullTables, sizes: TableSizes, pack: Packer) -> None:
+def _pack(law: NormalisedLaw, tables: FullTables, sizes: TableSizes, packer: Packer) -> None:
     max_field = tables.max_field
-    pack.put_single("UNIT_FIELD", max_field * law.a)
-    pack.put_table("FULL_CURVE", tables.curve, 32768.0)
-    pack.put_table("FULL_BRANCH", tables.branch, 32768.0)
-    pack.put_table("FULL_INVERSE", tables.inverse / max_field, 32767.0)
-    pack.put_weight("FULL_RATE", max_field / (law.kappa * np.log(2.0)) / 16.0, "k")
+    packer.put_single("UNIT_FIELD", max_field * law.a)
+    packer.put_table("FULL_CURVE", tables.curve, 32768.0)
+    packer.put_table("FULL_BRANCH", tables.branch, 32768.0)
+    packer.put_table("FULL_INVERSE", tables.inverse / max_field, 32767.0)
+    packer.put_weight("FULL_RATE", max_field / (law.kappa * np.log(2.0)) / 16.0, "k")
     steepness = max_field / law.kappa
-    pack.put_number("FULL_STEEPNESS", min(steepness, MAX_Q8) if pack.is_fixed else steepness, "k", 1)
-    pack.put_number("FULL_AIR", law.air_flux * max_field / 4.0, "h", min_word=1)
-    pack.put_number("FULL_REVERSIBLE", law.c, "c")
-    pack.put_number("FULL_PLAY", law.dead_band / max_field, "r_d")
-    pack.put_integer("FULL_ITERATIONS", sizes.iterations)
-    pack.put_integer("FULL_CURVE_SEGMENTS", sizes.curve_segments)
-    pack.put_integer("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)
+    packer.put_number("FULL_STEEPNESS", min(steepness, MAX_Q8) if packer.is_fixed else steepness, "k", 1)
+    packer.put_number("FULL_AIR", law.air_flux * max_field / 4.0, "h", min_word=1)
+    packer.put_number("FULL_REVERSIBLE", law.c, "c")
+    packer.put_number("FULL_PLAY", law.dead_band / max_field, "r_d")
+    packer.put_integer("FULL_ITERATIONS", sizes.iterations)
+    packer.put_integer("FULL_CURVE_SEGMENTS", sizes.curve_segments)
+    packer.put_integer("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)

@@ -138,7 +138,7 @@ def compare_outputs(
     )
 
 
-def snap_gaps(
+def move_gaps_to_knots(
     paths: Sequence[DemandPath], model: Model, scales: Scales, sizes: TableSizes
 ) -> list[DemandPath]:
     """Return the paths with every gap moved to the nearest knot of the gap tables."""
@@ -264,15 +264,15 @@ class CompensatorTrial:
 
     def _measure_tables(self) -> BudgetPart:
         builder, model = self.builder, self.builder.model
-        snapped_paths = snap_gaps(self.paths, model, builder.scales, self.sizes)
+        knot_paths = move_gaps_to_knots(self.paths, model, builder.scales, self.sizes)
         if builder.kind == "full":
             part = _make_part(
-                "tables", "tables", *compare_with_demand(model, self.exact_block, "f64", snapped_paths)
+                "tables", "tables", *compare_with_demand(model, self.exact_block, "f64", knot_paths)
             )
             note = f"in double precision, at the gaps of the tables; {part.note}"
             return replace(part, note=note)
         fine_block = builder.exact_block(replace(FINE_SIZES, gap_segments=self.sizes.gap_segments))
-        deviation = compare_compensators(model, (self.exact_block, "f64"), (fine_block, "f64"), snapped_paths)
+        deviation = compare_compensators(model, (self.exact_block, "f64"), (fine_block, "f64"), knot_paths)
         note = "selected tables compared with fine tables, in double precision, at the gaps of the tables"
         return BudgetPart("tables", "tables", deviation.worst, deviation.rms, note)
 

@@ -244,20 +244,20 @@ class BlockFrame:
         self, kind: Kind, law: LawTables, model_hash: int, number_format: NumberFormat, *, is_static: bool
     ) -> Block:
         """Make the block of a law; `is_static` omits the lag of the flux."""
-        pack = Packer(kind, model_hash, number_format)
-        self._pack_signals(pack)
-        self._pack_flux(pack, law.offset)
+        packer = Packer(kind, model_hash, number_format)
+        self._pack_signals(packer)
+        self._pack_flux(packer, law.offset)
         lag = None if is_static else lag_coefficient(self.model, self.gaps, self.conditioning.rate)
-        self._pack_coefficients(pack, *law.coefficients, lag)
-        law.pack(pack)
-        block = pack.make_block(self.scales, self.limits)
+        self._pack_coefficients(packer, *law.coefficients, lag)
+        law.pack(packer)
+        block = packer.make_block(self.scales, self.limits)
         try:
             make_core(block)
         except ValueError as error:
             raise self._explain_rejection(block) from error
         return block
 
-    def _pack_signals(self, pack: Packer) -> None:
+    def _pack_signals(self, packer: Packer) -> None:
         """Set limits, units and start-up sequence."""
         model, scales, limits = self.model, self.scales, self.limits
         for name, value, scale in (
@@ -266,31 +266,31 @@ class BlockFrame:
             ("CURRENT_LOW", limits.current[0], scales.current),
             ("CURRENT_HIGH", limits.current[1], scales.current),
         ):
-            pack.put_limit(name, value, scale, name.lower())
-        pack.put_single("SCALE_RATE", self.conditioning.rate)
+            packer.put_limit(name, value, scale, name.lower())
+        packer.put_single("SCALE_RATE", self.conditioning.rate)
         gap = model.schedule.unit if model.schedule is not None else ""
         codes = [SIGNAL_UNITS.index(unit) for unit in (model.output.unit, model.input.unit, gap)]
-        pack.put_integer("SCALE_UNITS", codes[0] + 16 * codes[1] + 256 * codes[2])
-        pack.put_integer("CONDITION_CYCLES", self.conditioning.cycles)
-        pack.put_integer("CONDITION_TICKS", self.conditioning.ramp_ticks)
+        packer.put_integer("SCALE_UNITS", codes[0] + 16 * codes[1] + 256 * codes[2])
+        packer.put_integer("CONDITION_CYCLES", self.conditioning.cycles)
+        packer.put_integer("CONDITION_TICKS", self.conditioning.ramp_ticks)
 
-    def _pack_flux(self, pack: Packer, offset: FloatArray | None) -> None:
+    def _pack_flux(self, packer: Packer, offset: FloatArray | None) -> None:
         """Set the conversion from demand to flux; `offset` replaces that of the model."""
         model, scales = self.model, self.scales
-        pack.put_integer("POWER", model.power)
-        pack.put_integer("ROOT_KNEE", self.sizes.root_knee)
-        pack.put_integer("GAP_SEGMENTS", self.sizes.gap_segments if model.needs_schedule else 0)
+        packer.put_integer("POWER", model.power)
+        packer.put_integer("ROOT_KNEE", self.sizes.root_knee)
+        packer.put_integer("GAP_SEGMENTS", self.sizes.gap_segments if model.needs_schedule else 0)
         gain = flux_gain(model, scales, self.gaps)
-        shift = flux_shift(gain) if pack.is_fixed else 0
-        pack.put_integer("FLUX_SHIFT", shift)
-        pack.put_number("FLUX_LIMIT", 1.0, "flux")
-        pack.put_table("GAP_GAIN", gain / 2.0**shift, WEIGHT_UNIT, min_word=1)
+        shift = flux_shift(gain) if packer.is_fixed else 0
+        packer.put_integer("FLUX_SHIFT", shift)
+        packer.put_number("FLUX_LIMIT", 1.0, "flux")
+        packer.put_table("GAP_GAIN", gain / 2.0**shift, WEIGHT_UNIT, min_word=1)
         offset = model.interpolate_parameter("out_0", self.gaps) if offset is None else offset
-        pack.put_table("GAP_OFFSET", offset / scales.demand, 32768.0)
+        packer.put_table("GAP_OFFSET", offset / scales.demand, 32768.0)
 
     def _pack_coefficients(
         self,
-        pack: Packer,
+        packer: Packer,
         bias: FloatArray,
         flux_coefficient: FloatArray,
         field_coefficient: FloatArray,
@@ -305,7 +305,7 @@ class BlockFrame:
         )
         spans = [max(np.abs(column).max(), np.abs(np.diff(column)).max()) for column in columns]
         largest_coefficient = max(spans) / full_scale
-        shift = max(0, int(np.ceil(np.log2(largest_coefficient / MAX_WEIGHT)))) if pack.is_fixed else 0
+        shift = max(0, int(np.ceil(np.log2(largest_coefficient / MAX_WEIGHT)))) if packer.is_fixed else 0
         if shift > 8:
             raise InputError(
                 f"current: a unit of flux or field needs {largest_coefficient:.0f} times the full-scale current, "
@@ -314,12 +314,12 @@ class BlockFrame:
                 key="current",
             )
         unit = full_scale * 2.0**shift
-        pack.put_integer("CURRENT_SHIFT", shift)
-        pack.put_table("GAP_BIAS", bias / unit, WEIGHT_UNIT)
-        pack.put_table("GAP_FLUX_ARM", flux_coefficient / unit, WEIGHT_UNIT)
-        pack.put_table("GAP_FIELD_ARM", field_coefficient / unit, WEIGHT_UNIT, min_word=1)
+        packer.put_integer("CURRENT_SHIFT", shift)
+        packer.put_table("GAP_BIAS", bias / unit, WEIGHT_UNIT)
+        packer.put_table("GAP_FLUX_ARM", flux_coefficient / unit, WEIGHT_UNIT)
+        packer.put_table("GAP_FIELD_ARM", field_coefficient / unit, WEIGHT_UNIT, min_word=1)
         if lag_coefficient is not None:
-            pack.put_table("GAP_LAG_ARM", lag_coefficient / unit, WEIGHT_UNIT, min_word=0)
+            packer.put_table("GAP_LAG_ARM", lag_coefficient / unit, WEIGHT_UNIT, min_word=0)
 
     def _explain_rejection(self, block: Block) -> InputError:
         """Return the reason why the core rejects a block."""

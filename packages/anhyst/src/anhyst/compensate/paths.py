@@ -165,13 +165,13 @@ def _make_shapes(has_gap: bool, seed: int, size: int) -> dict[str, tuple[str, Fl
 
 def _nested_triangles() -> FloatArray:
     """Return triangles of decreasing amplitude around three mean values; 0..1."""
-    corners = [0.0]
+    reversal_levels = [0.0]
     for middle in (0.5, 0.2, 0.8):
         for half_size in min(middle, 1.0 - middle) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
-            corners += [middle + half_size, middle - half_size]
-    corners.append(0.0)
-    positions = np.linspace(0.0, len(corners) - 1.0, 1500)
-    return np.interp(positions, np.arange(len(corners)), corners)
+            reversal_levels += [middle + half_size, middle - half_size]
+    reversal_levels.append(0.0)
+    positions = np.linspace(0.0, len(reversal_levels) - 1.0, 1500)
+    return np.interp(positions, np.arange(len(reversal_levels)), reversal_levels)
 
 
 def _random_reversals(random: np.random.Generator, size: int, mean_interval: float = 25.0) -> FloatArray:

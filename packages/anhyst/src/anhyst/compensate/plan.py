@@ -60,10 +60,10 @@ def plan_start_up(
     ticks = int(np.clip(round(rate * RAMP_TIME_S), 2, 32767))
     cycles, remaining_difference = 1, difference_after_start_up(model, scales, limits, 1)
     while remaining_difference > MAX_REMAINING_SHARE * accuracy and cycles < MAX_CYCLES:
-        with_one_more = difference_after_start_up(model, scales, limits, cycles + 1)
-        if with_one_more > MAX_CYCLE_RATIO * remaining_difference:
+        next_difference = difference_after_start_up(model, scales, limits, cycles + 1)
+        if next_difference > MAX_CYCLE_RATIO * remaining_difference:
             break
-        cycles, remaining_difference = cycles + 1, with_one_more
+        cycles, remaining_difference = cycles + 1, next_difference
     return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining_difference)
 
 
@@ -93,7 +93,7 @@ def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits
 
 
 def _start_histories(high: float) -> list[History]:
-    reversal_texts = (f"conditioned:{part * high!r},0" for part in START_REVERSALS if part)
+    reversal_texts = (f"conditioned:{level * high!r},0" for level in START_REVERSALS if level)
     return [History.parse(text) for text in ("demagnetised", *reversal_texts)]
 
 
@@ -163,16 +163,16 @@ class Plan:
     allowance: float  # largest deviation due to formats and tables, in units of the output
 
 
-def round_full_scale(largest: float) -> float:
+def round_full_scale(magnitude: float) -> float:
     """Return the next round value above the largest magnitude of a signal.
 
     >>> round_full_scale(291.5), round_full_scale(3.01), round_full_scale(0.1)
     (300.0, 4.0, 0.12)
     """
-    decade = 10.0 ** np.floor(np.log10(largest))
+    decade = 10.0 ** np.floor(np.log10(magnitude))
     # No code represents the value 1.0 itself.
     mantissa = next(
-        candidate for candidate in ROUND_MANTISSAS if candidate * decade > largest * (1.0 + 2.0**-15)
+        candidate for candidate in ROUND_MANTISSAS if candidate * decade > magnitude * (1.0 + 2.0**-15)
     )
     return float(f"{mantissa * decade:.6g}")
 

@@ -124,13 +124,13 @@ def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask
 def _apply_offset(model: Model, gap: float, tasks: list[_FitTask], offset: float) -> list[_FitTask]:
     """Return the same demands with the flux for another offset."""
     scale = float(model.interpolate_parameter("c_out", np.array([gap]))[0]) * flux_unit(model) ** 2
-    changed = []
+    changed_tasks = []
     for task in tasks:
         flux = np.sqrt(np.maximum(task.demand - offset, 0.0) / scale)
         current_per_flux = np.ptp(task.current[task.last_cycle]) / np.ptp(flux[task.last_cycle])
         weight = 2.0 * scale * flux[task.last_cycle] / current_per_flux
-        changed.append(_FitTask(task.demand, flux, task.current, weight, task.last_cycle))
-    return changed
+        changed_tasks.append(_FitTask(task.demand, flux, task.current, weight, task.last_cycle))
+    return changed_tasks
 
 
 def state_curve(nu: float, z: FloatArray) -> FloatArray:
@@ -157,42 +157,42 @@ def _dead_band(rate: float, nu: float) -> float:
     return min(MAX_DEAD_BAND, MAX_DEAD_BAND_STATE * (1.0 - nu) / rate)
 
 
-def _pack(rate: float, nu: float, dead_band: float, sizes: TableSizes, pack: Packer) -> None:
-    dead_band = 0.0 if pack.kind == "euler" else dead_band
-    pack.put_weight("SIMPLE_RATE", rate / 8.0, "rate of the simplified law")
+def _pack(rate: float, nu: float, dead_band: float, sizes: TableSizes, packer: Packer) -> None:
+    dead_band = 0.0 if packer.kind == "euler" else dead_band
+    packer.put_weight("SIMPLE_RATE", rate / 8.0, "rate of the simplified law")
     reversal_slope = rate / (1.0 - nu)
-    pack.put_weight("SIMPLE_HOLD", reversal_slope, "slope of the simplified law after a reversal")
-    pack.put_number("SIMPLE_REST", 1.0 - nu, "1 - nu", min_word=1)
-    pack.put_number("SIMPLE_BAND", dead_band, "dead band of the simplified law")
-    pack.put_integer("SIMPLE_ITERATIONS", sizes.iterations)
-    if pack.kind == "euler":
-        pack.put_integer("EULER_SUBSTEPS", sizes.substeps)
+    packer.put_weight("SIMPLE_HOLD", reversal_slope, "slope of the simplified law after a reversal")
+    packer.put_number("SIMPLE_REST", 1.0 - nu, "1 - nu", min_word=1)
+    packer.put_number("SIMPLE_BAND", dead_band, "dead band of the simplified law")
+    packer.put_integer("SIMPLE_ITERATIONS", sizes.iterations)
+    if packer.kind == "euler":
+        packer.put_integer("EULER_SUBSTEPS", sizes.substeps)
         return
     states = state_curve(nu, table_distances(sizes))
-    states = np.minimum(states, 32767 / 32768) if pack.is_fixed else states
-    pack.put_integer("SIMPLE_OCTAVES", sizes.octaves)
-    pack.put_integer("SIMPLE_SEGMENTS", sizes.octave_segments)
-    pack.put_table("SIMPLE_CURVE", states, 32768.0)
+    states = np.minimum(states, 32767 / 32768) if packer.is_fixed else states
+    packer.put_integer("SIMPLE_OCTAVES", sizes.octaves)
+    packer.put_integer("SIMPLE_SEGMENTS", sizes.octave_segments)
+    packer.put_table("SIMPLE_CURVE", states, 32768.0)
 
 
 def _simulate_states(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -> list[FloatArray]:
     """Return the state ``u`` along each row of fluxes, calculated by the C core."""
-    pack = Packer("simplified")
-    pack.put_integer("POWER", 1)
-    pack.put_integer("ROOT_KNEE", sizes.root_knee)
+    packer = Packer("simplified")
+    packer.put_integer("POWER", 1)
+    packer.put_integer("ROOT_KNEE", sizes.root_knee)
     for name in ("DEMAND", "CURRENT"):
-        pack.put_integer(f"{name}_LOW", -32767)
-        pack.put_integer(f"{name}_HIGH", 32767)
-    pack.put_integer("FLUX_SHIFT", 2)
-    pack.put_integer("FLUX_LIMIT", 16384)
-    pack.put_integer("CONDITION_TICKS", 2)
+        packer.put_integer(f"{name}_LOW", -32767)
+        packer.put_integer(f"{name}_HIGH", 32767)
+    packer.put_integer("FLUX_SHIFT", 2)
+    packer.put_integer("FLUX_LIMIT", 16384)
+    packer.put_integer("CONDITION_TICKS", 2)
     ones = np.ones(2)
     for name, value in (("GAIN", 0.25), ("OFFSET", 0.0), ("BIAS", 0.0), ("FLUX_ARM", 0.0)):
-        pack.put_table(f"GAP_{name}", value * ones, 65536.0)
-    pack.put_table("GAP_FIELD_ARM", 0.25 * ones, 65536.0)
-    pack.put_integer("CURRENT_SHIFT", 2)
-    _pack(rate, nu, _dead_band(rate, nu), sizes, pack)
-    words = pack.make_block(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words
+        packer.put_table(f"GAP_{name}", value * ones, 65536.0)
+    packer.put_table("GAP_FIELD_ARM", 0.25 * ones, 65536.0)
+    packer.put_integer("CURRENT_SHIFT", 2)
+    _pack(rate, nu, _dead_band(rate, nu), sizes, packer)
+    words = packer.make_block(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words
     law, states = FixedCompensator("simplified", words), []
     initial_memory = law.memory
     flux_codes = np.rint(np.concatenate(fluxes) * 2.0**31)
@@ -379,5 +379,5 @@ def make_simplified_law(frame: BlockFrame, law: ClosedForm) -> LawTables:
         for coefficient in (law.bias, law.flux_coefficient, law.lag_coefficient)
     )
     bias, flux_coefficient, lag_coefficient = coefficients
-    pack = partial(_pack, law.rate, law.nu, law.dead_band, frame.sizes)
-    return LawTables((bias, flux_coefficient, lag_coefficient), pack, offset)
+    packer = partial(_pack, law.rate, law.nu, law.dead_band, frame.sizes)
+    return LawTables((bias, flux_coefficient, lag_coefficient), packer, offset)

@@ -77,7 +77,7 @@ class _Conversions:
 
     by_content: dict[tuple[str, float, float], _Conversion] = field(default_factory=dict)
 
-    def get(self, unit: str, slope: float, offset: float = 0.0) -> _Conversion:
+    def find_or_add(self, unit: str, slope: float, offset: float = 0.0) -> _Conversion:
         """Return a conversion; new ones are numbered."""
         key = (unit, slope, offset)
         return self.by_content.setdefault(key, _Conversion(f"m{len(self.by_content)}", unit, slope, offset))
@@ -175,13 +175,13 @@ def _select_conversion(
     if value.of == "position":
         controller = manifest["controller"]
         scale = controller["signals"]["position"]["scale"] if controller is not None else 1.0
-        return conversions.get("m", scale * step)
+        return conversions.find_or_add("m", scale * step)
     if value.of == "gap" and signals["gap"] is not None:
         low, high = signals["gap"]["low"], signals["gap"]["high"]
-        return conversions.get(signals["gap"]["unit"], (high - low) * step, low)
+        return conversions.find_or_add(signals["gap"]["unit"], (high - low) * step, low)
     if value.of in ("demand", "current"):
-        return conversions.get(signals[value.of]["unit"], signals[value.of]["scale"] * step)
-    return conversions.get("", step)
+        return conversions.find_or_add(signals[value.of]["unit"], signals[value.of]["scale"] * step)
+    return conversions.find_or_add("", step)
 
 
 def _limit_ticks(value: XcpValue, rate: float) -> XcpValue:
@@ -201,17 +201,17 @@ def _limit_position(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
 
 def _head_entries(conversions: _Conversions) -> Iterator[dict[str, Any]]:
     for word in HEAD_WORDS:
-        double = word.size == 2
+        is_double_word = word.size == 2
         yield {
             "name": f"block.{word.name.lower()}",
             "doc": _quotable_text(word.doc),
             "at": _address(word.index),
-            "layout": "as_ULONG" if double else "as_UWORD",
+            "layout": "as_ULONG" if is_double_word else "as_UWORD",
             "entries": 1,
             "read_only": word.name in _READ_ONLY_WORDS,
-            "method": conversions.get("", 1.0).name,
-            "low": 0 if double else word.low,
-            "high": 0xFFFFFFFF if double else word.high,
+            "method": conversions.find_or_add("", 1.0).name,
+            "low": 0 if is_double_word else word.low,
+            "high": 0xFFFFFFFF if is_double_word else word.high,
         }
 
 
@@ -225,7 +225,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
             "read_only": False,
         }
         if word["format"] == "single":
-            conversion = conversions.get(word["unit"], 1.0)
+            conversion = conversions.find_or_add(word["unit"], 1.0)
             yield (
                 row
                 | {"low": -_MAX_SINGLE_PRECISION, "high": _MAX_SINGLE_PRECISION}
@@ -237,7 +237,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
                 }
             )
             continue
-        conversion = conversions.get(word["unit"], word["scale"] / CODE_OF_ONE[word["format"]])
+        conversion = conversions.find_or_add(word["unit"], word["scale"] / CODE_OF_ONE[word["format"]])
         yield (
             row
             | conversion.limits(word["low"], word["high"])

@@ -65,7 +65,7 @@ def _signal_choices(plan: Plan) -> list[Decision]:
     step = LSB[io]
     rows = [
         ("demand", scales.demand, plan.reference_output, model.output.unit),
-        ("current", scales.current, max(abs(end) for end in plan.block.limits.current), model.input.unit),
+        ("current", scales.current, max(abs(limit) for limit in plan.block.limits.current), model.input.unit),
     ]
     choices = [
         Decision(
@@ -92,14 +92,14 @@ def _signal_choices(plan: Plan) -> list[Decision]:
 
 
 def _axis_choice(plan: Plan, axis: str, name: str, subject: str) -> Decision:
-    chosen = getattr(plan.sizes, axis)
+    chosen_exponent = getattr(plan.sizes, axis)
     errors = dict(plan.search_result.axis_errors[axis])
     if axis == "gap_segments" and not plan.model.needs_schedule:
         return Decision(name, "constant", "nothing depends on the gap")
-    reason = f"{subject} cause an error of {_percent_text(plan, errors[chosen])}"
-    if chosen - 1 in errors:
-        reason += f"; with {2 ** (chosen - 1)} it would be {_percent_text(plan, errors[chosen - 1])}"
-    return Decision(name, f"{2**chosen} segment{'s' if chosen else ''}", reason)
+    reason = f"{subject} cause an error of {_percent_text(plan, errors[chosen_exponent])}"
+    if chosen_exponent - 1 in errors:
+        reason += f"; with {2 ** (chosen_exponent - 1)} it would be {_percent_text(plan, errors[chosen_exponent - 1])}"
+    return Decision(name, f"{2**chosen_exponent} segment{'s' if chosen_exponent else ''}", reason)
 
 
 def _closed_form_table_choices(plan: Plan) -> list[Decision]:
@@ -181,7 +181,7 @@ def make_budget_page(
     text = f"Compiled, the output is within {worst_percent:.2g} % of the output of the model"
     if budget.required is not None:
         text += f"; {percent(budget, budget.required):.3g} % was requested"
-    head = Headline(
+    headline = Headline(
         title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
         description=f"{text}. Held, it drifts by {drift:.2g} % in {HOLD_TIME_S:g} s.",
         basis="",
@@ -199,7 +199,7 @@ def make_budget_page(
         Section("choices", "Choices and reasons", _choice_section(plan, choices)),
         Section("signals", "Signals", (_signal_table(signals),)),
     )
-    return render_page(head, sections, version, kind="Accuracy budget", source="the model file")
+    return render_page(headline, sections, version, kind="Accuracy budget", source="the model file")
 
 
 def _parts_table(budget: Budget) -> PageTable:
@@ -291,8 +291,8 @@ def _draw_deviations(budget: Budget) -> Figure:
         ax.set_title(run.path.title)
         ax.set_xlabel("sample")
         if budget.required is not None:
-            for bound in (-percent(budget, budget.required), percent(budget, budget.required)):
-                ax.axhline(bound, color=ALARM_COLOUR, linewidth=0.8, dashes=(4, 3))
+            for accuracy_limit in (-percent(budget, budget.required), percent(budget, budget.required)):
+                ax.axhline(accuracy_limit, color=ALARM_COLOUR, linewidth=0.8, dashes=(4, 3))
     for ax in axes[0 : len(budget.runs) : 2]:
         ax.set_ylabel("deviation, %")
     return figure

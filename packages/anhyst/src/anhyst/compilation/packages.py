@@ -34,14 +34,14 @@ class Ecosystem:
     title: str  # headline of the README
     # folder in the package for each part of the compiled folder: core headers, core sources, port,
     # headers and sources of the actuator, documents; a part without an entry is left out
-    places: Mapping[str, str]
+    folders: Mapping[str, str]
     # template of each further file; {name} in a path becomes the name of the actuator
     templates: Mapping[str, str]
-    print: str = "printf"  # function by which the example prints
+    print_function: str = "printf"  # function by which the example prints
     # changes a C file: its path and its text, to its text
-    edit: Callable[[str, str, Values], str] | None = None
+    edit_source: Callable[[str, str, Values], str] | None = None
     # makes further files of all files, such as an archive
-    archive: Callable[[Files, Values], Files] | None = None
+    make_archive: Callable[[Files, Values], Files] | None = None
 
 
 FP_CONTRACT_OFF = """\
@@ -95,7 +95,7 @@ MAIN_TEMPLATE = "golden_main.c.j2"
 PACKAGES: Mapping[str, Ecosystem] = {
     "cmsis-pack": Ecosystem(
         "CMSIS-Pack",
-        places=MODULE_FOLDERS,
+        folders=MODULE_FOLDERS,
         templates={
             "anhyst.{name}.pdsc": "cmsis/pack.pdsc.j2",
             "README.md": "cmsis/README.md.j2",
@@ -104,11 +104,11 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "examples/golden_vectors/golden_vectors.csolution.yml": "cmsis/csolution.yml.j2",
             "examples/golden_vectors/golden_vectors.cproject.yml": "cmsis/cproject.yml.j2",
         },
-        archive=_make_archive,
+        make_archive=_make_archive,
     ),
     "zephyr": Ecosystem(
         "Zephyr module",
-        places=MODULE_FOLDERS,
+        folders=MODULE_FOLDERS,
         templates={
             "zephyr/module.yml": "zephyr/module.yml.j2",
             "zephyr/CMakeLists.txt": "zephyr/CMakeLists.txt.j2",
@@ -120,11 +120,11 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "samples/golden_vectors/src/main.c": MAIN_TEMPLATE,
             "samples/golden_vectors/src/golden_vectors.h": VECTORS_TEMPLATE,
         },
-        print="printk",
+        print_function="printk",
     ),
     "platformio": Ecosystem(
         "PlatformIO library",
-        places={
+        folders={
             "include": "include", "src": "src", "port": "include", "headers": "include",
             "sources": "src", "docs": "docs", "example": "docs",
         },
@@ -138,7 +138,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
     ),
     "arduino": Ecosystem(
         "Arduino library",
-        places={
+        folders={
             "include": "src", "src": "src", "headers": "src", "sources": "src", "docs": "extras", "example": "extras",
         },
         templates={
@@ -148,11 +148,11 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "examples/golden_vectors/golden_vectors.ino": "arduino/golden_vectors.ino.j2",
             "examples/golden_vectors/golden_vectors.h": VECTORS_TEMPLATE,
         },
-        edit=_forbid_fused_products,
+        edit_source=_forbid_fused_products,
     ),
     "cargo": Ecosystem(
         "Rust crate",
-        places={
+        folders={
             "include": "c/include", "src": "c/src", "port": "c/port", "headers": "c/actuator",
             "sources": "c/actuator", "docs": "docs", "example": "docs",
         },
@@ -165,7 +165,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "c/actuator/{name}_binding.c": "cargo/binding.c.j2",
             "tests/golden_vectors.rs": "cargo/golden_vectors.rs.j2",
         },
-        edit=_prefix_symbols,
+        edit_source=_prefix_symbols,
     ),
 }  # fmt: skip
 """Package layouts by the name that --package accepts."""
@@ -196,23 +196,23 @@ def make_package_files(
         if package_path is not None
     }
     template_values = _template_values(files, manifest, values)
-    template_values |= {"title": ecosystem.title, "print": ecosystem.print}
+    template_values |= {"title": ecosystem.title, "print": ecosystem.print_function}
     for pattern, template in ecosystem.templates.items():
         path = pattern.format(name=values["name"])
         contents[path] = _edit_file(ecosystem, path, render(f"packages/{template}", template_values), values)
     contents["LICENSE"] = license_text()
-    if ecosystem.archive is None:
+    if ecosystem.make_archive is None:
         return contents
-    return contents | ecosystem.archive(contents, template_values)
+    return contents | ecosystem.make_archive(contents, template_values)
 
 
 def _edit_file(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
     """Return the text of a file of the package. Only C files and the guide can be changed."""
     if path.endswith("/DROP_IN.md"):
         return _edit_guide(text)
-    if ecosystem.edit is None or not path.endswith((".c", ".h")):
+    if ecosystem.edit_source is None or not path.endswith((".c", ".h")):
         return text
-    return ecosystem.edit(path, text, values)
+    return ecosystem.edit_source(path, text, values)
 
 
 def _edit_guide(text: str) -> str:
@@ -231,7 +231,7 @@ def _package_path(path: str, ecosystem: Ecosystem, name: str) -> str | None:
     part, _, inner_path = path.partition("/")
     if not inner_path:
         part, inner_path = _folder_part(path, name), path
-    target_folder = ecosystem.places.get(part)
+    target_folder = ecosystem.folders.get(part)
     return None if target_folder is None else f"{target_folder}/{inner_path}"
 
 

@@ -115,17 +115,17 @@ class StageController:
     def core_sources(self) -> tuple[str, ...]:
         """Sources of the core."""
         parameters = self.magnets[0].parameters
-        own: tuple[str, ...] = ()
+        law_sources: tuple[str, ...] = ()
         if isinstance(parameters, HysteresisInverse):
             block = parameters.block
-            own = (KIND_SOURCES if self.is_fixed else KIND_SOURCES_F32)[block.kind]
+            law_sources = (KIND_SOURCES if self.is_fixed else KIND_SOURCES_F32)[block.kind]
         elif isinstance(parameters, PlayMap):
-            own = PLAY_MAP_SOURCES_FIXED if self.is_fixed else PLAY_MAP_SOURCES_F32
+            law_sources = PLAY_MAP_SOURCES_FIXED if self.is_fixed else PLAY_MAP_SOURCES_F32
         if self.fixed_controller is not None:
-            return tuple(dict.fromkeys((*AXES_SOURCES_FIXED, *FORCE_SOURCES_FIXED, *own)))
+            return tuple(dict.fromkeys((*AXES_SOURCES_FIXED, *FORCE_SOURCES_FIXED, *law_sources)))
         force = FORCE_SOURCES_CODED if self.is_fixed else FORCE_SOURCES_F32
         correction_sources = () if self.correction is None else CORRECTED_SOURCES_F32
-        return tuple(dict.fromkeys((*AXES_SOURCES_F32, *force, *own, *correction_sources)))
+        return tuple(dict.fromkeys((*AXES_SOURCES_F32, *force, *law_sources, *correction_sources)))
 
     @property
     def parameters_bytes(self) -> int:
@@ -268,8 +268,8 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
     block = parameters.block if isinstance(parameters, HysteresisInverse) else None
     play = isinstance(stage.magnets[0].parameters, PlayMap)
     headers = ["force_by_play.h" if stage.is_fixed else "force_by_play_real.h"] * play
-    is_coded = stage.is_fixed and stage.fixed_controller is None
-    headers += ["force_coded_real.h"] * is_coded
+    uses_coded_controllers = stage.is_fixed and stage.fixed_controller is None
+    headers += ["force_coded_real.h"] * uses_coded_controllers
     headers += ["force_corrected_real.h"] * (stage.correction is not None)
     return {
         "type": _parameter_type(parameters, number_format),
@@ -279,8 +279,8 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
         "map_high": high,
         "fixed": stage.is_fixed,
         "law": number_format,
-        "coded": is_coded,
-        "inner": "inner" if is_coded else "magnet",
+        "coded": uses_coded_controllers,
+        "inner": "inner" if uses_coded_controllers else "magnet",
         "kernel": "" if block is None else _kernel_name(block),
         "memories": 1 if block is None else max(memory_counts(stage)),
         "scales": _row_text((scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high)),
@@ -333,8 +333,8 @@ def _parameter_definitions(name: str, magnet: ForceController) -> str:
     """Return the definitions of the parameters of a magnet's method."""
     parameters, is_fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
-        words_of = f"{name.upper()}_PARAMETERS_WORDS"
-        return define_parameters(name, words_of, parameters.block, FORCE_CURRENT_UNITS, GAP_QUANTITY)
+        word_count_macro = f"{name.upper()}_PARAMETERS_WORDS"
+        return define_parameters(name, word_count_macro, parameters.block, FORCE_CURRENT_UNITS, GAP_QUANTITY)
     if isinstance(parameters, PlayMap):
         rows = play_initialiser(parameters.block(magnet.format))
         size, kind = f"{name.upper()}_PARAMETERS_WORDS", "int16_t" if is_fixed else "float"

@@ -227,7 +227,7 @@ class _LevitationRun:
 
     def _output_codes(self, outputs: tuple[float, float, float, float, int, int]) -> Iterator[int]:
         settings, middle_gap = self.controller.settings, self.controller.control.gap_middle
-        yield from (to_q31(driven, settings["current_full"]) for driven in outputs[:2])
+        yield from (to_q31(driven_currents, settings["current_full"]) for driven_currents in outputs[:2])
         yield to_q31(middle_gap - outputs[2], settings["position_full"])
         yield to_q31(outputs[3], settings["demand_full"])
         yield outputs[4]

@@ -200,8 +200,8 @@ class ControllerTable(Table):
 
     def _values_by_name(self, *names: str) -> dict[str, Any]:
         """Return the values of the file for some names of :mod:`anhyst.control`."""
-        places = {name: _FILE_KEYS[name] for name in names}
-        return {name: getattr(getattr(self, table), key) for name, (table, key) in places.items()}
+        file_keys = {name: _FILE_KEYS[name] for name in names}
+        return {name: getattr(getattr(self, table), key) for name, (table, key) in file_keys.items()}
 
     def current_converter(self) -> ReferenceConverter:
         """Return the converter of the current references; it may be omitted in the file."""

@@ -40,7 +40,7 @@ class DriveLayout(NamedTuple):
 
     unit_wrench: FloatArray  # wrench of 1 N of each drive; one row per drive
     opponents: Sequence[int]  # index of the opposing drive; its own index if there is none
-    yield_weights: Sequence[float]  # relative weight with which a coordinate may be given up
+    drop_weights: Sequence[float]  # relative weight with which a coordinate may be given up
     allocation: int
     idle_force: float  # idle force of both drives of a pair, N
     force_min: float  # smallest force of a drive without an opponent, N
@@ -82,8 +82,8 @@ class FixedController:
     def make_core(self, magnets: Sequence[CoreForceController], flux: float) -> FixedAxes:
         """Return the core's controller for some force controllers; `flux`: full-scale flux, T."""
         scales = {key: value for key, value in self.scales.as_dict().items() if key in _CORE_SCALES}
-        full = scales | {"at": self.head_rows.ravel().tolist(), "flux": flux}
-        return FixedAxes(list(magnets), self.words, self.integers, full)
+        full_scale = scales | {"at": self.head_rows.ravel().tolist(), "flux": flux}
+        return FixedAxes(list(magnets), self.words, self.integers, full_scale)
 
 
 def signal_codes(value: FloatArray, full_scale: float | FloatArray) -> FloatArray:
@@ -102,8 +102,8 @@ def make_fixed_allocation(
     normalised = np.where(is_first[:, None], drives.unit_wrench / size, 0.0).T
     identity = np.diag(is_first.astype(float))
     words: Words = {"against": opponents[:, None].astype(float)}
-    for name, yields in (("whole", 0.0 * size), ("yields", np.array(drives.yield_weights))):
-        allocation = np.linalg.solve(normalised @ normalised.T + np.diag(yields), normalised).T
+    for name, diagonal_weights in (("whole", 0.0 * size), ("yields", np.array(drives.drop_weights))):
+        allocation = np.linalg.solve(normalised @ normalised.T + np.diag(diagonal_weights), normalised).T
         words |= _scale_rows(name, (allocation / size) * wrench / (8.0 * force))
         words[f"{name}_apart"] = np.clip(np.round((identity - allocation @ normalised) * _Q30), -_Q30, _Q30)
     return _as_core_integers(words), {
@@ -124,13 +124,13 @@ def make_fixed_controller(
     pose, wrench = scales.pose, scales.wrench
     words, numbers = make_fixed_allocation(drives, wrench, scales.force)
     heads = len(rows["at"])
-    without = rows["without"].reshape(heads * len(pose), heads)
+    pose_rows = rows["without"].reshape(heads * len(pose), heads)
     words |= _scale_rows("see", rows["see"] * scales.head / pose[:, None])
-    words |= _scale_rows("without", without * scales.head / np.tile(pose, heads)[:, None])
+    words |= _scale_rows("without", pose_rows * scales.head / np.tile(pose, heads)[:, None])
     words |= _scale_rows("decouple", rows["decouple"] * pose / pose[:, None])
     words |= _scale_rows("weigh", rows["weigh"] * scales.acceleration / wrench[:, None])
     gain = (pose / scales.acceleration).tolist()
-    words["pid"] = np.array([_pid_words(*line) for line in zip(rows["pid"].tolist(), gain, strict=True)])
+    words["pid"] = np.array([_pid_words(*row) for row in zip(rows["pid"].tolist(), gain, strict=True)])
     for name in ("reach", "land", "lift"):
         words[name] = signal_codes(rows[name], pose[:, None])
     if not (words["lift"] > 0.0).all():
@@ -159,11 +159,11 @@ def _scales(
     rows: Mapping[str, FloatArray], drives: DriveLayout, settings: Mapping[str, float]
 ) -> FixedScales:
     """Return the full scales: powers of two, except for those of the force controllers."""
-    reach = rows["reach"][:, 0]
-    pose = np.maximum(reach, np.abs(rows["decouple"]) @ reach)
+    largest_errors = rows["reach"][:, 0]
+    pose = np.maximum(largest_errors, np.abs(rows["decouple"]) @ largest_errors)
     wrench = _round_full_scale(np.abs(drives.unit_wrench).sum(axis=0) * drives.force_max)
     return FixedScales(
-        head=float(_round_full_scale((np.abs(rows["at"]) @ reach).max())),
+        head=float(_round_full_scale((np.abs(rows["at"]) @ largest_errors).max())),
         pose=_round_full_scale(pose),
         acceleration=_round_full_scale(wrench / np.abs(np.diag(rows["weigh"]))),
         wrench=wrench,

@@ -193,8 +193,8 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
     >>> f"{gains.K_p:.4g} N/m, {gains.K_i:.4g} N/(m s), {gains.K_d:.4g} N s/m"
     '3.411e+06 N/m, 8.573e+08 N/(m s), 4524 N s/m'
     """
-    given = {"mass": (mass, " kg"), "bandwidth": (bandwidth, " Hz"), "damping": (damping, "")}
-    for name, (value, unit) in given.items():
+    given_values = {"mass": (mass, " kg"), "bandwidth": (bandwidth, " Hz"), "damping": (damping, "")}
+    for name, (value, unit) in given_values.items():
         if not (math.isfinite(value) and value > 0.0):
             raise wrong_key(name, f"{value}{unit} is not above zero", code="not-above-zero")
     if not (math.isfinite(virtual_mass) and mass + virtual_mass > 0.0):
@@ -220,9 +220,9 @@ def notch(frequency: float, damping: float, new_damping: float, dt: float) -> Fl
     of ``anhyst_biquad_f64``.
     """
     w = math.tan(math.pi * frequency * dt)
-    middle, pole_term, put_in = 2.0 * (w * w - 1.0), 2.0 * damping * w, 2.0 * new_damping * w
-    parts = [1.0 + pole_term + w * w, middle, 1.0 - pole_term + w * w, middle, 1.0 - put_in + w * w]
-    return np.array(parts) / (1.0 + put_in + w * w)
+    middle, pole_term, new_term = 2.0 * (w * w - 1.0), 2.0 * damping * w, 2.0 * new_damping * w
+    parts = [1.0 + pole_term + w * w, middle, 1.0 - pole_term + w * w, middle, 1.0 - new_term + w * w]
+    return np.array(parts) / (1.0 + new_term + w * w)
 
 
 def integrator(gain: float) -> FloatArray:

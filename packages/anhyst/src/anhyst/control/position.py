@@ -249,9 +249,9 @@ def _check_above_zero(table: object, *names: str) -> None:
             raise wrong_key(name, f"{value} is not above zero", code="not-above-zero")
 
 
-def _nonzero_code(name: str, part: float) -> int:
+def _nonzero_code(name: str, fraction: float) -> int:
     """Return the nearest q31 code of a number that must not become zero."""
-    code = to_q31(part)
+    code = to_q31(fraction)
     if code < 1:
         raise wrong_key(name, "too small to differ from zero; raise it", code="rate-too-small")
     return code

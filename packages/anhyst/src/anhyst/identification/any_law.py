@@ -141,9 +141,9 @@ class _AnyLawProblem:
             return UNSOLVED_DEVIATION * self.records.output_span * self.weights
         return np.asarray((outputs - self.measured) * self.weights)
 
-    def fit_line(self, shape: FloatArray) -> tuple[float, float, float]:
+    def fit_gain(self, modelled_output: FloatArray) -> tuple[float, float, float]:
         """Return gain and offset of the regression on a modelled output, and its cost."""
-        columns = np.stack([shape, np.ones(shape.size) * self.offsets], axis=1)
+        columns = np.stack([modelled_output, np.ones(modelled_output.size) * self.offsets], axis=1)
         weighted_columns = columns * self.weights[:, None]
         target = self.measured * self.weights
         (gain, offset), *_ = np.linalg.lstsq(weighted_columns, target, rcond=None)
@@ -157,10 +157,10 @@ class _AnyLawProblem:
         for point in sample_unit_cube(len(names), SCREENED_SETS, seed).T:
             values = dict(zip(names, point, strict=True))
             theta = np.array([values.get(entry.name, 0.5) for entry in self.entries])
-            shape = self.outputs(self.model(self.entries, theta))
-            if shape is None or not np.ptp(shape):
+            modelled_output = self.outputs(self.model(self.entries, theta))
+            if modelled_output is None or not np.ptp(modelled_output):
                 continue
-            gain, offset, cost = self.fit_line(shape)
+            gain, offset, cost = self.fit_gain(modelled_output)
             if np.isfinite(cost):
                 starts.append((cost, *self._add_gain_and_offsets(theta, gain, offset)))
         return sorted(starts, key=lambda start: start[0])[:MAX_STARTS]
@@ -225,12 +225,12 @@ def _descend(problem: _AnyLawProblem, seed: int) -> tuple[float, Outcome]:
     best = descend(entries, best_short.x, 1e-8, 60)
     reason = f"gap map '{problem.gap_map}' fits the loops best of those tried"
     model = problem.model(entries, best.x)
-    uncertainty = _assess(problem, entries, best.x, best.fun, best.jac)
+    uncertainty = _assess_uncertainty(problem, entries, best.x, best.fun, best.jac)
     outcome = Outcome(model, uncertainty, len(entries), problem.evaluations, reason)
     return 2.0 * float(best.cost), outcome
 
 
-def _assess(
+def _assess_uncertainty(
     problem: _AnyLawProblem,
     entries: tuple[_Coordinate, ...],
     theta: FloatArray,
@@ -240,17 +240,17 @@ def _assess(
     """Estimate the uncertainty in the same way as :func:`.uncertainty.assess_uncertainty`."""
     normal = jacobian.T @ jacobian
     variance = float(deviation @ deviation) / max(1, deviation.size - theta.size)
-    floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
-    covariance = variance * correlation_length(deviation) * np.linalg.inv(normal + floor * np.eye(theta.size))
-    spread = np.sqrt(np.diag(covariance))
+    ridge = 1e-14 * max(float(np.trace(normal)), 1e-300)
+    covariance = variance * correlation_length(deviation) * np.linalg.inv(normal + ridge * np.eye(theta.size))
+    unit_stds = np.sqrt(np.diag(covariance))
     keys = problem.model(entries, theta).file_keys
     names = [keys[e.name][1] + ("" if e.node is None else f"[{e.node}]") for e in entries]
     values = [entry.value(position) for entry, position in zip(entries, theta.tolist(), strict=True)]
     stds = [
         float(std * entry.derivative(position))
-        for entry, position, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
+        for entry, position, std in zip(entries, theta.tolist(), unit_stds.tolist(), strict=True)
     ]
-    correlation = covariance / np.outer(spread, spread)
+    correlation = covariance / np.outer(unit_stds, unit_stds)
     return Uncertainty(
         names=tuple(names),
         values=tuple(values),

@@ -268,10 +268,8 @@ class CandidateComparison:
             return self._replace_by_better_fit(simplest_candidate, self.eligible, outer_fold)
         best = None
         for rank in sorted({candidate.rank for candidate in refitted_candidates}):
-            same_rank = [candidate for candidate in refitted_candidates if candidate.rank == rank]
-            means = {
-                model: mean_square_error(_comparable_errors(errors[model], same_rank)) for model in same_rank
-            }
+            peers = [candidate for candidate in refitted_candidates if candidate.rank == rank]
+            means = {model: mean_square_error(_comparable_errors(errors[model], peers)) for model in peers}
             max_mean = EQUAL_ERROR_RATIO * min(means.values())
             simplest_good = next(candidate for candidate, mean in means.items() if mean <= max_mean)
             if best is None or self._is_better(simplest_good, best, outer_fold):
@@ -283,18 +281,20 @@ class CandidateComparison:
         self, best: ModelCandidate, candidates: Sequence[ModelCandidate], outer_fold: Fold
     ) -> ModelCandidate:
         """Replace a candidate by a simple one that fits far better and predicts as well."""
-        while better := [other for other in candidates if self._should_replace(best, other, outer_fold)]:
-            best = min(better, key=lambda other: (other.rank, self._cost(other, outer_fold)))
+        while replacements := [
+            other for other in candidates if self._should_replace(best, other, outer_fold)
+        ]:
+            best = min(replacements, key=lambda other: (other.rank, self._cost(other, outer_fold)))
         return best
 
-    def _is_better(self, other: ModelCandidate, simpler: ModelCandidate, outer_fold: Fold) -> bool:
+    def _is_better(self, other: ModelCandidate, baseline: ModelCandidate, outer_fold: Fold) -> bool:
         """Whether a candidate predicts better than a simpler one by more than the scatter.
 
         If blocks are withheld, clearly smaller mean squares at blocks and fitted data are enough.
         """
-        pair = [simpler, other]
+        pair = [baseline, other]
         is_by_block = self.withheld_kind == "block"
-        sigmas = _CELL_SIGMAS_FOR_BLOCKS if is_by_block and simpler.cells else 1.0
+        sigmas = _CELL_SIGMAS_FOR_BLOCKS if is_by_block and baseline.cells else 1.0
         simpler_errors, other_errors = (
             _comparable_errors(self.withheld_errors(candidate, outer_fold), pair) for candidate in pair
         )

@@ -82,11 +82,11 @@ class CellBasis:
         """
         if self.centres is None:
             return np.ones(matrix.shape[1], dtype=np.bool_)
-        height = np.ptp(matrix, axis=0)
+        curve_changes = np.ptp(matrix, axis=0)
         r, b, tolerance = self.thresholds[:, None], self.centres, 0.5 * self.thresholds[1]
         can_be_reached = (b <= self.max_field - r + tolerance) & ((b >= r) | self.is_even)
         can_be_reached[:, 0] = r[:, 0] < self.max_field
-        return np.asarray((height > MIN_CURVE_CHANGE * height.max()) | can_be_reached.ravel())
+        return np.asarray((curve_changes > MIN_CURVE_CHANGE * curve_changes.max()) | can_be_reached.ravel())
 
     def second_differences(self, is_solved: NDArray[np.bool_]) -> FloatArray:
         """Return the matrix of second differences of solved columns; zero in later columns."""
@@ -98,8 +98,8 @@ class CellBasis:
         # threshold and the first curve are excluded: they are the free cell and the straight curve.
         triples = sliding_window_view(table.T[:, 1:], 3, axis=1).reshape(-1, 3)
         if self.centres is not None:
-            over_centres = sliding_window_view(table[:, 1:], 3, axis=1).reshape(-1, 3)
-            triples = np.concatenate([triples, over_centres])
+            centre_triples = sliding_window_view(table[:, 1:], 3, axis=1).reshape(-1, 3)
+            triples = np.concatenate([triples, centre_triples])
         triples = triples[triples.min(axis=1) >= 0]
         rows = np.zeros((len(triples), count))
         rows[np.arange(len(triples))[:, None], triples] = 1.0, -2.0, 1.0

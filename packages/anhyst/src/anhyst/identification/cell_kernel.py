@@ -211,8 +211,8 @@ class CellKernel(_CellKernelBase):
     def pinned_populations(self, law: tuple[float, ...]) -> list[Population]:
         """Return the pinned populations for given fit parameters."""
         iron = self.iron_parameters(1.0, 1.0, law, 0.0)
-        numbers = range(1, self.population_count + 1)
-        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in numbers]
+        population_numbers = range(1, self.population_count + 1)
+        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in population_numbers]
 
     def make_cells(self, law: tuple[float, ...]) -> CellWeights:
         """Return the cells for given fit parameters."""

@@ -27,7 +27,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
-MIDDLE_POSITIONS = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
+CENTRE_POSITIONS = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 """Tried centres of the curves: distance from the lowest input, divided by the input range."""
 
 LAG_SAMPLES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # tried lags, in samples
@@ -76,7 +76,7 @@ class Trial:
     """Nonlinear parameters of the least-squares problem, and the solution for their values."""
 
     lag: float  # lag, s
-    middle: float  # centre of the curves (``in_0``)
+    centre: float  # centre of the curves (``in_0``)
     creep_times: tuple[float, ...] = ()  # time constants of the creep, s
     smoothness: float = SMOOTHNESS
     weights: FloatArray | None = None
@@ -106,12 +106,12 @@ class System:
         differences = self.basis.second_differences(self.solved_columns)
         return np.asarray(differences.T @ differences)
 
-    def solve(self, attempt: Trial, height: float) -> Trial:
+    def solve(self, attempt: Trial, output_range: float) -> Trial:
         """Return a trial with its solved weights and rms residual."""
         matrix = self.matrix[:, self.solved_columns]
         weights = self._solve_weights(matrix.T @ matrix, matrix.T @ self.target, attempt.smoothness)
         residual = self.matrix @ weights - self.target
-        return replace(attempt, weights=weights, rms=float(np.linalg.norm(residual)) * height)
+        return replace(attempt, weights=weights, rms=float(np.linalg.norm(residual)) * output_range)
 
     def withheld_errors(self, smoothness_values: Sequence[float]) -> list[float]:
         """Return, for each smoothness, the rms error at the folds, which are withheld in turn."""
@@ -150,17 +150,17 @@ class CellProblem:
         self.solve_count = 0
         self.low = min(float(loop.input.min()) for loop in loopset.loops)
         self.span = max(float(loop.input.max()) for loop in loopset.loops) - self.low
-        self.height = max(float(np.ptp(loop.output)) for loop in loopset.loops)
+        self.output_range = max(float(np.ptp(loop.output)) for loop in loopset.loops)
         if any(correlation(loop.input, loop.output) < -0.5 for loop in loopset.loops):
             name, drive = loopset.output.name.replace("_", " "), loopset.input.name
             raise InputError(
                 f"the {name} falls as the {drive} rises; flip the sign of one of the columns",
                 code="output-falls",
             )
-        self.slope = STRAIGHT_SLOPE_SHARE * self.height / self.span
+        self.slope = STRAIGHT_SLOPE_SHARE * self.output_range / self.span
         self.basis = make_common_basis(self.span)
         # tried centres of the curves, in units of the input
-        self.middles = [self.low + position * self.span for position in MIDDLE_POSITIONS]
+        self.centres = [self.low + position * self.span for position in CENTRE_POSITIONS]
         self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
         self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
         self.known_masks = [_mask_known_samples(loop) for loop in loopset.loops]
@@ -171,12 +171,12 @@ class CellProblem:
 
         If the input range is almost symmetrical about zero, a problem with an even grid is added.
         """
-        middle = self.low + 0.5 * self.span
+        centre = self.low + 0.5 * self.span
         problems = []
-        for is_even in (True, False) if abs(middle) <= MAX_CENTRE_SHARE * self.span else (False,):
+        for is_even in (True, False) if abs(centre) <= MAX_CENTRE_SHARE * self.span else (False,):
             problem = copy(self)
             problem.basis = make_grid_basis(self.span, is_even=is_even)
-            problem.middles = [middle if is_even else self.low]
+            problem.centres = [centre if is_even else self.low]
             problem._plays, problem._columns = {}, None
             problems.append(problem)
         return problems
@@ -190,7 +190,7 @@ class CellProblem:
         for loop, mask in zip(self.loopset.loops, self.fitted_masks, strict=True):
             input_before = np.append(_input_before(loop.history, loop.input), loop.input[0])
             starts_at_middle = (
-                np.max(np.abs(input_before - self.middles[0])) <= (1.0 - FAR_END_SHARE) * self.span
+                np.max(np.abs(input_before - self.centres[0])) <= (1.0 - FAR_END_SHARE) * self.span
             )
             masks.append(np.ones_like(mask) if starts_at_middle else mask)
         problem.fitted_masks = masks
@@ -203,7 +203,7 @@ class CellProblem:
 
     def remove_outliers(self) -> None:
         """Exclude a few samples that deviate strongly from the best fit without a lag."""
-        solutions = [self.solve(Trial(0.0, middle)) for middle in self.middles]
+        solutions = [self.solve(Trial(0.0, centre)) for centre in self.centres]
         best = min(solutions, key=lambda attempt: attempt.rms)
         assert best.weights is not None
         offset = float(best.weights[-2] - best.weights[-1])
@@ -217,7 +217,7 @@ class CellProblem:
             for mask, deviation in zip(self.fitted_masks, deviations, strict=True)
         ]
         count_before, count_after = (
-            np.concatenate(old_or_new).sum() for old_or_new in (self.fitted_masks, masks)
+            np.concatenate(mask_list).sum() for mask_list in (self.fitted_masks, masks)
         )
         if count_before - count_after <= MAX_OUTLIER_SHARE * count_before:
             self.fitted_masks = masks
@@ -243,11 +243,11 @@ class CellProblem:
         """Lags that are tried, s."""
         if not self.sample_time:
             return [0.0]
-        one_rate = max(self.rates) < MIN_RATE_RATIO * min(self.rates)
+        has_one_rate = max(self.rates) < MIN_RATE_RATIO * min(self.rates)
         return [
             lag * self.sample_time
             for lag in LAG_SAMPLES
-            if not one_rate or lag <= MAX_LAG_SAMPLES_AT_ONE_RATE
+            if not has_one_rate or lag <= MAX_LAG_SAMPLES_AT_ONE_RATE
         ]
 
     @cached_property
@@ -259,29 +259,29 @@ class CellProblem:
         times = (share * longest_time for share in CREEP_TIME_SHARES)
         return tuple(time for time in times if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time)
 
-    def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
+    def play_positions(self, lag: float, centre: float) -> list[tuple[FloatArray, FloatArray]]:
         """Return the play positions in each loop and before it, relative to the curve centre."""
-        if (lag, middle) not in self._plays:
-            self._plays |= {(lag, tried_middle): [] for tried_middle in self.middles}
-            middles, thresholds = np.array(self.middles)[:, None], self.basis.thresholds
+        if (lag, centre) not in self._plays:
+            self._plays |= {(lag, tried_centre): [] for tried_centre in self.centres}
+            centres, thresholds = np.array(self.centres)[:, None], self.basis.thresholds
             for loop in self.loopset.loops:
                 drive = loop.input
                 if lag and loop.time is not None:
                     drive = Dynamics(lag).delayed(drive, loop.time)
                 # All cells start at the centre of the curves.
-                path = _input_before(loop.history, drive) - middles
-                path = np.concatenate([np.zeros_like(middles), path], axis=1)
-                start = np.zeros((middles.size, thresholds.size))
+                path = _input_before(loop.history, drive) - centres
+                path = np.concatenate([np.zeros_like(centres), path], axis=1)
+                start = np.zeros((centres.size, thresholds.size))
                 at_rest = move_plays(path, thresholds, start)[-1]
-                positions = move_plays(drive - middles, thresholds, at_rest)
-                for index, tried_middle in enumerate(self.middles):
+                positions = move_plays(drive - centres, thresholds, at_rest)
+                for index, tried_middle in enumerate(self.centres):
                     self._plays[lag, tried_middle].append((positions[:, index], at_rest[index]))
-        return self._plays[lag, middle]
+        return self._plays[lag, centre]
 
     def outputs(self, attempt: Trial) -> list[tuple[FloatArray, float]]:
         """Return the output of a trial in each loop and before it, without creep and offset."""
         assert attempt.weights is not None
-        outputs, plays = [], self.play_positions(attempt.lag, attempt.middle)
+        outputs, plays = [], self.play_positions(attempt.lag, attempt.centre)
         for columns, (fields, at_rest) in zip(self.columns(attempt), plays, strict=True):
             weights = attempt.weights[: columns.shape[1]]
             rest_output = self.basis.columns(at_rest[None])[0] @ weights + self.slope * at_rest[0]
@@ -290,7 +290,7 @@ class CellProblem:
 
     def columns(self, attempt: Trial) -> list[FloatArray]:
         """Return the output of each curve with weight 1 in each loop; the last result is cached."""
-        key = attempt.lag, attempt.middle
+        key = attempt.lag, attempt.centre
         if self._columns is None or self._columns[0] != key:
             self._columns = (key, [self.basis.columns(fields) for fields, _ in self.play_positions(*key)])
         return self._columns[1]
@@ -300,7 +300,7 @@ class CellProblem:
         self.solve_count += 1
         if attempt.creep_times and not creeping:
             creeping = self.creep_responses(attempt, attempt.creep_times)
-        return self.make_system(attempt, creeping).solve(attempt, self.height)
+        return self.make_system(attempt, creeping).solve(attempt, self.output_range)
 
     def deviation(
         self, attempt: Trial, creeping: Sequence[FloatArray], masks: list[NDArray[np.bool_]]
@@ -318,9 +318,9 @@ class CellProblem:
     ) -> System:
         """Return the least-squares problem of a trial, given the creep responses in each loop."""
         rows, targets, folds = [], [], []
-        plays, columns = self.play_positions(attempt.lag, attempt.middle), self.columns(attempt)
+        plays, columns = self.play_positions(attempt.lag, attempt.centre), self.columns(attempt)
         for index, loop in enumerate(self.loopset.loops):
-            weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
+            weight = 1.0 / (self.output_range * np.sqrt(loop.n * len(self.loopset)))
             unit_column = np.ones((loop.n, 1))
             creep_columns = [creep_responses[index]] if creep_responses else []
             mask = (self.fitted_masks if masks is None else masks)[index]
@@ -383,7 +383,7 @@ class CellProblem:
                 "alpha": 0.0,
                 "c_H": 1.0,
                 "c_out": slope / MU_0,
-                "in_0": attempt.middle,
+                "in_0": attempt.centre,
                 "out_0": float(attempt.weights[-2] - attempt.weights[-1]),
             },
             law=LAW,

@@ -244,8 +244,8 @@ class CellSearch:
             fits = _keep_best([*fits, *levels.descend(split_starts, len(split_starts))])
         if not smaller_fits and not self.is_usable(fits[0]):
             # Also descend from the Jiles-Atherton starts: their fits may be usable.
-            followed = [descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness) for theta in starts]
-            usable_fits = sorted(filter(self.is_usable, followed), key=lambda fit: fit.cost)
+            own_fits = [descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness) for theta in starts]
+            usable_fits = sorted(filter(self.is_usable, own_fits), key=lambda fit: fit.cost)
             fits = [*usable_fits[:1], *fits][:_MAX_FINAL_DESCENTS]
         return fits
 

@@ -53,7 +53,7 @@ def fit_creeping(loopset: Loops) -> Outcome:
     problem = CellProblem(thin_loops(loopset))
     problem.remove_outliers()
     lags = problem.lags
-    fits_without_creep = [problem.solve(Trial(lag, middle)) for lag, middle in product(lags, problem.middles)]
+    fits_without_creep = [problem.solve(Trial(lag, centre)) for lag, centre in product(lags, problem.centres)]
     best = min(fits_without_creep, key=lambda attempt: attempt.rms)
     fit_without_lag = min(
         fits_without_creep, key=lambda attempt: (attempt.lag, attempt.rms)
@@ -94,11 +94,11 @@ def fit_creeping(loopset: Loops) -> Outcome:
         else:
             candidates.insert(-1, grid_candidate)
     chosen_candidate = replace(candidates[-1], note="chosen")
-    model, statement = limit_rate(problem.make_model(chosen), loopset)
+    model, rate_statement = limit_rate(problem.make_model(chosen), loopset)
     assert chosen.weights is not None
     return Outcome(
         model,
-        Uncertainty((), (), (), statements=(statement,) if statement else ()),
+        Uncertainty((), (), (), statements=(rate_statement,) if rate_statement else ()),
         int(np.count_nonzero(chosen.weights)),
         problem.solve_count,
         "nothing is scheduled",
@@ -112,7 +112,7 @@ def _add_creep(problem: CellProblem, fits_without_creep: Sequence[Trial], chosen
     """Add creep to the best fits without it, and use it if it reduces the residual enough."""
     good_fits = sorted(fits_without_creep, key=lambda attempt: attempt.rms)[:4]
     fits = []
-    for start in {id(each): each for each in (*good_fits, chosen)}.values():
+    for start in {id(each_fit): each_fit for each_fit in (*good_fits, chosen)}.values():
         fit = start
         for _ in range(CREEP_ROUNDS):
             fit = problem.solve(replace(fit, creep_times=problem.creep_times))
@@ -141,32 +141,32 @@ def _fit_on_grid(problem: CellProblem, few_curves_fit: Trial) -> tuple[CellProbl
     )
     (few_error,) = problem.make_system(few_curves_fit, creeping).withheld_errors([few_curves_fit.smoothness])
     best: tuple[float, CellProblem, Trial] | None = None
-    for on_grid in problem.make_grid_problems():
-        start = replace(few_curves_fit, middle=on_grid.middles[0])
-        errors = on_grid.make_system(start, creeping).withheld_errors(GRID_SMOOTHNESS_VALUES)
+    for grid in problem.make_grid_problems():
+        start = replace(few_curves_fit, centre=grid.centres[0])
+        errors = grid.make_system(start, creeping).withheld_errors(GRID_SMOOTHNESS_VALUES)
         grid_error = min(errors)
         if best is None or grid_error < best[0]:
             best = (
                 grid_error,
-                on_grid,
+                grid,
                 replace(start, smoothness=GRID_SMOOTHNESS_VALUES[errors.index(grid_error)]),
             )
     assert best is not None
-    grid_error, on_grid, start = best
-    with_initial = on_grid.include_initial_curves()
-    (error_with_initial,) = with_initial.make_system(start, creeping).withheld_errors([start.smoothness])
+    grid_error, grid, start = best
+    full_problem = grid.include_initial_curves()
+    (error_with_initial,) = full_problem.make_system(start, creeping).withheld_errors([start.smoothness])
     if error_with_initial <= MAX_INITIAL_CURVE_ERROR_RATIO * grid_error:
-        grid_error, on_grid = error_with_initial, with_initial
-    fit = on_grid.solve(start, creeping)
+        grid_error, grid = error_with_initial, full_problem
+    fit = grid.solve(start, creeping)
     for _ in range(CREEP_ROUNDS - 1 if few_curves_fit.creep_times else 0):
-        fit = on_grid.solve(fit)
+        fit = grid.solve(fit)
     initial_samples = [
         grid_mask & ~few_mask
-        for grid_mask, few_mask in zip(on_grid.fitted_masks, problem.fitted_masks, strict=True)
+        for grid_mask, few_mask in zip(grid.fitted_masks, problem.fitted_masks, strict=True)
     ]
-    grid_error = float(np.hypot(grid_error, on_grid.deviation(fit, creeping, initial_samples)))
+    grid_error = float(np.hypot(grid_error, grid.deviation(fit, creeping, initial_samples)))
     few_error = float(np.hypot(few_error, problem.deviation(few_curves_fit, creeping, initial_samples)))
-    return on_grid, fit, grid_error, few_error
+    return grid, fit, grid_error, few_error
 
 
 def limit_rate(model: Model, loopset: Loops) -> tuple[Model, str]:
@@ -201,4 +201,4 @@ def limit_rate(model: Model, loopset: Loops) -> tuple[Model, str]:
 def _make_candidate(problem: CellProblem, name: str, attempt: Trial) -> CandidateFit:
     assert attempt.weights is not None
     count = int(np.count_nonzero(attempt.weights))
-    return CandidateFit(law=name, gap_map="none", numbers=count, rms=attempt.rms / problem.height)
+    return CandidateFit(law=name, gap_map="none", numbers=count, rms=attempt.rms / problem.output_range)

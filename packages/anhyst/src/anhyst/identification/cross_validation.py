@@ -211,7 +211,7 @@ def mean_square_error(errors: Sequence[WithheldError]) -> float:
 
 
 def is_better(
-    simpler: Sequence[WithheldError], complex_: Sequence[WithheldError], sigmas: float = 1.0
+    simpler_errors: Sequence[WithheldError], complex_errors: Sequence[WithheldError], sigmas: float = 1.0
 ) -> bool:
     """Whether a complex fit is better by more than a number of standard errors of the difference.
 
@@ -219,7 +219,7 @@ def is_better(
     that over the gaps, because loops of a gap are correlated. A fit that is better only at the
     fitted gaps, but worse at the withheld ones, is not accepted.
     """
-    pairs = list(zip(simpler, complex_, strict=True))
+    pairs = list(zip(simpler_errors, complex_errors, strict=True))
     withheld_differences = [
         np.subtract(simpler_error.mean_squares, complex_error.mean_squares)
         for simpler_error, complex_error in pairs
@@ -230,7 +230,7 @@ def is_better(
     ]
     differences = np.concatenate([*withheld_differences, *outer_differences])
     if not np.isfinite(differences).all() or differences.size < 2:
-        return not np.isfinite(mean_error(simpler)) and np.isfinite(mean_error(complex_))
+        return not np.isfinite(mean_error(simpler_errors)) and np.isfinite(mean_error(complex_errors))
     standard_error = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)
     if len(pairs) > 1:
         gap_means = [
@@ -239,13 +239,13 @@ def is_better(
         ]
         scatter = float(np.std(gap_means, ddof=1))
         standard_error = max(standard_error, scatter / math.sqrt(len(gap_means)))
-    min_difference = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_)
+    min_difference = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_errors)
     is_better_everywhere = differences.size >= _MIN_WITHHELD_ITEMS and bool(np.all(differences > 0.0))
-    if is_better_everywhere and mean_square_error(complex_) < _CLEAR_SQUARE_RATIO * mean_square_error(
-        simpler
+    if is_better_everywhere and mean_square_error(complex_errors) < _CLEAR_SQUARE_RATIO * mean_square_error(
+        simpler_errors
     ):
         return True
-    has_larger_mean = mean_error(complex_) > _MAX_MEAN_ERROR_RATIO * mean_error(simpler)
+    has_larger_mean = mean_error(complex_errors) > _MAX_MEAN_ERROR_RATIO * mean_error(simpler_errors)
     return bool(
         float(differences.mean()) > max(sigmas * standard_error, min_difference) and not has_larger_mean
     )

@@ -46,8 +46,8 @@ def _weight_step(linear: Linearisation, theta: FloatArray, lower: FloatArray, da
 
     diagonal = np.diag(linear.normal)
     normal = linear.normal + np.diag(damping * np.maximum(diagonal, 1e-9 * diagonal.max()))
-    root = np.linalg.cholesky(normal).T
-    distance, _ = nnls(root, root @ (theta - lower) - np.linalg.solve(root.T, linear.gradient))
+    factor = np.linalg.cholesky(normal).T
+    distance, _ = nnls(factor, factor @ (theta - lower) - np.linalg.solve(factor.T, linear.gradient))
     return np.asarray(distance + lower - theta)
 
 

@@ -173,8 +173,8 @@ class FitRecord:
     @cached_property
     def remembered_history(self) -> InputHistory:
         """The part of the earlier drive that later reversals have not wiped out."""
-        past = self.history.extended(self.input, self.gap) if self.is_cycle else self.history
-        return past.remembered()
+        earlier_drive = self.history.extended_by(self.input, self.gap) if self.is_cycle else self.history
+        return earlier_drive.remembered()
 
     def pieces(self, max_samples: int) -> Iterator[FitRecord]:
         """Split the record for iron with the wiping-out property; each piece has its history."""
@@ -194,7 +194,7 @@ class FitRecord:
                 is_withheld=None if self.is_withheld is None else self.is_withheld[piece],
                 sample_shares=None if self.sample_shares is None else self.sample_shares[piece],
             )
-            lead_history = lead_history.extended(self.input[piece], self.gap).remembered()
+            lead_history = lead_history.extended_by(self.input[piece], self.gap).remembered()
 
     def thinned(self, max_samples: int) -> FitRecord:
         """Return at most about `max_samples` samples, plus more in steep parts of the loop.
@@ -253,9 +253,9 @@ class FitRecords:
     def without_gaps(self, withheld: Collection[int]) -> FitRecords:
         """Return the loops of all other gaps, with the gaps renumbered from zero."""
         kept_gaps = [gap for gap in range(self.gap_count) if gap not in withheld]
-        new_gaps = {old: new for new, old in enumerate(kept_gaps)}
+        new_gaps = {old_index: new_index for new_index, old_index in enumerate(kept_gaps)}
         loops = tuple(
-            replace(record, gap=new_gaps[record.gap], history=record.history.renumbered(kept_gaps))
+            replace(record, gap=new_gaps[record.gap], history=record.history.with_renumbered_gaps(kept_gaps))
             for record in self.loops
             if record.gap in new_gaps
         )
@@ -272,8 +272,8 @@ class FitRecords:
         Each record has `blocks_per_loop` blocks of equal travel, numbered on from record to record.
         """
         numbers = (
-            i * blocks_per_loop + block_numbers_along(d.input, blocks_per_loop)
-            for i, d in enumerate(self.loops)
+            i * blocks_per_loop + block_numbers_along(each_record.input, blocks_per_loop)
+            for i, each_record in enumerate(self.loops)
         )
         loops = tuple(
             replace(record, is_withheld=np.isin(sample_blocks, list(withheld)))
@@ -311,7 +311,7 @@ def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
     return [[clock / longest_time for clock in group] for group in clocks]
 
 
-def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
+def _sample_weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
     """Return weights with which residuals of full scale at all samples have a square sum of 1."""
     total = sum(loop.n for loop in loops)
     if weighting == "points":
@@ -346,7 +346,7 @@ def make_fit_records(
         raise InputError(
             f"the {loopset.output.name} is zero in all loops; check the columns", code="no-output"
         )
-    weights = _weights(loops, output_span, weighting)
+    weights = _sample_weights(loops, output_span, weighting)
     clocks = chain.from_iterable(relative_times(list(groups.values())))
     fitted = tuple(
         FitRecord(
@@ -369,7 +369,7 @@ def _input_history(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> In
     """Return the input before a loop; gaps are limited to the range of the nodes."""
     drive = np.asarray(loop.history.turning_points, dtype=np.float64) - offset
     if not loop.history.schedule:
-        return InputHistory.at(drive, gap)
+        return InputHistory.at_one_gap(drive, gap)
     gaps = [
         float(gap) if value is None else float(np.interp(value, nodes, np.arange(nodes.size)))
         for value in loop.history.schedule
@@ -386,11 +386,11 @@ class InputHistory:
     gap_position: FloatArray
 
     @classmethod
-    def at(cls, drive: FloatArray, gap: int) -> InputHistory:
+    def at_one_gap(cls, drive: FloatArray, gap: int) -> InputHistory:
         """Return a history at one gap."""
         return cls(drive, np.full(drive.size, float(gap)))
 
-    def extended(self, drive: FloatArray, gap: int) -> InputHistory:
+    def extended_by(self, drive: FloatArray, gap: int) -> InputHistory:
         """Return the history followed by a drive at a gap."""
         gaps = np.full(drive.size, float(gap))
         return InputHistory(np.concatenate([self.drive, drive]), np.concatenate([self.gap_position, gaps]))
@@ -398,9 +398,9 @@ class InputHistory:
     def reversals_at_gap(self, gap: int) -> InputHistory:
         """Return only the reversals at one gap."""
         is_at_gap = self.gap_position == gap
-        return InputHistory.at(self.drive[is_at_gap], 0)
+        return InputHistory.at_one_gap(self.drive[is_at_gap], 0)
 
-    def renumbered(self, kept_gaps: list[int]) -> InputHistory:
+    def with_renumbered_gaps(self, kept_gaps: list[int]) -> InputHistory:
         """Renumber the gaps if only some are kept; positions between gaps stay between them."""
         return InputHistory(self.drive, np.interp(self.gap_position, kept_gaps, np.arange(len(kept_gaps))))
 

@@ -106,9 +106,9 @@ def _physical_at_gap(
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
     else:
         alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
-    unscaled = parameter_set.scale / (1.0 + rho)  # input per unit of effective field without a gap
+    input_per_field = parameter_set.scale / (1.0 + rho)  # input per unit of effective field without a gap
     if input_name == "field" and gap_map != "scaling":
-        a = unscaled
+        a = input_per_field
         saturation = a / (h * (1.0 - alpha))
     else:
         is_known = output_quantity.is_flux_density and gap_map != "circuit"
@@ -120,7 +120,7 @@ def _physical_at_gap(
     return {
         **form.kernel.iron_parameters(saturation, a, parameter_set.law, alpha),
         "rho": rho,
-        "c_H": a / unscaled,
+        "c_H": a / input_per_field,
         "c_out": c_out,
         "in_0": parameter_set.in_0,
         "out_0": parameter_set.out_0,
@@ -191,7 +191,7 @@ def valid_range(loopset: Loops) -> ValidRange:
     """Return the measured range."""
 
     def span(values: list[FloatArray]) -> tuple[float, float]:
-        return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+        return min(float(range_values.min()) for range_values in values), max(float(v.max()) for v in values)
 
     gaps = loopset.schedule_values
     low, high = span([loop.input for loop in loopset.loops])
@@ -212,7 +212,7 @@ _DEAD_BAND_TOLERANCE = 1e-8
 _MAX_DEAD_BAND_STEPS = 40  # few steps are enough, because the fit starts near its result
 
 
-def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
+def add_dead_band(fit: FoundModel, is_acceptable: Callable[[FoundModel], bool]) -> FoundModel:
     """Fit again with the widest dead band that the loops allow."""
     form, max_cost = fit.space.form, MAX_DEVIATION_RATIO**2 * fit.cost
     for ratio in DEAD_BAND_RATIOS:
@@ -220,20 +220,20 @@ def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> Fou
         fit_with_band = descend_from(
             space, fit.theta, _DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS, fit.smoothness, goal=max_cost
         )
-        if fit_with_band.cost <= max_cost and accepts(fit_with_band):
+        if fit_with_band.cost <= max_cost and is_acceptable(fit_with_band):
             return replace(fit_with_band, evaluations=fit.evaluations + fit_with_band.evaluations)
     return fit
 
 
-def explain_dead_band(fit_without: FoundModel, fit_with: FoundModel) -> str:
+def explain_dead_band(plain_fit: FoundModel, band_fit: FoundModel) -> str:
     """Describe the dead band and its effect on the residual."""
-    ratio = fit_with.space.form.dead_band
+    ratio = band_fit.space.form.dead_band
     if ratio == 0.0:
         return (
             f"none: even {DEAD_BAND_RATIOS[-1]:g}*k increases the deviation by more than "
             f"{MAX_DEVIATION_RATIO - 1:.0%}"
         )
-    deviation_change = float(np.sqrt(fit_with.cost / fit_without.cost)) - 1.0
+    deviation_change = float(np.sqrt(band_fit.cost / plain_fit.cost)) - 1.0
     return (
         f"r_d = {ratio:g}*k, the widest that increases the deviation by at most {MAX_DEVIATION_RATIO - 1:.0%}; "
         f"the deviation from the loops changes by {100.0 * deviation_change:+.1f} %"

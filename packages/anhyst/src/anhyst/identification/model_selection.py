@@ -99,10 +99,10 @@ CARRIED_STARTS = 24
 optimum."""
 
 
-def make_outcome(fit: FoundModel, loopset: Loops, why: str, *, interrupted: bool = False) -> Outcome:
+def make_outcome(fit: FoundModel, loopset: Loops, reason: str, *, interrupted: bool = False) -> Outcome:
     """Return a fit as the outcome of a search, without the other candidates."""
     model, uncertainty = make_model(fit, loopset), assess_uncertainty(fit, loopset)
-    return Outcome(model, uncertainty, fit.theta.size, fit.evaluations, why, interrupted, fit=fit)
+    return Outcome(model, uncertainty, fit.theta.size, fit.evaluations, reason, interrupted, fit=fit)
 
 
 def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
@@ -213,10 +213,10 @@ class Selection:
             if gap_map == "free":
                 full_search = search_each_gap(run.form, run.search_records, run.seed, fixed)
             elif gap_map in {"leakage", "circuit"}:
-                series = reluctance_fit or join_gaps(
+                series_fit = reluctance_fit or join_gaps(
                     run.form, run.search_records, "reluctance", starts, fixed
                 )
-                full_search = join_circuit(series, gap_map, candidate.common)
+                full_search = join_circuit(series_fit, gap_map, candidate.common)
             else:
                 full_search = join_gaps(run.form, run.search_records, gap_map, starts, fixed)
             return Fits(full_search, remove_unneeded_offsets(full_search))
@@ -258,8 +258,8 @@ class Selection:
         if base.gap_map != "free" and _has_samples_for_weights(comparison.fits[best].reduced):
             best = min(cell_entries, key=lambda candidate: comparison.withheld_error(candidate) or 0.0)
             refined_candidate = with_fitted_weights(best)
-            refine = partial(fit_cell_weights, comparison.fits[best].reduced, run.search_records)
-            run.step("play cells", partial(self._try_fit, refined_candidate, refine))
+            fit_weights = partial(fit_cell_weights, comparison.fits[best].reduced, run.search_records)
+            run.step("play cells", partial(self._try_fit, refined_candidate, fit_weights))
             refined_entries = [refined_candidate] if refined_candidate in comparison.fits else []
             run.step("left out", partial(self._refit_folds, refined_entries))
             cell_entries += refined_entries
@@ -350,10 +350,10 @@ class Selection:
 
     def _noise_cost(self, fit: FoundModel) -> float:
         """Return the cost that the sensor noise adds to any fit."""
-        ordered = [loop for group in self.loopset.by_schedule().values() for loop in group]
+        ordered_loops = [loop for group in self.loopset.by_schedule().values() for loop in group]
         return sum(
             record.weight**2 * record.input.size * estimate_noise(loop.output) ** 2
-            for record, loop in zip(fit.space.records.loops, ordered, strict=True)
+            for record, loop in zip(fit.space.records.loops, ordered_loops, strict=True)
         )
 
     def _filter_eligible(self, candidates: list[ModelCandidate]) -> list[ModelCandidate]:
@@ -388,8 +388,8 @@ class Selection:
         )
         while comparison.eligible:
             best = comparison.select_best()
-            passes = _passes_acceptance(comparison.fits[best].reduced, self.loopset)
-            if len(candidates) == 1 or (passes and not self._is_overfitted_between_gaps(best)):
+            passing_candidates = _passes_acceptance(comparison.fits[best].reduced, self.loopset)
+            if len(candidates) == 1 or (passing_candidates and not self._is_overfitted_between_gaps(best)):
                 if (comparison.withheld_error(best) or 0.0) <= max_error:
                     return best
                 break
@@ -421,7 +421,7 @@ class Selection:
         comparison = self.comparison
         while True:
             try:
-                fit, dead_band = _finish(self.run, self.loopset, comparison.fits[best].reduced)
+                fit, dead_band = _finish_fit(self.run, self.loopset, comparison.fits[best].reduced)
                 if (
                     len(comparison.eligible) > 1
                 ):  # with a single remaining candidate, only the deviation is reported
@@ -484,7 +484,7 @@ def _require_no_drift(fit: FoundModel, loopset: Loops) -> None:
         )
 
 
-def _finish(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:
+def _finish_fit(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:
     """Add the dead band and run the fit to convergence on all samples."""
     dead_band = "none: not requested"
     if fit.space.form.cells is not None:

@@ -23,7 +23,7 @@ from anhyst.identification.response import (
     ResponseForm,
     interpolate_over_gaps,
     output_derivatives,
-    require_slope,
+    require_steepness,
 )
 from anhyst.identification.space import CoordinateSpace
 from anhyst.support.errors import NoResponseError
@@ -64,16 +64,16 @@ class CellResponder:
             r_t = np.stack([-r * drives.is_own_gap / scale, -drives.is_own_gap / scale], axis=1)
             path = cells.follow_with_derivatives(omega, r, drives.is_own_gap, r_t, drives.starts)
             path = CellPath(*(values[drives.sample_indices] for values in path))
-            output, by_local = output_derivatives(form, sets, drives.gaps, path)
+            output, local_derivatives = output_derivatives(form, sets, drives.gaps, path)
             for gap, samples in drives.gap_slices:
-                yield gap, output[samples], by_local[samples]
+                yield gap, output[samples], local_derivatives[samples]
 
     def _group_cells(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[DrivenCells, _DriveGroup]]:
         """Yield the cells of each group of drives that share them."""
         assert form.cells is not None
-        require_slope(sets)
+        require_steepness(sets)
         try:
             cells = [form.cells.make_driven_cells(parameter_set.law) for parameter_set in sets]
         except ValueError as error:
@@ -245,7 +245,7 @@ class Objective:
         except NoResponseError:
             return self.no_answer_deviations
         residual = (outputs - self.measured) * self.weights
-        residual, cost = self._drift.remove(residual)
+        residual, cost = self._drift.subtract_from(residual)
         return np.concatenate(
             [residual, cost, self._smoothness_rows @ theta, self._prior_rows @ theta - self._prior_targets]
         )
@@ -278,9 +278,9 @@ class Objective:
             start = samples.stop
             values.append(value)
         residual = np.concatenate(values)
-        without_drift, cost = self._drift.remove(residual)
+        residual_without_drift, cost = self._drift.subtract_from(residual)
         values = [
-            without_drift,
+            residual_without_drift,
             cost,
             self._smoothness_rows @ theta,
             self._prior_rows @ theta - self._prior_targets,
@@ -312,8 +312,8 @@ class Objective:
         try:
             return Linearisation(*self.normal_equations(theta))
         except NoResponseError:
-            zeros = np.zeros((theta.size, theta.size))
-            return Linearisation(self.no_answer_deviations, zeros[0], zeros)
+            zero_jacobian = np.zeros((theta.size, theta.size))
+            return Linearisation(self.no_answer_deviations, zero_jacobian[0], zero_jacobian)
 
     def linearise_if_better(self, theta: FloatArray, cost: float) -> Linearisation | None:
         """Linearise if the cost is below a limit, else return None; slow without derivatives."""
@@ -351,7 +351,7 @@ class _Drift:
         """Return the slope with the lowest cost."""
         return float(self.direction @ deviation / self.squared_norm)
 
-    def remove(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def subtract_from(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals without the drift, and the cost of the drift as a residual."""
         slope = self.slope(deviation)
         return deviation - self.direction * slope, np.array([self._prior_weight * slope])

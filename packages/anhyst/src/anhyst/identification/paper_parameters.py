@@ -67,7 +67,7 @@ class Variables:
         """Number of coordinates."""
         return len(self.names)
 
-    def only(self, names: Sequence[str]) -> Variables:
+    def restrict_to(self, names: Sequence[str]) -> Variables:
         """Return only some of the variables, in their present order."""
         indices = [index for index, name in enumerate(self.names) if name in names]
         kept_names = tuple(self.names[index] for index in indices)
@@ -140,14 +140,14 @@ def to_gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, Flo
     >>> {name: round(float(value), 6) for name, value in found.items()}
     {'kappa': 2.0, 'c': 0.2, 'omega': 20.0, 'scale': 0.05, 'gain': 328.586765, 'h': 0.00098}
     """
-    effective = values["M_s"] * (1.0 - values["alpha"])
+    effective_saturation = values["M_s"] * (1.0 - values["alpha"])
     return {
         "kappa": values["k"] / values["a"],
         "c": values["c"],
         "omega": -values["alpha"] * values["M_s"] / values["a"],
         "scale": values["a"] / values["c_H"],
-        "gain": values["c_out"] * (MU_0 * effective) ** power,
-        "h": values["a"] / effective,
+        "gain": values["c_out"] * (MU_0 * effective_saturation) ** power,
+        "h": values["a"] / effective_saturation,
     }
 
 
@@ -166,13 +166,13 @@ def mean_over_gaps(name: str, values: Sequence[float]) -> float:
     return float(np.mean(values))
 
 
-def names_set_by_gauge(searched: Sequence[str]) -> tuple[str, ...]:
+def names_set_by_gauge(searched_names: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters that :func:`move_to_one_gauge` makes equal at all gaps."""
     partner_names = {"M_s": "c_out", "a": "c_H"}
-    return tuple(name for name, partner in partner_names.items() if partner in searched)
+    return tuple(name for name, redundant_name in partner_names.items() if redundant_name in searched_names)
 
 
-def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) -> list[Values]:
+def move_to_one_gauge(sets: Sequence[Values], searched_names: Sequence[str], power: int) -> list[Values]:
     """Move the sets of all gaps along the redundancies to a common ``M_s`` and a common ``a``.
 
     Without a common gauge, a mean over gaps has no meaning. ``M_s`` becomes its geometric mean,
@@ -182,20 +182,20 @@ def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: in
     gauge-free form. If field (``c_H = 1``) or flux density (``c_out = 1``) is measured, ``a`` or
     ``M_s`` is determined.
     """
-    names = names_set_by_gauge(searched)
+    names = names_set_by_gauge(searched_names)
     saturation = mean_over_gaps("M_s", [values["M_s"] for values in sets])
     moved_sets = []
     for values in sets:
         arrays = {name: np.asarray(value) for name, value in values.items()}
         form = {name: float(value) for name, value in to_gauge_free(arrays, power).items()}
         a = COMMON_AIR_CORE_SLOPE * saturation if "a" in names else values["a"]
-        effective = values["M_s"] * (1.0 - values["alpha"])
-        m_s = saturation if "M_s" in names else effective - form["omega"] * a
+        effective_saturation = values["M_s"] * (1.0 - values["alpha"])
+        m_s = saturation if "M_s" in names else effective_saturation - form["omega"] * a
         alpha = -form["omega"] * a / m_s
         moved_values = {"M_s": m_s, "a": a, "alpha": alpha, "k": form["kappa"] * a}
-        if "c_H" in searched:
+        if "c_H" in searched_names:
             moved_values["c_H"] = a / form["scale"]
-        if "c_out" in searched:
+        if "c_out" in searched_names:
             moved_values["c_out"] = form["gain"] / (MU_0 * m_s * (1.0 - alpha)) ** power
         moved_sets.append(values | moved_values)
     return moved_sets

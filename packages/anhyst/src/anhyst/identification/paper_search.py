@@ -44,7 +44,7 @@ _FIRST_STEP = 0.2  # first step size, relative to the range of a variable
 _MIN_STEP = 1e-9  # smallest step size, relative to the range
 
 
-def reflected(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+def reflect_into_bounds(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Bring values within bounds by reflecting them as often as necessary.
 
     Unlike clipping, this does not collect individuals on the bounds.
@@ -124,7 +124,7 @@ class EvolutionStrategy:
         span = self._high - self._low
         self._sigma = np.clip(self._sigma, _MIN_STEP * span, span)
         steps = self._sigma * self._random.standard_normal(self._x.shape)
-        self._x = reflected(self._x + steps, self._low, self._high)
+        self._x = reflect_into_bounds(self._x + steps, self._low, self._high)
 
 
 _PARENTS = 30
@@ -205,7 +205,7 @@ class PaperSearch:
         self, gap: int, values: Values, names: Sequence[str], evaluations_per_variable: int
     ) -> tuple[Values, int]:
         """Run the simplex search at one gap from given values; also return its evaluations."""
-        variables = self.variables.only(names)
+        variables = self.variables.restrict_to(names)
         criterion = self._criterion(gap, _SIMPLEX_SAMPLES)
 
         def cost(theta: FloatArray) -> float:
@@ -218,7 +218,7 @@ class PaperSearch:
 
     def evolve(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
         """Run the evolution strategy at one gap over the whole range of the named parameters."""
-        variables = self.variables.only(names)
+        variables = self.variables.restrict_to(names)
         criterion = self._criterion(gap, _EVOLUTION_SAMPLES)
         seed = [self.run.seed, gap, variables.size]
         strategy = EvolutionStrategy(variables.low, variables.high, seed, _PARENTS, _CHILDREN)
@@ -256,21 +256,21 @@ def _to_floats(arrays: Mapping[str, FloatArray]) -> Values:
     return {name: float(value) for name, value in arrays.items()}
 
 
-def search_each_gap(bench: PaperSearch) -> SearchState:
+def search_each_gap(search: PaperSearch) -> SearchState:
     """Find the paper's free model: a separate set for every gap, with common offsets."""
-    names = bench.variables.names
-    sets, evaluations = bench.search_gaps(
-        "gap {} from scratch", [bench.fixed_values] * bench.gap_count, names
+    names = search.variables.names
+    sets, evaluations = search.search_gaps(
+        "gap {} from scratch", [search.fixed_values] * search.gap_count, names
     )
     offsets = [name for name in names if name in OFFSET_NAMES]
-    if offsets and bench.gap_count > 1:
+    if offsets and search.gap_count > 1:
         means = {name: mean_over_gaps(name, [values[name] for values in sets]) for name in offsets}
         common = [values | means for values in sets]
-        sets, second_evaluations = bench.search_gaps(
-            "gap {} with common offsets", common, bench.searched_names
+        sets, second_evaluations = search.search_gaps(
+            "gap {} with common offsets", common, search.searched_names
         )
         evaluations += second_evaluations
-    return bench.make_state(sets, bench.searched_names, evaluations)
+    return search.make_state(sets, search.searched_names, evaluations)
 
 
 def model_at_nodes(state: SearchState, run: SearchRun, loopset: Loops) -> Model:

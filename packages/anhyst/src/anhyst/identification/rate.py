@@ -148,8 +148,8 @@ class _RateProblem:
         def path(loop: Loop) -> _LoopPath:
             gap = loop.schedule_value if model.needs_fixed_gap else None
             if gap not in irons:
-                at = model.parameters_at(gap if gap is not None else model.first_node)
-                iron = law.iron(*(at[spec.name] for spec in law.parameters))
+                parameters_at_gap = model.parameters_at(gap if gap is not None else model.first_node)
+                iron = law.iron(*(parameters_at_gap[spec.name] for spec in law.parameters))
                 assert isinstance(iron, AnyIron)
                 irons[gap] = iron
             return _LoopPath(model, loop, irons[gap], largest)
@@ -164,19 +164,19 @@ class _RateProblem:
     def make_folds(self) -> list[tuple[list[list[_LoopPath]], list[list[_LoopPath]]]]:
         """Return pairs of fitted and withheld groups: each speed is withheld, or each gap."""
         if len(self.groups) > 1:
-            all_parts = [[group] for group in self.groups]
+            all_groups = [[group] for group in self.groups]
         else:
             paths = self.groups[0]
             gaps = sorted({path.gap for path in paths if path.gap is not None})
-            all_parts = [[[path for path in paths if path.gap == gap]] for gap in gaps]
-        if len(all_parts) < 2:
+            all_groups = [[[path for path in paths if path.gap == gap]] for gap in gaps]
+        if len(all_groups) < 2:
             return [(self.groups, self.groups)]
         return [
             (
-                [group for other in all_parts if other is not withheld_groups for group in other],
+                [group for other in all_groups if other is not withheld_groups for group in other],
                 withheld_groups,
             )
-            for withheld_groups in all_parts
+            for withheld_groups in all_groups
         ]
 
     def fit(
@@ -188,8 +188,8 @@ class _RateProblem:
         if start is None:
             shares = () if count == 1 else (_logit(1.0 / count), _logit(START_LAMINATED_SHARE))
             starts = [
-                _RateParameters(count, (float(np.log(g * self.gamma_scale)), *shares))
-                for g in GAMMA_START_RATIOS
+                _RateParameters(count, (float(np.log(gamma_ratio * self.gamma_scale)), *shares))
+                for gamma_ratio in GAMMA_START_RATIOS
             ]
             start = min(starts, key=lambda rate: mean_error(groups, rate))
 

@@ -34,14 +34,14 @@ def list_candidates(
             left_out=comparison.finite_withheld_error(candidate)
             if candidate in comparison.eligible
             else None,
-            note=_note(comparison, candidate, best),
+            note=_explain_drop(comparison, candidate, best),
         )
         for candidate, title in zip(candidates, make_titles(candidates, law), strict=True)
         for fits in [comparison.fits.get(candidate)]
     )
 
 
-def _note(comparison: CandidateComparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
+def _explain_drop(comparison: CandidateComparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
     if candidate == best:
         return CHOSEN
     if candidate in comparison.dropped:
@@ -61,7 +61,7 @@ def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str,
         )
     text = (
         f"law {names[best]} predicts withheld {withheld_names[comparison.withheld_kind]} with a mean error of "
-        f"{_percent(own_error)} of the largest output"
+        f"{_as_percent(own_error)} of the largest output"
     )
     errors = {
         model: comparison.finite_withheld_error(model) for model in comparison.eligible if model != best
@@ -71,7 +71,7 @@ def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str,
         return text
     closest = min(other_errors, key=lambda model: other_errors[model])
     map_text = "" if closest.file_gap_map == best.file_gap_map else f" under '{closest.file_gap_map}'"
-    text += f"; {names[closest]}{map_text} has an error of {_percent(other_errors[closest])}"
+    text += f"; {names[closest]}{map_text} has an error of {_as_percent(other_errors[closest])}"
     return text + (_explain_rejected(comparison, best, closest) if other_errors[closest] < own_error else "")
 
 
@@ -79,7 +79,7 @@ def _explain_rejected(comparison: CandidateComparison, best: ModelCandidate, rej
     """Explain why a candidate with a smaller mean error was not selected."""
     if comparison.is_several_times_worse(rejected, best):
         rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, rejected)])
-        return f", but it fits the loops with {_percent(rms[1])} rms instead of {_percent(rms[0])}"
+        return f", but it fits the loops with {_as_percent(rms[1])} rms instead of {_as_percent(rms[0])}"
     if rejected.rank > best.rank:
         return ", but the difference is within its scatter and the law is more complex"
     return ", but its mean square error, which decides, is larger or within its scatter"
@@ -88,7 +88,7 @@ def _explain_rejected(comparison: CandidateComparison, best: ModelCandidate, rej
 def explain_gap_map(
     comparison: CandidateComparison,
     best: ModelCandidate,
-    requested: str,
+    requested_map: str,
     loopset: Loops,
     rejected: Sequence[ModelCandidate],
 ) -> str:
@@ -100,11 +100,11 @@ def explain_gap_map(
         return f"there are loops at only one {schedule_name}, so no parameter depends on the {schedule_name}"
     if count == 2:
         reason = (
-            f"gap map '{name}' was {'selected by its fit only' if requested == 'auto' else 'requested'}; "
+            f"gap map '{name}' was {'selected by its fit only' if requested_map == 'auto' else 'requested'}; "
             f"with two {gaps} none can be withheld for a test, so the model is a guess between and "
             "beyond them"
         )
-    elif requested != "auto":
+    elif requested_map != "auto":
         reason = f"gap map '{name}' was requested"
     else:
         reason = _explain_comparison(comparison, best, gaps)
@@ -124,11 +124,11 @@ def _explain_comparison(comparison: CandidateComparison, best: ModelCandidate, g
     if not np.isfinite(own_error):
         return f"gap map '{name}' fits the loops best"
     reason = (
-        f"gap map '{name}' predicts withheld {gaps} with a mean error of {_percent(own_error)} of the "
+        f"gap map '{name}' predicts withheld {gaps} with a mean error of {_as_percent(own_error)} of the "
         "largest output"
     )
     if other_maps := ", ".join(
-        f"{map_name} {_percent(error)}" if np.isfinite(error) else f"{map_name} has no solution there"
+        f"{map_name} {_as_percent(error)}" if np.isfinite(error) else f"{map_name} has no solution there"
         for map_name, error in errors.items()
     ):
         reason += f" ({other_maps})"
@@ -149,7 +149,7 @@ def _offer_free_map(comparison: CandidateComparison, best: ModelCandidate, loops
     ]
     if not costs or own_cost < _MIN_OFFER_RATIO**2 * min(costs):
         return ""
-    rms = [_percent(float(np.sqrt(cost))) for cost in (own_cost, min(costs))]
+    rms = [_as_percent(float(np.sqrt(cost))) for cost in (own_cost, min(costs))]
     return f"; --gap-map free fits the loops with {rms[1]} rms instead of {rms[0]}, but cannot be compiled"
 
 
@@ -160,5 +160,5 @@ def _schedule_plural(loopset: Loops) -> str:
     return f"values of the {loopset.schedule.name}"
 
 
-def _percent(share: float) -> str:
+def _as_percent(share: float) -> str:
     return f"{100.0 * share:.2g} %"

@@ -105,7 +105,7 @@ class ResponseForm:
 
     def make_operator(self, parameter_set: ParameterSet) -> Operator:
         """Build the law for a parameter set; in the law of 1986, interaction enters twice."""
-        require_slope([parameter_set])
+        require_steepness([parameter_set])
         kernel = self.kernel
         assert isinstance(kernel, Kernel)
         try:
@@ -115,7 +115,7 @@ class ResponseForm:
             raise NoResponseError(str(error)) from error
 
 
-def require_slope(sets: Sequence[ParameterSet]) -> None:
+def require_steepness(sets: Sequence[ParameterSet]) -> None:
     """Raise an error for sets whose curve would be almost as flat as the air core."""
     if max(parameter_set.h * parameter_set.omega for parameter_set in sets) > MAX_FLATNESS:
         raise NoResponseError("the curve would be almost as flat as the air core")
@@ -205,22 +205,22 @@ class Responder:
             require_answer(status)
         state = _make_admissible(state, form, parameter_set, float(terms.r[-1]))
         for _ in range(_MAX_PASSES):
-            seeds = _start_derivatives(form, parameter_set, terms, state)
-            x, m, x_t, m_t, final_state, seeds_after, status, _ = operator.sensitivity(
-                terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
+            tangents = _start_derivatives(form, parameter_set, terms, state)
+            x, m, x_t, m_t, final_state, tangents_after, status, _ = operator.sensitivity(
+                terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, tangents
             )
             require_answer(status)
-            remaining = min(float(seeds_after[_START_DERIVATIVE, 1]), 0.999)
+            remaining = min(float(tangents_after[_START_DERIVATIVE, 1]), 0.999)
             mismatch = (final_state[1] - state[1]) / (1.0 - remaining)
             if abs(mismatch) < _NEARLY_CLOSED_TOLERANCE:
                 break
-            start = final_state + remaining * mismatch * seeds[_START_DERIVATIVE]
+            start = final_state + remaining * mismatch * tangents[_START_DERIVATIVE]
             state = _make_admissible(start, form, parameter_set, float(terms.r[-1]))
         # The remaining mismatch is so small that the derivatives correct it without another pass.
         x += mismatch * x_t[:, _START_DERIVATIVE]
         m += mismatch * m_t[:, _START_DERIVATIVE]
-        self._starts[id(record)] = final_state + remaining * mismatch * seeds[_START_DERIVATIVE]
-        start_t = seeds_after[:_DERIVATIVE_COUNT, 1] / (1.0 - remaining)
+        self._starts[id(record)] = final_state + remaining * mismatch * tangents[_START_DERIVATIVE]
+        start_t = tangents_after[:_DERIVATIVE_COUNT, 1] / (1.0 - remaining)
         m_t[:, :_DERIVATIVE_COUNT] += m_t[:, _START_DERIVATIVE, None] * start_t
         x_t[:, :_DERIVATIVE_COUNT] += x_t[:, _START_DERIVATIVE, None] * start_t
         return CellPath(x, m, x_t, m_t)
@@ -314,8 +314,8 @@ def _follow_record(
     at_other_gaps = np.flatnonzero(record.history.gap_position != record.gap)
     terms.omega_t[at_other_gaps] = terms.r_t[at_other_gaps] = 0.0
     inputs = terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t
-    seeds = np.zeros((_DERIVATIVE_COUNT, 3))
-    *path, _, _, status, _ = operator.sensitivity(*inputs, demagnetised(), seeds)
+    tangents = np.zeros((_DERIVATIVE_COUNT, 3))
+    *path, _, _, status, _ = operator.sensitivity(*inputs, demagnetised(), tangents)
     require_answer(status)
     return CellPath(*(values[skipped_samples:] for values in path))
 
@@ -334,11 +334,11 @@ def _start_derivatives(
     x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * anhysteretic)
     x_t = x_t - parameter_set.omega * (anhysteretic - y) * terms.law_t[:, 1]
     x_t[_START_DERIVATIVE] = -parameter_set.omega * (1.0 - c)
-    seeds = np.zeros((_DERIVATIVE_COUNT + 1, 3))
-    seeds[:, 0] = seeds[:, 2] = x_t / steepness
-    seeds[0, 2] += (p - x) / kappa if form.dead_band else 0.0
-    seeds[_START_DERIVATIVE, 1] = 1.0
-    return seeds
+    tangents = np.zeros((_DERIVATIVE_COUNT + 1, 3))
+    tangents[:, 0] = tangents[:, 2] = x_t / steepness
+    tangents[0, 2] += (p - x) / kappa if form.dead_band else 0.0
+    tangents[_START_DERIVATIVE, 1] = 1.0
+    return tangents
 
 
 def _langevin(x: float) -> tuple[float, float]:

@@ -72,7 +72,7 @@ class SearchRun:
     def __post_init__(self) -> None:
         if self.checkpoint is None:
             return
-        self._key = _key(self)
+        self._key = _checkpoint_key(self)
         try:
             stored_content = json.loads(self.checkpoint.read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -146,7 +146,7 @@ class Outcome:
     fit: FoundModel | None = None  # the same fit in gauge-free coordinates
 
 
-def _key(run: SearchRun) -> str:
+def _checkpoint_key(run: SearchRun) -> str:
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(source.read_bytes())  # a changed search does not continue an old checkpoint

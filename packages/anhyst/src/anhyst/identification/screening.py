@@ -87,15 +87,15 @@ def sample_sets(
     0.95), and omega + 3 (0.1 to 300, logarithmic) unless omega is zero. in_0 is zero, or, if
     biased, up to 1.5 times the largest input in both directions, most densely near zero.
     """
-    draw = sample_unit_cube(5 if is_biased else 4, count, seed)
-    max_field = 0.3 * 100.0 ** draw[0]
-    kappa = np.clip(max_field * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
-    c = 0.95 * draw[2]
-    omega = 0.1 * 3000.0 ** draw[3] - JUMP_INTERACTION if is_interacting else np.zeros(count)
+    draws = sample_unit_cube(5 if is_biased else 4, count, seed)
+    max_field = 0.3 * 100.0 ** draws[0]
+    kappa = np.clip(max_field * 0.01 * 300.0 ** draws[1], 5e-3, 2e2)
+    c = 0.95 * draws[2]
+    omega = 0.1 * 3000.0 ** draws[3] - JUMP_INTERACTION if is_interacting else np.zeros(count)
     langevin_at_max = 1.0 / np.tanh(max_field) - 1.0 / max_field
     drive = np.maximum(max_field + omega * langevin_at_max, 0.1 * max_field)
     largest_input = max(float(np.max(np.abs(record.input))) for record in records.loops)
-    in_0 = _MAX_BIAS_RATIO * largest_input * (2.0 * draw[4] - 1.0) ** 3 if is_biased else np.zeros(count)
+    in_0 = _MAX_BIAS_RATIO * largest_input * (2.0 * draws[4] - 1.0) ** 3 if is_biased else np.zeros(count)
     return np.stack([kappa, c, omega, largest_input / drive, in_0])
 
 

@@ -194,13 +194,13 @@ class CoordinateSpace:
     def _gain_and_leakage(self, sets: Sequence[ParameterSet]) -> tuple[float, float]:
         """Return gain without leakage, and leakage, that fit the gains of all gaps best."""
         omega = np.array([parameter_set.omega for parameter_set in sets])
-        root = np.array([parameter_set.gain for parameter_set in sets]) ** (1.0 / self.form.power)
+        roots = np.array([parameter_set.gain for parameter_set in sets]) ** (1.0 / self.form.power)
         centred = omega - omega.mean()
         spread = float(centred @ centred)
-        slope = float(centred @ root) / spread if spread > 0.0 else 0.0
-        closed_gap_root = float(root.mean() - slope * omega.mean())
+        slope = float(centred @ roots) / spread if spread > 0.0 else 0.0
+        closed_gap_root = float(roots.mean() - slope * omega.mean())
         if closed_gap_root <= 0.0 or slope == 0.0:
-            return float(root.mean()) ** self.form.power, 0.0
+            return float(roots.mean()) ** self.form.power, 0.0
         return closed_gap_root**self.form.power, -slope / closed_gap_root * max(sets[-1].omega, _MIN_OMEGA)
 
     def without_gaps(self, withheld: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:

@@ -53,8 +53,8 @@ def correlation_length(deviations: FloatArray) -> float:
         return 1.0
     spectrum = np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2
     correlation = np.fft.irfft(spectrum)[: centred.size] / sum_of_squares
-    negative = np.flatnonzero(correlation <= 0.0)
-    zero_lag = int(negative[0]) if negative.size else centred.size
+    nonpositive_lags = np.flatnonzero(correlation <= 0.0)
+    zero_lag = int(nonpositive_lags[0]) if nonpositive_lags.size else centred.size
     return max(1.0, 2.0 * float(correlation[:zero_lag].sum()) - 1.0)
 
 
@@ -93,7 +93,7 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     ):
         value = at_gaps[gap or 0].get(name, coordinate_value)
         number = space.fit_parameters[name]
-        label = _label(number, units)
+        label = _full_name(number, units)
         if gap is not None and loopset.schedule is not None:
             label += f" at {loopset.schedule.show(float(space.records.nodes[gap]))}"
         names.append(label)
@@ -102,7 +102,7 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     sentences = describe_uncertainty(names, values, stds, correlation) + _describe_gauge(fit)
     for name, reading in readings.items():
         if name in space.fixed and reading.std is not None and reading.offset != 0.0:
-            names.append(_label(space.fit_parameters[name], units))
+            names.append(_full_name(space.fit_parameters[name], units))
             values.append(reading.offset)
             stds.append(reading.half_width)
             sentences.append(f"{names[-1]}: sensor reading at rest, not fitted")
@@ -117,7 +117,7 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     )
 
 
-def _label(number: FitParameter, units: Mapping[str, str]) -> str:
+def _full_name(number: FitParameter, units: Mapping[str, str]) -> str:
     return f"{number.meaning} ({units[number.unit_of]})" if number.unit_of else number.meaning
 
 
@@ -169,7 +169,7 @@ def _group_correlated(correlation: FloatArray) -> list[list[int]]:
     groups: list[list[int]] = []
     for index in range(correlation.shape[0]):
         correlated_groups = [
-            g for g in groups if any(abs(correlation[index, o]) > _MAX_SEPARABLE_CORRELATION for o in g)
+            g for g in groups if any(abs(correlation[index, j]) > _MAX_SEPARABLE_CORRELATION for j in g)
         ]
         groups = [g for g in groups if g not in correlated_groups] + [
             [*(o for g in correlated_groups for o in g), index]
@@ -317,7 +317,7 @@ _REVERSAL_POSITIONS = (0.0, 1.0, 0.3, 0.9, 0.1, 0.6, 0.4, 0.8, 0.2, 0.7, 0.0)
 _SAMPLES_PER_BRANCH = 40
 
 
-def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops) -> float:
+def ambiguity_within_loop(chosen_model: Model, other_models: Sequence[Model], loopset: Loops) -> float:
     """Return the largest rms difference of models inside a loop, relative to full scale."""
     loop = loopset.loops[0]
     low, high = float(loop.input.min()), float(loop.input.max())
@@ -326,7 +326,7 @@ def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops
     drive = np.interp(positions, np.arange(drive_values.size), drive_values)
     history = History("conditioned", (low, high, low, high, low))
     outputs = []
-    for model in (chosen, *others):
+    for model in (chosen_model, *other_models):
         schedule = loop.schedule_value if model.needs_schedule else None
         try:
             outputs.append(model.predict(drive, schedule, history=history).output)
@@ -344,7 +344,7 @@ _MAX_SIMPLER_ERROR_RATIO = 3.0
 simpler map is evidence against the other."""
 
 
-def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
+def deviation_between_gaps(model: Model, rival_model: Model, loopset: Loops) -> float:
     """Return the largest mean deviation of two models midway between gaps, in full scales."""
     groups = loopset.by_schedule()
     deviations = []
@@ -354,7 +354,7 @@ def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
         gap = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
         try:
             output = model.predict(loop.input, gap, history=history).output
-            rival_output = rival.predict(loop.input, gap, history=history).output
+            rival_output = rival_model.predict(loop.input, gap, history=history).output
         except (InputError, NegativeResult):
             return float("inf")
         deviations.append(float(np.mean(np.abs(output - rival_output))))
@@ -362,7 +362,7 @@ def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
 
 
 def is_overfitted_between_gaps(
-    model: Model, error: float, simpler: Sequence[tuple[Model, float]], loops: Loops
+    model: Model, error: float, simpler_models: Sequence[tuple[Model, float]], loops: Loops
 ) -> bool:
     """Whether a model deviates between gaps from all simpler maps by more than their errors.
 
@@ -372,7 +372,7 @@ def is_overfitted_between_gaps(
         return False
     comparable = [
         (other, other_error)
-        for other, other_error in simpler
+        for other, other_error in simpler_models
         if other_error <= _MAX_SIMPLER_ERROR_RATIO * error
     ]
     return bool(comparable) and all(
@@ -471,9 +471,9 @@ def free_unresolved_cells(model: Model, loops: Loops) -> Model:
             if best_model is model and rejected_count > unresolved_count
             else (accepted_count + rejected_count) // 2
         )
-        freed = _free_first_cells(model, cells, middle)
-        if _mean_square_error(freed, loops) <= max_cost:
-            best_model, accepted_count = freed, middle
+        freed_model = _free_first_cells(model, cells, middle)
+        if _mean_square_error(freed_model, loops) <= max_cost:
+            best_model, accepted_count = freed_model, middle
         else:
             rejected_count = middle
     return best_model

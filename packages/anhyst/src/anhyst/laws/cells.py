@@ -135,8 +135,8 @@ class CellWeights:
         """
         fields, middles, widths = (positions[:, None, :], self.curve_centres[:, None], self.widths[:, None])
         signs = (-1.0, 1.0) if self.curve_centres.any() else (1.0,)
-        halves = [function(self.shape, (fields + side * middles) / widths) for side in signs]
-        return np.asarray(sum(halves) / len(halves))
+        values = [function(self.shape, (fields + sign * middles) / widths) for sign in signs]
+        return np.asarray(sum(values) / len(values))
 
     @property
     def saturation(self) -> float:
@@ -257,7 +257,7 @@ def curve_slope(shape: Shape, position: FloatArray) -> FloatArray:
 @lru_cache(maxsize=16)
 def steepest_slope(cells: CellWeights) -> float:
     """Return the largest slope dM/dx of the magnetisation that any path can have."""
-    reach = float((cells.curve_centres + 3.0 * cells.widths).max())
-    plays = np.linspace(-reach, cells.thresholds[-1] + reach, FIELD_SAMPLES) - cells.thresholds[:, None]
+    span = float((cells.curve_centres + 3.0 * cells.widths).max())
+    plays = np.linspace(-span, cells.thresholds[-1] + span, FIELD_SAMPLES) - cells.thresholds[:, None]
     slope = cells.curves(plays, curve_slope)
     return float(np.einsum("ij,ijm->m", cells.weights / cells.widths, slope).max())

@@ -45,8 +45,8 @@ class ParameterSpec:
         """Return what is wrong with a value; None if it is valid."""
         if not math.isfinite(value):
             return "is not a finite number"
-        inside = self.low <= value <= self.high if self.closed else self.low < value < self.high
-        if inside:
+        is_in_range = self.low <= value <= self.high if self.closed else self.low < value < self.high
+        if is_in_range:
             return None
         if math.isfinite(self.low) and math.isfinite(self.high):
             return f"must lie within {self.low:g} and {self.high:g}, is {value:g}"

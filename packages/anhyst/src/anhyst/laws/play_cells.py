@@ -120,7 +120,7 @@ def _with_cells(name: str, cells: CellWeights) -> Law:
         other_law = next(law_name for law_name, curve in _SHAPES.items() if curve == cells.shape)
         raise ValueError(f"shape is {cells.shape!r}, that of law {other_law!r}; {name!r} has {shape!r}")
 
-    def given(_: Mapping[str, float]) -> CellWeights:
+    def replacement_cells(_: Mapping[str, float]) -> CellWeights:
         return cells
 
     return replace(
@@ -128,8 +128,8 @@ def _with_cells(name: str, cells: CellWeights) -> Law:
         parameters=(ALPHA,),
         iron=partial(make_iron, cells),
         states=cells.thresholds.size,
-        least_slope=partial(_least_slope, given),
-        cells=given,
+        least_slope=partial(_least_slope, replacement_cells),
+        cells=replacement_cells,
     )
 
 

@@ -86,9 +86,9 @@ class BuildFolder:
         sources.mkdir(parents=True)
         bundle.copy_sources(sources)
         for source in HARNESS_FOLDER.iterdir():
-            folder_of = sources / FREESTANDING_HEADERS if source.name == "math.h" else sources
-            folder_of.mkdir(exist_ok=True)
-            shutil.copyfile(source, folder_of / source.name)
+            target_folder = sources / FREESTANDING_HEADERS if source.name == "math.h" else sources
+            target_folder.mkdir(exist_ok=True)
+            shutil.copyfile(source, target_folder / source.name)
         header = toolchain.ACTUATOR_HEADER
         texts = toolchain.core_files(toolchain.PIDD2_SOURCES) | {header: toolchain.read_core(header)}
         for name, text in texts.items():
@@ -185,15 +185,15 @@ class Answers:
 def run_program(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
     """Run the golden vectors, random steps, and the steps that measure the stack."""
     rows, input_positions, words = vectors.inputs, vectors.layout.input_positions, vectors.layout.word_count
-    batches = [rows[at : at + WINDOW_RECORDS] for at in range(0, len(rows), WINDOW_RECORDS)]
+    batches = [rows[row : row + WINDOW_RECORDS] for row in range(0, len(rows), WINDOW_RECORDS)]
     start = Request(START, seed=seed, record_words=words)
-    golden = [
+    golden_vectors = [
         Request(VECTORS, steps=len(batch), rows=batch, input_positions=input_positions, record_words=words)
         for batch in batches
     ]
     random = Request(RANDOM, steps=steps, checkpoint_stride=_checkpoint_stride(steps), record_words=words)
     stack = Request(STACK, steps=min(steps, STACK_STEPS), record_words=words)
-    replies = program.run([start, *golden, start, random, stack])
+    replies = program.run([start, *golden_vectors, start, random, stack])
     answers = [reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)]
     golden_answers = np.concatenate([np.zeros((0, words), dtype=np.uint32), *answers])
     return Answers(replies[0], replies[-4], replies[-2], golden_answers, replies[-1].stack_bytes)

@@ -169,15 +169,15 @@ def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
     analysed_functions = {
         address: _analyse_function(image, symbol, functions) for address, symbol in functions.items()
     }
-    by_offset = _find_function_pointers(image, functions)
-    by_offset[UNKNOWN_OFFSET] = by_offset[UNKNOWN_OFFSET].union(
+    functions_by_offset = _find_function_pointers(image, functions)
+    functions_by_offset[UNKNOWN_OFFSET] = functions_by_offset[UNKNOWN_OFFSET].union(
         *(function.referenced for function in analysed_functions.values())
     )
 
     def pointer_targets(address: int) -> set[int]:
         if address == UNKNOWN_OFFSET:
-            return set().union(*by_offset.values())
-        return by_offset[address] | by_offset[UNKNOWN_OFFSET]
+            return set().union(*functions_by_offset.values())
+        return functions_by_offset[address] | functions_by_offset[UNKNOWN_OFFSET]
 
     def depth(address: int, running_functions: frozenset[int]) -> float:
         function, active = analysed_functions[address], running_functions | {address}
@@ -225,13 +225,13 @@ def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]
     begin = symbol.address & ~1
     frame, callees, referenced_addresses, pointer_offsets = 0, set(), set(), set()
     low_halves: dict[str, int] = {}
-    loaded: dict[str, int] = {}
+    loaded_addresses: dict[str, int] = {}
     for instruction in _instructions(image, begin, begin + symbol.size):
         name = instruction.mnemonic.split(".")[0]
         frame += _pushed_bytes(name, instruction.op_str)
         register, _, value = instruction.op_str.partition(", ")
         if name == "ldr" and (load := _LOAD_OPERANDS.fullmatch(instruction.op_str)):
-            loaded[load[1]] = int(load[2] or "0", 0)
+            loaded_addresses[load[1]] = int(load[2] or "0", 0)
         elif name == "movw":
             low_halves[register] = _read_immediate_operand(value)
         elif name == "movt":
@@ -239,7 +239,7 @@ def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]
                 (_read_immediate_operand(value) << 16 | low_halves.get(register, 0)) & ~1
             )
         elif name == "blx" or (name == "bx" and instruction.op_str != "lr"):
-            pointer_offsets.add(loaded.get(instruction.op_str, UNKNOWN_OFFSET))
+            pointer_offsets.add(loaded_addresses.get(instruction.op_str, UNKNOWN_OFFSET))
         elif name.startswith("b") and (number := _NUMBER.fullmatch(instruction.op_str)):
             target = int(number[1], 0)
             # A jump to the start of the same function is a loop, not a call.

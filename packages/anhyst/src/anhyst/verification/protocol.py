@@ -137,9 +137,9 @@ class Request:
 
     def pack(self) -> bytes:
         """Return the request as the target reads it: the words at the start of the mailbox."""
-        head = [self.mode, self.seed, self.steps]
-        head += [self.first_checkpoint_step, self.checkpoint_stride, self.first_window_step]
-        return np.array(head, dtype="<u4").tobytes()
+        head_words = [self.mode, self.seed, self.steps]
+        head_words += [self.first_checkpoint_step, self.checkpoint_stride, self.first_window_step]
+        return np.array(head_words, dtype="<u4").tobytes()
 
     def pack_rows(self) -> bytes:
         """Return the inputs as the target reads them: the words from WINDOW_OFFSET on."""

@@ -267,8 +267,8 @@ def _build_msp430(build_folder: BuildFolder) -> Variant:
     warnings = compile_c(compiler, build, path, "msp430")
     image = read_image(path)
     program, chip = Msp430Program(path, image), "MSP430, 16x16 multiplier"
-    made_by = f"zig cc {level}"
-    return Variant("msp430", "portable", program, "cycles", chip, made_by, warnings, image)
+    compiler_text = f"zig cc {level}"
+    return Variant("msp430", "portable", program, "cycles", chip, compiler_text, warnings, image)
 
 
 TARGETS: Mapping[str, FindTargetBuilds] = {

@@ -216,8 +216,8 @@ class _VerificationJob:
         """Return the costs of the random steps; for a stage also those of its golden vectors."""
         net_sections = net_costs(outcome.random, self.vectors.layout)
         if self.build_folder.stage_record is not None:
-            flown = net_costs(outcome.golden, self.vectors.layout)[-1]
-            net_sections = (*net_sections, replace(flown, part="tick, in flight"))
+            flight_costs = net_costs(outcome.golden, self.vectors.layout)[-1]
+            net_sections = (*net_sections, replace(flight_costs, part="tick, in flight"))
         return net_sections
 
 
