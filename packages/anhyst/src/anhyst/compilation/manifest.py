@@ -76,9 +76,7 @@ def _structure_sizes(*texts: str, **numbers: int) -> dict[str, int]:
     sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2, "ANHYST_REAL": 4}
     for text in texts:
         uncommented = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
-        sizes |= {
-            name: sizes[source] for source, name in re.findall(r"typedef (\w+) (\w+);", uncommented)
-        }
+        sizes |= {name: sizes[source] for source, name in re.findall(r"typedef (\w+) (\w+);", uncommented)}
         definitions = re.findall(r"typedef (struct|union) (?:\w+ )?\{([^}]*)\} (\w+);", uncommented)
         for kind, members, name in definitions:
             sizes_of_members = _member_sizes(members, sizes, numbers)
