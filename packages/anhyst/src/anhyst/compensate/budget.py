@@ -83,7 +83,7 @@ def _drift_part(held_demands: Sequence[HeldDemand], model: Model) -> BudgetPart:
         f"drift of a held {model.output.name.replace('_', ' ')} in {HOLD_TIME_S:g} s",
         worst_demand.drift,
         rms(drifts),
-        f"in addition to compiled, at standstill and with small movements; worst at {worst_demand.demand:.3g} "
+        f"in addition to the compiled error: at rest and with small movements; worst at {worst_demand.demand:.3g} "
         f"{model.output.unit} while {worst_demand.title}",
     )
 

@@ -25,7 +25,7 @@ FIELD_MARGIN = 1.02
 """Largest field of the table rows, relative to the largest field for allowed currents."""
 
 SOLID_FIELD_MARGIN = 2.0
-"""The same factor for a solid core, where the field at the surface is ahead of the mean field."""
+"""Field margin for a solid core, where the field at the surface is ahead of the mean field."""
 
 ZONE_EXPONENTS = range(6)
 """Tested exponents of the inner zone: narrow segments end at 2**-exponent of the largest field."""
@@ -167,9 +167,9 @@ def make_cell_rows(
         ends, middles = magnetisation(field), magnetisation(0.5 * (field[1:] + field[:-1]))
         deviation = 0.5 * (ends[:, 1:] + ends[:, :-1]) - middles
         padded_deviation = np.pad(deviation, ((0, 0), (1, 1)), mode="edge")
-        # All chords are on one side of the curve. Moving the entries by half the deviation of the
-        # chords halves the largest error. With few segments, moved entries may exceed saturation or
-        # lose their order.
+        # All chords of a table are on one side of the curve. Moving the entries by half the
+        # deviation of the chords halves the largest error. With few segments, moved entries may
+        # exceed saturation or lose their order.
         shifted_entries = np.clip(
             ends - 0.25 * (padded_deviation[:, 1:] + padded_deviation[:, :-1]), -1.0, 1.0
         )

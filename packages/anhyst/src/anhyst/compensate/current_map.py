@@ -150,7 +150,7 @@ def _fit_tangent_map(
 
 
 _RATIO_MAP_COLUMNS = 9
-"""Number of forces of the table. Its rows are straight lines, clipped at full-scale current."""
+"""Number of forces of the table. Table rows are straight lines, clipped at full-scale current."""
 
 _RAMP_SAMPLES = 200
 """Number of samples of a current ramp, up or down."""
@@ -162,8 +162,8 @@ _MAX_ENTRY_SHARE = 1.0 - 2.0**-15
 def fit_uncompensated_map(model: Model, scales: Scales) -> CurrentMap:
     """Return a constant force-current ratio, fitted to the steady-state loops of a model.
 
-    This is the method ``ratio``: one ratio, fitted around half of the largest force at the middle
-    gap. Simulated loops replace measured ones.
+    The method ``ratio`` is fitted around half of the largest force at the middle gap. Simulated
+    loops replace measured ones.
     """
     current_max, force_max = model.valid_range.input[1], model.valid_range.output[1]
     gap_range = scales.gap_low, scales.gap_high
@@ -286,9 +286,10 @@ def _make_play_map(
 def measure_half_widths(surface: Surface, loops: Loops) -> FloatArray:
     """Return half the width of the loops on the grid of a surface.
 
-    At each force it is half the difference between the largest and the smallest current of the
-    loops at a gap, smoothed. Between the gaps it is interpolated by a monotone cubic. Its change
-    along the force is limited to that of the surface, so that no branch of a loop falls.
+    At each force, the half-width is half the difference between the largest and the smallest
+    current of the loops at a gap, smoothed. Between the gaps, it is interpolated by a monotone
+    cubic. Its change along the force is limited to that of the surface, so that no branch of a loop
+    falls.
     """
     from scipy.signal import savgol_filter  # imported here because it loads slowly
 

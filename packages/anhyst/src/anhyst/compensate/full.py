@@ -1,8 +1,8 @@
 """Make the tables of a parameter block for the Jiles-Atherton law (block kind "full").
 
 The tables contain the anhysteretic curve, the ascending branch of a fully pinned iron, and the
-inverse of the anhysteretic curve. They extend to the largest field that any current within its
-limits produces. With them, the compensator calculates the exact step of the law.
+inverse of the anhysteretic curve. The tables extend to the largest field that any current within
+its limits produces. From the tables, the compensator calculates the exact step of the law.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ FIELD_MARGIN = 1.02
 
 
 FIXED_POINT_STEPS = 100
-"""Number of fixed-point iterations from above. Each iterate is an upper bound of the largest field.
-"""
+"""Number of fixed-point iterations from above. Each iteration gives an upper bound of the largest
+field."""
 
 MAX_RELATIVE_FIELD = 95.0
 """Maximum of the largest field, relative to the shape field. The slope of the curve in a table is
 then 32 at most: the initial slope of the anhysteretic curve is a third of this value."""
 
 MAX_Q8 = 32767 / 256
-"""Largest steepness that a word can store. It affects only the Newton steps."""
+"""Largest steepness that a word can store. The steepness affects only the Newton steps."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def _max_field_on_ascending_branch(
     """Return the largest field on the ascending branch, where the magnetisation is lowest.
 
     At each gap, the required drive increases with the field. At the largest field, it equals the
-    largest drive at one gap and exceeds it at all others.
+    available drive at one gap and exceeds it at all others.
     """
     if drive.size == 0:
         return 0.0

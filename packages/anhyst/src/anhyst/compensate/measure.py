@@ -224,7 +224,7 @@ class CompensatorTrial:
 
     @cached_property
     def exact_block(self) -> Block:
-        """The same tables in double precision, without eddy-current lag."""
+        """Block with the same tables in double precision, without eddy-current lag."""
         return self.builder.exact_block(self.sizes)
 
     @cached_property
@@ -373,7 +373,7 @@ def _delayed_error(model: Model, demand: FloatArray, gap: FloatArray) -> FloatAr
 
     The hysteresis state is updated at the ticks only. Between ticks, the gap moves under a constant
     current that then jumps. Real iron returns to its state after such ripples. The law of the model
-    drifts along them at any sample rate, and this drift is not a sampling error.
+    drifts along such ripples at any sample rate, and this drift is not a sampling error.
     """
     iron, state = model.iron_at(float(gap[0])), np.zeros(model.operator_law.states)
     circuit = model.circuit(gap, np.zeros(gap.size))

@@ -149,7 +149,7 @@ def design_flux_loop(
     The flux follows the current immediately, except for delay and lag. A pure integral would
     therefore close the loop. The proportional part cancels the lag once. The remaining loop is an
     integrator with a dead time: the delay plus half a tick. The crossover frequency is half the
-    inverse of this time. Without lag, this gives a phase margin of 61 degrees. The proportional
+    inverse of the dead time. Without lag, the phase margin is then 61 degrees. The proportional
     part treats the lag of several low-passes as one first-order lag, which reduces the margin: to
     52 degrees with amplifier and probe of the bundled bearing, and to 34 degrees with additional
     eddy currents of 100 us. The gain is that of the gap with the largest flux per current, so that
@@ -180,8 +180,8 @@ class FluxLoop:
     """Correction of the current of a method by the measured flux density."""
 
     # demanded flux density, T, at the smallest and largest force, on a regular grid of gaps; shape
-    # (g, 2). In between it is proportional to the square root of the force, or linear if forces
-    # have both signs
+    # (g, 2). Between these forces, it is proportional to the square root of the force, or linear if
+    # forces have both signs
     flux_table: FloatArray
     scales: Scales  # full scales of the method
     gains: FluxGains
@@ -309,7 +309,7 @@ class FusedInverse:
 
 
 def compile_fused_inverse(sources: Sources, number_format: NumberFormat) -> FusedInverse:
-    """Compile the full law, and design the flux loop for it."""
+    """Compile the full law, and design its flux loop."""
     inverse, operating = compile_inverse("full", sources, number_format), sources.operating
     force_low = -operating.is_bipolar * inverse.scales.demand
     loop = _make_flux_loop(sources, sources.surface(), inverse.scales)

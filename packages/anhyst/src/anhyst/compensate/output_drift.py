@@ -1,10 +1,10 @@
 """Measure how far a held output drifts while gap or sensors repeat small movements.
 
 A Jiles-Atherton law accommodates with the travel of the field. Any difference between compiled law
-and model then accumulates: even table errors under a vibrating gap are enough. The simulation holds
-a demand while the gap vibrates or walks randomly, or while the sensors are noisy. At each return of
-demand and gap to their nominal values, it compares the output with that of the first return. The
-change due to the first movement is not drift; the accuracy budget includes it.
+and model accumulates. Even table errors under a vibrating gap are enough. The simulation holds a
+demand while the gap vibrates or walks randomly, or while the sensors are noisy. At each return of
+demand and gap to their nominal values, the simulation compares the output with that of the first
+return. The change due to the first movement is not drift; the accuracy budget includes it.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ GAP_NOISE = 5e-4
 SEED = 5
 APPROACH_RAMP_TICKS = 100
 """Ticks of each of two ramps before a hold: up to the largest demand and down to the held one.
-Without this detour, one ramp up has twice as many ticks."""
+Without the detour over the largest demand, a single ramp has twice as many ticks."""
 
 _STATE_TOLERANCE = 1e-12
 
@@ -137,7 +137,7 @@ def _sample_noise(random: np.random.Generator, ticks: int) -> tuple[FloatArray, 
 
 
 def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: float) -> HeldDemand:
-    """Hold one demand after an ascending and after a descending approach; return the larger drift."""
+    """Hold one demand after an ascending and after a descending ramp; return the larger drift."""
     scales = plan.block.scales
     span, nominal_gap = scales.gap_span, 0.5 * (scales.gap_low + scales.gap_high)
     extreme_gaps = np.array(
@@ -216,7 +216,7 @@ class _CompensatedModel:
         return np.array(self.twin.memory, dtype=np.float64), self.state.copy()
 
     def has_returned(self, earlier_states: tuple[FloatArray, FloatArray]) -> bool:
-        """Whether both states are those of an earlier return; further returns then repeat."""
+        """Whether both states are those of an earlier return; all further returns then repeat."""
         twin_memory, model_state = self.memory
         return np.array_equal(twin_memory, earlier_states[0]) and np.allclose(
             model_state, earlier_states[1], _STATE_TOLERANCE, _STATE_TOLERANCE

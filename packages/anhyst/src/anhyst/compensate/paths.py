@@ -19,11 +19,11 @@ from anhyst.support.numeric import FloatArray
 
 MAX_OUTPUT_SHARE = 0.98
 """Highest demand, as a fraction of the output range between the smallest and the largest current.
-The margin above it keeps every demand reachable."""
+The margin above this value keeps every demand reachable."""
 
 WALK_STEP = 0.005
-"""Standard deviation of one step of a random walk, as a fraction of the range. It is so small that
-the walk takes many steps between two reversals."""
+"""Standard deviation of one step of a random walk, as a fraction of the range. The steps are so
+small that the walk takes many of them between two reversals."""
 
 RANGE_GAPS = 33
 """Number of gaps at which the reachable output is calculated."""
@@ -32,7 +32,7 @@ FAST_CYCLES = 3
 """Number of cycles of a fast demand."""
 
 MAX_FAST_TICKS = 8000
-"""Maximum number of ticks of a fast demand, also if it then has fewer cycles."""
+"""Maximum number of ticks of a fast demand, even if the demand then has fewer cycles."""
 
 FAST_BAND = (0.1, 0.6)
 """Lowest and highest value of a fast demand, as fractions of the static range. A fast demand needs
@@ -201,7 +201,7 @@ def _random_walk(random: np.random.Generator, size: int) -> FloatArray:
 def _stepped_gaps(random: np.random.Generator, size: int, length: int) -> FloatArray:
     """Return fractions 0..1 of the gap range, each constant for `length` samples.
 
-    The first two are 0 and 1.
+    The first two fractions are 0 and 1.
     """
     levels = random.random(-(-size // length))
     levels[:2] = 0.0, 1.0

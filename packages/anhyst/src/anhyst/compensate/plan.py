@@ -1,7 +1,7 @@
 """Plan how a model is compiled: signal scales, limits, table sizes and the start-up sequence.
 
-`make_plan` selects all of them for a model and a `CompileRequest`. The search selects the smallest
-tables that keep the requested accuracy.
+`make_plan` makes all these choices for a model and a `CompileRequest`. The search selects the
+smallest tables that keep the requested accuracy.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ MAX_REMAINING_SHARE = 0.1
 """Largest remaining difference after the start-up, as a fraction of the accuracy."""
 
 MAX_CYCLE_RATIO = 0.99
-"""A further start-up cycle is not used if it leaves more than this fraction of the remaining
-difference. A single cycle moves all play operators that it reaches."""
+"""A further start-up cycle is not used if more than this fraction of the previous difference would
+remain. A single cycle moves all play operators that it reaches."""
 
 RAMP_SAMPLES = 60
 """Number of samples of a ramp in the simulation. The model is exact at any sampling."""
@@ -101,7 +101,7 @@ CHECKED_GAPS = 65
 """Number of gaps at which the flux gain of the model is checked."""
 
 ROUND_MANTISSAS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-"""Full-scale values are one of these numbers times a power of ten."""
+"""Mantissas of full-scale values, which are multiplied by a power of ten."""
 
 DEFAULT_ACCURACY_PERCENT = 0.1
 """Largest deviation due to formats and tables without ``--accuracy``, % of the largest output."""
@@ -114,7 +114,7 @@ RATE_RANGE_HZ = (1.0, 1e6)
 
 @dataclass(frozen=True, slots=True)
 class CompileRequest:
-    """Options of a compilation, as the user gives them."""
+    """Options of a compilation that the user gives."""
 
     kind: Kind  # ``"full"`` or ``"simplified"`` (``"euler"`` is the baseline of the benchmarks)
     io: SignalFormat  # format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``

@@ -29,8 +29,8 @@ from anhyst.support.block_layout import MAX_BLOCK_WORDS, MIN_BLOCK_WORDS
 from anhyst.support.numeric import FloatArray
 
 TARGET_ALLOWANCE_RATIO = 0.9
-"""Fraction of the allowance that the search may use. The rest is a margin, because the budget is
-measured on other paths."""
+"""Fraction of the allowance that the search may use. The rest of the allowance is a margin, because
+the budget is measured on other paths."""
 
 MAX_CONVERGED_RATIO = 1.05
 """The number of iterations is sufficient if the worst error is at most this factor times the error

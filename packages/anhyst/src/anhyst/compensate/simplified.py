@@ -6,9 +6,9 @@ closed form with one state ``u`` between limits, which follows the flux (derivat
 
     current = bias(gap) + flux_coefficient(gap)*flux + lag_coefficient(gap)*u
 
-Its five constants are the three coefficients, the rate at which ``u`` follows, and ``nu``. They are
-not derived from the parameters of the model. They are fitted to its response, with the error in the
-output. A straight line through a curve is then most accurate in the working range.
+Its five constants are the three coefficients, the rate at which ``u`` follows, and ``nu``. The
+constants are not derived from the parameters of the model, but fitted to its response, with the
+error in the output. A straight line through a curve is then most accurate in the working range.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ SAMPLES_PER_CYCLE = 160
 """Number of samples of one cycle of a demand. The closed form is exact at any sampling."""
 
 FIT_CYCLES = 3
-"""Number of cycles of each demand from the demagnetised state. The last one is fitted."""
+"""Number of cycles of each demand from the demagnetised state. The last cycle is fitted."""
 
 MAX_REVERSAL_SLOPE = 2000.0
-"""Largest slope after a reversal, rate/(1 - nu). It fits the number format with a small margin."""
+"""Largest slope after a reversal, rate/(1 - nu); it fits the number format with a small margin."""
 
 MAX_DEAD_BAND = 2.0**-11
 """Largest dead band of the flux, relative to the flux of saturated iron.
 
-It is wider than the noise of a 16-bit demand (4 codes) and of a 12-bit current. Without it, this
+It is wider than the noise of a 16-bit demand (4 codes) and of a 12-bit current. Without it, such
 noise moved the current of the bundled magnet by up to 1005 of 32,768 codes in 0.1 s at standstill.
 """
 
@@ -53,8 +53,8 @@ MAX_DEAD_BAND_STATE = 2.0**-6
 band causes an error of this size."""
 
 OFFSET_PENALTY = 0.01
-"""Relative penalty on the cost for the lowest possible offset. It keeps the offset from jumping
-between gaps where it has little effect."""
+"""Relative penalty on the cost for the lowest possible offset. The penalty keeps the offset from
+jumping between gaps at which the offset has little effect."""
 
 MIN_INDEPENDENT_SHARE = 1e-12
 """Smallest part of a column that is independent of the columns before it, relative to the length of
@@ -110,8 +110,8 @@ def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask
         inverse = model.invert(demand, np.full(demand.size, gap), history="demagnetised")
         flux = (inverse.flux_density / unit).astype(np.float64)
         last_cycle = slice(flux.size - SAMPLES_PER_CYCLE, None)
-        # Weight: change of the output per ampere. It is calculated from the flux, because current
-        # and flux are nearly proportional.
+        # Weight: change of the output per ampere. The weight is calculated from the flux, because
+        # current and flux are nearly proportional.
         current_per_flux = np.ptp(inverse.drive[last_cycle]) / np.ptp(flux[last_cycle])
         power = model.power
         weight = (

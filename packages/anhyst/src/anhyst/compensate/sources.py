@@ -1,6 +1,6 @@
 """Collect the inputs of a force controller: measured loops or a model, and the operating range.
 
-If no loops were measured, :func:`simulate_loops` calculates them from the model.
+If no loops were measured, :func:`simulate_loops` simulates loops of the model.
 """
 
 from __future__ import annotations
@@ -53,8 +53,9 @@ class FluxCalibration:
     def density_at(self, force: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density for a force, T; shape (gaps, forces).
 
-        At each measured gap it is a fitted constant times the square root of the force. If forces
-        have both signs, it is a fitted straight line. Between the gaps it is interpolated linearly.
+        At each measured gap, the density is a fitted constant times the square root of the force.
+        With forces of both signs, it is a fitted straight line. It is interpolated between the
+        gaps.
         """
         knots = np.unique(self.gap)
         if force[0] < 0.0:

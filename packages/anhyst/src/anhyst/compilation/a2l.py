@@ -51,7 +51,7 @@ _COMMANDS = (
     "ALLOC_ODT_ENTRY",
 )
 _READ_ONLY_WORDS = {word.name for word in HEAD_WORDS} - {"GENERATION"}
-"""Words that a tool must not change: they are checked or recalculated."""
+"""Words that a tool must not change, because they are checked or recalculated."""
 
 _MAX_SINGLE_PRECISION = 3.4028234e38
 

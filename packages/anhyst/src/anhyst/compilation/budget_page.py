@@ -39,7 +39,7 @@ def explain_choices(plan: Plan) -> list[Decision]:
     if plan.block.kind == "full":
         choices += [
             _axis_choice(plan, "curve_segments", "anhysteretic curve and branch", "these tables"),
-            _axis_choice(plan, "inverse_segments", "inverse of the anhysteretic", "this table"),
+            _axis_choice(plan, "inverse_segments", "inverse of the anhysteretic curve", "this table"),
         ]
     else:
         choices += _closed_form_table_choices(plan)
@@ -169,8 +169,8 @@ def _percent_text(plan: Plan, value: float) -> str:
 PANEL_HEIGHT_IN = 2.1  # inches
 """Height of a panel, inches."""
 MAX_PLOT_POINTS = 1200
-"""Maximum number of points of a plotted path. Each point shows the extremes of an interval, so that
-no peak is lost."""
+"""Maximum number of points of a plotted path. Each plotted point shows the extremes of an interval,
+so that no peak is lost."""
 
 
 def make_budget_page(
@@ -183,14 +183,14 @@ def make_budget_page(
         text += f"; {percent(budget, budget.required):.3g} % was requested"
     headline = Headline(
         title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
-        description=f"{text}. Held, it drifts by {drift:.2g} % in {HOLD_TIME_S:g} s.",
+        description=f"{text}. A held output drifts by {drift:.2g} % in {HOLD_TIME_S:g} s.",
         basis="",
         notes=(),
         tiles=(),
         comparison=None,
-        validity=f"Per cent are of the largest demand, {budget.reference_output:.4g} {budget.unit}. Every "
-        "figure is measured: the currents of the compensator are applied to the model in double "
-        "precision, and its output is compared with the demand.",
+        validity=f"Values in % are relative to the largest demand, {budget.reference_output:.4g} {budget.unit}. All "
+        "values are measured: the currents of the compensator are applied to the model in double "
+        "precision, and the output of the model is compared with the demand.",
     )
     sections = (
         Section("parts", "Error of each step", (_parts_table(budget),)),
@@ -224,7 +224,7 @@ def _parts_table(budget: Budget) -> PageTable:
         "Parts and sums",
         ["part", "what was switched on", f"worst [{budget.unit}]", "worst [%]", "rms [%]"],
         [row(part) for part in (*budget.parts, *sums)],
-        "Each part is switched on alone, everything else exact.",
+        "Each contribution is measured alone, while everything else is exact.",
         texts=2,
     )
 
@@ -242,7 +242,7 @@ def _path_section(budget: Budget) -> tuple[Picture, PageTable]:
     picture = Picture(
         svg_text(_draw_deviations(budget), "paths"),
         "Deviation of the output from the demand along each path",
-        "All compilation steps are switched on. If the current is at a limit, only deviations that "
+        "All compilation steps are active. If the current is at a limit, only deviations that "
         "a current within the limits could reduce count.",
     )
     return picture, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)

@@ -1,8 +1,8 @@
 """Compile a model, in memory or in a file, to a folder of C (``anhyst compile``).
 
-`compile_model` plans the tables, measures the accuracy budget and writes all files. It plans with a
-smaller allowance if the budget exceeds the allowed error. Without sufficient accuracy, it writes
-nothing and raises an error.
+`compile_model` plans the tables, measures the accuracy budget and writes all files. If the budget
+exceeds the allowed error, it plans again with a smaller allowance. If the accuracy stays
+insufficient, it writes nothing and raises an error.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Compiled(CompiledFolder):
             notes.append(
                 "the error due to formats and tables exceeds the default limit, "
                 f"{DEFAULT_ACCURACY_PERCENT:g} % of the largest output: "
-                f"{ADVICE[largest_part(self.budget).name]}; {self.out / page} shows each part"
+                f"{ADVICE[largest_part(self.budget).name]}; {self.out / page} shows each contribution"
             )
         if not is_drift_allowed(self.plan, self.budget):
             notes.append(explain_drift(self.plan, self.budget))

@@ -38,9 +38,9 @@ class Ecosystem:
     # template of each further file; {name} in a path becomes the name of the actuator
     templates: Mapping[str, str]
     print_function: str = "printf"  # function by which the example prints
-    # changes a C file: its path and its text, to its text
+    # function that changes the text of a C file, given its path and its text
     edit_source: Callable[[str, str, Values], str] | None = None
-    # makes further files of all files, such as an archive
+    # function that makes further files from all files, such as an archive
     make_archive: Callable[[Files, Values], Files] | None = None
 
 
@@ -62,8 +62,8 @@ def _forbid_fused_products(path: str, text: str, values: Values) -> str:
 def _prefix_symbols(path: str, text: str, values: Values) -> str:
     """Put the name of the actuator in front of every name of the core, except names of headers.
 
-    Each crate contains its own core. Two crates in one program must not share its symbols, because
-    their cores may differ in version or in size.
+    Each crate contains a copy of the core. Two crates in one program must not share its symbols,
+    because their cores may differ in version or in size.
     """
     return re.sub(r'(?<!")\banhyst_(?=\w)', f"{values['name']}_anhyst_", text)
 
@@ -71,7 +71,7 @@ def _prefix_symbols(path: str, text: str, values: Values) -> str:
 def _make_archive(files: Files, values: Values) -> Files:
     """Return the pack: all files in one archive.
 
-    They are not compressed, because the bytes would depend on the version of the compressor.
+    The archive is not compressed, because its bytes would depend on the version of the compressor.
     """
     archive_bytes = BytesIO()
     with zipfile.ZipFile(archive_bytes, "w") as archive:
@@ -183,7 +183,7 @@ def make_package_files(
 ) -> Mapping[str, str | bytes]:
     """Return the content of each file of a package by its path.
 
-    If no package is requested, these are the files of the compiled folder. ``files`` and
+    If no package is requested, the result is the files of the compiled folder. ``files`` and
     ``manifest`` describe the compiled folder; ``values`` are the template values of its example.
     """
     if package is None:

@@ -62,7 +62,7 @@ SMALL_CYCLE_SIZE = 0.1
 """Peak-to-peak size of the small cycles, relative to the largest force."""
 
 SMALL_CYCLES_PER_LEVEL = 4
-"""Number of small cycles at a level. The last one is evaluated."""
+"""Number of small cycles at a level. The last cycle is evaluated."""
 
 ForceModel = Callable[[FloatArray, float], FloatArray]
 """Function that returns the forces for currents at a gap, beginning in the demagnetised state."""
@@ -150,7 +150,7 @@ class CompiledPlay(CompiledFolder):
         return {"folder": str(self.out), "kind": "play", **errors}
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the errors of this map and of the best single-valued one, per cent."""
+        """Return the errors of the compiled map and of the best single-valued map, per cent."""
         rows = ((name, self.manifest["accuracy"][name]) for name in self.errors)
         return rows_to_columns([{"map": name, **accuracy} for name, accuracy in rows])
 

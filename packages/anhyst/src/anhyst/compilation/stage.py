@@ -61,12 +61,12 @@ TABLE_COMMENTS = {
 """Tables of the controller with their comments, in the order of the C file."""
 FIXED_TABLE_COMMENTS = {
     "whole": "Least-squares forces of a wrench, one row per magnet.",
-    "yields": "The same if coordinates may be given up.",
+    "yields": "Least-squares forces if coordinates may be given up, one row per magnet.",
     **{key: TABLE_COMMENTS[key] for key in TABLE_COMMENTS if key not in ("pull", "yields")},
 }
 """Tables of a controller in fixed point; their values are codes."""
 SHIFT_COMMENT = "Number of fractional bits of each row of this table."
-REMAINDER_COMMENT = "Projection of forces to forces without a wrench, q30, one row per magnet."
+REMAINDER_COMMENT = "Projection of forces onto forces without a wrench, q30, one row per magnet."
 
 
 @dataclass(frozen=True)

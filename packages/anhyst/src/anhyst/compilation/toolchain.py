@@ -57,7 +57,7 @@ ACTUATOR_HEADER = "include/anhyst/actuator.h"
 
 
 def actuator_defines(name: str) -> dict[str, str]:
-    """Return the macros that tell this header the name of the actuator."""
+    """Return the macros that define the actuator's name for this header."""
     return {"ACTUATOR_NAME": name, "ACTUATOR_MACRO": name.upper()}
 
 

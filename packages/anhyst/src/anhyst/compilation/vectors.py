@@ -114,7 +114,7 @@ LEVITATION_COLUMNS = (
     "flags",
 )
 LEVITATION_INPUT_COUNT = 5 + POSITION_MAGNETS
-"""Number of input columns. The others are outputs."""
+"""Number of input columns. All other columns are outputs."""
 
 _SUBSTEPS = 4
 _SENSOR_STEPS_PER_RANGE = 4096  # resolution: number of steps over the possible gaps

@@ -2,7 +2,7 @@
 
 The input is a controller in SI units: pose of the heads, PID filters, masses, and the layout of the
 magnets (drives). ``core/include/anhyst/control/axes_fixed.h`` and ``wrench_fixed.h`` run the
-result. Full scales are powers of two, except for those of the force controllers.
+result. Full scales are powers of two, except for the full scales of the force controllers.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FULL_SCALE_MARGIN = 2.0
 _CORE_SCALES = ("wrench", "head", "current", "gap_low", "gap_high")
 Words = dict[str, NDArray[Any]]
 CoreForceController = ForceController | ForceControllerF32 | FixedForceController
-"""Force controller of the core. A controller in fixed point accepts only those in fixed point."""
+"""Force controller of the core. A fixed-point stage accepts only fixed-point controllers."""
 
 
 class DriveLayout(NamedTuple):
@@ -80,7 +80,7 @@ class FixedController:
     head_rows: FloatArray  # reading of each head for a pose; one row per head
 
     def make_core(self, magnets: Sequence[CoreForceController], flux: float) -> FixedAxes:
-        """Return the core's controller for some force controllers; `flux`: full-scale flux, T."""
+        """Return the core's controller for force controllers; `flux`: full-scale density, T."""
         scales = {key: value for key, value in self.scales.as_dict().items() if key in _CORE_SCALES}
         full_scale = scales | {"at": self.head_rows.ravel().tolist(), "flux": flux}
         return FixedAxes(list(magnets), self.words, self.integers, full_scale)

@@ -39,7 +39,7 @@ class FullScales:
 
 @dataclass(frozen=True)
 class FixedPidd2:
-    """Gains as the words of ``anhyst_pidd2_gains_q31``, and their values."""
+    """Gains of a PIDD2 as the words of ``anhyst_pidd2_gains_q31``, and their values."""
 
     # mantissa and shift of every gain factor, in the order of the structure
     factors: Mapping[str, tuple[int, int]]
@@ -51,7 +51,7 @@ class FixedPidd2:
 
     @property
     def words(self) -> NDArray[np.int32]:
-        """All members of the structure except the reserved one, in order, shape (19,)."""
+        """All members of the structure except the reserved member, in order, shape (19,)."""
         flat = [number for factor in self.factors.values() for number in factor]
         return np.array([*flat, self.unweighted, self.low, self.high], dtype=np.int32)
 

@@ -3,8 +3,8 @@
 The settings are in SI units. ``core/include/anhyst/control/position.h`` runs the controller in
 fixed point, and ``position_real.h`` in floating point; ``levitation.h`` describes the sequence of
 lift-off and landing. `PositionControl` returns the settings of a number format by name. The classes
-``Position``, ``PositionF32`` and ``FixedPosition`` of the core take them with the gains and the
-compensators.
+``Position``, ``PositionF32`` and ``FixedPosition`` of the core accept these settings together with
+the gains and the compensators.
 """
 
 from __future__ import annotations
@@ -117,8 +117,8 @@ class PositionControl:
     gap_total: float | None = None  # sum of both gaps of a pair, m; None: a single magnet
     # whether measured currents are committed instead of the driven ones
     uses_measured_currents: bool = False
-    flux_full_scale: float = 1.0  # flux density that is 1.0 in fixed point, T
-    load_full_scale: float = 1.0  # feedforward load that is 1.0, in its unit
+    flux_full_scale: float = 1.0  # flux density that 1.0 represents in fixed point, T
+    load_full_scale: float = 1.0  # feedforward load that 1.0 represents, in its unit
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.bias <= self.scales.demand:
@@ -132,8 +132,8 @@ class PositionControl:
     def final_landing_force(self) -> float:
         """Net force at which a landing ends, N; the other magnet of a pair then holds the armature.
 
-        Otherwise nothing would hold it, because both currents decrease at the same rate and the
-        first is larger.
+        Without this force, nothing would hold the armature, because both currents decrease at the
+        same rate and the first is larger.
         """
         return min(0.0, max(self.pidd2.low, -2.0 * self.bias))
 

@@ -2,7 +2,7 @@
 
 Each parameter of the model file is varied within its search range, which is mapped to 0..1. Many
 sets are simulated, and least squares with numerical derivatives starts from the best. Redundancies
-of parameters (docs/theory.md) are removed: ``c_H`` is 1 at the first gap unless it is known.
+of parameters (docs/theory.md) are removed: ``c_H`` is 1 at the first gap unless the data give it.
 """
 
 from __future__ import annotations
@@ -223,7 +223,7 @@ def _descend(problem: _AnyLawProblem, seed: int) -> tuple[float, Outcome]:
     short_fits = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in starts]
     best_short, entries = min(short_fits, key=lambda attempt: float(attempt[0].cost))
     best = descend(entries, best_short.x, 1e-8, 60)
-    reason = f"gap map '{problem.gap_map}' fits the loops best of those tried"
+    reason = f"of all tried gap maps, '{problem.gap_map}' fits the loops best"
     model = problem.model(entries, best.x)
     uncertainty = _assess_uncertainty(problem, entries, best.x, best.fun, best.jac)
     outcome = Outcome(model, uncertainty, len(entries), problem.evaluations, reason)

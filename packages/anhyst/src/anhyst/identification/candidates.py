@@ -49,7 +49,7 @@ class ModelCandidate:
     fixed: frozenset[str]  # parameters fixed at zero
     # parameters that are the same at every gap although the map allows different values
     common: frozenset[str] = frozenset()
-    # model complexity; a higher rank is selected only if it is better by more than the scatter
+    # model complexity; higher ranks are selected only if they are better by more than the scatter
     rank: int = 0
     # play cells and their population count; None: the law of the run
     cells: CellKernel | None = None
@@ -108,8 +108,8 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
 
     A series reluctance applies only to gaps, and not to the law of 1986. The maps ``circuit`` and
     ``free`` need three gaps for several variants. Models with ``free`` require a fixed gap, so
-    ``auto`` tries this map only for other schedules. ``circuit`` needs a request; one variant has
-    sensor offsets that depend on the gap.
+    ``auto`` tries it only if the schedule is not a gap. ``circuit`` needs a request; one variant
+    has sensor offsets that depend on the gap.
     """
     gaps, fixed = run.search_records.gap_count, run.fixed
     if gap_map == "circuit":
@@ -120,8 +120,8 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
     if gap_map == "free":
         # With all parameters free at each gap, interaction and the shape of the anhysteretic curve
         # are barely separable, and interpolated values may be inconsistent. Without interaction,
-        # the fit is slightly worse, but may predict much better. The same applies to offsets that
-        # differ between gaps.
+        # the fit is slightly worse, but may predict much better. Offsets that differ between gaps
+        # have the same disadvantage.
         if gaps < 3:
             return [ModelCandidate("free", fixed)]
         candidates = [
@@ -194,8 +194,8 @@ candidate is selected. The standard error of the few blocks does not count then.
 
 
 _WORSE_FIT_RATIO = 2.5
-"""Ratio of the rms residuals of two laws after subtraction of the noise. Above it, the law with the
-smaller residual is selected if it predicts withheld data as well."""
+"""Ratio of the rms residuals of two laws after subtraction of the noise. Above this ratio, the law
+with the smaller residual is selected if it predicts withheld data as well."""
 
 _MIN_EXCESS_SHARE = 0.1  # minimum fraction of a cost that is attributed to model errors
 

@@ -34,8 +34,8 @@ EXACT_TABLE_ERROR = 1e-12  # table error of models, relative to the saturation
 
 
 _MAX_TABLE_SLOPE_RATIO = 1.03
-"""Ratio of the largest slope of less accurate tables to the largest slope at their knots. A
-solution with these tables must also exist with exact ones."""
+"""Ratio of the largest slope of less accurate tables to the largest slope at their knots. Solutions
+with less accurate tables must also exist with exact ones."""
 
 
 _SINGLE_START = np.zeros(1, dtype=np.int64)  # index of the first sample, for a single drive

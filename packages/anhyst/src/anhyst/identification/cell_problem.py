@@ -61,8 +61,8 @@ MAX_FOLDS = 5
 """Maximum number of folds that are withheld in turn: loops, or blocks if there are few loops."""
 
 BLOCKS_PER_FOLD = 20
-"""Blocks of a record that are withheld together. With fewer, whole branches would be withheld. A
-grid would have to extrapolate, and its error would say nothing about other records."""
+"""Blocks of a record that are withheld together. With fewer blocks, whole branches would be
+withheld. A grid would have to extrapolate, and its error would say nothing about other records."""
 
 MIN_LOOPS_TO_WITHHOLD = 3  # minimum number of loops with which whole loops are withheld
 MAX_CENTRE_SHARE = 0.1
@@ -184,7 +184,7 @@ class CellProblem:
     def include_initial_curves(self) -> CellProblem:
         """Return the same problem, with initial curves that begin at the centre of the curves.
 
-        Before such a curve, the input never left this centre. A grid has curves for these samples.
+        Before such a curve, the input never left the centre. A grid has curves for the samples.
         """
         problem, masks = copy(self), []
         for loop, mask in zip(self.loopset.loops, self.fitted_masks, strict=True):

@@ -2,11 +2,11 @@
 
 A population is a group of cells with one curve width and a distribution of thresholds. The start
 points cover the normalised parameters of typical loops (:mod:`.screening`). The Jiles-Atherton fit
-adds a few. The costs of all are compared on few samples. The better ones are optimised for a few
-steps, the best of these for more steps, and the last two until convergence. If the costs of the
-last two differ and exceed the noise, more start points are tried. A population is added where the
-residual of the smaller fit predicts the largest gain. If this does not help, the first population
-is split.
+adds a few. The costs of all are compared on few samples. The better points are optimised for a few
+steps, the best results for more steps, and the last two until convergence. If the costs of the last
+two differ and exceed the noise, more start points are tried. A population is added where the
+residual of the smaller fit predicts the largest gain. If an added population does not help, the
+first population is split.
 """
 
 from __future__ import annotations
@@ -271,9 +271,9 @@ class CellSearch:
         """Search from random and given start points until the best fits agree or fit the noise.
 
         With few loops, agreement is not evidence, because flat valleys are long. If the residual
-        exceeds the noise, the patient schedule is then applied to all start points. A result of
-        this schedule that is only slightly better is ignored, because this is chance and
-        predictions do not improve.
+        exceeds the noise, the patient schedule is then applied to all start points. A patient
+        result that is only slightly better is ignored: the gain is chance and does not improve
+        predictions.
         """
         kernel, fits, tried_starts = levels.kernel, list[FoundModel](), list[FloatArray]()
         draw_count = _STARTS_PER_ROUND if kernel.population_count < 3 else 0
@@ -303,7 +303,7 @@ class CellSearch:
 
 
 def use_exact_tables(fit: FoundModel) -> FoundModel:
-    """Return the fit with cell tables of full accuracy, as the model uses them."""
+    """Return the fit with cell tables of full accuracy, which the model uses."""
     form = fit.space.form
     if not isinstance(form.cells, CellKernel):
         return fit
@@ -357,7 +357,7 @@ def _make_cells(
 ) -> ParameterSet:
     """Convert a Jiles-Atherton parameter set to cells with the same initial slope.
 
-    Negative interaction makes a curve steeper. It is kept, or replaced by a steeper curve.
+    Negative interaction makes a curve steeper. It is kept, or a steeper curve replaces it.
     """
     reversible = parameter_set.c + 0.05
     omega = parameter_set.omega / width_ratio
@@ -413,8 +413,8 @@ def _rate_added_population(
     except NoResponseError:
         return -np.inf, theta
     share_name = f"share_{len(fit.parameter_sets[0].law) // 4 + 1}"
-    # With the map ``free``, the share of the added population has one value per gap. All these
-    # values change together.
+    # With the map ``free``, the share of the added population has one value per gap. The values of
+    # all gaps change together.
     is_share = np.array([name.partition("[")[0] == share_name for name in space.names])
     is_other = ~is_share
     other_normal = normal[np.ix_(is_other, is_other)]

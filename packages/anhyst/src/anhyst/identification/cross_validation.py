@@ -54,10 +54,10 @@ _MAX_STEPS = 25
 """Stopping rule of a refit of a Jiles-Atherton law."""
 _CELL_TOLERANCE = 1e-4
 _MAX_CELL_STEPS = 8
-"""Stopping rule of a refit of play cells. It is looser because these have many parameters."""
+"""Stopping rule of a refit of play cells; tolerant, because they have many parameters."""
 
 PRIOR_LOG_STD = 0.35
-"""Prior standard deviation of the logarithm of the error between gaps. It has the weight of
+"""Prior standard deviation of the logarithm of the error between gaps. The prior has the weight of
 :data:`_PRIOR_GAPS` gaps, because the scatter of two or three gaps alone is very uncertain."""
 
 _PRIOR_GAPS = 3.0
@@ -99,7 +99,7 @@ def inner_gaps(gaps: int) -> range:
 def inner_loops(records: FitRecords) -> tuple[int, ...]:
     """Return the indices of loops with a smaller and a larger loop at their gap.
 
-    If there are fewer than two, the smallest loop of each gap counts too.
+    If fewer than two loops qualify, the smallest loop of each gap counts too.
     """
     order: list[list[int]] = [[] for _ in range(records.gap_count)]
     for index in np.argsort([float(np.max(np.abs(record.output))) for record in records.loops]):

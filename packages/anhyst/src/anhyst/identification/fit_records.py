@@ -419,9 +419,9 @@ class InputHistory:
 def remembered_reversals(drive: FloatArray) -> FloatArray:
     """Return the ends and reversals of a drive that play cells can remember, without closed cycles.
 
-    A cycle is closed if both neighbouring reversals exceed it. This test does not depend on the
-    zero of the drive, which its offset changes. Therefore, reversals that only a demagnetised start
-    would wipe out are kept.
+    A cycle is closed if both neighbouring reversals exceed it. The test does not depend on the zero
+    of the drive, which the sensor offset changes. Therefore, reversals that only a demagnetised
+    start would wipe out are kept.
     """
     direction = np.sign(np.diff(drive))
     moving_rows = np.flatnonzero(direction)

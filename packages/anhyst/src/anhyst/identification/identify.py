@@ -283,8 +283,8 @@ def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
         warnings.append(f"loops at only one {loops.schedule.name}: the model is valid only there")
     if len(loops) == 1:
         size = f"{100.0 * outcome.ambiguity:.2g} % of the largest output"
-        ambiguity_text = f"laws that fit it equally well differ by {size} inside it, and "
-        guess_text = "inner loops are a guess of the law; measure smaller loops too"
+        ambiguity_text = f"laws that fit this loop equally well differ by {size} inside it, and "
+        guess_text = "inner loops are only predicted by the law; measure smaller loops too"
         warnings.append("only one loop: " + (ambiguity_text if outcome.ambiguity else "") + guess_text)
     samples = sum(loop.n for loop in loops.loops)
     if samples < MIN_SAMPLES_PER_PARAMETER * parameter_count:

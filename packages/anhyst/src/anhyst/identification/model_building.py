@@ -9,9 +9,10 @@ redundancies are chosen and reported:
   would be negative, the smallest value is set to zero and alpha takes the difference.
 
 The memory of a Jiles-Atherton law fades with the total travel of the field. Noise of a demand
-erases it within milliseconds. A small periodic error, such as the ripple of a vibrating gap, makes
-it drift. A play before the irreversible part prevents this for small movements (docs/theory.md).
-Measured loops barely determine the width of this dead band, so the widest acceptable one is used.
+erases the memory within milliseconds. A small periodic error, such as a ripple of the gap, makes
+the output drift. A play before the irreversible part prevents drift in small movements
+(docs/theory.md). Measured loops barely determine the width of this dead band, so the widest
+acceptable one is used.
 """
 
 from __future__ import annotations

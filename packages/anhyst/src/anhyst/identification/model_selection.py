@@ -79,7 +79,7 @@ from anhyst.model.schema import CandidateFit, CrossValidation
 from anhyst.support.errors import InputError
 
 MIN_SAMPLES_PER_PARAMETER = 5
-"""Minimum number of samples per fitted parameter. With fewer, a good fit is not evidence."""
+"""Minimum number of samples per fitted parameter. A good fit to fewer is not evidence."""
 
 _MAX_DRIFT_RMS = 0.04
 """Largest rms residual of a model without sensor drift, relative to full scale, that is accepted.
@@ -379,7 +379,7 @@ class Selection:
     def select(self) -> ModelCandidate:
         """Return the best candidate that passes the acceptance test and is not overfitted.
 
-        If its error is much larger than the smallest one, these tests are ignored.
+        If the error is much larger than the smallest one, the tests are ignored.
         """
         comparison = self.comparison
         candidates = list(comparison.eligible)
@@ -417,7 +417,7 @@ class Selection:
         )
 
     def finish_best(self, best: ModelCandidate) -> tuple[ModelCandidate, FoundModel, str]:
-        """Finish the best candidate; if that fails, the next one. The last failure is raised."""
+        """Finish the best candidate or, if that fails, the next; raise the last failure."""
         comparison = self.comparison
         while True:
             try:
@@ -435,7 +435,7 @@ class Selection:
                 return best, fit, dead_band
 
     def ambiguity_within_one_loop(self, best: ModelCandidate) -> float:
-        """Return the difference inside the only loop of candidates that fit it equally well."""
+        """Return how much equally good candidates differ inside the only loop."""
         if len(self.loopset) > 1:
             return 0.0
         chosen = self.comparison.fits[best].reduced
@@ -467,7 +467,7 @@ def _is_usable(fit: FoundModel, loopset: Loops) -> bool:
     return find_compile_obstacle(model) is None and has_plausible_initial_curve(model, loopset)
 
 
-@lru_cache(maxsize=2)  # the same fit is tested several times in a row
+@lru_cache(maxsize=2)  # the same fit is tested several times in succession
 def _passes_acceptance(fit: FoundModel, loopset: Loops) -> bool:
     model = replace(make_model(fit, loopset), valid=valid_range(loopset))
     return model.acceptance().passed is not False
@@ -496,7 +496,7 @@ def _finish_fit(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundM
         descend_from, start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness
     )
     converged = run.step("last steps", descend)
-    # The last steps gain little. They are discarded if they make a usable model unusable.
+    # The last steps gain little, and are discarded if they make a usable model unusable.
     became_unusable = _is_usable(start, loopset) and not _is_usable(converged, loopset)
     return start.with_records(run.records) if became_unusable else converged, dead_band
 

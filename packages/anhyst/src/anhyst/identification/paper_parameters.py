@@ -1,9 +1,9 @@
 """Define the paper's seven free parameters, their search coordinates, and the criterion (eq. 16).
 
 The parameters are ``M_s, a, alpha, k, c`` of the law and ``c_H, c_out`` (the paper's c_B) of eqs.
-10 and 11. They are redundant on purpose, as in the paper: the loops of one gap do not change if
-``M_s, a, k, c_H`` are multiplied by q and ``c_out`` is divided by ``q**2`` (docs/theory.md). If
-field or flux density is measured, c_H or c_out is 1.
+10 and 11. The parameters are redundant on purpose, as in the paper: the loops of one gap do not
+change if ``M_s, a, k, c_H`` are multiplied by q and ``c_out`` is divided by ``q**2``
+(docs/theory.md). If field or flux density is measured, c_H or c_out is 1.
 
 Coordinates are logarithms of positive parameters, the inverse hyperbolic sine of ``alpha``, and
 scaled values of the others. The criterion is computed for one parameter set or for many at the same
@@ -242,7 +242,7 @@ class Criterion:
         """Return the costs of many sets, shape (count,); infinite if the batch cannot compute one.
 
         The batch uses linear steps, only three cycles of a steady-state loop, no jumps, and the
-        effective-field law instead of that of 1986. This is accurate enough to select parents.
+        effective-field law instead of that of 1986. The batch is accurate enough to select parents.
         """
         form = to_gauge_free(values, self._form.power)
         is_supported = (form["omega"] > 0.01 - JUMP_INTERACTION) & (_KAPPA_RANGE[0] < form["kappa"])
@@ -279,8 +279,8 @@ def run_simplex(
     cost: Callable[[FloatArray], float], variables: Variables, start: FloatArray, max_evaluations: int
 ) -> tuple[FloatArray, float]:
     """Run a Nelder-Mead simplex search; restart it at its result until this gains little."""
-    # Imported here, because the import takes longer than the default search, which does not need
-    # it.
+    # Imported here, because importing SciPy takes longer than the default search, which does not
+    # need it.
     from scipy.optimize import minimize
 
     best_theta, best_cost, step = start, cost(start), 0.05

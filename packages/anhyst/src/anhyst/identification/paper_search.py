@@ -47,7 +47,7 @@ _MIN_STEP = 1e-9  # smallest step size, relative to the range
 def reflect_into_bounds(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Bring values within bounds by reflecting them as often as necessary.
 
-    Unlike clipping, this does not collect individuals on the bounds.
+    Unlike clipping, reflection does not collect individuals on the bounds.
 
     >>> reflected(np.array([1.2, -0.5, 3.4]), np.zeros(3), np.ones(3)).round(12)
     array([0.8, 0.5, 0.6])
@@ -93,7 +93,7 @@ class EvolutionStrategy:
         self._mu, self._lambda = parents, children
         size = low.size
         self._tau = 1.0 / np.sqrt(2.0 * np.sqrt(size))  # learning rate of each step size
-        self._tau_common = 1.0 / np.sqrt(2.0 * size)  # learning rate of the common factor
+        self._tau_common = 1.0 / np.sqrt(2.0 * size)  # learning rate common to all steps
         self._x = low + (high - low) * self._random.random((children, size))
         self._sigma = np.tile(_FIRST_STEP * (high - low), (children, 1))
         self.best = self._x[0].copy()
@@ -198,7 +198,7 @@ class PaperSearch:
         return Criterion(self.run.form, self._records[gap].thinned(samples))
 
     def make_state(self, sets: Sequence[Values], varying: Sequence[str], evaluations: int) -> SearchState:
-        """Return the state of a search with these sets."""
+        """Return the state of a search with given parameter sets."""
         return SearchState(tuple(sets), tuple(varying), self.cost(sets), evaluations)
 
     def refine(
@@ -276,7 +276,7 @@ def search_each_gap(search: PaperSearch) -> SearchState:
 def model_at_nodes(state: SearchState, run: SearchRun, loopset: Loops) -> Model:
     """Return the model with one value per gap for gap-dependent parameters, without records.
 
-    The gap map is ``scaling`` if it allows these parameters, else ``free``.
+    The gap map is ``scaling`` if it allows the varying parameters, else ``free``.
     """
     is_single_gap = run.records.gap_count == 1
     parameters: dict[str, Parameter] = dict(state.sets[0])
@@ -298,14 +298,14 @@ def model_at_nodes(state: SearchState, run: SearchRun, loopset: Loops) -> Model:
 def spline_model_at(model: Model, gap: float) -> Model:
     """Return the model of one gap from cubic splines through all parameters (the paper's II.C).
 
-    It demonstrates why this fails (Figs. 1 and 2): a spline overshoots between nodes, and
-    parameters that scatter along a redundancy are not consistent. Models use the interpolation of
-    :mod:`anhyst.model.parameters`.
+    The result shows why ordinary splines fail (Figs. 1 and 2): a spline overshoots between nodes,
+    and parameters that scatter along a redundancy are not consistent. Models use the interpolation
+    of :mod:`anhyst.model.parameters`.
     """
     if len(model.nodes) < 2:
         raise InputError("a spline over the gap needs a model with at least two nodes", code="single-gap")
-    # Imported here, because the import takes longer than the default search, which does not need
-    # it.
+    # Imported here, because importing SciPy takes longer than the default search, which does not
+    # need it.
     from scipy.interpolate import CubicSpline
 
     parameters = {

@@ -1,11 +1,11 @@
 """Perform the paper's search: free parameter sets at each gap, the reduction, and the model.
 
 The reduction decreases the number of gap-dependent parameters (the paper, II.D and Fig. 3). Each
-round tries every parameter that still depends on the gap: it is replaced by its mean over the gaps,
-and the others are searched again briefly at each gap. The parameter with the lowest cost stays
-fixed, and the others are searched in full. The rounds end when one parameter is left. Before the
-first round, all gaps are converted to one gauge, because a mean over different gauges has no
-meaning (docs/theory.md).
+round tries every parameter that still depends on the gap: the parameter is replaced by its mean
+over the gaps, and the others are searched again briefly at each gap. The parameter with the lowest
+cost stays fixed, and the others are searched in full. The rounds end when one parameter is left.
+Before the first round, all gaps are converted to one gauge, because a mean over different gauges
+has no meaning (docs/theory.md).
 """
 
 from __future__ import annotations
@@ -237,8 +237,8 @@ def _make_fit(
 def _as_series_reluctance(sets: list[ParameterSet], h: float) -> list[ParameterSet]:
     """Convert a gap-dependent alpha to a gap-dependent series reluctance.
 
-    They are equal up to the slope of the air core, which is small in the common gauge
-    (docs/theory.md). With a reluctance, the gap may move during a run; with alpha, it must be
+    Both forms are equal except for the slope of the air core, which is small in the common gauge
+    (docs/theory.md). With a reluctance, the gap may move during a run; with alpha, the gap must be
     fixed.
     """
     c_h_without_reluctance = float(

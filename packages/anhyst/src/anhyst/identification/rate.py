@@ -257,7 +257,8 @@ def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = 
     static_text = f"{100.0 * static_error:.2g} % of the largest output"
     if chosen is None:
         return RateFit(
-            static, f"layers do not improve the fast loops: the error of the static model is {static_text}"
+            static,
+            f"layers do not improve the fit of fast loops: the error of the static model is {static_text}",
         )
     rate, std = chosen
     rate_model = replace(

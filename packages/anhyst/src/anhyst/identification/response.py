@@ -74,7 +74,7 @@ class ResponseForm:
     cells: CellKernel | WeightKernel | None = None
     # mu_0 if field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0
     permeability: float = 0.0
-    h: float = 1e-3  # value of h without this rule
+    h: float = 1e-3  # value of h if field or flux density is not measured
     # fixed half-width of the play before the irreversible part, relative to the pinning
     dead_band: float = 0.0
 
@@ -266,7 +266,7 @@ def _make_operators(form: ResponseForm, sets: Sequence[ParameterSet]) -> list[Op
 
 
 def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tuple[FloatArray, ...]:
-    """Return omega, scale and in_0 at positions of gaps, also between them."""
+    """Return omega, scale and in_0 at gap positions, also between the gaps."""
     indices = np.arange(len(sets))
     return tuple(
         np.interp(gap, indices, values)

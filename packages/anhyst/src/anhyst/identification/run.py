@@ -82,7 +82,7 @@ class SearchRun:
 
     @cached_property
     def search_records(self) -> FitRecords:
-        """The records for the search, with long loops thinned; the exact step allows this."""
+        """The records for the search, with long loops thinned (the exact step allows thinning)."""
         return self.records.thinned(MAX_SEARCH_SAMPLES)
 
     def stage(self, name: str, work: Callable[[], Stage]) -> Stage:

@@ -161,7 +161,7 @@ def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray
 
 
 def screen_starts(space: CoordinateSpace, count: int, max_starts: int, seed: int) -> list[ParameterSet]:
-    """Return the best sets of a screening at a single gap, with a minimum distance."""
+    """Return the best sets of a screening at a single gap, with a minimum distance between them."""
     is_interacting = "omega" not in space.fixed
     start_sets = _select_best_sets(space, sample_sets(space.records, count, seed, is_interacting), max_starts)
     # A bias is visible only if the output is even in the flux and the drive is bipolar.

@@ -33,9 +33,9 @@ GAP_DEPENDENT = {
     "circuit": frozenset({"omega", "gain", "in_0", "out_0"}),
     "free": frozenset(CIRCUIT_NAMES),
 }
-"""Gap-dependent parameters of each gap map; ``free`` includes those of the law too. If omega is a
-reluctance, the input scale depends on it: ``scale = scale_0/(1 - h*omega)``, and 1/(1 - h*omega) =
-1 + rho."""
+"""Gap-dependent parameters of each gap map; ``free`` also includes the law's parameters. If omega
+is a reluctance, the input scale depends on it: ``scale = scale_0/(1 - h*omega)``, and 1/(1 -
+h*omega) = 1 + rho."""
 
 SERIES_MAPS = frozenset({"reluctance", "leakage", "circuit"})
 """Gap maps in which omega is a reluctance in series with the iron."""

@@ -44,8 +44,8 @@ _MAX_SEPARABLE_CORRELATION = 0.95
 def correlation_length(deviations: FloatArray) -> float:
     """Return the number of successive samples that count as one independent sample.
 
-    This is twice the integral of the autocorrelation up to its first zero. Model errors vary slowly
-    along a record, so that counting each sample would make the uncertainty far too small.
+    The number is twice the integral of the autocorrelation up to its first zero. Model errors vary
+    slowly along a record, so that counting each sample would make the uncertainty far too small.
     """
     centred = deviations - deviations.mean()
     sum_of_squares = float(centred @ centred)
@@ -187,15 +187,15 @@ MIN_REST_READING_STD = 5e-4
 
 _MAX_OFFSET_PENALTY = 25.0
 """Largest penalty of an unusual offset, and of a contradiction to a reading at rest, as twice the
-logarithm of the odds. Clear evidence in the loops can still exceed this penalty."""
+logarithm of the odds. Clear evidence in the loops can still exceed the penalty."""
 
 _CONTRADICTION_SIGMAS = 4.0
 """Number of standard errors above which a fitted offset contradicts the sensor reading."""
 
 _MAX_REST_READING_COST_RATIO = 2.0
 """A reading at rest replaces a contradicting fitted offset unless it increases the mean square
-residual by more than this factor. A model error that an offset can hide increased it by the factor
-of 1.4 (three gaps, 2 mA of noise)."""
+residual by more than this factor. A model error that an offset can hide increased that residual by
+a factor of 1.4 (three gaps, 2 mA of noise)."""
 
 _NEGLIGIBLE_COST = 1e-20
 """Mean square residual, relative to the largest output squared, below which fits are equal."""
@@ -206,7 +206,7 @@ def remove_unneeded_offsets(
 ) -> FoundModel:
     """Fix the offsets at the sensor readings at rest, except offsets that the data require.
 
-    Offsets that differ between gaps are not sensor offsets. They are not removed.
+    Offsets that differ between gaps are not sensor offsets, so they are not removed.
     """
     free_offsets = sorted(name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None)
     if not free_offsets:

@@ -30,7 +30,7 @@ PINNED_CELLS = 12  # number of pinned cells of discretised populations
 
 MIN_THRESHOLD_RATIO = 0.2
 MAX_THRESHOLD_RATIO = 2.0
-"""Smallest threshold relative to the smallest pinning scale; largest relative to the largest."""
+"""Ratios of the smallest and largest threshold to the smallest and largest pinning scale."""
 
 MAX_CELLS = 64  # largest number of cells in the core, including the one without a threshold
 
@@ -156,7 +156,7 @@ class _Discretisation(NamedTuple):
     # 1)
     log_ratios: FloatArray
     shares: FloatArray  # fraction of each population at each threshold; shape (J, n)
-    # derivative of the fraction above each limit with respect to ``ln((limit/scale)**spread)``;
+    # derivative derivatives of remaining fractions with respect to ``ln((limit/scale)**spread)``;
     # shape (J, n - 1)
     log_derivatives: FloatArray
 
@@ -200,8 +200,8 @@ def discretise_populations(
 class Tangents(NamedTuple):
     """Derivatives of weights, widths and thresholds with respect to population parameters."""
 
-    # with respect to magnetisation and width of the reversible part, then to magnetisation, width,
-    # scale and spread of each population; shape (n + 1, J, d)
+    # derivatives of the weights, d in the order: magnetisation and width of the reversible part,
+    # then magnetisation, width, scale and spread of each population; shape (n + 1, J, d)
     weights: FloatArray
     widths: FloatArray  # derivatives of the widths; shape (J, d)
     thresholds: FloatArray  # derivatives of the thresholds; shape (n + 1, d)
@@ -217,7 +217,7 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     for weight, population in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
         log_thresholds[:, 4 * population + 4] += weight / scales[population]
     index, column = np.arange(count), 4 * np.arange(count) + 2
-    remaining = np.zeros((count, PINNED_CELLS + 1, directions))  # of the fraction above each limit
+    remaining = np.zeros((count, PINNED_CELLS + 1, directions))  # derivatives of the fractions
     inner_remaining = remaining[:, 1:-1]
     inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
     inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]

@@ -66,8 +66,8 @@ def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
 def steepest_slope(kappa: float, c: float) -> float:
     """Return the largest slope of a law on any path, in units of the law; at most 1/3.
 
-    Any other history has a smaller irreversible slope, and a play separates the two parts of the
-    slope. Therefore, no path is steeper than the ascending branch without a play.
+    Any other history has a smaller irreversible slope, and a play keeps the irreversible and the
+    reversible slope apart. Therefore, no path is steeper than the ascending branch without a play.
     """
     import numpy as np
 
@@ -114,7 +114,7 @@ EFFECTIVE_FIELD = Law(
     least_slope=least_slope,
 )
 
-# The same lag, but the effective field contains only the irreversible part of the magnetisation.
+# Law with the same lag, whose effective field contains only the irreversible magnetisation.
 JILES_ATHERTON_1986 = Law(
     name="jiles-atherton-1986",
     title="Jiles-Atherton law of 1986",

@@ -42,7 +42,7 @@ class ParameterSpec:
     role: Role = ""  # role in any law
 
     def find_problem(self, value: float) -> str | None:
-        """Return what is wrong with a value; None if it is valid."""
+        """Return what is wrong with a parameter value; None if it is valid."""
         if not math.isfinite(value):
             return "is not a finite number"
         is_in_range = self.low <= value <= self.high if self.closed else self.low < value < self.high
@@ -91,7 +91,7 @@ class IronOperator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FitParameter:
-    """One parameter of a fit."""
+    """One parameter of a fit, with its bounds and its prior."""
 
     name: str  # name; the meaning is in the symbols of a model file, or in words
     meaning: str

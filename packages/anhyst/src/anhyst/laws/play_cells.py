@@ -30,7 +30,7 @@ _POPULATION_PARAMETERS: tuple[tuple[str, str, str, float, tuple[float, float], R
     ("M", "share of the saturation", "A/m", 0.0, (10.0, 1e5), "saturation"),
     ("a", "width of its curve", "A/m", 1.0, (0.02, 5.0), ""),
     ("k", "pinning scale", "A/m", 1.0, (5e-3, 1.0), "pinning"),
-    ("s", "exponent of the pinning, the larger the narrower", "1", 2.0, (0.5, 5.0), ""),
+    ("s", "exponent of the thresholds; a larger one narrows their distribution", "1", 2.0, (0.5, 5.0), ""),
 )
 """Symbol, meaning, unit, default, search range and role."""
 

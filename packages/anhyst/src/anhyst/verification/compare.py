@@ -1,8 +1,8 @@
 """Build the test program for a target, run it, and find the first difference from the host.
 
-The program executes the initialisation, the golden vectors and random steps. It hashes all inputs
-and outputs. If two hashes differ, both programs run again with more checkpoints, until a window of
-records contains the first difference.
+The program executes the initialisation, the golden vectors and random steps. The program hashes all
+inputs and outputs. If two hashes differ, both programs run again with more checkpoints, until a
+window of records contains the first difference.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Subject = Literal["compensator", "controller", "stage"]
 
 SEPARATE_SECTIONS_FLAGS = ("-ffunction-sections", "-fdata-sections")
 NO_FUSED_PRODUCTS_FLAG = "-ffp-contract=off"
-"""Flag that rounds each product and each sum. Otherwise two targets cannot have the same bits."""
+"""Flag that rounds each product and each sum. Without it, targets cannot have the same bits."""
 
 NO_MATH_ERRNO_FLAG = "-fno-math-errno"
 """Flag that makes a square root one instruction, if the processor has one. The code does not use
@@ -247,7 +247,7 @@ def _locate_difference(
     steps: int,
     seed: int,
 ) -> Difference:
-    """Narrow down the first difference by checkpoints, until one window of records contains it."""
+    """Narrow down the first difference by checkpoints to one window of records."""
     first_step, last_step = 0, steps
     stride = _checkpoint_stride(steps)
     while True:

@@ -1,7 +1,7 @@
 """Exchange requests and replies with the test program of a target.
 
-Host and target share a block of memory, the mailbox. The host writes a request into it, lets the
-target run, and reads the reply. The numbers of this module are the same as in
+Host and target share a block of memory, the mailbox. The host writes a request into the mailbox,
+lets the target run, and reads the reply. The numbers of this module are the same as in
 ``harness/harness.h``.
 """
 

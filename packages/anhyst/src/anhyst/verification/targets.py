@@ -119,7 +119,7 @@ CORTEX_PROCESSORS = {
 def host_compilers() -> dict[str, list[str]]:
     """Return the commands of the installed compilers for this machine, by name.
 
-    These are the compilers of the report. If none of them is installed, any other is used.
+    The report uses these compilers. If none of them is installed, any other compiler is used.
     """
     compilers = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
     if compilers:
@@ -180,9 +180,9 @@ def _build_host(build_folder: BuildFolder, name: str, command: list[str], flags:
 def find_cortex_m_builds(name: str, build_folder: BuildFolder) -> TargetBuilds:
     """List the builds for a Cortex-M: portable, and with optional instructions of the processor.
 
-    In fixed point these are the instructions of the port header, in floating point those of the
-    floating-point unit. If the processor has a floating-point unit, a stage in floating point runs
-    only with it, and only with the port header if there is one.
+    Optional instructions are those of the port header in fixed point, and those of the
+    floating-point unit in floating point. If the processor has a floating-point unit, a stage in
+    floating point runs only with it, and only with the port header if there is one.
     """
     if missing_tools := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
         return TargetBuilds(missing=missing_tools)

@@ -48,7 +48,7 @@ enum {
   HARNESS_VELOCITY
 };
 
-/* The build sets this for a stage, which has longer records. */
+/* The build sets this macro for a stage, which has longer records. */
 #ifndef HARNESS_RECORD_WORDS
 #define HARNESS_RECORD_WORDS 18
 #endif
@@ -127,7 +127,7 @@ extern volatile harness_box_layout harness_box;
 
 /* Functions of the port. */
 
-/* Returns control to the host, which fills the box before this function returns. */
+/* Returns control to the host, which fills the mailbox before this function returns. */
 void harness_wait(void);
 /* Starts counting instructions or cycles. */
 void harness_clock_start(void);

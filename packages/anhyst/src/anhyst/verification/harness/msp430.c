@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Port for an MSP430 in mspdebug's simulator. Two timers form its clock: one counts cycles, and the
- * other counts eighths of them, so that an overflow of the first is detected.
+ * other counts every eighth cycle, so that an overflow of the first is detected.
  *
  * The file also contains functions that a C compiler calls and this processor lacks: long
  * multiplication (with the 16x16 hardware multiplier), division and long shifts. */

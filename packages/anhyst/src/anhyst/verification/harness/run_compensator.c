@@ -111,8 +111,8 @@ void subject_draw(uint32_t step)
   choose_applied();
 }
 
-/* Runs the PIDD2 with its own signals. Its output does not affect the compensator, so that a
- * difference in one of them does not spread to the other. Returns the counted cost. */
+/* Runs the PIDD2 with its own signals. The output of the PIDD2 does not affect the compensator, so
+ * that a difference in one does not spread to the other. Returns the counted cost. */
 static uint32_t control(const input *at, uint32_t *record)
 {
   anhyst_pidd2_candidate_q31 candidate;
