@@ -156,7 +156,7 @@ class _Discretisation(NamedTuple):
     # 1)
     log_ratios: FloatArray
     shares: FloatArray  # fraction of each population at each threshold; shape (J, n)
-    # derivative derivatives of remaining fractions with respect to ``ln((limit/scale)**spread)``;
+    # derivative of the fraction above each limit with respect to ``ln((limit/scale)**spread)``;
     # shape (J, n - 1)
     log_derivatives: FloatArray
 
