@@ -164,8 +164,8 @@ def make_cell_rows(
     def tabulate(grid: RowGrid) -> tuple[FloatArray, float]:
         """Return the entries of the rows, and the largest deviation of a chord from its curve."""
         field = max_field * grid.fields
-        ends, middles = magnetisation(field), magnetisation(0.5 * (field[1:] + field[:-1]))
-        deviation = 0.5 * (ends[:, 1:] + ends[:, :-1]) - middles
+        ends, mid_values = magnetisation(field), magnetisation(0.5 * (field[1:] + field[:-1]))
+        deviation = 0.5 * (ends[:, 1:] + ends[:, :-1]) - mid_values
         padded_deviation = np.pad(deviation, ((0, 0), (1, 1)), mode="edge")
         # All chords of a table are on one side of the curve. Moving the entries by half the
         # deviation of the chords halves the largest error. With few segments, moved entries may

@@ -176,8 +176,8 @@ def measure_gap_interpolation(
         demand_above_offset = path.demand - interpolate(circuit.out_0)
         gain = interpolate((1.0 / circuit.c_out) ** (1.0 / power)) / unit
         flux = gain * (np.sqrt(np.maximum(demand_above_offset, 0.0)) if power == 2 else demand_above_offset)
-        exact = model.circuit(gap, np.zeros(gap.size))
-        reached_record = model.invert(exact.output(flux * unit), gap, history="demagnetised")
+        circuit_at_knots = model.circuit(gap, np.zeros(gap.size))
+        reached_record = model.invert(circuit_at_knots.output(flux * unit), gap, history="demagnetised")
         x = (1.0 - alpha) * reached_record.field + alpha * reached_record.flux_density / MU_0
         current = (
             interpolate(coefficients.bias)
@@ -351,11 +351,11 @@ class CompensatorTrial:
                 errors.append((path.name, demand_error(run, builder.limits, step)))
             return summarise_errors(errors)
 
-        compiled, static = measure(self.block), measure(self.static_block)
+        compiled, static_error = measure(self.block), measure(self.static_block)
         titles = " and ".join(path.title for path in paths)
         note = (
             f"{titles}, compared with the model with layers; without eddy currents it would be "
-            f"{100.0 * static.worst / reference_output:.2g} %"
+            f"{100.0 * static_error.worst / reference_output:.2g} %"
         )
         return [BudgetPart("rate", "rate", compiled.worst, compiled.rms, note)]
 

@@ -146,8 +146,8 @@ def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: floa
     lowest_demand = float(output_range.demand(np.zeros(3), extreme_gaps, above_remanence=True).max())
     highest_demand = float(output_range.demand(np.ones(3), extreme_gaps).min())
     demand = lowest_demand + level * (highest_demand - lowest_demand)
-    ascending = np.linspace(lowest_demand, demand, 2 * APPROACH_RAMP_TICKS)
-    descending = np.concatenate(
+    after_ascent = np.linspace(lowest_demand, demand, 2 * APPROACH_RAMP_TICKS)
+    after_descent = np.concatenate(
         [
             np.linspace(lowest_demand, highest_demand, APPROACH_RAMP_TICKS),
             np.linspace(highest_demand, demand, APPROACH_RAMP_TICKS),
@@ -155,7 +155,7 @@ def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: floa
     )
     drift = max(
         _max_drift(plan, nominal_gap, case, approach_path, highest_demand - lowest_demand)
-        for approach_path in (ascending, descending)
+        for approach_path in (after_ascent, after_descent)
     )
     return HeldDemand(case.title, demand, case.seconds, drift)
 
@@ -204,11 +204,11 @@ class _CompensatedModel:
         used_gap = gap if self.model.needs_schedule else None
         current = self.twin.run(demand, used_gap)
         circuit = self.model.circuit(used_gap, np.zeros(demand.size))
-        reached, _, self.state, status, _ = self.iron.forward(
+        fields, _, self.state, status, _ = self.iron.forward(
             circuit.magnetomotive(current), circuit.rho, np.zeros(demand.size), self.state
         )
         assert status == 0
-        return circuit.output(reached)
+        return circuit.output(fields)
 
     @property
     def memory(self) -> tuple[FloatArray, FloatArray]:

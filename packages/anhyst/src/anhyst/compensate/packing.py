@@ -193,9 +193,9 @@ def _add_checksum(words: NDArray[Any]) -> WordArray:
     """Set the checksum of two words; it covers the bytes of all other words, low byte first."""
     index = WORD_INDEX["CRC"]
     crc = zlib.crc32(np.concatenate([words[:index], words[index + 2 :]]).tobytes())
-    halves = np.array([crc & 0xFFFF, crc >> 16])
+    crc_words = np.array([crc & 0xFFFF, crc >> 16])
     is_integer = np.issubdtype(words.dtype, np.integer)
-    words[index : index + 2] = halves.astype(np.uint16).view(np.int16) if is_integer else halves
+    words[index : index + 2] = crc_words.astype(np.uint16).view(np.int16) if is_integer else crc_words
     return words.astype(words.dtype.newbyteorder("="))
 
 

@@ -166,9 +166,9 @@ def _make_shapes(has_gap: bool, seed: int, size: int) -> dict[str, tuple[str, Fl
 def _nested_triangles() -> FloatArray:
     """Return triangles of decreasing amplitude around three mean values; 0..1."""
     reversal_levels = [0.0]
-    for middle in (0.5, 0.2, 0.8):
-        for half_size in min(middle, 1.0 - middle) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
-            reversal_levels += [middle + half_size, middle - half_size]
+    for mean_level in (0.5, 0.2, 0.8):
+        for half_size in min(mean_level, 1.0 - mean_level) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
+            reversal_levels += [mean_level + half_size, mean_level - half_size]
     reversal_levels.append(0.0)
     positions = np.linspace(0.0, len(reversal_levels) - 1.0, 1500)
     return np.interp(positions, np.arange(len(reversal_levels)), reversal_levels)
@@ -176,12 +176,12 @@ def _nested_triangles() -> FloatArray:
 
 def _random_reversals(random: np.random.Generator, size: int, mean_interval: float = 25.0) -> FloatArray:
     """Return straight lines between random levels at random times; 0..1."""
-    times = np.concatenate([[0.0], np.cumsum(random.exponential(mean_interval, size))])
-    levels = random.random(times.size)
+    reversal_times = np.concatenate([[0.0], np.cumsum(random.exponential(mean_interval, size))])
+    levels = random.random(reversal_times.size)
     levels[0] = 0.0
-    is_extreme = random.random(times.size) < 0.15
+    is_extreme = random.random(reversal_times.size) < 0.15
     levels[is_extreme] = np.round(levels[is_extreme])
-    return np.interp(np.arange(size), times, levels)
+    return np.interp(np.arange(size), reversal_times, levels)
 
 
 def _random_levels(random: np.random.Generator, size: int) -> FloatArray:

@@ -188,7 +188,7 @@ class BlockSearch:
 
         def gap_error(sizes: TableSizes) -> float:
             runs = compare_with_demand(b.model, b.exact_block(sizes), "f64", self.paths)[1]
-            coarse, fine = ([run.output for run, _ in each[:-1]] for each in (runs, self._fine_runs))
+            coarse, fine = ([run.output for run, _ in series[:-1]] for series in (runs, self._fine_runs))
             return max(
                 self._excess_error(runs), compare_outputs(self.paths, coarse, fine).worst - allowance, 0.0
             )

@@ -59,8 +59,8 @@ class FluxCalibration:
         """
         knots = np.unique(self.gap)
         if force[0] < 0.0:
-            fits = [np.polyfit(*self._points_at(knot), 1) for knot in knots.tolist()]
-            slope, intercept = (np.interp(gap, knots, column)[:, None] for column in np.transpose(fits))
+            line_fits = [np.polyfit(*self._points_at(knot), 1) for knot in knots.tolist()]
+            slope, intercept = (np.interp(gap, knots, column)[:, None] for column in np.transpose(line_fits))
             return np.asarray(intercept + slope * force)
         constants = []
         for knot in knots.tolist():

@@ -239,13 +239,13 @@ def _path_section(budget: Budget) -> tuple[Picture, PageTable]:
         ]
         for run, error in budget.runs
     ]
-    picture = Picture(
+    figure_markup = Picture(
         svg_text(_draw_deviations(budget), "paths"),
         "Deviation of the output from the demand along each path",
         "All compilation steps are active. If the current is at a limit, only deviations that "
         "a current within the limits could reduce count.",
     )
-    return picture, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
+    return figure_markup, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
 
 
 def _held_demand_table(budget: Budget) -> PageTable:

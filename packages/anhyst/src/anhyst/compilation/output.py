@@ -200,10 +200,10 @@ def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]
     """Return a sentence for each dynamic part of a model that is not compiled."""
     dynamics, notes = model.dynamics, []
     if model.has_eddy_currents and not has_layers:
-        alternative = "; --kind full compiles it" if model.has_layers else ""
+        alternative_text = "; --kind full compiles it" if model.has_layers else ""
         notes.append(
             "the eddy-current lag (gamma) is not compiled: fast demands are compensated like slow ones, "
-            f"and anhyst predict with a column t_s shows the remaining error{alternative}"
+            f"and anhyst predict with a column t_s shows the remaining error{alternative_text}"
         )
     if dynamics is not None and dynamics.lag > 0.0:
         notes.append(f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand earlier by this time")

@@ -47,7 +47,7 @@ def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
     position = position + e * s * t * _W**2 * integral_factor
     reference = weight * p * integral_factor + k
     rows = [(reference, integral_factor), (-position, denominator), (Polynomial([load]), unity)]
-    numerators, denominators = ([[_coefficients_in_z(row[side]) for row in rows]] for side in (0, 1))
+    numerators, denominators = ([[_coefficients_in_z(row[index]) for row in rows]] for index in (0, 1))
     signals = {"inputs": list(INPUT_NAMES), "outputs": [OUTPUT_NAME]}
     return library.TransferFunction(
         numerators, denominators, dt=1.0 / controller.rate, name="pidd2", **signals
@@ -174,13 +174,13 @@ def _filter_coefficients(filters: FloatArray) -> tuple[float, float]:
     if len(filters) == 2:
         shares = (float(filters[0]), 1.0)
     else:
-        product, total = float(filters[0]), float(filters[1])
-        discriminant = (total / 2.0) ** 2 - product
-        if discriminant < -1e-9 * total**2:
+        root_product, root_sum = float(filters[0]), float(filters[1])
+        discriminant = (root_sum / 2.0) ** 2 - root_product
+        if discriminant < -1e-9 * root_sum**2:
             text = "transfer function: has complex poles, which no filter of a PIDD2 has"
             raise InputError(text, code="complex-poles")
-        larger = total / 2.0 + math.copysign(math.sqrt(max(0.0, discriminant)), total)
-        shares = (larger, product / larger)
+        larger = root_sum / 2.0 + math.copysign(math.sqrt(max(0.0, discriminant)), root_sum)
+        shares = (larger, root_product / larger)
     if not all(0.0 < share <= 1.0 + _RELATIVE_ROUNDING for share in shares):
         poles = ", ".join(f"{1.0 - share:g}" for share in shares)
         text = f"transfer function: poles at {poles}; those of filters must be within 0..1"

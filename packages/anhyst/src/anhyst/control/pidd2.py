@@ -52,8 +52,8 @@ class FixedPidd2:
     @property
     def words(self) -> NDArray[np.int32]:
         """All members of the structure except the reserved member, in order, shape (19,)."""
-        flat = [number for factor in self.factors.values() for number in factor]
-        return np.array([*flat, self.unweighted, self.low, self.high], dtype=np.int32)
+        factor_words = [number for factor in self.factors.values() for number in factor]
+        return np.array([*factor_words, self.unweighted, self.low, self.high], dtype=np.int32)
 
     @property
     def per_tick(self) -> FloatArray:

@@ -221,8 +221,8 @@ def _descend(problem: _AnyLawProblem, seed: int) -> tuple[float, Outcome]:
         )
 
     short_fits = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in starts]
-    best_short, entries = min(short_fits, key=lambda attempt: float(attempt[0].cost))
-    best = descend(entries, best_short.x, 1e-8, 60)
+    best_trial, entries = min(short_fits, key=lambda attempt: float(attempt[0].cost))
+    best = descend(entries, best_trial.x, 1e-8, 60)
     reason = f"of all tried gap maps, '{problem.gap_map}' fits the loops best"
     model = problem.model(entries, best.x)
     uncertainty = _assess_uncertainty(problem, entries, best.x, best.fun, best.jac)

@@ -346,10 +346,10 @@ class CellProblem:
         else:
             is_largest = [float(np.ptp(loop.input)) >= FAR_END_SHARE * self.span for loop in loops]
             is_never_withheld = [not all(is_largest) and largest for largest in is_largest]
-            numbers = [
+            loop_folds = [
                 -1 if is_never else index % MAX_FOLDS for index, is_never in enumerate(is_never_withheld)
             ]
-            folds = [np.full(loop.n, fold) for loop, fold in zip(loops, numbers, strict=True)]
+            folds = [np.full(loop.n, fold) for loop, fold in zip(loops, loop_folds, strict=True)]
         return [np.where(mask, fold, -1) for mask, fold in zip(self.known_masks, folds, strict=True)]
 
     def creep_responses(self, attempt: Trial, creep_times: tuple[float, ...]) -> list[FloatArray]:

@@ -143,7 +143,7 @@ class _SampleLevels:
         objective = Objective(self.rough, self.smoothness)
         (short_steps, long_steps), final_stop = schedule
         costs = [(_cost_at(objective, theta), index, theta) for index, theta in enumerate(starts)]
-        chosen = [
+        best_starts = [
             theta for cost, _, theta in sorted(costs, key=lambda rated: rated[:2])[:_MAX_SHORT_DESCENTS]
         ]
         evaluations = len(costs)
@@ -154,11 +154,11 @@ class _SampleLevels:
             (self.fine, _MAX_FINAL_DESCENTS, *final_stop),
         ):
             fits = []
-            for index, theta in enumerate(chosen):
+            for index, theta in enumerate(best_starts):
                 earlier_starts = (
                     earlier_index
                     for earlier_index in range(index)
-                    if np.max(np.abs(theta - chosen[earlier_index])) < _EQUAL_START_DISTANCE
+                    if np.max(np.abs(theta - best_starts[earlier_index])) < _EQUAL_START_DISTANCE
                 )
                 if (duplicate_start := next(earlier_starts, None)) is not None:
                     fits.append(fits[duplicate_start])
@@ -167,7 +167,7 @@ class _SampleLevels:
                 fits.append(descend_from(space, theta, tolerance, max_steps, self.smoothness, goal))
                 evaluations += fits[-1].evaluations
             fits = sorted(fits, key=lambda fit: fit.cost)[:keep_count]
-            chosen = [fit.theta for fit in fits]
+            best_starts = [fit.theta for fit in fits]
         return [replace(fits[0], evaluations=evaluations), *fits[1:]]
 
 
@@ -359,17 +359,17 @@ def _make_cells(
 
     Negative interaction makes a curve steeper. It is kept, or a steeper curve replaces it.
     """
-    reversible = parameter_set.c + 0.05
+    reversible_share = parameter_set.c + 0.05
     omega = parameter_set.omega / width_ratio
     slope_gain = 1.0
     if omega < 0.0:
         omega = max(omega, -_MAX_START_INTERACTION / slope)
         slope_gain = (1.0 + omega * slope) / (1.0 + kept_interaction * omega * slope)
         omega *= kept_interaction * slope_gain
-    total_slope = 1.0 + reversible
+    total_slope = 1.0 + reversible_share
     return replace(
         parameter_set,
-        law=(reversible, 1.0, pinning_ratio * parameter_set.kappa / (width_ratio * slope_gain), 2.0),
+        law=(reversible_share, 1.0, pinning_ratio * parameter_set.kappa / (width_ratio * slope_gain), 2.0),
         omega=omega / total_slope,
         scale=parameter_set.scale * width_ratio * slope_gain,
         gain=parameter_set.gain / total_slope**power,

@@ -65,41 +65,41 @@ def descend(
     """
     lower, upper = objective.space.bounds
     theta = np.clip(theta, lower, upper)
-    current = objective.linearise(theta)
-    damping, growth = 1e-3, 2.0
+    linear = objective.linearise(theta)
+    damping, damping_growth = 1e-3, 2.0
     has_cell_weights = isinstance(objective.space.form.cells, WeightKernel)
     for steps_left in range(max_steps - 1, 0, -1):
-        gradient = current.gradient
+        gradient = linear.gradient
         is_free = ~(((theta <= lower) & (gradient > 0.0)) | ((theta >= upper) & (gradient < 0.0)))
-        if not is_free.any() or not np.any(np.diag(current.normal)[is_free]):
+        if not is_free.any() or not np.any(np.diag(linear.normal)[is_free]):
             break
         if has_cell_weights:
-            step = _weight_step(current, theta, lower, damping)
+            step = _weight_step(linear, theta, lower, damping)
         else:
-            step = _damped_step(current, is_free, damping)
+            step = _damped_step(linear, is_free, damping)
         trial = np.clip(theta + step, lower, upper)
         step = trial - theta
-        predicted_gain = -float(step @ (2.0 * current.gradient + current.normal @ step))
-        accepted = objective.linearise_if_better(trial, current.cost)
+        predicted_gain = -float(step @ (2.0 * linear.gradient + linear.normal @ step))
+        accepted = objective.linearise_if_better(trial, linear.cost)
         if accepted is not None:
-            gain = current.cost - accepted.cost
+            gain = linear.cost - accepted.cost
             ratio = gain / max(predicted_gain, 1e-300)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
-            growth = 2.0
+            damping_growth = 2.0
             is_hopeless = (
                 steps_left < max_steps - _MIN_STEPS_TO_EXTRAPOLATE
                 and accepted.cost - gain * steps_left > goal
             )
-            is_finished = is_hopeless or gain <= tolerance * current.cost
-            theta, current = trial, accepted
+            is_finished = is_hopeless or gain <= tolerance * linear.cost
+            theta, linear = trial, accepted
             if is_finished:
                 break
         else:
-            damping *= growth
-            growth *= 2.0
-            if abs(predicted_gain) <= tolerance * current.cost or damping > 1e12:
+            damping *= damping_growth
+            damping_growth *= 2.0
+            if abs(predicted_gain) <= tolerance * linear.cost or damping > 1e12:
                 break
-    return theta, current.cost
+    return theta, linear.cost
 
 
 SCREENED_SETS = 256

@@ -103,12 +103,12 @@ def _lowest_at_reversals(drive: FloatArray, clock: FloatArray, default: float, s
         if second.is_rising and drive[first.stop - 1] - drive.min() <= MAX_REST_SHARE * span
     ]
     lowest_inputs = []
-    for row, length in reversals:
-        window = max(8, length // _BRANCH_PARTS_PER_TIP)
-        skipped_samples = max(2, window // 10)
-        if skipped_samples + 6 > window or row < window or row + window >= drive.size:
+    for row, branch_length in reversals:
+        window_size = max(8, branch_length // _BRANCH_PARTS_PER_TIP)
+        skipped_samples = max(2, window_size // 10)
+        if skipped_samples + 6 > window_size or row < window_size or row + window_size >= drive.size:
             continue
-        steps, times = np.arange(skipped_samples, window + 1), clock - clock[row]
+        steps, times = np.arange(skipped_samples, window_size + 1), clock - clock[row]
         fine_times = np.linspace(times[row - skipped_samples], times[row + skipped_samples], 101)
         side_rows = [row - steps, row + steps]
         fits = [Polynomial.fit(times[rows], drive[rows], 2) for rows in side_rows]

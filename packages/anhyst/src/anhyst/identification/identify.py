@@ -141,13 +141,13 @@ def identify(
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
     acceptance = model.acceptance()
     fitted = tuple(map(model.predict_loop, loops.loops))
-    figures = fit_figures(
+    metrics = fit_figures(
         loops, fitted, outcome.withheld_errors, acceptance.passed, outcome.expected_error, outcome.candidates
     )
     residual = analyse_loops(loops, fitted)
     residual_text = describe_residual(residual, loops, model)
-    figures = replace(figures, not_noise=residual.unexplained, left_over=residual_text)
-    model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
+    metrics = replace(metrics, not_noise=residual.unexplained, left_over=residual_text)
+    model = replace(model, fit=metrics, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := find_compile_obstacle(model.at_rest)) is not None else []
     cpu_times["all else"] = time.process_time() - cpu_start - sum(cpu_times.values())
     return IdentifyResult(

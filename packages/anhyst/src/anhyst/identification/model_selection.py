@@ -495,10 +495,10 @@ def _finish_fit(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundM
     descend = partial(
         descend_from, start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness
     )
-    converged = run.step("last steps", descend)
+    final_fit = run.step("last steps", descend)
     # The last steps gain little, and are discarded if they make a usable model unusable.
-    became_unusable = _is_usable(start, loopset) and not _is_usable(converged, loopset)
-    return start.with_records(run.records) if became_unusable else converged, dead_band
+    became_unusable = _is_usable(start, loopset) and not _is_usable(final_fit, loopset)
+    return start.with_records(run.records) if became_unusable else final_fit, dead_band
 
 
 def _add_dead_band(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:

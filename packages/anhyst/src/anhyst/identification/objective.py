@@ -108,11 +108,11 @@ class _DriveGroup:
     @cached_property
     def gap_slices(self) -> list[tuple[int, slice]]:
         """Gaps, and the slice of each gap in the samples of all records."""
-        spans, first = [], 0
+        spans, begin = [], 0
         for gap, gap_records in groupby(self.records, lambda record: record.gap):
-            last = first + sum(record.input.size for record in gap_records)
-            spans.append((gap, slice(first, last)))
-            first = last
+            end = begin + sum(record.input.size for record in gap_records)
+            spans.append((gap, slice(begin, end)))
+            begin = end
         return spans
 
     @cached_property
@@ -366,8 +366,8 @@ def _make_smoothness_rows(space: CoordinateSpace) -> FloatArray:
         if gap is not None and gap + 1 < space.records.gap_count and name not in {"in_0", "out_0"}
     ]
     rows = np.zeros((len(pairs), space.size))
-    for row, (first, second) in zip(rows, pairs, strict=True):
-        row[first], row[second] = -1.0, 1.0
+    for row, (begin, second) in zip(rows, pairs, strict=True):
+        row[begin], row[second] = -1.0, 1.0
     return rows
 
 

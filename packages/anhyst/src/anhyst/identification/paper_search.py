@@ -53,8 +53,8 @@ def reflect_into_bounds(values: FloatArray, low: FloatArray, high: FloatArray) -
     array([0.8, 0.5, 0.6])
     """
     span = high - low
-    phase = np.mod(values - low, 2.0 * span)
-    return np.asarray(low + np.minimum(phase, 2.0 * span - phase))
+    position = np.mod(values - low, 2.0 * span)
+    return np.asarray(low + np.minimum(position, 2.0 * span - position))
 
 
 class EvolutionStrategy:
@@ -110,10 +110,10 @@ class EvolutionStrategy:
             self.best_cost = float(costs[ranked[0]])
             self.best = self._x[ranked[0]].copy()
         x, sigma = (values[ranked[: self._mu]] for values in (self._x, self._sigma))
-        couples = self._random.integers(0, self._mu, (2, self._lambda))
+        parent_pairs = self._random.integers(0, self._mu, (2, self._lambda))
         is_from_first = self._random.random((self._lambda, self._low.size)) < 0.5
-        self._x = np.where(is_from_first, x[couples[0]], x[couples[1]])
-        self._sigma = 0.5 * (sigma[couples[0]] + sigma[couples[1]])
+        self._x = np.where(is_from_first, x[parent_pairs[0]], x[parent_pairs[1]])
+        self._sigma = 0.5 * (sigma[parent_pairs[0]] + sigma[parent_pairs[1]])
         self._mutate()
 
     def _mutate(self) -> None:
@@ -156,9 +156,9 @@ class SearchState:
     evaluations: int = 0
 
     @classmethod
-    def from_plain(cls, stored: dict[str, Any]) -> SearchState:
+    def from_plain(cls, stored_state: dict[str, Any]) -> SearchState:
         """Restore a state from a checkpoint, which stores tuples as lists."""
-        return cls(**stored | {key: tuple(stored[key]) for key in ("sets", "varying")})
+        return cls(**stored_state | {key: tuple(stored_state[key]) for key in ("sets", "varying")})
 
 
 @dataclass

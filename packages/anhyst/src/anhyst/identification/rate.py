@@ -202,16 +202,16 @@ class _RateProblem:
             ]
             return np.concatenate(rows)
 
-        bound = np.array([50.0, 6.0, 6.0][: len(start.theta)])
+        theta_limits = np.array([50.0, 6.0, 6.0][: len(start.theta)])
         theta_start = np.array(start.theta)
         theta_start[1:] = np.clip(theta_start[1:], -5.9, 5.9)
         result = least_squares(
-            residuals, theta_start, bounds=(-bound, bound), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
+            residuals, theta_start, bounds=(-theta_limits, theta_limits), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
             max_nfev=15,
         )  # fmt: skip
         degrees_of_freedom = max(1, result.fun.size - result.x.size)
-        inverse = np.linalg.pinv(result.jac.T @ result.jac)
-        std = float(np.sqrt(2.0 * result.cost / degrees_of_freedom * inverse[0, 0]))
+        covariance = np.linalg.pinv(result.jac.T @ result.jac)
+        std = float(np.sqrt(2.0 * result.cost / degrees_of_freedom * covariance[0, 0]))
         return _RateParameters(count, tuple(result.x.tolist())), std
 
 

@@ -69,18 +69,18 @@ def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str,
     other_errors = {model: error for model, error in errors.items() if error is not None}
     if not other_errors:
         return text
-    closest = min(other_errors, key=lambda model: other_errors[model])
-    map_text = "" if closest.file_gap_map == best.file_gap_map else f" under '{closest.file_gap_map}'"
-    text += f"; {names[closest]}{map_text} has an error of {_as_percent(other_errors[closest])}"
-    return text + (_explain_rejected(comparison, best, closest) if other_errors[closest] < own_error else "")
+    rival = min(other_errors, key=lambda model: other_errors[model])
+    map_text = "" if rival.file_gap_map == best.file_gap_map else f" under '{rival.file_gap_map}'"
+    text += f"; {names[rival]}{map_text} has an error of {_as_percent(other_errors[rival])}"
+    return text + (_explain_rejected(comparison, best, rival) if other_errors[rival] < own_error else "")
 
 
-def _explain_rejected(comparison: CandidateComparison, best: ModelCandidate, rejected: ModelCandidate) -> str:
+def _explain_rejected(comparison: CandidateComparison, best: ModelCandidate, loser: ModelCandidate) -> str:
     """Explain why a candidate with a smaller mean error was not selected."""
-    if comparison.is_several_times_worse(rejected, best):
-        rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, rejected)])
+    if comparison.is_several_times_worse(loser, best):
+        rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, loser)])
         return f", but it fits the loops with {_as_percent(rms[1])} rms instead of {_as_percent(rms[0])}"
-    if rejected.rank > best.rank:
+    if loser.rank > best.rank:
         return ", but the difference is within its scatter and the law is more complex"
     return ", but its mean square error, which decides, is larger or within its scatter"
 
@@ -90,7 +90,7 @@ def explain_gap_map(
     best: ModelCandidate,
     requested_map: str,
     loopset: Loops,
-    rejected: Sequence[ModelCandidate],
+    loser: Sequence[ModelCandidate],
 ) -> str:
     """Explain why this gap map was selected."""
     name = best.file_gap_map
@@ -109,7 +109,7 @@ def explain_gap_map(
     else:
         reason = _explain_comparison(comparison, best, gaps)
     text = f"{reason}{_offer_free_map(comparison, best, loopset)}"
-    if names := dict.fromkeys(candidate.file_gap_map for candidate in rejected):
+    if names := dict.fromkeys(candidate.file_gap_map for candidate in loser):
         text += (
             f"; passed over: {', '.join(names)} (cannot be compiled, fails the acceptance test, "
             "deviates between the gaps or has an implausible initial curve)"

@@ -299,8 +299,8 @@ class IdentifyResult(Result):
         self.loops.draw(ax)
         scale, _ = length_scale(self.loops.output)
         for loop, fitted_output in zip(self.loops.loops, self.fitted, strict=True):
-            plotted = thinning_slice(loop.n)
-            ax.plot(loop.input[plotted], scale * fitted_output[plotted], color="0.15", lw=0.8, ls="--")
+            samples = thinning_slice(loop.n)
+            ax.plot(loop.input[samples], scale * fitted_output[samples], color="0.15", lw=0.8, ls="--")
         ax.plot([], [], color="0.15", lw=0.8, ls="--", label="model")
 
     def save(self, path: PathLike) -> Path:

@@ -223,8 +223,8 @@ def remove_unneeded_offsets(
     removable_sets = [
         frozenset(names) for n in range(1, len(free_offsets) + 1) for names in combinations(free_offsets, n)
     ]
-    contradicted = _find_contradicted_offsets(fit)
-    removable_sets = [names for names in removable_sets if contradicted <= names]
+    contradicted_names = _find_contradicted_offsets(fit)
+    removable_sets = [names for names in removable_sets if contradicted_names <= names]
 
     def score(cost: float, space: CoordinateSpace, theta: FloatArray) -> float:
         return independent_samples * math.log(cost + _NEGLIGIBLE_COST) + _offset_penalty(
@@ -244,11 +244,11 @@ def remove_unneeded_offsets(
         full_score / independent_samples
         - remaining_offsets * math.log(independent_samples) / independent_samples
     )
-    if contradicted:
+    if contradicted_names:
         goal_cost = _MAX_REST_READING_COST_RATIO * fit.cost
     reduced_fit = descend_from(space, start, tolerance, max_steps, fit.smoothness, goal_cost)
     is_better = score(reduced_fit.cost, reduced_fit.space, reduced_fit.theta) <= full_score
-    best_fit = reduced_fit if is_better or (contradicted and reduced_fit.cost <= goal_cost) else fit
+    best_fit = reduced_fit if is_better or (contradicted_names and reduced_fit.cost <= goal_cost) else fit
     try:
         Objective(best_fit.space).outputs(best_fit.parameter_sets)
     except NoResponseError:  # the reduced fit may have no solution

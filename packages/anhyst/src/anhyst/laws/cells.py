@@ -170,11 +170,11 @@ def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
     log_low, log_high = np.log10(low), np.log10(high)
     levels[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((log_high - log_low) / (PINNED_CELLS - 1)) + log_low)
     levels[1], levels[-1] = low, high
-    logs = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
-    u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # exp(-u) is zero beyond 700
-    remaining = np.zeros((len(pinned), PINNED_CELLS + 1))
-    remaining[:, 0], remaining[:, 1:-1] = 1.0, np.exp(-u)
-    return _Discretisation(levels, logs, remaining[:, :-1] - remaining[:, 1:], -u * remaining[:, 1:-1])
+    log_limits = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
+    u = np.exp(np.minimum(spreads * log_limits, np.log(700.0)))  # exp(-u) is zero beyond 700
+    tails = np.zeros((len(pinned), PINNED_CELLS + 1))
+    tails[:, 0], tails[:, 1:-1] = 1.0, np.exp(-u)
+    return _Discretisation(levels, log_limits, tails[:, :-1] - tails[:, 1:], -u * tails[:, 1:-1])
 
 
 def discretise_populations(
@@ -210,21 +210,21 @@ class Tangents(NamedTuple):
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
     """Return the derivatives of all cell data with respect to the ``d = 2 + 4 J`` parameters."""
     magnetisation, _, scales, spreads = np.array(pinned).T
-    levels, logs, shares, log_derivatives = _discretise(tuple(pinned))
+    levels, log_limits, shares, log_derivatives = _discretise(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
     log_thresholds = np.zeros((PINNED_CELLS, directions))  # derivatives of the logarithms of the thresholds
     position = np.linspace(0.0, 1.0, PINNED_CELLS)
     for weight, population in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
         log_thresholds[:, 4 * population + 4] += weight / scales[population]
     index, column = np.arange(count), 4 * np.arange(count) + 2
-    remaining = np.zeros((count, PINNED_CELLS + 1, directions))  # derivatives of the fractions
-    inner_remaining = remaining[:, 1:-1]
+    tails = np.zeros((count, PINNED_CELLS + 1, directions))  # derivatives of the fractions
+    inner_remaining = tails[:, 1:-1]
     inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
     inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]
     inner_remaining *= (spreads[:, None] * log_derivatives)[:, :, None]
-    inner_remaining[index, :, column + 3] = log_derivatives * logs
+    inner_remaining[index, :, column + 3] = log_derivatives * log_limits
     weights = np.zeros((levels.size, 1 + count, directions))
-    weights[1:, 1:] = (magnetisation[:, None, None] * (remaining[:, :-1] - remaining[:, 1:])).swapaxes(0, 1)
+    weights[1:, 1:] = (magnetisation[:, None, None] * (tails[:, :-1] - tails[:, 1:])).swapaxes(0, 1)
     weights[1:, 1 + index, column] = shares.T
     widths = np.zeros((1 + count, directions))
     weights[0, 0, 0] = widths[0, 1] = widths[1 + index, column + 1] = 1.0

@@ -99,8 +99,8 @@ def _symbols(elf: Any) -> Iterator[Symbol]:
         if not isinstance(section_index, str):
             section = elf.get_section(section_index).name
         value, size = int(symbol["st_value"]), int(symbol["st_size"])
-        local = symbol["st_info"]["bind"] == "STB_LOCAL"
-        yield Symbol(symbol.name, value, size, kind, section, source if local else "")
+        is_local = symbol["st_info"]["bind"] == "STB_LOCAL"
+        yield Symbol(symbol.name, value, size, kind, section, source if is_local else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,16 +179,16 @@ def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
             return set().union(*functions_by_offset.values())
         return functions_by_offset[address] | functions_by_offset[UNKNOWN_OFFSET]
 
-    def depth(address: int, running_functions: frozenset[int]) -> float:
-        function, active = analysed_functions[address], running_functions | {address}
-        if function.callees & active:
+    def stack_depth(address: int, running_functions: frozenset[int]) -> float:
+        function, callers = analysed_functions[address], running_functions | {address}
+        if function.callees & callers:
             return math.inf
         callees = function.callees.union(
-            *(pointer_targets(pointer_offset) - active for pointer_offset in function.pointer_offsets)
+            *(pointer_targets(pointer_offset) - callers for pointer_offset in function.pointer_offsets)
         )
-        return function.frame + max((depth(callee, active) for callee in callees), default=0)
+        return function.frame + max((stack_depth(callee, callers) for callee in callees), default=0)
 
-    deepest_stack = max(depth(image.address(root), frozenset()) for root in roots)
+    deepest_stack = max(stack_depth(image.address(root), frozenset()) for root in roots)
     return None if deepest_stack == math.inf else int(deepest_stack)
 
 

@@ -24,7 +24,7 @@ static inline int32_t draw_q30(uint16_t n)
   return r / (int32_t)((uint32_t)1 << n);
 }
 
-static inline int32_t within(int32_t a, int32_t low, int32_t high)
+static inline int32_t clamp(int32_t a, int32_t low, int32_t high)
 {
   if (a < low) {
     return low;
