@@ -34,8 +34,8 @@ class Budget:
     # sum of the rows compiled, sample rate, rate and model fit: worst errors are added, although no
     # path need reach the sum; rms values are added in quadrature
     total: BudgetPart
-    drift: BudgetPart  # drift of a held output within `HOLD_TIME_S`
-    held_demands: tuple[HeldDemand, ...]  # all held demands
+    drift: BudgetPart  # drift of the output at constant demand within `HOLD_TIME_S`
+    held_demands: tuple[HeldDemand, ...]  # results for all held demands
     # runs of the compiled block, and the error along each
     runs: tuple[tuple[PathRun, FloatArray], ...]
 

@@ -194,7 +194,7 @@ RADIUS_GRID_POINTS = 20
 """Number of radii on a grid, before the best one is refined."""
 
 _MAX_WORD = 2.0**15 - 1.0
-"""Word of the largest current."""
+"""Value of the word for the largest current."""
 
 
 @dataclass(frozen=True)

@@ -309,9 +309,9 @@ class CompensatorTrial:
         return [BudgetPart("gap_interpolation", "gap interpolation", deviation.worst, deviation.rms, note)]
 
     def _measure_sampling(self) -> BudgetPart:
-        """Return the error if each current is applied two ticks late.
+        """Return the error if each current acts two ticks late.
 
-        One tick is the delay, and the other is the end of the hold.
+        One tick is the delay, and the second tick is the time for which the current is held.
         """
         builder = self.builder
         rate, output_range = builder.conditioning.rate, builder.output_range

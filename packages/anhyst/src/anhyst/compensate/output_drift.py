@@ -191,7 +191,7 @@ def _max_drift(
 
 
 class _CompensatedModel:
-    """A compensator and the exact model that receives its currents; both keep their states."""
+    """A compensator and the exact model that receives its currents; both retain their states."""
 
     def __init__(self, plan: Plan, nominal_gap: float) -> None:
         self.model: Model = plan.model

@@ -226,7 +226,7 @@ class BlockFrame:
 
     @cached_property
     def coefficients(self) -> CurrentCoefficients:
-        """Coefficients of the current at these gaps."""
+        """Coefficients of the current at the gaps of the tables."""
         return current_coefficients(self.model, self.gaps)
 
     def layer_fields(self, layers: Layers) -> tuple[float, float]:

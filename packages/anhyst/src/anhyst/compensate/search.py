@@ -1,8 +1,8 @@
 """Search for the smallest tables that keep the requested accuracy.
 
-The search measures the error of each table size alone, with all other sizes fine. Then it tests
-combinations in the order of their memory, and selects the first one whose total error is small
-enough.
+The search measures the error of each table size alone, with all other tables at their finest size.
+Then it tests combinations in the order of their memory, and selects the first one whose total error
+is small enough.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class BlockSearchResult:
 
     sizes: TableSizes  # selected sizes
     error: float  # largest deviation on the paths of the search, in units of the output
-    # tested sizes of each table with their errors, while all other sizes are fine
+    # tested sizes of each table with their errors, while all other tables are finest
     axis_errors: Mapping[str, list[tuple[int, float]]]
 
 
@@ -164,7 +164,7 @@ class BlockSearch:
 
     @cached_property
     def _fine_runs(self) -> Runs:
-        """Runs with fine tables in double precision."""
+        """Runs with the finest tables in double precision."""
         b = self.builder
         return compare_with_demand(b.model, b.exact_block(FINE_SIZES), "f64", self.paths)[1]
 
@@ -196,7 +196,7 @@ class BlockSearch:
         return [(n, gap_error(replace(FINE_SIZES, gap_segments=n))) for n in range(LAW_GAP_SEGMENTS + 1)]
 
     def _table_error(self, sizes: TableSizes) -> float:
-        """Return the error of the law's tables alone, at gaps that are knots of the gap tables."""
+        """Return the error due to the law's tables only, at the knots of the gap tables."""
         b, block = self.builder, self.builder.exact_block(sizes)
         if b.kind == "full":
             knot_paths = move_gaps_to_knots(self.paths, b.model, b.scales, sizes)
@@ -205,7 +205,7 @@ class BlockSearch:
         return compare_outputs(knot_paths, predict_outputs(b.model, block, "f64", knot_paths), fine).worst
 
     def _fine_outputs(self, gap_segments: int) -> tuple[list[DemandPath], list[FloatArray]]:
-        """Return paths at knots of the gap tables, and the outputs of fine tables on them."""
+        """Return paths at knots of the gap tables, and the outputs of the finest tables there."""
         if gap_segments not in self._fine_cache:
             b, sizes = self.builder, replace(FINE_SIZES, gap_segments=gap_segments)
             knot_paths = move_gaps_to_knots(self.paths, b.model, b.scales, sizes)

@@ -58,7 +58,7 @@ jumping between gaps at which the offset has little effect."""
 
 MIN_INDEPENDENT_SHARE = 1e-12
 """Smallest part of a column that is independent of the columns before it, relative to the length of
-the column. A column with a smaller part is ignored."""
+the column. A column whose independent part is smaller is ignored."""
 
 REWEIGHTING_STEPS = 6
 """Number of reweighting steps from the least-squares fit toward the smallest maximum error."""

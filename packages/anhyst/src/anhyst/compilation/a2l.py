@@ -140,7 +140,7 @@ def make_a2l(manifest: Mapping[str, Any]) -> str:
 
 
 def tick_period(rate: float, max_count: int) -> tuple[int, int]:
-    """Return a tick period as a number up to `max_count`, and the power of 10 of its unit in ns."""
+    """Return a tick period as a count up to `max_count`, and the exponent n of its unit 10^n ns."""
     for exponent in range(10):
         ticks = (10 ** (9 - exponent) + int(rate) // 2) // int(rate)
         if ticks <= max_count:

@@ -133,7 +133,7 @@ def _find_option_faults(table: ControllerTable, request: CompileRequest) -> list
     if table.rate_Hz != request.rate:
         text = f"is {table.rate_Hz:g} Hz here and {request.rate:g} Hz in --rate; make them equal"
         faults.append(FileFault(("rate_Hz",), text, code="option-differs"))
-    if compensation.variant not in ("full", "simplified"):  # the others are only for simulations
+    if compensation.variant not in ("full", "simplified"):  # other variants: only in simulations
         text = f'"{compensation.variant}" is for comparison in simulations; write "full" or "simplified"'
         faults.append(FileFault(("compensation", "variant"), text, code="not-compilable"))
     elif compensation.variant != request.kind:

@@ -53,7 +53,7 @@ def missing_modules(
 
 
 ACTUATOR_HEADER = "include/anhyst/actuator.h"
-"""Header that gives the functions and types of a program's only actuator common names."""
+"""Header with common names for the functions and types of a program's only actuator."""
 
 
 def actuator_defines(name: str) -> dict[str, str]:

@@ -187,7 +187,7 @@ class Gains:
 
 
 def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 0.0) -> Gains:
-    """Place the poles of a mass under PIDD2.
+    """Place the poles of a mass that a PIDD2 controls.
 
     >>> gains = design(mass=2.0, bandwidth=120.0, damping=1.0)
     >>> f"{gains.K_p:.4g} N/m, {gains.K_i:.4g} N/(m s), {gains.K_d:.4g} N s/m"

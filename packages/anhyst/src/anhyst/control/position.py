@@ -112,7 +112,7 @@ class PositionControl:
     levitation: Levitation
     limits: PositionLimits
     converter: ReferenceConverter
-    scales: Scales  # full scales of the compensators; both of a pair have the same
+    scales: Scales  # full scales of the compensators, which are equal for both magnets of a pair
     bias: float = 0.0  # force of each magnet of a pair without a net force, N
     gap_total: float | None = None  # sum of both gaps of a pair, m; None: a single magnet
     # whether measured currents are committed instead of the driven ones

@@ -77,8 +77,8 @@ class CellBasis:
         """Return a mask of the columns that a fit solves for, given their values in the loops.
 
         On a grid, these are the curves that the loops pass through, and curves that another drive
-        in this range can reach after both ends. Weights that the loops do not determine continue
-        their neighbours' weights.
+        in this range can reach after it was at both ends. Weights that the loops do not determine
+        continue their neighbours' weights.
         """
         if self.centres is None:
             return np.ones(matrix.shape[1], dtype=np.bool_)

@@ -142,7 +142,7 @@ _REVERSIBLE_PARAMETERS = (
 def _population_parameters(index: int) -> tuple[FitParameter, ...]:
     """Return the fit parameters of a population.
 
-    The first population has no share and no width, because its saturation and its width are the
+    The first population has no such parameters for saturation and width, because these are the
     units.
     """
     parameters = (

@@ -78,7 +78,7 @@ _MAX_PINNING_TO_WIDTH = 10.0
 Its ``k`` then shows that the loops are narrow, but does not determine thresholds."""
 
 _NARROW_LOOP_LAW = (0.25, 8.0, 0.1, 2.0)
-"""Parameters of cells with narrow loops: reversible share and width, pinning and spread."""
+"""Parameters of cells with narrow loops: reversible saturation and width, pinning, spread."""
 
 _WIDTHS_WITH_LANGEVIN_SLOPE = {"langevin": 1.0, "tanh": 3.0}
 """Width of each curve with the same initial slope as a Langevin curve of width 1."""
@@ -393,7 +393,7 @@ def _suggest_population_starts(levels: _SampleLevels, smaller_fits: Sequence[Fou
 def _rate_added_population(
     objective: Objective, fit: FoundModel, width_and_pinning: tuple[float, float]
 ) -> tuple[float, FloatArray]:
-    """Return the first-order gain of an added population, and a start point with its best share.
+    """Return the first-order gain of an added population, and a start with its best saturation.
 
     All other parameters are re-optimised, so a gain that they can provide does not count.
     """
@@ -413,8 +413,8 @@ def _rate_added_population(
     except NoResponseError:
         return -np.inf, theta
     share_name = f"share_{len(fit.parameter_sets[0].law) // 4 + 1}"
-    # With the map ``free``, the share of the added population has one value per gap. The values of
-    # all gaps change together.
+    # With the map ``free``, the saturation of the added population has one value per gap. All
+    # values change together.
     is_share = np.array([name.partition("[")[0] == share_name for name in space.names])
     is_other = ~is_share
     other_normal = normal[np.ix_(is_other, is_other)]
@@ -425,7 +425,7 @@ def _rate_added_population(
     absorbed_change = np.linalg.solve(other_normal, np.stack([coupling, gradient[is_other]], axis=1))
     curvature = normal[np.ix_(is_share, is_share)].sum() - coupling @ absorbed_change[:, 0]
     reduced_gradient = gradient[is_share].sum() - coupling @ absorbed_change[:, 1]
-    step = -reduced_gradient / max(curvature, 1e-30)  # change of the logarithm of the share
+    step = -reduced_gradient / max(curvature, 1e-30)  # change of the logarithm of the saturation
     gain = max(step, 0.0) * -reduced_gradient
     return gain, make_start(float(np.clip(_PROBE_SATURATION_RATIO * (1.0 + step), *_START_SATURATION_RANGE)))
 

@@ -45,7 +45,7 @@ EQUAL_GRID_ERROR_RATIO = 1.25
 
 MAX_INITIAL_CURVE_ERROR_RATIO = 1.1
 """Largest increase of the error at withheld samples with which initial curves are fitted. A wrong
-stated history increases the error."""
+history in the file increases this error."""
 
 
 def fit_creeping(loopset: Loops) -> Outcome:
@@ -132,7 +132,7 @@ def _describe_dynamics(attempt: Trial) -> str:
 def _fit_on_grid(problem: CellProblem, few_curves_fit: Trial) -> tuple[CellProblem, Trial, float, float]:
     """Fit curves on a grid with the lag and the creep times of a fit with few curves.
 
-    Return the problem, the fit, and both errors (grid, few curves) at withheld samples, in ranges.
+    Return the problem, the fit, and both withheld errors (grid, few curves) per output range.
     """
     creeping = (
         problem.creep_responses(few_curves_fit, few_curves_fit.creep_times)

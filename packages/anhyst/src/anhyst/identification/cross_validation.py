@@ -32,7 +32,7 @@ Fold = frozenset[int]  # indices of the gaps, loops or blocks of samples that ar
 WithheldKind = Literal["gap", "loop", "block"]
 
 _BLOCKS_PER_LOOP = {1: 6, 2: 4}
-"""Number of blocks per loop, for one loop and for two. Blocks then cover both ends and the middles.
+"""Number of blocks per loop, for one loop and for two. The blocks cover both ends and the middles.
 """
 
 _CLEAR_SQUARE_RATIO = 1.0 / 9.0

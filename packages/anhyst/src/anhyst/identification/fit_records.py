@@ -93,7 +93,7 @@ def _lowest_at_reversals(drive: FloatArray, clock: FloatArray, default: float, s
     """Return the lowest value of a drive that reverses without a rest.
 
     Reversals of minor loops above that value are ignored. Noise makes the smallest sample too
-    small, and the other samples are above the lowest value. Therefore, curves before and after the
+    small, and all other samples are above the lowest value. Therefore, curves before and after the
     reversal are extrapolated to their intersection.
     """
     branch_list = find_branches(drive)
@@ -405,7 +405,7 @@ class InputHistory:
         return InputHistory(self.drive, np.interp(self.gap_position, kept_gaps, np.arange(len(kept_gaps))))
 
     def remembered(self) -> InputHistory:
-        """Return the part that play cells can remember, without closed cycles at one gap."""
+        """Return the reversals that play cells can remember, without closed cycles at one gap."""
         if not self.drive.size:
             return self
         edges = np.flatnonzero(np.diff(self.gap_position)) + 1

@@ -197,7 +197,7 @@ def valid_range(loopset: Loops) -> ValidRange:
     gaps = loopset.schedule_values
     low, high = span([loop.input for loop in loopset.loops])
     if 0.0 < low <= MAX_REST_SHARE * high:
-        low = 0.0  # with the sensor offset, a drive at rest must remain valid
+        low = 0.0  # despite the sensor offset, a drive at rest is in range
     return ValidRange(
         input=(low, high),
         output=span([loop.output for loop in loopset.loops]),

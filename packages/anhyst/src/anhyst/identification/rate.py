@@ -86,7 +86,7 @@ class _RateParameters:
     """The fitted parameters of the rate dependence, and the number of layers."""
 
     count: int  # number of layers
-    theta: tuple[float, ...]  # ``ln(gamma)`` and, with several layers, the logits of both shares
+    theta: tuple[float, ...]  # ``ln(gamma)`` and, with several layers, the logits of both fractions
 
     @property
     def gamma(self) -> float:
@@ -286,8 +286,8 @@ def _with_series_reluctance(model: Model) -> Model:
 
     Static behaviour does not change. With layers, a reluctance acts on the flux of all layers
     together, and a coupling on the flux of each. A negative coupling is a gap, and is converted. A
-    positive coupling belongs to the iron and is kept. If the iron would jump without a gap, a
-    positive coupling is converted as far as the reluctance stays positive.
+    positive coupling is a property of the iron and is not converted. If the iron would jump without
+    a gap, a positive coupling is converted as far as the reluctance stays positive.
     """
     law, alpha = model.operator_law, model.parameters["alpha"]
     if law.cells is None or isinstance(alpha, tuple) or not alpha or model.needs_fixed_gap:

@@ -16,8 +16,8 @@ from anhyst.identification.model_building import is_scheduled_over_gap
 from anhyst.model.schema import CHOSEN, CandidateFit
 
 _MIN_OFFER_RATIO = 1.5
-"""Ratio of the rms residuals of the selected map and of one that cannot be compiled, above which
-the text suggests the other."""
+"""Ratio of rms residuals, selected map to a map that cannot be compiled, above which the text
+suggests that other map."""
 
 
 def list_candidates(

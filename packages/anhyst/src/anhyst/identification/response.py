@@ -325,7 +325,7 @@ def _start_derivatives(
 ) -> FloatArray:
     """Return the derivatives of the state before the first sample, where x depends on y.
 
-    The play keeps the same relative position in its width, as after a drive has moved it.
+    The play has the same relative position in its width as after a drive has moved it.
     """
     x, y, p = state.tolist()
     kappa, c = parameter_set.law

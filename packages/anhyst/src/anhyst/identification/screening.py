@@ -66,7 +66,7 @@ def sample_unit_cube(dimensions: int, count: int, seed: int) -> FloatArray:
     """Return evenly distributed points of the unit cube, shape (dimensions, count).
 
     The points are multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio in d
-    dimensions (M. Roberts 2018), from a random start. Sobol's sequence is not better here, and
+    dimensions (Roberts 2018), from a random start. Sobol's sequence is not better here, and
     importing SciPy's takes longer than the whole search.
     """
     root = 2.0
@@ -243,12 +243,12 @@ slope of its curve."""
 _PINNING_RANGE = (0.02, 1.0)  # pinning of a population, relative to the largest effective field
 
 _SPREAD_RANGE = (0.7, 5.0)
-_REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # share of the reversible part, relative to the first population
+_REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # reversible saturation, relative to the first population
 
 _REVERSIBLE_WIDTH_RANGE = (0.3, 6.0)
 _SHARE_RANGE = (0.1, 1.5)
 _WIDTH_RANGE = (0.2, 8.0)
-"""Ranges of share and width of a further population, relative to the first."""
+"""Ranges of saturation and width of a further population, relative to the first."""
 
 _IRON_DRIVE_SHARE_WITH_GAP = (0.02, 0.9)
 _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.3, 4.0)
@@ -261,7 +261,7 @@ _CURVE_SAMPLES = 200
 
 
 class CellStart(NamedTuple):
-    """Start point: law parameters, largest effective field, part of the drive across the iron."""
+    """Start point: law parameters, largest effective field, drive fraction across the iron."""
 
     law: tuple[float, ...]
     max_field: float

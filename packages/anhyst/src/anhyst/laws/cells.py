@@ -6,8 +6,8 @@ the magnetisation is a sum of curves at the positions of the cells::
     p_i <- clip(p_i, x - r_i, x + r_i),    M = sum_i sum_j W_ij * phi_j(p_i)
     phi_j(p) = (phi((p - b_j) / a_j) + phi((p + b_j) / a_j)) / 2
 
-Cell 0 has no threshold: the reversible part. Curves with centres ``b_j`` on a fine grid make the
-cells a discrete Preisach operator.
+Cell 0 has no threshold and represents the reversible part. Curves with centres ``b_j`` on a fine
+grid make the cells a discrete Preisach operator.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
     scales = np.array([[cell.scale] for cell in pinned])
     spreads = np.array([[cell.spread] for cell in pinned])
     low, high = MIN_THRESHOLD_RATIO * float(scales.min()), MAX_THRESHOLD_RATIO * float(scales.max())
-    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would take as long as the rest
+    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would take as long as all else
     log_low, log_high = np.log10(low), np.log10(high)
     levels[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((log_high - log_low) / (PINNED_CELLS - 1)) + log_low)
     levels[1], levels[-1] = low, high

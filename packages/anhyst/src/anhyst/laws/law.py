@@ -151,7 +151,7 @@ class Law:
     # smallest slope of the drive over the field, relative to that without iron, from the parameters
     # of the iron and the reluctance ratios of the gap; None: the law has no compensator
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
-    # reason why there is none, to complete the sentence "cannot be compiled: ..."
+    # reason why the law has no compensator, to complete the sentence "cannot be compiled: ..."
     obstacle: str = "there is no compensator for it"
     # returns the law with given cells instead of the parameters that describe them, or raises
     # ValueError if they do not fit the law; None for a law without cells

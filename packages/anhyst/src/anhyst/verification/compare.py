@@ -64,7 +64,7 @@ class Variant:
     target: str  # target, and name of the build: ``gcc -O2``, ``portable``
     name: str
     program: HarnessProgram  # linked test program
-    unit: str  # unit of its clock: ``instructions``, ``cycles``, or empty
+    unit: str  # unit of the program's clock: ``instructions``, ``cycles``, or empty
     processor: str  # processor and compiler, for the report
     compiler: str
     warnings: int  # number of compiler warnings in bundle and harness
@@ -161,7 +161,7 @@ class Difference:
     # ``start``, ``vectors`` (golden vectors), ``random`` (random steps), ``firmware`` (ticks of a
     # whole firmware) or ``status`` (its answers)
     part: str
-    step: int  # index within the part, from 0
+    step: int  # index of the step within the part, from 0
     quantity: str  # first quantity of the step that differs
     expected: int  # value of the host or of the golden vectors, and value of the target
     found: int
@@ -175,7 +175,7 @@ class Difference:
 class Answers:
     """All results of a program."""
 
-    start: Reply  # after initialisation, after the golden vectors, after the random steps
+    start: Reply  # replies after initialisation, golden vectors and random steps
     golden: Reply
     random: Reply
     vectors: Words  # results for the golden vectors; shape (rows, words of a record)

@@ -2,8 +2,8 @@
 
 The 16-bit Freescale 56F8322 of the paper (core 56800E, 60 MHz) has no open emulator and no open
 compiler. The cycles of that processor are estimated from the machine code of the Cortex-M0+: each
-instruction belongs to a class, and each class has a price in cycles. The instruction counts are
-measured. The prices are assumptions, listed in :data:`PRICES`.
+instruction belongs to a class, and each class has a price in cycles. The instruction counts of the
+Cortex-M0+ are measured. The prices are assumptions, listed in :data:`PRICES`.
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ static const anhyst_pidd2_gains_q31 gains = {{20000, 1},  {24000, -6}, {-30000, 
                                              -8000,       0,           -2000000000, 2000000000};
 static anhyst_pidd2_state_q31 controller;
 
-/* Generates nested loops: moves to a target, and then to one on the other side that is closer to
- * zero. */
+/* Generates nested loops: moves to a target, and then to a target of opposite sign that is closer
+ * to zero. */
 static int32_t next_nested(int32_t demand)
 {
   const int32_t stride = Q30_ONE / 24;

@@ -32,7 +32,7 @@ void subject_start(void)
   harness_box.status = (uint32_t)(int32_t)CONTROLLER(_init)(&controller);
 }
 
-/* Adds the limits to the hash, as far as they have the same size on all targets. */
+/* Adds those limits to the hash that have the same size on all targets. */
 void subject_fold_start(void)
 {
   const anhyst_position_limits_q31 *limits = &CONTROLLER(_limits);
@@ -51,7 +51,7 @@ static int32_t next_position(int32_t position)
   return clamp(position / 2 + step / 2, limits->low / 2, limits->high / 2) * 2;
 }
 
-/* Returns frequent commands for a lift-off, and the other commands occasionally. */
+/* Returns commands for a lift-off frequently, and all other commands occasionally. */
 static uint16_t next_command(void)
 {
   const uint32_t kind = harness_draw() % 1024U;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs the whole controller of a stage in the harness, tick by tick. STAGE returns the names of its
- * parts, and COUNT returns its macros. */
+/* Runs the whole controller of a stage in the harness, tick by tick. STAGE(x) forms the names of
+ * its types and functions, and COUNT(x) those of its macros. */
 #define PAINTED_BYTES 4096U
 #include STAGE_HEADER
 #include "steps.h"

@@ -36,8 +36,8 @@ static inline int32_t clamp(int32_t a, int32_t low, int32_t high)
 static inline int32_t double_q30(int32_t a) { return a >= Q30_ONE ? INT32_MAX : a * 2; }
 
 /* Returns the lowest address to paint below a stack pointer, or the stack pointer itself if the
- * stack is not measured. These three functions are inlined into the function that calls the
- * measured one, because a frame of their own would be in the painted area. */
+ * stack is not measured. The functions for painting are inlined into the caller of the measured
+ * function, because their frames would be in the painted area. */
 static inline __attribute__((always_inline)) uintptr_t painted_from(uintptr_t top)
 {
   const uintptr_t end = harness_stack_end();
