@@ -29,7 +29,7 @@ public:
     const auto found = take<nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>>(name);
     same_length(rows, found.shape(0), name.c_str());
     same_length(columns, found.shape(1), name.c_str());
-    kept_.emplace_back(found); // found is a copy if the rows are not contiguous
+    kept_.emplace_back(found); // a copy if the rows in Python are not contiguous
     return found.data();
   }
   const int32_t *code_table(const std::string &name, size_t rows, size_t columns)

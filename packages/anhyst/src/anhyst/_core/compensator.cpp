@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The compensator of each number format in Python: the same functions that run on a controller.
+// The compensator in Python, in each number format, with the C functions of a real controller.
 #include <nanobind/stl/string.h>
 
 #include <algorithm>

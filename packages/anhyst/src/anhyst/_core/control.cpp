@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The position controller in Python, in each format: the same functions that run on a controller.
+// The PIDD2 controller in Python, in each format, with the C functions of a real controller.
 #include "gains.h"
 
 namespace {

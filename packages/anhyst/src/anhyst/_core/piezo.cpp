@@ -71,7 +71,7 @@ public:
     std::copy(creep_shares.data(), creep_shares.data() + creeps, piezo_.creep_share);
   }
 
-  // Simulates from a long rest. Returns the position at each tick, at which a new command begins.
+  // Returns the position at each tick, at which a new command begins, after a long rest.
   Out run(const In &command) const
   {
     anhyst_piezo_state state{};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controllers of a levitating armature in Python: the same functions that run on a controller.
+// The controllers of a levitating armature in Python, with the C functions of a real controller.
 #include "position.h"
 
 #include <nanobind/stl/pair.h>

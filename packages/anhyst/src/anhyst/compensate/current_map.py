@@ -210,7 +210,7 @@ class PlayMap:
 
     @property
     def scales(self) -> Scales:
-        """Full scales of the map."""
+        """Full scales of the map's signals."""
         return self.map.scales
 
     @property

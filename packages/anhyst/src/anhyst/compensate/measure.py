@@ -25,8 +25,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 LOSS_PERIOD_TICKS = 4
-"""On the path with losses, the amplifier deviates from the demanded current once in this number of
-ticks."""
+"""On the path with losses, the amplifier delivers a wrong current once in this number of ticks."""
 
 LOSS_SEED = 3
 

@@ -80,7 +80,7 @@ class HysteresisInverse:
 
     @property
     def scales(self) -> Scales:
-        """Full scales of the block."""
+        """Full scales of the block's signals."""
         return self.block.scales
 
     @property
@@ -236,7 +236,7 @@ class FluxFeedback:
 
     @property
     def scales(self) -> Scales:
-        """Full scales of the map."""
+        """Full scales of the map's signals."""
         return self.map.scales
 
     @property
@@ -281,7 +281,7 @@ class FusedInverse:
 
     @property
     def scales(self) -> Scales:
-        """Full scales of the inverse."""
+        """Full scales of the inverse's signals."""
         return self.inverse.scales
 
     @property

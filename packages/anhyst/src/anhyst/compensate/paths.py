@@ -44,7 +44,7 @@ class DemandPath:
     """A demand and a gap for each sample."""
 
     name: str  # short identifier, such as ``reversals``
-    title: str  # description for a reader
+    title: str  # description of the path for reports
     demand: FloatArray  # demand, in units of the output; shape (n,)
     # scheduling variable (gap), SI; None if the model does not need it; shape (n,)
     gap: FloatArray | None

@@ -68,7 +68,7 @@ REWEIGHTING_STEPS = 6
 class ClosedForm:
     """Constants of the simplified law."""
 
-    rate: float  # distance ``z`` per unit of flux (that of saturated iron)
+    rate: float  # change of ``z`` per flux, in units of the flux of saturated iron
     nu: float  # parameter of eq. 14, in [0, 1)
     gaps: FloatArray  # scheduling variable of the coefficients, SI; shape (g,)
     bias: FloatArray  # bias of the current, in units of the input; shape (g,)

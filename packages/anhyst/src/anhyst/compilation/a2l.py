@@ -185,14 +185,14 @@ def _select_conversion(
 
 
 def _limit_ticks(value: XcpValue, rate: float) -> XcpValue:
-    """Return a setting; one in ticks gets the upper limit that the boards apply."""
+    """Return a setting; a number of ticks gets the upper limit that the boards apply."""
     if not value.name.endswith("_ticks"):
         return value
     return value._replace(high=min(value.high, math.ceil(rate * HEARTBEAT_MS / 1000)))
 
 
 def _limit_position(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
-    """Return an input; the range of a position is that of the controller."""
+    """Return an input; a position gets the range that the controller accepts."""
     if value.of != "position":
         return value
     settings = manifest["controller"]["settings"]

@@ -77,7 +77,7 @@ class FixedController:
     words: Words  # tables; `..._shift` contains the shifts of the rows of a table
     integers: dict[str, int]
     scales: FixedScales
-    head_rows: FloatArray  # reading of each head for a pose; one row per head
+    head_rows: FloatArray  # matrix from a pose to the head readings; one row per head
 
     def make_core(self, magnets: Sequence[CoreForceController], flux: float) -> FixedAxes:
         """Return the core's controller for force controllers; `flux`: full-scale density, T."""
@@ -119,7 +119,7 @@ def make_fixed_allocation(
 def make_fixed_controller(
     rows: Mapping[str, FloatArray], drives: DriveLayout, settings: Mapping[str, float]
 ) -> FixedController:
-    """Return all words of a controller, from its rows and settings in SI."""
+    """Return all words of a controller, from its matrices and settings in SI."""
     scales = _scales(rows, drives, settings)
     pose, wrench = scales.pose, scales.wrench
     words, numbers = make_fixed_allocation(drives, wrench, scales.force)

@@ -43,7 +43,7 @@ class FixedPidd2:
 
     # mantissa and shift of every gain factor, in the order of the structure
     factors: Mapping[str, tuple[int, int]]
-    unweighted: int  # weight and limits, as in the structure
+    unweighted: int  # setpoint weight and output limits, as in the C structure
     low: int
     high: int
     scales: FullScales

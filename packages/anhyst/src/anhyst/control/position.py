@@ -80,7 +80,7 @@ class ReferenceConverter:
 
     low: float  # range, A
     high: float
-    bits: int  # bits per word
+    bits: int  # number of bits of the converter
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
@@ -113,9 +113,9 @@ class PositionControl:
     limits: PositionLimits
     converter: ReferenceConverter
     scales: Scales  # full scales of the compensators, which are equal for both magnets of a pair
-    bias: float = 0.0  # force of each magnet of a pair without a net force, N
+    bias: float = 0.0  # force of each magnet of a pair at zero net force, N
     gap_total: float | None = None  # sum of both gaps of a pair, m; None: a single magnet
-    # whether measured currents are committed instead of the driven ones
+    # whether measured currents are committed instead of the demanded ones
     uses_measured_currents: bool = False
     flux_full_scale: float = 1.0  # flux density that 1.0 represents in fixed point, T
     load_full_scale: float = 1.0  # feedforward load that 1.0 represents, in its unit

@@ -335,8 +335,8 @@ class CellProblem:
         """Fold in which each sample is withheld; -1 for samples that are never withheld.
 
         The ends of a record and the largest loops are never withheld, because a fit without them
-        would have to extrapolate, and all candidates would be equally bad. Initial curves are not
-        compared either.
+        would have to extrapolate, and all candidates would be equally bad. Initial curves are never
+        withheld.
         """
         loops = self.loopset.loops
         if len(loops) < MIN_LOOPS_TO_WITHHOLD:

@@ -45,7 +45,7 @@ EQUAL_GRID_ERROR_RATIO = 1.25
 
 MAX_INITIAL_CURVE_ERROR_RATIO = 1.1
 """Largest increase of the error at withheld samples with which initial curves are fitted. A wrong
-history in the file increases this error."""
+history in the file makes these errors larger."""
 
 
 def fit_creeping(loopset: Loops) -> Outcome:

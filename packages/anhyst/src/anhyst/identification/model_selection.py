@@ -79,7 +79,7 @@ from anhyst.model.schema import CandidateFit, CrossValidation
 from anhyst.support.errors import InputError
 
 MIN_SAMPLES_PER_PARAMETER = 5
-"""Minimum number of samples per fitted parameter. A good fit to fewer is not evidence."""
+"""Minimum number of samples per fitted parameter, below which a good fit is not evidence."""
 
 _MAX_DRIFT_RMS = 0.04
 """Largest rms residual of a model without sensor drift, relative to full scale, that is accepted.
@@ -95,7 +95,7 @@ _MAX_ERROR_RATIO = 5.0
 passing the acceptance test."""
 
 CARRIED_STARTS = 24
-"""Screened parameter sets of the reference gap that are tried at the other gaps, besides its
+"""Screened parameter sets of the reference gap that are tried at the other gaps in addition to its
 optimum."""
 
 
@@ -379,7 +379,7 @@ class Selection:
     def select(self) -> ModelCandidate:
         """Return the best candidate that passes the acceptance test and is not overfitted.
 
-        If the error is much larger than the smallest one, the tests are ignored.
+        The tests are ignored if the error would otherwise be much larger than the smallest one.
         """
         comparison = self.comparison
         candidates = list(comparison.eligible)

@@ -48,11 +48,11 @@ class Population(NamedTuple):
 class CellWeights:
     """Thresholds, widths and weights of play cells."""
 
-    thresholds: FloatArray  # ascending from 0, A/m; shape (n + 1,)
+    thresholds: FloatArray  # thresholds, ascending from 0, A/m; shape (n + 1,)
     widths: FloatArray  # widths of the curves, above 0, A/m; shape (J,)
     # contribution of each cell and curve to the saturation, 0 or above, A/m; shape (n + 1, J)
     weights: FloatArray
-    shape: Shape = "tanh"  # curve, ``"tanh"`` or ``"langevin"``
+    shape: Shape = "tanh"  # form of the curves, ``"tanh"`` or ``"langevin"``
     # centres of the curves, 0 or above, A/m; shape (J,); None: all 0
     centres: FloatArray | None = None
 

@@ -30,16 +30,16 @@ class ParameterSpec:
 
     name: str  # name in a model file, without its unit
     meaning: str  # meaning of the parameter in a few words
-    unit: str = "1"  # SI; "1" for a pure number
+    unit: str = "1"  # SI unit; "1" for a pure number
     low: float = -math.inf  # range; ``closed`` states whether it includes its ends
     high: float = math.inf
     closed: bool = False
-    default: float | None = None  # value if it is missing; None: it is required
+    default: float | None = None  # default of a missing value; None: a value is required
     coordinate: Coordinate = "plain"  # coordinate for interpolation over the scheduling variable
     # search range for laws without a kernel, in ``A/m`` relative to the largest applied field;
     # None: fixed at its default
     search: tuple[float, float] | None = None
-    role: Role = ""  # role in any law
+    role: Role = ""  # physical role of the parameter
 
     def find_problem(self, value: float) -> str | None:
         """Return what is wrong with a parameter value; None if it is valid."""
@@ -93,7 +93,7 @@ class IronOperator(Protocol):
 class FitParameter:
     """One parameter of a fit, with its bounds and its prior."""
 
-    name: str  # name; the meaning is in the symbols of a model file, or in words
+    name: str  # name, and meaning in symbols of a model file or in words
     meaning: str
     low: float  # bounds of a search, in the unit of ``unit_of``
     high: float
@@ -143,7 +143,7 @@ class Law:
     name: str  # name in model files and on the command line
     title: str  # name in reports
     parameters: tuple[ParameterSpec, ...]  # parameters of the iron, in the order of the file
-    # builds the iron from its parameters, in that order; raises ValueError if they are invalid
+    # function that makes the iron from parameters in that order; ValueError if they are invalid
     iron: Callable[..., IronOperator]
     states: int = 3  # number of states; all are zero in the demagnetised state
     # kernel of the fast fit; None: fitted through the iron, with finite differences
@@ -153,10 +153,10 @@ class Law:
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
     # reason why the law has no compensator, to complete the sentence "cannot be compiled: ..."
     obstacle: str = "there is no compensator for it"
-    # returns the law with given cells instead of the parameters that describe them, or raises
-    # ValueError if they do not fit the law; None for a law without cells
+    # function that returns the law with given cells instead of parameters, or raises ValueError if
+    # they do not fit the law; None for a law without cells
     of_cells: Callable[[CellWeights], Law] | None = None
-    # returns the cells for given parameters; None for a law without cells
+    # function that returns the cells for given parameters; None for a law without cells
     cells: Callable[[Mapping[str, float]], CellWeights] | None = None
     # whether large reversals remain in memory after any number of smaller cycles (return-point
     # memory)

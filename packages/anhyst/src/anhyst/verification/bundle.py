@@ -163,8 +163,8 @@ OUTPUT_NAMES = {
 class GoldenVectors:
     """Inputs and expected outputs for each step after the start."""
 
-    inputs: Words  # in the order of the layout; shape (rows, n)
-    outputs: Mapping[str, Words]  # by name in the record; shape (rows,)
+    inputs: Words  # inputs in the order of the layout; shape (rows, n)
+    outputs: Mapping[str, Words]  # outputs by name in the record; shape (rows,)
     layout: RecordLayout = COMPENSATOR_RECORD  # layout of the records
 
 

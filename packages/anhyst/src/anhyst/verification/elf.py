@@ -1,9 +1,9 @@
 """Read a linked program: memory image, symbols, sizes, worst-case stack, estimated cycles.
 
 The 16-bit Freescale 56F8322 of the paper (core 56800E, 60 MHz) has no open emulator and no open
-compiler. The cycles of that processor are estimated from the machine code of the Cortex-M0+: each
-instruction belongs to a class, and each class has a price in cycles. The instruction counts of the
-Cortex-M0+ are measured. The prices are assumptions, listed in :data:`PRICES`.
+compiler. Its cycles are estimated from the machine code of the Cortex-M0+: each instruction belongs
+to a class, and each class has a price in cycles. The instruction counts of the Cortex-M0+ are
+measured. The prices are assumptions, listed in :data:`PRICES`.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ class Request:
     mode: int  # START, RANDOM, VECTORS or STACK
     steps: int = 0  # number of steps; at most WINDOW_RECORDS for VECTORS
     seed: int = 1  # seed of the generator, for START; not 0
-    # the hash is stored before this step, and then after every stride, CHECKPOINT_COUNT times
+    # first step before which the hash is stored; then it is stored after every stride
     first_checkpoint_step: int = 0
     checkpoint_stride: int = 1
     first_window_step: int = 0  # first of WINDOW_RECORDS steps whose records are stored

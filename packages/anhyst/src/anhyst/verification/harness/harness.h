@@ -102,14 +102,14 @@ typedef struct {
 } harness_section;
 
 typedef struct {
-  /* Filled by the host. */
+  /* The host fills these members. */
   uint32_t mode;
   uint32_t seed;
   uint32_t steps;
   uint32_t first_checkpoint_step; /* first step before which the hash is stored */
   uint32_t checkpoint_stride;     /* number of steps between two stored hashes */
   uint32_t first_window_step;     /* first step whose record is stored */
-  /* Filled by the target. */
+  /* The target fills these members. */
   uint32_t box_words;
   uint32_t status;        /* result of the initialisation */
   uint32_t state_bytes;   /* size of the compensator or the controller */
