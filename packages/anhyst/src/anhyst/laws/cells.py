@@ -6,8 +6,8 @@ the magnetisation is a sum of curves at the positions of the cells::
     p_i <- clip(p_i, x - r_i, x + r_i),    M = sum_i sum_j W_ij * phi_j(p_i)
     phi_j(p) = (phi((p - b_j) / a_j) + phi((p + b_j) / a_j)) / 2
 
-Cell 0 has no threshold and represents the reversible part. Curves with centres ``b_j`` on a fine
-grid make the cells a discrete Preisach operator.
+The threshold of cell 0, the reversible part, is zero. Curves with centres ``b_j`` on a fine grid
+make the cells a discrete Preisach operator.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class CellWeights:
     # contribution of each cell and curve to the saturation, 0 or above, A/m; shape (n + 1, J)
     weights: FloatArray
     shape: Shape = "tanh"  # form of the curves, ``"tanh"`` or ``"langevin"``
-    # centres of the curves, 0 or above, A/m; shape (J,); None: all 0
+    # centres of the curves, 0 or above, A/m, shape (J,); None: all 0
     centres: FloatArray | None = None
 
     def __post_init__(self) -> None:
@@ -233,7 +233,7 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     return Tangents(weights, widths, thresholds)
 
 
-FIELD_SAMPLES = 2001  # number of fields at which the largest slope is searched
+FIELD_SAMPLES = 2001  # number of fields in the search for the largest slope
 
 
 def curve_value(shape: Shape, position: FloatArray) -> FloatArray:

@@ -46,7 +46,7 @@ FIT_PARAMETERS = (FitParameter("kappa", "k/a", 2e-3, 5e2, "log"), FitParameter("
 
 
 MAX_STEEPEST_FIELD = 20.0
-"""Largest field, relative to the shape field ``a``, at which the largest slope is searched."""
+"""Largest field in the search for the largest slope, relative to the shape field ``a``."""
 
 
 def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
@@ -66,8 +66,8 @@ def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
 def steepest_slope(kappa: float, c: float) -> float:
     """Return the largest slope of a law on any path, in units of the law; at most 1/3.
 
-    Any other history has a smaller irreversible slope, and a play keeps the irreversible and the
-    reversible slope apart. Therefore, no path is steeper than the ascending branch without a play.
+    Any other history has a smaller irreversible slope, and a play separates the irreversible slope
+    from the reversible one. Therefore, no path is steeper than the ascending branch without a play.
     """
     import numpy as np
 

@@ -42,7 +42,7 @@ class ParameterSpec:
     role: Role = ""  # physical role of the parameter
 
     def find_problem(self, value: float) -> str | None:
-        """Return what is wrong with a parameter value; None if it is valid."""
+        """Return the fault of a parameter value, or None."""
         if not math.isfinite(value):
             return "is not a finite number"
         is_in_range = self.low <= value <= self.high if self.closed else self.low < value < self.high
@@ -151,7 +151,7 @@ class Law:
     # smallest slope of the drive over the field, relative to that without iron, from the parameters
     # of the iron and the reluctance ratios of the gap; None: the law has no compensator
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
-    # reason why the law has no compensator, to complete the sentence "cannot be compiled: ..."
+    # reason for the missing compensator, to complete the sentence "cannot be compiled: ..."
     obstacle: str = "there is no compensator for it"
     # function that returns the law with given cells instead of parameters, or raises ValueError if
     # they do not fit the law; None for a law without cells
