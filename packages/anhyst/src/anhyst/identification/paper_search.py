@@ -49,7 +49,7 @@ def reflect_into_bounds(values: FloatArray, low: FloatArray, high: FloatArray) -
 
     Unlike clipping, reflection does not collect individuals on the bounds.
 
-    >>> reflected(np.array([1.2, -0.5, 3.4]), np.zeros(3), np.ones(3)).round(12)
+    >>> reflect_into_bounds(np.array([1.2, -0.5, 3.4]), np.zeros(3), np.ones(3)).round(12)
     array([0.8, 0.5, 0.6])
     """
     span = high - low
