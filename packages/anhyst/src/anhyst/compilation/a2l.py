@@ -66,7 +66,7 @@ class _Conversion:
     offset: float = 0.0
 
     def limits(self, low: float, high: float) -> dict[str, float]:
-        """Return the limits of the quantity."""
+        """Return the limits of the converted quantity."""
         first_value, second_value = self.slope * low + self.offset, self.slope * high + self.offset
         return {"low": min(first_value, second_value), "high": max(first_value, second_value)}
 

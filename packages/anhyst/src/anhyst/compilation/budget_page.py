@@ -128,7 +128,7 @@ def _closed_form_table_choices(plan: Plan) -> list[Decision]:
 
 
 def _iteration_choice(plan: Plan) -> Decision:
-    subject = "a solve" if plan.block.kind == "full" else "a commit that differs from the solve"
+    subject = "a solve" if plan.block.kind == "full" else "a commit of another current than the solved one"
     return Decision(
         "iterations",
         f"{plan.sizes.iterations} in {subject}",

@@ -137,7 +137,7 @@ def _describe_axis(word: Word, block: Block, schedule: Quantity | None) -> str:
     if word.axis == "moving plays":
         narrow_segments, zone_end = 2 ** block.integer("CELLS_SEGMENTS"), 2.0 ** -block.integer("CELLS_ZONE")
         return (
-            f"a row for each number of them: {2 * narrow_segments} steps of field from -{zone_end:g} to "
+            f"a row for each number of moving plays: {2 * narrow_segments} steps of field from -{zone_end:g} to "
             f"{zone_end:g}, {narrow_segments - round(narrow_segments * zone_end)} on each side from there to 1"
         )
     return {"play": "one per play", "field, both signs": f"{count} steps of field from -1 to 1"}.get(

@@ -110,7 +110,7 @@ def measure_cycle_errors(
     error = force_model(compensator.run(demand, gap), gap) - demand
     error_by_ramp = np.split(error, np.cumsum([ramp.size for ramp in ramps])[:-1])
     errors = {
-        kind: np.concatenate([error_by_ramp[index] for index, of in evaluated_ramps if of == kind])
+        kind: np.concatenate([error_by_ramp[index] for index, label in evaluated_ramps if label == kind])
         for kind in ("major", "small")
     }
     return CycleErrors(errors["major"], errors["small"])

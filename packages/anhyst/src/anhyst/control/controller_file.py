@@ -361,7 +361,7 @@ def write_controller(path: PathLike, settings: ControllerTable, note: str) -> No
 def controller_text(settings: ControllerTable, note: str) -> str:
     """Return the text of a controller file; equal settings give the same text."""
     lines = [f"# {line}".rstrip() for line in note.splitlines()]
-    lines.append("# Every key is described in docs/controller-file.md. SI, the unit in the key.")
+    lines.append("# Every key is described in docs/controller-file.md. All values are SI.")
     tables: list[str] = []
     for key in type(settings).model_fields:
         value = getattr(settings, key)

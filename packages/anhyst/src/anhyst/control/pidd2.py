@@ -130,7 +130,7 @@ class Pidd2:
         return np.array([*gains, *shares, self.low, self.high])
 
     def fixed(self, scales: FullScales) -> FixedPidd2:
-        """Convert the gains to fixed-point words for given full scales."""
+        """Convert the gains to fixed-point words with given full scales."""
         row = self.per_tick
         units = _factor_units(scales)
         factors = {

@@ -82,9 +82,9 @@ class CortexProgram:
     costs: CostFunction = count_instructions
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer one request after the other, from reset; repeat a run once after a time limit.
+        """Answer all requests in order, from reset; after a time limit, repeat once.
 
-        The reason is that the emulator hung once.
+        A run is repeated because the emulator has hung in the past.
         """
         try:
             return self._run(requests)

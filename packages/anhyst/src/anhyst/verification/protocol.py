@@ -24,9 +24,9 @@ START = 0  # modes of a request
 RANDOM = 1
 VECTORS = 2
 STACK = 3
-AS_SOLVED = 0  # applied current: the solved one
-AS_GIVEN = 1  # applied current: the given one
-ON_GRID = 2  # applied current: the solved one, rounded to the grid of a converter
+AS_SOLVED = 0  # the solved current is applied
+AS_GIVEN = 1  # the given current is applied
+ON_GRID = 2  # the solved current is applied, rounded to the grid of a converter
 
 RECORD_WORDS = 18
 
@@ -35,7 +35,7 @@ RECORD_WORDS = 18
 class RecordLayout:
     """Names of the words of a record, and of the timed sections; as in ``harness/harness.h``."""
 
-    record: tuple[str, ...]  # names of all words; RECORD_WORDS of them, more for a stage
+    record: tuple[str, ...]  # names of all words: RECORD_WORDS names, or more for a stage
     inputs: tuple[str, ...]  # names of the inputs
     sections: tuple[str, ...]  # names of the timed sections; empty if a section is not used
     # number of clock starts per count of a section, if it is not 1
