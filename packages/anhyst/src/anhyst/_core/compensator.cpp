@@ -64,7 +64,7 @@ public:
   }
 
   // For a law without plays, three values are also accepted.
-  // The history is then unknown, and the present point is a reversal.
+  // The last reversal is then unknown, and the present point counts as a reversal.
   void set_memory(const InRow<Shown> &shown)
   {
     const Shown *at = shown.data();

@@ -53,7 +53,7 @@ public:
     circuit_.solid = &solid_;
   }
 
-  // A solenoid: the same iron with a conical gap.
+  // A solenoid: an iron in a circuit with a conical gap.
   Magnet(const nb::dict &numbers, const Steel &steel, const nb::dict &cone) : Magnet(numbers, steel)
   {
     Settings given(cone);

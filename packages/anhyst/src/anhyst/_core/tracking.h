@@ -99,7 +99,7 @@ private:
   std::deque<typename F::Coded> coded_; // a deque, because elements must keep their addresses
   std::deque<typename F::Drive> in_si_;
   std::vector<typename F::Drive *> drives_;
-  std::vector<typename F::Corrected> corrected_; // one per drive; empty without correction
+  std::vector<typename F::Corrected> corrected_; // corrected drives; empty without correction
   std::vector<typename F::Drive> behind_;
 };
 
