@@ -54,7 +54,7 @@ _MAX_STEPS = 25
 """Stopping rule of a refit of a Jiles-Atherton law."""
 _CELL_TOLERANCE = 1e-4
 _MAX_CELL_STEPS = 8
-"""Stopping rule of a refit of play cells; tolerant, because they have many parameters."""
+"""Stopping rule of a refit of play cells, which have many parameters: a larger tolerance."""
 
 PRIOR_LOG_STD = 0.35
 """Prior standard deviation of the logarithm of the error between gaps. The prior has the weight of

@@ -2,7 +2,7 @@
 
 The circuit around the iron gives ``drive = H + (rho + e)*B/mu0 - e*B_before/mu0`` with ``B = mu0*(H
 + M)`` and ``e = mu0*gamma/dt``. The magnetisation never falls as the field rises. Therefore, the
-error of the equation at a field limits the distance of this field from the solution.
+distance of a field from the solution is at most the error of the equation there.
 """
 
 from __future__ import annotations
