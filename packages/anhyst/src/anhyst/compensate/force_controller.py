@@ -143,8 +143,10 @@ class ForceController(Compensator):
         used_gap = scales.gap_low if gap is None else gap
         if not isinstance(native, _core.FixedForceController):
             return native.commit(applied, used_gap)
-        expected = native.commit(to_q31(applied / scales.current), to_q31(scales.gap_fraction(used_gap)))
-        return expected / _Q31 * scales.demand
+        expected_force = native.commit(
+            to_q31(applied / scales.current), to_q31(scales.gap_fraction(used_gap))
+        )
+        return expected_force / _Q31 * scales.demand
 
     def follow(self, applied: FloatArray, gap: FloatArray) -> FloatArray:
         """Update the state along a path of applied currents, A; return the expected forces, N."""

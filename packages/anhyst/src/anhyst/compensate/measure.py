@@ -314,12 +314,12 @@ class CompensatorTrial:
         """
         builder = self.builder
         rate, output_range = builder.conditioning.rate, builder.output_range
-        crossing = rate * CROSSING_TIME_S
-        ticks = int(np.clip(crossing, 8, MAX_CROSSING_TICKS))
+        crossing_ticks = rate * CROSSING_TIME_S
+        ticks = int(np.clip(crossing_ticks, 8, MAX_CROSSING_TICKS))
         wave = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # two cycles 0..1..0
         gap = builder.scales.gap_at(wave)
         demand = output_range.demand(0.05 + 0.9 * np.roll(wave, ticks // 2), gap, above_remanence=True)
-        error = ticks / crossing * _delayed_error(builder.model, demand, gap)[2 * ticks :]
+        error = ticks / crossing_ticks * _delayed_error(builder.model, demand, gap)[2 * ticks :]
         note = (
             f"{rate:g} Hz: each current acts for one tick after one tick of delay, while demand and "
             f"gap cross their ranges in {CROSSING_TIME_S:g} s; proportional to their speed"

@@ -186,10 +186,10 @@ def _simulate_states(rate: float, nu: float, fluxes: list[FloatArray], sizes: Ta
     packer.put_integer("FLUX_SHIFT", 2)
     packer.put_integer("FLUX_LIMIT", 16384)
     packer.put_integer("CONDITION_TICKS", 2)
-    ones = np.ones(2)
+    unit_pair = np.ones(2)
     for name, value in (("GAIN", 0.25), ("OFFSET", 0.0), ("BIAS", 0.0), ("FLUX_ARM", 0.0)):
-        packer.put_table(f"GAP_{name}", value * ones, 65536.0)
-    packer.put_table("GAP_FIELD_ARM", 0.25 * ones, 65536.0)
+        packer.put_table(f"GAP_{name}", value * unit_pair, 65536.0)
+    packer.put_table("GAP_FIELD_ARM", 0.25 * unit_pair, 65536.0)
     packer.put_integer("CURRENT_SHIFT", 2)
     _pack(rate, nu, _dead_band(rate, nu), sizes, packer)
     words = packer.make_block(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words

@@ -248,11 +248,11 @@ def _template_values(files: Mapping[str, str], manifest: Mapping[str, Any], valu
     version = re.match(r"\d+\.\d+\.\d+", values["version"])
     table = files["controller.csv" if values["control"] else "vectors.csv"]
     own_files = [name for name in files if name.startswith(f"{values['name']}_")]
-    core = sorted(name for name in files if name.startswith("src/") and name.endswith(".c"))
+    core_sources = sorted(name for name in files if name.startswith("src/") and name.endswith(".c"))
     return {
         **values,
         "semver": version[0] if version else "0.0.0",
-        "core": {name: PurePosixPath(name).stem for name in core},
+        "core": {name: PurePosixPath(name).stem for name in core_sources},
         # names of components have at least two characters
         "component": values["name"] if len(values["name"]) > 1 else f"actuator_{values['name']}",
         "core_files": sorted(name for name in files if name.startswith(("include/", "src/"))),

@@ -117,7 +117,7 @@ def _table_lines(
     entries = block.words[first_index : first_index + count]
     unit = block.word_unit(word, names)
     values = entries / block.code_of_one(word) * unit.scale
-    names_text = " and ".join(each.name for each in words)
+    names_text = " and ".join(entry.name for entry in words)
     kind = f", {word.format}" if block.is_fixed else ""
     text = (f"{names_text}{kind}: {word.doc}, {values.min():.6g} to {values.max():.6g} {unit.name}").rstrip()
     yield from _wrap_comment(f"{first_index} {text}; {_describe_axis(word, block, schedule)}")

@@ -324,7 +324,7 @@ def _table_text(name: str, values: FloatArray, *, is_integer: bool = False) -> d
     rows = [float_list(line) for line in lines]
     kind = "float"
     if is_integer:
-        rows = [", ".join(str(int(one)) for one in line) for line in lines]
+        rows = [", ".join(str(int(value)) for value in line) for line in lines]
         kind = "uint16_t" if name.endswith("_shift") else "int32_t"
     return {"name": name, "type": kind, "count": values.size, "rows": rows}
 

@@ -179,8 +179,8 @@ def _filter_coefficients(filters: FloatArray) -> tuple[float, float]:
         if discriminant < -1e-9 * root_sum**2:
             text = "transfer function: has complex poles, which no filter of a PIDD2 has"
             raise InputError(text, code="complex-poles")
-        larger = root_sum / 2.0 + math.copysign(math.sqrt(max(0.0, discriminant)), root_sum)
-        shares = (larger, root_product / larger)
+        larger_share = root_sum / 2.0 + math.copysign(math.sqrt(max(0.0, discriminant)), root_sum)
+        shares = (larger_share, root_product / larger_share)
     if not all(0.0 < share <= 1.0 + _RELATIVE_ROUNDING for share in shares):
         poles = ", ".join(f"{1.0 - share:g}" for share in shares)
         text = f"transfer function: poles at {poles}; those of filters must be within 0..1"
@@ -211,7 +211,7 @@ def _read_weight(transfer: TransferFunction, p: float, k: float) -> float:
 
 def _read_constant(numerator: FloatArray, denominator: FloatArray) -> float:
     """Return the value of a transfer function that must be constant."""
-    above, below = _coefficients_in_w(numerator), _coefficients_in_w(denominator)
-    if len(above) != 1 or len(below) != 1:
+    num, den = _coefficients_in_w(numerator), _coefficients_in_w(denominator)
+    if len(num) != 1 or len(den) != 1:
         raise wrong_key("load", "must be fed forward by a constant gain", code="not-a-pidd2")
-    return float(above[0] / below[0])
+    return float(num[0] / den[0])

@@ -67,9 +67,9 @@ class CellBasis:
         has_mirror = self.centres < SATURATED_WIDTHS * self.widths
         if fields.min() < 0.0:
             has_mirror[:] = True
-        mirrored = np.tanh((fields[:, :, None] + self.centres[has_mirror]) / self.widths[has_mirror])
+        mirror_curves = np.tanh((fields[:, :, None] + self.centres[has_mirror]) / self.widths[has_mirror])
         curves[:, :, ~has_mirror] += 1.0
-        curves[:, :, has_mirror] += mirrored
+        curves[:, :, has_mirror] += mirror_curves
         curves *= 0.5
         return np.asarray(curves.reshape(fields.shape[0], -1))
 

@@ -187,13 +187,13 @@ def limit_rate(model: Model, loopset: Loops) -> tuple[Model, str]:
     ]
     excluded_indices = [index for index, rate in enumerate(rates) if rate not in accepted_rates]
     first_excluded = excluded_indices[0] if excluded_indices else len(rates)
-    fastest = rates[max(0, first_excluded - 1)]
+    max_rate = rates[max(0, first_excluded - 1)]
     assert model.dynamics is not None
-    model = replace(model, dynamics=replace(model.dynamics, fastest=fastest))
+    model = replace(model, dynamics=replace(model.dynamics, fastest=max_rate))
     if not excluded_indices:
-        return model, f"the loops run at up to {fastest:.2g} Hz; faster runs were not measured"
+        return model, f"the loops run at up to {max_rate:.2g} Hz; faster runs were not measured"
     return model, (
-        f"the model is valid up to {fastest:.2g} Hz: its error is {100 * mean_errors[first_excluded - 1]:.2g} % of "
+        f"the model is valid up to {max_rate:.2g} Hz: its error is {100 * mean_errors[first_excluded - 1]:.2g} % of "
         f"the range there, and at {rates[first_excluded]:.2g} Hz {100 * mean_errors[first_excluded]:.2g} %"
     )
 

@@ -80,18 +80,18 @@ def descend(
         trial = np.clip(theta + step, lower, upper)
         step = trial - theta
         predicted_gain = -float(step @ (2.0 * linear.gradient + linear.normal @ step))
-        accepted = objective.linearise_if_better(trial, linear.cost)
-        if accepted is not None:
-            gain = linear.cost - accepted.cost
+        new_linear = objective.linearise_if_better(trial, linear.cost)
+        if new_linear is not None:
+            gain = linear.cost - new_linear.cost
             ratio = gain / max(predicted_gain, 1e-300)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
             damping_growth = 2.0
             is_hopeless = (
                 steps_left < max_steps - _MIN_STEPS_TO_EXTRAPOLATE
-                and accepted.cost - gain * steps_left > goal
+                and new_linear.cost - gain * steps_left > goal
             )
             is_finished = is_hopeless or gain <= tolerance * linear.cost
-            theta, linear = trial, accepted
+            theta, linear = trial, new_linear
             if is_finished:
                 break
         else:

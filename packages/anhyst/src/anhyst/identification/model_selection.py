@@ -144,7 +144,7 @@ def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
         make_outcome(fit, loopset, map_reason),
         dead_band=dead_band,
         withheld_errors={name: error for name, error in maps.items() if np.isfinite(error)},
-        expected_error=run.timed("left out", choice.estimate_unseen_error),
+        expected_error=run.measure_time("left out", choice.estimate_unseen_error),
         candidates=candidates,
         law_reason=law_reason,
         ambiguity=ambiguity,
@@ -238,7 +238,7 @@ class Selection:
             if len(comparison.withheld) < 2:
                 comparison.withheld_kind, comparison.withheld = ("block", block_numbers(run.search_records))
             comparison.eligible[:] = [base]
-            run.timed("left out", partial(self._refit_folds, [base]))
+            run.measure_time("left out", partial(self._refit_folds, [base]))
         cell_entries = self._search_cells(base)
         if not cell_entries:
             return self.select()
@@ -251,9 +251,9 @@ class Selection:
             map_variants.append(with_gap_map(best, free_maps[0]))
         for candidate in map_variants:
             refit_cells = partial(fit_under_map, comparison.fits[best].full, candidate, run.search_records)
-            run.timed("play cells", partial(self._try_fit, candidate, refit_cells))
+            run.measure_time("play cells", partial(self._try_fit, candidate, refit_cells))
         map_variants = [candidate for candidate in map_variants if candidate in comparison.fits]
-        run.timed("left out", partial(self._refit_folds, map_variants))
+        run.measure_time("left out", partial(self._refit_folds, map_variants))
         cell_entries += map_variants
         if base.gap_map != "free" and _has_samples_for_weights(comparison.fits[best].reduced):
             best = min(cell_entries, key=lambda candidate: comparison.withheld_error(candidate) or 0.0)

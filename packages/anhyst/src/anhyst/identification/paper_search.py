@@ -105,11 +105,11 @@ class EvolutionStrategy:
 
     def tell(self, costs: FloatArray) -> None:
         """Select the parents of the next generation by their costs, and create it."""
-        ranked = np.argsort(np.where(np.isnan(costs), np.inf, costs), kind="stable")
-        if costs[ranked[0]] < self.best_cost:
-            self.best_cost = float(costs[ranked[0]])
-            self.best = self._x[ranked[0]].copy()
-        x, sigma = (values[ranked[: self._mu]] for values in (self._x, self._sigma))
+        ranking = np.argsort(np.where(np.isnan(costs), np.inf, costs), kind="stable")
+        if costs[ranking[0]] < self.best_cost:
+            self.best_cost = float(costs[ranking[0]])
+            self.best = self._x[ranking[0]].copy()
+        x, sigma = (values[ranking[: self._mu]] for values in (self._x, self._sigma))
         parent_pairs = self._random.integers(0, self._mu, (2, self._lambda))
         is_from_first = self._random.random((self._lambda, self._low.size)) < 0.5
         self._x = np.where(is_from_first, x[parent_pairs[0]], x[parent_pairs[1]])

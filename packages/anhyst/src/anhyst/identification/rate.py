@@ -105,7 +105,7 @@ class _RateParameters:
 class _LoopPath:
     """One measured loop, prepared for simulation with any rate parameters."""
 
-    def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest: float) -> None:
+    def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest_output: float) -> None:
         assert loop.time is not None
         step = 1 + (loop.n - 1) // MAX_SAMPLES_PER_LOOP
         end_rows = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
@@ -118,7 +118,7 @@ class _LoopPath:
         self.circuit = model.circuit(gap, np.zeros(samples.size))
         self.drive = self.circuit.magnetomotive(loop.input[samples])
         self.measured = loop.output[samples]
-        self.largest = largest
+        self.largest = largest_output
         self.iron = iron
         start = None if loop.schedule is None else float(loop.schedule[0])
         self.state = initial_state(model, iron, as_history(loop.history, model), start)
@@ -141,7 +141,7 @@ class _LoopPath:
 class _RateProblem:
     """Fast loops in groups of equal speed, with a static model."""
 
-    def __init__(self, model: Model, speeds: SpeedGroups, largest: float) -> None:
+    def __init__(self, model: Model, speeds: SpeedGroups, largest_output: float) -> None:
         irons: dict[float | None, AnyIron] = {}  # separate objects, because the fit changes their layers
         law = model.operator_law
 
@@ -152,7 +152,7 @@ class _RateProblem:
                 iron = law.iron(*(parameters_at_gap[spec.name] for spec in law.parameters))
                 assert isinstance(iron, AnyIron)
                 irons[gap] = iron
-            return _LoopPath(model, loop, irons[gap], largest)
+            return _LoopPath(model, loop, irons[gap], largest_output)
 
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
         self.slow = [path(loop) for loop in speeds.slow.loops]

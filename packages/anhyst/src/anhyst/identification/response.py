@@ -210,17 +210,17 @@ class Responder:
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, tangents
             )
             require_answer(status)
-            remaining = min(float(tangents_after[_START_DERIVATIVE, 1]), 0.999)
-            mismatch = (final_state[1] - state[1]) / (1.0 - remaining)
+            remaining_share = min(float(tangents_after[_START_DERIVATIVE, 1]), 0.999)
+            mismatch = (final_state[1] - state[1]) / (1.0 - remaining_share)
             if abs(mismatch) < _NEARLY_CLOSED_TOLERANCE:
                 break
-            start = final_state + remaining * mismatch * tangents[_START_DERIVATIVE]
+            start = final_state + remaining_share * mismatch * tangents[_START_DERIVATIVE]
             state = _make_admissible(start, form, parameter_set, float(terms.r[-1]))
         # The remaining mismatch is so small that the derivatives correct it without another pass.
         x += mismatch * x_t[:, _START_DERIVATIVE]
         m += mismatch * m_t[:, _START_DERIVATIVE]
-        self._starts[id(record)] = final_state + remaining * mismatch * tangents[_START_DERIVATIVE]
-        start_t = tangents_after[:_DERIVATIVE_COUNT, 1] / (1.0 - remaining)
+        self._starts[id(record)] = final_state + remaining_share * mismatch * tangents[_START_DERIVATIVE]
+        start_t = tangents_after[:_DERIVATIVE_COUNT, 1] / (1.0 - remaining_share)
         m_t[:, :_DERIVATIVE_COUNT] += m_t[:, _START_DERIVATIVE, None] * start_t
         x_t[:, :_DERIVATIVE_COUNT] += x_t[:, _START_DERIVATIVE, None] * start_t
         return CellPath(x, m, x_t, m_t)
@@ -277,10 +277,10 @@ def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tupl
     )
 
 
-def history_inputs(sets: Sequence[ParameterSet], past: InputHistory) -> tuple[FloatArray, FloatArray]:
+def history_inputs(sets: Sequence[ParameterSet], history: InputHistory) -> tuple[FloatArray, FloatArray]:
     """Return omega and right side of the equation for a history, at its gaps."""
-    omega, scale, in_0 = interpolate_over_gaps(sets, past.gap_position)
-    return omega, (past.drive - in_0) / scale
+    omega, scale, in_0 = interpolate_over_gaps(sets, history.gap_position)
+    return omega, (history.drive - in_0) / scale
 
 
 class _SolverInputs:

@@ -96,7 +96,7 @@ class SearchRun:
                     json.dump({"key": self._key, "stages": self._stored_stages}, file)
         return self.step("search", lambda: cast("Stage", self._stored_stages[name]))
 
-    def timed(self, kind: str, work: Callable[[], Stage]) -> Stage:
+    def measure_time(self, kind: str, work: Callable[[], Stage]) -> Stage:
         """Perform one part of a stage, and add its processor time to the total of its kind."""
         start = time.process_time()
         result = work()
@@ -105,7 +105,7 @@ class SearchRun:
 
     def step(self, kind: str, work: Callable[[], Stage]) -> Stage:
         """Perform a stage without storing its result, and report the progress."""
-        result = self.timed(kind, work)
+        result = self.measure_time(kind, work)
         self._done_stages += 1
         if self.progress is not None:
             self.progress(self._done_stages, max(self.total_stages, self._done_stages))

@@ -370,14 +370,14 @@ def is_overfitted_between_gaps(
     """
     if model.needs_fixed_gap:
         return False
-    comparable = [
+    comparable_models = [
         (other, other_error)
         for other, other_error in simpler_models
         if other_error <= _MAX_SIMPLER_ERROR_RATIO * error
     ]
-    return bool(comparable) and all(
+    return bool(comparable_models) and all(
         deviation_between_gaps(model, other, loops) > _MAX_DEVIATION_RATIO * (error + other_error)
-        for other, other_error in comparable
+        for other, other_error in comparable_models
     )
 
 
