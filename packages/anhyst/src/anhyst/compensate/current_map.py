@@ -291,7 +291,7 @@ def measure_half_widths(surface: Surface, loops: Loops) -> FloatArray:
     cubic. Its change along the force is limited to that of the surface, so that no branch of a loop
     falls.
     """
-    from scipy.signal import savgol_filter  # imported here because it loads slowly
+    from scipy.signal import savgol_filter  # imported here because SciPy loads slowly
 
     knots, rows = [], []
     for gap, gap_loops in loops.by_schedule().items():

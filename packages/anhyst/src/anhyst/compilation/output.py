@@ -260,7 +260,7 @@ def _plan_within_allowance(
     if controller is not None:
         model = controller.restrict_model(model)
         shares = ALLOWANCE_SHARES[:1] if request.accuracy is None else ALLOWANCE_SHARES
-    total_steps = 2 * len(shares) + 1  # two steps per share, and one for the files
+    total_steps = 2 * len(shares) + 1  # two progress steps per plan, one for files
     for index, share in enumerate(shares):
         plan = make_plan(model, request, model_hash, share)
         if progress is not None:

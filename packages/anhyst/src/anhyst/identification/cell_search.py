@@ -75,7 +75,7 @@ _THRESHOLD_TO_PINNING_RATIOS = (1.0, 0.4)
 
 _MAX_PINNING_TO_WIDTH = 10.0
 """Ratio ``k/a`` above which the irreversible magnetisation of a Jiles-Atherton law barely changes.
-Its ``k`` then shows that the loops are narrow, but does not determine thresholds."""
+Such a ``k`` shows that the loops are narrow, but does not determine thresholds."""
 
 _NARROW_LOOP_LAW = (0.25, 8.0, 0.1, 2.0)
 """Parameters of cells with narrow loops: reversible saturation and width, pinning, spread."""

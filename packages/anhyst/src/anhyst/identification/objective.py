@@ -193,7 +193,7 @@ class Objective:
     """Weighted residuals as a function of the coordinates of a space.
 
     With equal weights of all samples, the sum of squares is the mean square residual relative to
-    the largest output squared. ``evaluations`` counts calls.
+    the largest output squared. ``evaluations`` counts the simulations.
 
     With ``smoothness`` above zero, differences of coordinates between neighbouring gaps are
     additional residuals, multiplied by its square root. Parameters with a prior mean add residuals

@@ -4,9 +4,9 @@
    with the criterion of eq. 16. The core computes each generation in one batch, on thinned loops.
    A Nelder-Mead simplex search continues with the exact law.
 2. Offsets belong to the sensors, not to a gap. They are replaced by their means, and the seven
-   parameters are searched again. This is the paper's free model. It fits each gap as well as the law
-   can, and its parameters scatter along the redundancies (Fig. 1). An ordinary spline through them is
-   wrong between the gaps (Fig. 2, :func:`spline_model_at`).
+   parameters are searched again. The result, the paper's free model, fits each gap as well as the law
+   can, but its parameters scatter along the redundancies (Fig. 1). An ordinary spline through these
+   parameters is wrong between the gaps (Fig. 2, :func:`spline_model_at`).
 3. :mod:`.paper_sequence` then makes one parameter after another equal at all gaps (Fig. 3).
 
 Searches use thinned loops, because the exact step does not depend on the sampling. Every reported

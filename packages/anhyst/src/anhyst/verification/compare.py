@@ -43,7 +43,8 @@ Subject = Literal["compensator", "controller", "stage"]
 
 SEPARATE_SECTIONS_FLAGS = ("-ffunction-sections", "-fdata-sections")
 NO_FUSED_PRODUCTS_FLAG = "-ffp-contract=off"
-"""Flag that rounds each product and each sum. Without it, targets cannot have the same bits."""
+"""Flag that rounds each product and each sum. Without this flag, two targets cannot have the same
+bits."""
 
 NO_MATH_ERRNO_FLAG = "-fno-math-errno"
 """Flag that makes a square root one instruction, if the processor has one. The code does not use
