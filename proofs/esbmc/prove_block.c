@@ -32,7 +32,7 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_full;
 
 #ifndef TABLE
 /* Returns any result, because a solver cannot handle its products. */
-static int does_current_rise(const int16_t *words)
+static int does_current_rise_with_field(const int16_t *words)
 {
   (void)words;
   return nondet_i16() != 0;

@@ -13,7 +13,7 @@ int main(void)
   const int32_t force = nondet_i32();
   const table_position at = locate_force(&map, force);
   SHOW(at.index < columns_of(&map));
-  SHOW(at.part >= 0);
+  SHOW(at.fraction >= 0);
   SHOW(force_at(&map, at) == (force > 0 ? force : 0));
   const table_position end = {columns_of(&map) - 1U, ONE};
   SHOW(force_at(&map, end) == ANHYST_Q31_MAX);

@@ -9,7 +9,7 @@
 #include "generic/simplified.h"
 
 /* Returns 0, because a step starts at the bounded state itself and needs no stored start. */
-static int32_t path_start(const int16_t *words, int32_t state)
+static int32_t stored_path_start(const int16_t *words, int32_t state)
 {
   (void)words;
   (void)state;
@@ -18,11 +18,11 @@ static int32_t path_start(const int16_t *words, int32_t state)
 
 /* Returns part*slope, slope in units of 1/1024. Saturates. The slope becomes a weight of 15 bits
    and an exponent. */
-static int32_t multiply_by_slope(int32_t part, int32_t slope)
+static int32_t multiply_by_slope(int32_t travel, int32_t slope)
 {
   const uint16_t excess_bits =
       slope > ANHYST_Q15_MAX ? (uint16_t)(16U - anhyst_headroom(slope)) : 0U;
-  return anhyst_shl_q31(anhyst_scale(part, (int16_t)(slope >> excess_bits)),
+  return anhyst_shl_q31(anhyst_scale(travel, (int16_t)(slope >> excess_bits)),
                         (uint16_t)(excess_bits + 6U));
 }
 
@@ -30,25 +30,25 @@ static int32_t state_at_flux(const int16_t *words, const anhyst_simplified_memor
                              int32_t flux)
 {
   const int16_t substeps = words[ANHYST_WORD_EULER_SUBSTEPS];
-  const int32_t part = anhyst_sub_q31(flux, path->peak) / substeps;
+  const int32_t travel = anhyst_sub_q31(flux, path->peak) / substeps;
   int32_t u = path->u;
   for (int16_t i = 0; i < substeps; i++) {
-    u = anhyst_add_q31(u, multiply_by_slope(part, lag_slope(words, u)));
+    u = anhyst_add_q31(u, multiply_by_slope(travel, state_slope(words, u)));
     u = anhyst_clamp(u, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   }
   return u;
 }
 
-static int is_euler_valid(const int16_t *words)
+static int is_euler_block_valid(const int16_t *words)
 {
-  return is_path_valid(words) && is_integer(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
+  return are_path_words_valid(words) && is_integer(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
 }
 
 const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER,
-                                           simplified_field,
-                                           simplified_flux,
-                                           is_euler_valid,
-                                           simplified_carry,
+                                           simplified_field_for_flux,
+                                           simplified_flux_for_current,
+                                           is_euler_block_valid,
+                                           simplified_transfer_state,
                                            0,
                                            0,
                                            0};

@@ -11,7 +11,7 @@ static int is_finite(int32_t a)
   return 1; /* every code is finite */
 }
 
-static int is_loop_valid(const anhyst_flux_loop_q31 *loop)
+static int is_flux_loop_valid(const anhyst_flux_loop_q31 *loop)
 {
   return anhyst_factor_is_valid(loop->proportional) && anhyst_factor_is_valid(loop->integral) &&
          anhyst_factor_is_valid(loop->back) && loop->back.mantissa >= 0 &&
@@ -36,7 +36,7 @@ static int32_t integral_current(const anhyst_force_controller_q31 *c)
   return anhyst_shl_q31(c->integral, 1);
 }
 
-static int32_t conditioning_length(const anhyst_compensator *compensator)
+static int32_t compensator_conditioning_ticks(const anhyst_compensator *compensator)
 {
   return anhyst_conditioning_length(compensator);
 }
@@ -46,7 +46,7 @@ static void demagnetise(anhyst_force_controller_q31 *c)
   anhyst_compensator_demagnetise(&c->compensator);
 }
 
-static void swap(anhyst_compensator *compensator, const int16_t *words)
+static void swap_compensator_block(anhyst_compensator *compensator, const int16_t *words)
 {
   anhyst_compensator_swap(compensator, words);
 }
@@ -66,7 +66,7 @@ static void update_correction(anhyst_force_controller_q31 *c, int32_t gap, int32
 /* Advances the expected flux and the integral. Only a limit drives the integral back: a measured
    current differs from the solved one also by the error of its sensor and by the lag of the
    amplifier. */
-static void advance_flux(anhyst_force_controller_q31 *c, int32_t applied)
+static void advance_flux_loop(anhyst_force_controller_q31 *c, int32_t applied)
 {
   const anhyst_flux_loop_q31 *loop = c->loop;
   const int32_t flux_lag = c->expected - c->flux;

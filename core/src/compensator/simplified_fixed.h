@@ -11,10 +11,10 @@
 #include "lookup.h"
 
 #define ONE ANHYST_Q30_ONE
-#define CURRENT_MAX (ANHYST_Q30_ONE - 1)
-#define DISTANCE_MAX ANHYST_Q31_MAX
+#define MAX_CURRENT (ANHYST_Q30_ONE - 1)
+#define MAX_DISTANCE ANHYST_Q31_MAX
 #define MAX_WEIGHT_SHIFT 12
-#define MAX_LAG_SLOPE ((int32_t)2097152) /* 2048: the largest slope that a weight can represent */
+#define MAX_STATE_SLOPE ((int32_t)2097152) /* 2048, the limit of a weight */
 
 /* Largest difference of two currents that rounding alone can cause. */
 #define RESIDUAL_DEADBAND 128
@@ -40,7 +40,7 @@ static inline number scale_travel(number travel, entry weight, entry shift)
 }
 
 /* Returns the change of the bounded state on the line of slope `hold`. Requires travel >= 0. */
-static inline number hold_change(const entry *words, number travel)
+static inline number linear_state_change(const entry *words, number travel)
 {
   return scale_travel(travel, words[ANHYST_WORD_SIMPLE_HOLD], words[ANHYST_WORD_SIMPLE_HOLD_SHIFT]);
 }
@@ -52,14 +52,14 @@ static inline number distance_of_travel(const entry *words, number travel)
 }
 
 /* Returns the distance from a bounded state below 0 up to 0. */
-static inline number hold_distance(const entry *words, number state)
+static inline number linear_distance(const entry *words, number state)
 {
   return anhyst_scale(-state, words[ANHYST_WORD_SIMPLE_REST]) >> 2;
 }
 
 /* Returns the slope of the bounded state over the flux, 0..MAX_LAG_SLOPE. Requires |state| <=
    ONE. */
-static inline number lag_slope(const entry *words, number state)
+static inline number state_slope(const entry *words, number state)
 {
   if (state < 0) {
     return anhyst_shl_q31(words[ANHYST_WORD_SIMPLE_HOLD],
@@ -77,7 +77,7 @@ static inline number lag_slope(const entry *words, number state)
   const int32_t ratio = anhyst_shl_q31(anhyst_quotient(v, denominator),
                                        (uint16_t)words[ANHYST_WORD_SIMPLE_RATE_SHIFT]);
   const int32_t slope = anhyst_scale(ratio, words[ANHYST_WORD_SIMPLE_RATE]) >> 3;
-  return slope > MAX_LAG_SLOPE ? MAX_LAG_SLOPE : slope;
+  return slope > MAX_STATE_SLOPE ? MAX_STATE_SLOPE : slope;
 }
 
 /* Returns the slope of the current over the flux, in units of 1/65536. */
@@ -95,29 +95,29 @@ static inline number newton_step(number residual, number slope)
 
 /* ---- the table of the closed form ---- */
 
-typedef anhyst_spot spot; /* a position in the table */
+typedef anhyst_table_position table_position; /* a position in the table */
 
-static inline number value_at(spot at) { return anhyst_value_at(at); }
+static inline number table_value(table_position position) { return anhyst_table_value(position); }
 static inline number word_value(entry word) { return (number)word * 32768; }
 
 /* Returns the position where the line of a segment has risen by this, q15 in 0..1, rounded down. */
-static inline number part_at_rise(number rise_up_to_part, entry low, entry high)
+static inline number fraction_at_rise(number partial_rise, entry low, entry high)
 {
   const int32_t rise = (int32_t)high - low;
-  return rise > 0 ? anhyst_clamp(rise_up_to_part / rise, 0, 32768) : 0;
+  return rise > 0 ? anhyst_clamp(partial_rise / rise, 0, 32768) : 0;
 }
 
 /* Returns n; the first octave starts at the distance 2^n. */
-static inline uint16_t first_bits(const entry *words)
+static inline uint16_t first_octave_bits(const entry *words)
 {
   return (uint16_t)(31 - words[ANHYST_WORD_SIMPLE_OCTAVES]);
 }
 
 /* Returns the position of a distance. Requires z >= 0. */
-static inline spot locate_distance(const entry *words, number z)
+static inline table_position locate_distance(const entry *words, number z)
 {
   const uint16_t n = (uint16_t)words[ANHYST_WORD_SIMPLE_SEGMENTS];
-  uint16_t bits = first_bits(words);
+  uint16_t bits = first_octave_bits(words);
   int32_t index = 0;
   int32_t remainder = z;
   if ((z >> bits) != 0) {
@@ -127,26 +127,26 @@ static inline spot locate_distance(const entry *words, number z)
     remainder = z - (int32_t)((uint32_t)1 << top);
   }
   const uint16_t width = (uint16_t)(bits - n);
-  const int32_t inside = remainder >> width;
-  remainder -= (int32_t)((uint32_t)inside << width);
-  spot found;
-  found.at = words + words[ANHYST_WORD_SIMPLE_CURVE] + index + inside;
-  found.part =
+  const int32_t segment = remainder >> width;
+  remainder -= (int32_t)((uint32_t)segment << width);
+  table_position found;
+  found.segment = words + words[ANHYST_WORD_SIMPLE_CURVE] + index + segment;
+  found.fraction =
       width >= 15U ? remainder >> (width - 15U) : (int32_t)((uint32_t)remainder << (15U - width));
   return found;
 }
 
 /* Returns the distance at a position on a segment, rounded down. Saturates. */
-static inline number distance_at_part(const entry *words, int32_t index, number part)
+static inline number distance_at_fraction(const entry *words, int32_t index, number fraction)
 {
   const uint16_t n = (uint16_t)words[ANHYST_WORD_SIMPLE_SEGMENTS];
   const uint16_t octave = (uint16_t)(index >> n);
-  const uint16_t bits = (uint16_t)(first_bits(words) + (octave > 0U ? octave - 1U : 0U));
+  const uint16_t bits = (uint16_t)(first_octave_bits(words) + (octave > 0U ? octave - 1U : 0U));
   const uint16_t width = (uint16_t)(bits - n);
-  const uint32_t inside = (uint32_t)index - ((uint32_t)octave << n);
-  const uint32_t fraction =
-      width >= 15U ? (uint32_t)part << (width - 15U) : (uint32_t)part >> (15U - width);
-  const uint32_t z = (octave > 0U ? (uint32_t)1 << bits : 0U) + (inside << width) + fraction;
+  const uint32_t segment = (uint32_t)index - ((uint32_t)octave << n);
+  const uint32_t offset =
+      width >= 15U ? (uint32_t)fraction << (width - 15U) : (uint32_t)fraction >> (15U - width);
+  const uint32_t z = (octave > 0U ? (uint32_t)1 << bits : 0U) + (segment << width) + offset;
   return z > (uint32_t)ANHYST_Q31_MAX ? ANHYST_Q31_MAX : (int32_t)z;
 }
 

@@ -13,7 +13,7 @@ anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
 }
 
 /* Resets phase and faults. The next sample is checked only for its range. */
-static void reset(anhyst_levitation *l)
+static void reset_phase(anhyst_levitation *l)
 {
   l->phase = ANHYST_PHASE_REST;
   l->seen = 0;
@@ -24,7 +24,7 @@ static void reset(anhyst_levitation *l)
 void anhyst_levitation_start(anhyst_levitation *levitation)
 {
   anhyst_supervisor_start(&levitation->supervisor);
-  reset(levitation);
+  reset_phase(levitation);
   levitation->position = 0;
   levitation->rest = 0;
   levitation->reference = 0;
@@ -73,7 +73,7 @@ static void start_landing(anhyst_levitation *l)
   }
 }
 
-static void lose_position(anhyst_levitation *l)
+static void handle_lost_position(anhyst_levitation *l)
 {
   if (anhyst_levitation_controls(l)) {
     l->phase = ANHYST_PHASE_FALL;
@@ -100,7 +100,7 @@ static void process_sample(anhyst_levitation *l, const anhyst_levitation_limits 
                                limits->selftest)) {
     /* Otherwise, a position that jumped would count as plausible again after enough ticks. */
     l->lost |= fault == ANHYST_FAULT_POSITION_STEP ? 1U : 0U;
-    lose_position(l);
+    handle_lost_position(l);
   }
   if (fault != ANHYST_FAULT_NONE) {
     l->flags |= ANHYST_SAMPLE_IMPLAUSIBLE;
@@ -135,7 +135,7 @@ uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t comma
     start_landing(l);
     break;
   case ANHYST_COMMAND_CLEAR:
-    reset(l);
+    reset_phase(l);
     break;
   default:
     break;
@@ -150,7 +150,7 @@ void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int 
     start_landing(levitation);
   } else {
     levitation->lost = 1;
-    lose_position(levitation);
+    handle_lost_position(levitation);
   }
 }
 

@@ -6,13 +6,13 @@
 #include "anhyst/numeric/fixed.h"
 
 /* Returns high - low for low <= high, which may exceed an int32_t. */
-static uint32_t distance(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
+static uint32_t current_range(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
 
 /* Returns whether low <= high and the range is an integer number of steps, so that no rounded
    current exceeds a limit. A step of 0 means no grid. */
-static int are_on_grid(int32_t low, int32_t high, int32_t step)
+static int is_range_on_grid(int32_t low, int32_t high, int32_t step)
 {
-  return low <= high && step >= 0 && (step == 0 || distance(low, high) % (uint32_t)step == 0U);
+  return low <= high && step >= 0 && (step == 0 || current_range(low, high) % (uint32_t)step == 0U);
 }
 
 static int32_t clamp(int32_t a, int32_t low, int32_t high) { return anhyst_clamp(a, low, high); }
@@ -21,7 +21,7 @@ static int32_t clamp(int32_t a, int32_t low, int32_t high) { return anhyst_clamp
 static int32_t round_to_grid(int32_t current, int32_t low, int32_t high, int32_t grid)
 {
   const uint32_t step = (uint32_t)grid;
-  const uint32_t offset = distance(low, current);
+  const uint32_t offset = current_range(low, current);
   const uint32_t remainder = offset % step;
   const uint32_t rounded =
       remainder >= step - remainder ? offset - remainder + step : offset - remainder;

@@ -75,9 +75,9 @@ void anhyst_pidd2_change_q31(const anhyst_pidd2_gains_q31 *from, const anhyst_pi
                              anhyst_pidd2_state_q31 *state, int32_t reference, int32_t position,
                              int32_t load)
 {
-  anhyst_pidd2_candidate_q31 before;
-  anhyst_pidd2_candidate_q31 after;
-  (void)anhyst_pidd2_solve_q31(from, state, reference, position, load, &before);
-  (void)anhyst_pidd2_solve_q31(to, state, reference, position, load, &after);
-  shift_integral(state, after.wanted, before.wanted);
+  anhyst_pidd2_candidate_q31 old_candidate;
+  anhyst_pidd2_candidate_q31 new_candidate;
+  (void)anhyst_pidd2_solve_q31(from, state, reference, position, load, &old_candidate);
+  (void)anhyst_pidd2_solve_q31(to, state, reference, position, load, &new_candidate);
+  shift_integral(state, new_candidate.wanted, old_candidate.wanted);
 }

@@ -46,12 +46,12 @@ static int32_t position_to_gap(const anhyst_gap_line_q31 *line, int32_t position
   return anhyst_add_q31(line->offset, part);
 }
 
-static uint32_t distance(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
+static uint32_t current_range(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
 
 static int32_t round_to_grid(const anhyst_position_limits_q31 *limits, int32_t current)
 {
   const uint32_t step = (uint32_t)limits->current_step;
-  const uint32_t offset = distance(limits->current_low, current);
+  const uint32_t offset = current_range(limits->current_low, current);
   const uint32_t remainder = offset % step;
   const uint32_t rounded =
       remainder >= step - remainder ? offset - remainder + step : offset - remainder;
@@ -67,7 +67,8 @@ static int are_settings_valid(const anhyst_position_limits_q31 *limits,
   }
   return are_factors_valid && limits->current_low < limits->current_high &&
          limits->current_step > 0 &&
-         distance(limits->current_low, limits->current_high) % (uint32_t)limits->current_step ==
+         current_range(limits->current_low, limits->current_high) %
+                 (uint32_t)limits->current_step ==
              0U &&
          limits->release >= limits->current_step;
 }

@@ -58,7 +58,7 @@ int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t fault, uint16_t max_
 }
 
 /* Returns whether this state accepts a command, for any current. */
-static int is_allowed(const anhyst_supervisor *s, uint16_t command, const anhyst_body *body)
+static int is_command_allowed(const anhyst_supervisor *s, uint16_t command, const anhyst_body *body)
 {
   const int is_idle = s->state == ANHYST_STATE_IDLE;
   const int is_ready = s->state == ANHYST_STATE_READY;
@@ -104,7 +104,7 @@ uint16_t anhyst_supervisor_obstacle(const anhyst_supervisor *s, uint16_t command
       (is_for_force && body->levitates != 0U)) {
     return ANHYST_REFUSED_UNKNOWN;
   }
-  if (!is_allowed(s, command, body)) {
+  if (!is_command_allowed(s, command, body)) {
     return ANHYST_REFUSED_STATE;
   }
   return requires_zero_current(command) && body->at_zero == 0U ? ANHYST_REFUSED_CURRENT

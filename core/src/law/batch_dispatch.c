@@ -6,17 +6,17 @@
 #include <cpuid.h>
 #endif
 
-#define DECLARE(suffix)                                                                            \
+#define DECLARE_BATCH_FUNCTIONS(suffix)                                                            \
   anhyst_status anhyst_batch_run##suffix(const anhyst_batch_sets *sets, anhyst_batch_mode mode,    \
                                          size_t n, const double *drive, double *x, double *y,      \
                                          double *m_out, double *x_out);                            \
   void anhyst_batch_functions##suffix(size_t n, const double *t, double *exp_minus,                \
                                       double *langevin);
 
-DECLARE(_base)
+DECLARE_BATCH_FUNCTIONS(_base)
 #ifdef ANHYST_BATCH_X86
-DECLARE(_avx2)
-DECLARE(_avx512)
+DECLARE_BATCH_FUNCTIONS(_avx2)
+DECLARE_BATCH_FUNCTIONS(_avx512)
 #endif
 
 #ifdef ANHYST_BATCH_X86

@@ -64,7 +64,7 @@ static integrator start_integrator(double kappa)
 /* Sets the points for 0 < s < span. They are stored because most steps have the same span. Above
    the decay length only the end of the step has an effect, where L is almost linear: one rule is
    sufficient for the whole step. */
-static void set_points(integrator *w, double span)
+static void set_quadrature_points(integrator *w, double span)
 {
   if (span >= decay_length) {
     w->span = span;
@@ -95,7 +95,7 @@ static void advance_integrator(integrator *w, double x)
   double kappa_gain = 0.0;
   double slope;
   if (fabs(span - w->span) > 0.0) {
-    set_points(w, span);
+    set_quadrature_points(w, span);
   }
   for (int i = 0; i < w->points; i++) {
     value_gain += w->weight[i] * anhyst_langevin_f64(x - w->kappa * w->distance[i], &slope);
@@ -109,7 +109,7 @@ static void advance_integrator(integrator *w, double x)
   w->x = x;
 }
 
-static jet read_value(const integrator *w)
+static jet read_branch_value(const integrator *w)
 {
   jet point;
   double slope;
@@ -122,7 +122,7 @@ static jet read_value(const integrator *w)
 
 static jet read_kappa_derivative(const integrator *w)
 {
-  const jet value = read_value(w);
+  const jet value = read_branch_value(w);
   jet point;
   point.f = w->kappa_derivative;
   point.f1 = (-value.f1 - point.f) / w->kappa;
@@ -131,7 +131,7 @@ static jet read_kappa_derivative(const integrator *w)
 }
 
 /* Converts derivatives over x to derivatives over the position t on a piece with the map x(t). */
-static jet to_piece_derivatives(jet point, double x1, double x2)
+static jet to_segment_derivatives(jet point, double x1, double x2)
 {
   jet scaled;
   scaled.f = point.f;
@@ -151,15 +151,15 @@ static void fit_quintic(jet p, jet q, double out[6])
   out[5] = 6.0 * d - 3.0 * p.f1 - 3.0 * q.f1 - 0.5 * p.f2 + 0.5 * q.f2;
 }
 
-static double outer_knot(int i)
+static double logarithmic_knot(int i)
 {
   return ANHYST_BRANCH_EDGE * anhyst_exp_f64((double)i / ANHYST_BRANCH_PER_LOG);
 }
 
-static jet to_outer_piece(jet point, double x)
+static jet to_logarithmic_segment(jet point, double x)
 {
   const double x1 = x / ANHYST_BRANCH_PER_LOG;
-  return to_piece_derivatives(point, x1, x1 / ANHYST_BRANCH_PER_LOG);
+  return to_segment_derivatives(point, x1, x1 / ANHYST_BRANCH_PER_LOG);
 }
 
 static int is_kappa_allowed(double kappa)
@@ -167,7 +167,7 @@ static int is_kappa_allowed(double kappa)
   return kappa >= ANHYST_KAPPA_MIN && kappa <= ANHYST_KAPPA_MAX;
 }
 
-static void store_piece(double piece[6], jet from, jet to)
+static void store_polynomial(double piece[6], jet from, jet to)
 {
   double exact[6];
   fit_quintic(from, to, exact);
@@ -177,50 +177,51 @@ static void store_piece(double piece[6], jet from, jet to)
 }
 
 /* Tabulates one function in double precision, for both formats, once for each parameter set. */
-static void tabulate(anhyst_pieces_f64 *pieces, double kappa, jet (*read)(const integrator *))
+static void tabulate_branch(anhyst_pieces_f64 *pieces, double kappa,
+                            jet (*read)(const integrator *))
 {
   const double inner_width = 1.0 / ANHYST_BRANCH_PER_UNIT;
   integrator w = start_integrator(kappa);
-  double x = -outer_knot(ANHYST_BRANCH_OUTER);
+  double x = -logarithmic_knot(ANHYST_BRANCH_OUTER);
   advance_integrator(&w, x);
-  jet last = to_outer_piece(read(&w), x);
+  jet previous = to_logarithmic_segment(read(&w), x);
   for (int i = ANHYST_BRANCH_OUTER - 1; i >= 0; i--) {
-    x = -outer_knot(i);
+    x = -logarithmic_knot(i);
     advance_integrator(&w, x);
-    const jet next = to_outer_piece(read(&w), x);
-    store_piece(pieces->left[i], next, last);
-    last = next;
+    const jet next = to_logarithmic_segment(read(&w), x);
+    store_polynomial(pieces->left[i], next, previous);
+    previous = next;
   }
-  last = to_piece_derivatives(read(&w), inner_width, 0.0);
+  previous = to_segment_derivatives(read(&w), inner_width, 0.0);
   for (int i = 0; i < ANHYST_BRANCH_INNER; i++) {
     advance_integrator(&w, -ANHYST_BRANCH_EDGE + (i + 1) * inner_width);
-    const jet next = to_piece_derivatives(read(&w), inner_width, 0.0);
-    store_piece(pieces->inner[i], last, next);
-    last = next;
+    const jet next = to_segment_derivatives(read(&w), inner_width, 0.0);
+    store_polynomial(pieces->inner[i], previous, next);
+    previous = next;
   }
-  last = to_outer_piece(read(&w), outer_knot(0));
+  previous = to_logarithmic_segment(read(&w), logarithmic_knot(0));
   for (int i = 0; i < ANHYST_BRANCH_OUTER; i++) {
-    x = outer_knot(i + 1);
+    x = logarithmic_knot(i + 1);
     advance_integrator(&w, x);
-    const jet next = to_outer_piece(read(&w), x);
-    store_piece(pieces->right[i], last, next);
-    last = next;
+    const jet next = to_logarithmic_segment(read(&w), x);
+    store_polynomial(pieces->right[i], previous, next);
+    previous = next;
   }
 }
 
-static double evaluate_piece(const double c[6], double t)
+static double evaluate_polynomial(const double c[6], double t)
 {
   return c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))));
 }
 
-static double evaluate_pieces(const anhyst_pieces_f64 *pieces, double x)
+static double evaluate_table(const anhyst_pieces_f64 *pieces, double x)
 {
   const double size = fabs(x);
   if (size < 30.0) {
     const double position = (x + 30.0) * (double)ANHYST_BRANCH_PER_UNIT;
     const int i = (int)position;
     if (i < ANHYST_BRANCH_INNER) {
-      return evaluate_piece(pieces->inner[i], position - (double)i);
+      return evaluate_polynomial(pieces->inner[i], position - (double)i);
     }
   }
   double position = anhyst_log_f64(size / 30.0) * (double)ANHYST_BRANCH_PER_LOG;
@@ -234,7 +235,7 @@ static double evaluate_pieces(const anhyst_pieces_f64 *pieces, double x)
   if (i == ANHYST_BRANCH_OUTER) {
     i--;
   }
-  return evaluate_piece(x < 0.0 ? pieces->left[i] : pieces->right[i], position - (double)i);
+  return evaluate_polynomial(x < 0.0 ? pieces->left[i] : pieces->right[i], position - (double)i);
 }
 
 anhyst_status anhyst_branch_build_f64(anhyst_branch_f64 *branch, double kappa)
@@ -243,7 +244,7 @@ anhyst_status anhyst_branch_build_f64(anhyst_branch_f64 *branch, double kappa)
     return ANHYST_BAD_PARAMETER;
   }
   branch->kappa = kappa;
-  tabulate(&branch->value, (double)kappa, read_value);
+  tabulate_branch(&branch->value, (double)kappa, read_branch_value);
   return ANHYST_OK;
 }
 
@@ -252,16 +253,16 @@ anhyst_status anhyst_branch_slope_build_f64(anhyst_branch_slope_f64 *slope, doub
   if (!is_kappa_allowed((double)kappa)) {
     return ANHYST_BAD_PARAMETER;
   }
-  tabulate(&slope->value, (double)kappa, read_kappa_derivative);
+  tabulate_branch(&slope->value, (double)kappa, read_kappa_derivative);
   return ANHYST_OK;
 }
 
 double anhyst_branch_at_f64(const anhyst_branch_f64 *branch, double x)
 {
-  return evaluate_pieces(&branch->value, x);
+  return evaluate_table(&branch->value, x);
 }
 
 double anhyst_branch_slope_at_f64(const anhyst_branch_slope_f64 *slope, double x)
 {
-  return evaluate_pieces(&slope->value, x);
+  return evaluate_table(&slope->value, x);
 }

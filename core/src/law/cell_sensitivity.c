@@ -15,7 +15,7 @@ typedef struct {
 
 /* Adds the derivatives of a cell's contribution with a fixed play to sum, for each direction.
    Returns its slope over the play. */
-static double add_fixed_play_terms(const problem *s, int cell, double place, double *sum)
+static double add_fixed_play_terms(const problem *s, int cell, double play, double *sum)
 {
   const anhyst_cell_weights_f64 *w = s->weights;
   double slope = 0.0;
@@ -23,7 +23,7 @@ static double add_fixed_play_terms(const problem *s, int cell, double place, dou
     const size_t index = (size_t)cell * (size_t)w->widths + (size_t)j;
     const double inverse = 1.0 / w->width[j];
     double z;
-    const cell_jet phi = anhyst_cell_curve(w, j, place, &z);
+    const cell_jet phi = anhyst_cell_curve(w, j, play, &z);
     const double slope_term = w->weight[index] * inverse * phi.f1;
     const double *weight_t = s->directions->weight_t + index * s->count;
     const double *width_t = s->directions->width_t + (size_t)j * s->count;
@@ -70,9 +70,9 @@ static void store_play_derivatives(const problem *s, const anhyst_cells_state_f6
 }
 
 /* Differentiates at the new state. On entry, m_t contains the sum of the cells at rest. */
-static void differentiate(const problem *s, const anhyst_cells_state_f64 *state, double omega,
-                          const double *omega_t, const double *r_t, double *numbers_t, double *x_t,
-                          double *m_t)
+static void differentiate_step(const problem *s, const anhyst_cells_state_f64 *state, double omega,
+                               const double *omega_t, const double *r_t, double *numbers_t,
+                               double *x_t, double *m_t)
 {
   const size_t cells = (size_t)s->cells->cells;
   double slope = state->bend.slope;
@@ -122,8 +122,8 @@ anhyst_status anhyst_cells_sensitivity_f64(const anhyst_cells_f64 *cells,
       sum_resting_cells(&s, state, numbers_t, rest);
     }
     memcpy(m_t + i * count, rest, count * sizeof *rest);
-    differentiate(&s, state, drive->omega[i], drive->omega_t + i * count, drive->r_t + i * count,
-                  numbers_t, x_t + i * count, m_t + i * count);
+    differentiate_step(&s, state, drive->omega[i], drive->omega_t + i * count,
+                       drive->r_t + i * count, numbers_t, x_t + i * count, m_t + i * count);
     x[i] = state->x;
     m[i] = state->m;
   }

@@ -14,6 +14,6 @@ cell_jet anhyst_cell_shape(anhyst_shape shape, double z);
 
 /* Returns the curve of column j at a play, with derivatives with respect to play/width. *z
    determines the derivative with respect to the width: d(phi_j)/d(a_j) = -f1*z/a_j. */
-cell_jet anhyst_cell_curve(const anhyst_cell_weights_f64 *weights, int j, double place, double *z);
+cell_jet anhyst_cell_curve(const anhyst_cell_weights_f64 *weights, int j, double play, double *z);
 
 #endif

@@ -14,7 +14,7 @@ typedef struct {
   const anhyst_cells_state_f64 *state;
   double sign, omega, target;
   double from;     /* start of the path */
-  double reached;  /* position so far; the left side is below its target */
+  double low;      /* position so far; the left side is below its target */
   double residual; /* target minus left side there, > 0 */
   double rest;     /* sum of the cells at rest */
   anhyst_cells_bend_f64 bend;
@@ -28,7 +28,7 @@ static double left_side(const path *p, double x, const cell_sum *at)
 }
 
 /* Returns the position where the next cell starts to move. */
-static double next_start(const path *p)
+static double next_cell_start(const path *p)
 {
   const int i = p->active;
   if (i >= p->cells->cells) {
@@ -41,18 +41,18 @@ static double next_start(const path *p)
   return p->sign * p->state->place[i] + r;
 }
 
-static anhyst_cells_bend_f64 derivatives_of(const cell_sum *at)
+static anhyst_cells_bend_f64 row_derivatives(const cell_sum *at)
 {
   const anhyst_cells_bend_f64 bend = {at->slope, at->curve, at->third};
   return bend;
 }
 
 /* Adds the next cell to the moving ones from x on; before: value of the present row there. */
-static void start_cell(path *p, double x, double before)
+static void start_cell(path *p, double x, double row_value)
 {
-  const cell_sum next_row = cell_row_at(p->cells, p->active, x);
-  p->rest -= next_row.value - before;
-  p->bend = derivatives_of(&next_row);
+  const cell_sum next_row = cell_evaluate_row(p->cells, p->active, x);
+  p->rest -= next_row.value - row_value;
+  p->bend = row_derivatives(&next_row);
   p->active++;
   if (p->active == p->cells->cells) {
     p->rest = 0.0; /* so that rounding errors do not accumulate from cycle to cycle */
@@ -87,7 +87,7 @@ static void store_candidate(const path *p, double x, const cell_sum *at, double 
   candidate->active = p->active;
 }
 
-static double rounding(const path *p, double x)
+static double rounding_error(const path *p, double x)
 {
   return 4.0 * DBL_EPSILON * (fabs(x) + fabs(p->target) + fabs(p->omega) * p->cells->saturation);
 }
@@ -97,12 +97,12 @@ static double rounding(const path *p, double x)
 static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
                                   anhyst_cells_candidate_f64 *candidate)
 {
-  double low = p->reached;
+  double low = p->low;
   double high = upper_bound;
   double longest = high - low;
   for (int i = 0; i < 200; i++) {
-    const cell_sum at = cell_row_at(p->cells, p->active - 1, x);
-    const anhyst_cells_bend_f64 bend = derivatives_of(&at);
+    const cell_sum at = cell_evaluate_row(p->cells, p->active - 1, x);
+    const anhyst_cells_bend_f64 bend = row_derivatives(&at);
     const double residual = p->target - left_side(p, x, &at);
     const double step = taylor_step(residual, p->omega, &bend);
     const double next = x + step;
@@ -119,7 +119,7 @@ static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
     /* Cells are interpolated on the grid of numbers at the start of the path. Near a root at 0, the
        interval would otherwise stay wide compared with x. */
     const double resolution = 2.0 * DBL_EPSILON * (fabs(x) + (i < 100 ? 0.0 : fabs(p->from)));
-    if (fabs(residual) <= rounding(p, x) || high - low <= resolution) {
+    if (fabs(residual) <= rounding_error(p, x) || high - low <= resolution) {
       store_candidate(p, x, &at, 0.0, candidate);
       return ANHYST_OK;
     }
@@ -136,15 +136,16 @@ static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
 
 /* Solves row by row, while the solution is after the start of the next cell, for a rising left
    side. Most solutions are before it, so that the row there need not be evaluated. */
-static anhyst_status solve_rising(path *p, double steepest, anhyst_cells_candidate_f64 *candidate)
+static anhyst_status solve_monotonic(path *p, double steepest,
+                                     anhyst_cells_candidate_f64 *candidate)
 {
   for (;;) {
-    const double edge = next_start(p);
-    const double guess = p->reached + taylor_step(p->residual, p->omega, &p->bend);
+    const double edge = next_cell_start(p);
+    const double guess = p->low + taylor_step(p->residual, p->omega, &p->bend);
     /* Rounding, also of the first residual, could move the solution beyond the bound. */
     const double min_slope = 1.0 + p->omega * steepest;
-    const double farthest = p->reached + (p->omega > 0.0 ? p->residual : p->residual / min_slope);
-    double upper_bound = farthest + rounding(p, farthest) + 4.0 * DBL_EPSILON * fabs(p->reached);
+    const double farthest = p->low + (p->omega > 0.0 ? p->residual : p->residual / min_slope);
+    double upper_bound = farthest + rounding_error(p, farthest) + 4.0 * DBL_EPSILON * fabs(p->low);
     if (guess < edge) {
       const anhyst_status status =
           solve_on_row(p, guess < upper_bound ? guess : upper_bound, upper_bound, candidate);
@@ -152,19 +153,19 @@ static anhyst_status solve_rising(path *p, double steepest, anhyst_cells_candida
         return status;
       }
     }
-    const cell_sum at = cell_row_at(p->cells, p->active - 1, edge);
+    const cell_sum at = cell_evaluate_row(p->cells, p->active - 1, edge);
     const double residual = p->target - left_side(p, edge, &at);
     if (residual <= 0.0) {
       upper_bound = edge < upper_bound ? edge : upper_bound;
-      return solve_on_row(p, 0.5 * (p->reached + upper_bound), upper_bound, candidate);
+      return solve_on_row(p, 0.5 * (p->low + upper_bound), upper_bound, candidate);
     }
     start_cell(p, edge, at.value);
-    p->reached = edge > p->reached ? edge : p->reached;
+    p->low = edge > p->low ? edge : p->low;
     p->residual = residual;
   }
 }
 
-static double next_node(const anhyst_cells_f64 *cells, double x)
+static double next_knot(const anhyst_cells_f64 *cells, double x)
 {
   const uint64_t bits = cell_position_bits(cells, x);
   const int shift = cells->shift[cell_octave(bits)];
@@ -173,20 +174,20 @@ static double next_node(const anhyst_cells_f64 *cells, double x)
   if (x >= 0.0) {
     while (!(node > x)) {
       piece++;
-      node = (cell_place(piece << shift) - 1.0) / cells->per_unit;
+      node = (cell_double_of(piece << shift) - 1.0) / cells->per_unit;
     }
     return node;
   }
-  const double next_inward = -(cell_place(piece << shift) - 1.0) / cells->per_unit;
+  const double next_inward = -(cell_double_of(piece << shift) - 1.0) / cells->per_unit;
   if (next_inward > x) {
     return next_inward;
   }
   const uint64_t before = (piece << shift) - 1U;
-  if (before < cell_bits(1.0)) {
+  if (before < cell_bits_of(1.0)) {
     return 0.0;
   }
   const int inner_shift = cells->shift[cell_octave(before)];
-  return -(cell_place((before >> inner_shift) << inner_shift) - 1.0) / cells->per_unit;
+  return -(cell_double_of((before >> inner_shift) << inner_shift) - 1.0) / cells->per_unit;
 }
 
 /* Returns the position between low and high where the left side is largest and its slope changes
@@ -195,7 +196,7 @@ static double find_fold(const path *p, double low, double high)
 {
   for (int i = 0; i < 60; i++) {
     const double middle = 0.5 * (low + high);
-    const cell_sum at = cell_row_at(p->cells, p->active - 1, middle);
+    const cell_sum at = cell_evaluate_row(p->cells, p->active - 1, middle);
     if (left_side(p, middle, &at) >= p->target) {
       return middle;
     }
@@ -211,25 +212,25 @@ static double find_fold(const path *p, double low, double high)
 /* Follows the path piece by piece to the first solution, where m may jump. */
 static anhyst_status solve_with_jumps(path *p, anhyst_cells_candidate_f64 *candidate)
 {
-  while (p->reached < p->cells->reach) {
-    const double edge = next_start(p);
-    const double node = next_node(p->cells, p->reached);
+  while (p->low < p->cells->reach) {
+    const double edge = next_cell_start(p);
+    const double node = next_knot(p->cells, p->low);
     const double end = edge < node ? edge : node;
-    const cell_sum at = cell_row_at(p->cells, p->active - 1, end);
+    const cell_sum at = cell_evaluate_row(p->cells, p->active - 1, end);
     const double residual = p->target - left_side(p, end, &at);
     if (residual <= 0.0) {
-      return solve_on_row(p, 0.5 * (p->reached + end), end, candidate);
+      return solve_on_row(p, 0.5 * (p->low + end), end, candidate);
     }
     if (1.0 + p->omega * p->bend.slope > 0.0 && 1.0 + p->omega * at.slope < 0.0) {
-      const double maximum = find_fold(p, p->reached, end);
-      const cell_sum row_at_maximum = cell_row_at(p->cells, p->active - 1, maximum);
+      const double maximum = find_fold(p, p->low, end);
+      const cell_sum row_at_maximum = cell_evaluate_row(p->cells, p->active - 1, maximum);
       if (left_side(p, maximum, &row_at_maximum) >= p->target) {
-        return solve_on_row(p, 0.5 * (p->reached + maximum), maximum, candidate);
+        return solve_on_row(p, 0.5 * (p->low + maximum), maximum, candidate);
       }
     }
-    p->reached = end > p->reached ? end : p->reached;
+    p->low = end > p->low ? end : p->low;
     p->residual = residual;
-    p->bend = derivatives_of(&at);
+    p->bend = row_derivatives(&at);
     if (edge <= node) {
       start_cell(p, edge, at.value);
     }
@@ -255,7 +256,7 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
   p.state = state;
   p.omega = omega;
   p.target = p.sign * r;
-  if (fabs(residual) <= rounding(&p, state->x)) {
+  if (fabs(residual) <= rounding_error(&p, state->x)) {
     candidate->x = state->x;
     candidate->m = state->m;
     candidate->direction = state->direction;
@@ -265,7 +266,7 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
     return ANHYST_OK;
   }
   p.from = p.sign * state->x;
-  p.reached = p.from;
+  p.low = p.from;
   p.residual = fabs(residual);
   if (p.is_reversed) {
     p.active = 0;
@@ -278,7 +279,7 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
   }
   const int is_rising = 1.0 + omega * cells->steepest > MIN_SLOPE;
   const anhyst_status status =
-      is_rising ? solve_rising(&p, cells->steepest, candidate) : solve_with_jumps(&p, candidate);
+      is_rising ? solve_monotonic(&p, cells->steepest, candidate) : solve_with_jumps(&p, candidate);
   if (status == ANHYST_OK && !(fabs(candidate->x) <= cells->reach)) {
     return ANHYST_OUT_OF_RANGE;
   }
@@ -301,7 +302,7 @@ void anhyst_cells_accept_f64(const anhyst_cells_f64 *cells, anhyst_cells_state_f
   state->active = candidate->active;
 }
 
-static double limit(double value, double low, double high)
+static double clamp(double value, double low, double high)
 {
   const double above = value > low ? value : low;
   return above < high ? above : high;
@@ -310,7 +311,7 @@ static double limit(double value, double low, double high)
 /* Returns the contribution of cell i > 0 at x - r_i: its row minus the row before. */
 static double cell_contribution(const anhyst_cells_f64 *cells, int i, double x)
 {
-  return cell_row_at(cells, i, x).value - cell_row_at(cells, i - 1, x).value;
+  return cell_evaluate_row(cells, i, x).value - cell_evaluate_row(cells, i - 1, x).value;
 }
 
 void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers,
@@ -318,9 +319,9 @@ void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers
 {
   const anhyst_cells_bend_f64 zero = {0.0, 0.0, 0.0};
   const int is_number = !isnan(numbers[0]);
-  state->x = is_number ? limit(numbers[0], -cells->reach, cells->reach) : 0.0;
+  state->x = is_number ? clamp(numbers[0], -cells->reach, cells->reach) : 0.0;
   state->place[0] = state->x;
-  state->m = cell_row_at(cells, 0, state->x).value;
+  state->m = cell_evaluate_row(cells, 0, state->x).value;
   state->direction = 0.0;
   state->rest = 0.0;
   state->bend = zero;
@@ -331,7 +332,7 @@ void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers
     const double max_distance = r - cells->threshold[i - 1];
     const double previous_place = state->place[i - 1];
     const double place = isnan(numbers[i]) ? previous_place : numbers[i];
-    state->place[i] = limit(place, previous_place - max_distance, previous_place + max_distance);
+    state->place[i] = clamp(place, previous_place - max_distance, previous_place + max_distance);
     state->m += 0.5 * (cell_contribution(cells, i, state->place[i] + r) -
                        cell_contribution(cells, i, r - state->place[i]));
   }

@@ -8,18 +8,18 @@
 
 #include "lag.h"
 
-static int is_valid(const anhyst_operator_f64 *law)
+static int is_law_valid(const anhyst_operator_f64 *law)
 {
   (void)law;
   return 1;
 }
 
-static double steepest(const anhyst_operator_f64 *law)
+static double steepest_slope(const anhyst_operator_f64 *law)
 {
   return law->eps > 0.0 ? 1.0 / (3.0 - law->eps) : 1.0 / 3.0;
 }
 
-static double slope_at(const anhyst_path_f64 *path, double p, double y)
+static double irreversible_slope(const anhyst_path_f64 *path, double p, double y)
 {
   double slope;
   const double drive = path->sign * (anhyst_langevin_f64(p, &slope) - y);
@@ -65,29 +65,30 @@ static double integrate(const anhyst_path_f64 *path, double p)
       has_more_steps = 0;
     }
     const double half = 0.5 * h;
-    const double k1 = slope_at(path, at, y);
-    const double k2 = slope_at(path, at + half, y + half * k1);
-    const double k3 = slope_at(path, at + half, y + half * k2);
-    const double k4 = slope_at(path, at + h, y + h * k3);
+    const double k1 = irreversible_slope(path, at, y);
+    const double k2 = irreversible_slope(path, at + half, y + half * k1);
+    const double k3 = irreversible_slope(path, at + half, y + half * k2);
+    const double k4 = irreversible_slope(path, at + h, y + h * k3);
     y += h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4);
     at += h;
   }
   return y;
 }
 
-static double carry(anhyst_path_f64 *path, double p, double pull, double slope, double *y_slope)
+static double irreversible_m(anhyst_path_f64 *path, double p, double pull, double slope,
+                             double *y_slope)
 {
   (void)pull;
   (void)slope;
   if (!path->departure_known) {
-    anhyst_path_depart(path);
+    anhyst_path_find_irreversible_start(path);
   }
   if (path->sign * (p - path->departure) <= 0.0) {
     return path->from.y;
   }
   const double y = integrate(path, p);
-  *y_slope = slope_at(path, p, y);
+  *y_slope = irreversible_slope(path, p, y);
   return y;
 }
 
-const anhyst_lag anhyst_lag_1986 = {is_valid, steepest, carry};
+const anhyst_lag anhyst_lag_1986 = {is_law_valid, steepest_slope, irreversible_m};

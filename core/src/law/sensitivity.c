@@ -26,8 +26,8 @@ static void set_constant_y(partials *d)
   d->by_kappa = 0.0;
 }
 
-static void partials_exact(const anhyst_path_f64 *path, const anhyst_branch_slope_f64 *slope,
-                           const anhyst_answer_f64 *end, partials *d)
+static void set_exact_partials(const anhyst_path_f64 *path, const anhyst_branch_slope_f64 *slope,
+                               const anhyst_answer_f64 *end, partials *d)
 {
   const double kappa = path->law->kappa;
   const double sign = path->sign;
@@ -43,8 +43,8 @@ static void partials_exact(const anhyst_path_f64 *path, const anhyst_branch_slop
                 path->lead * decay * s / kappa;
 }
 
-static void partials_linear(const anhyst_path_f64 *path, const anhyst_answer_f64 *end,
-                            double y_slope, partials *d)
+static void set_linear_partials(const anhyst_path_f64 *path, const anhyst_answer_f64 *end,
+                                double y_slope, partials *d)
 {
   const double kappa = path->law->kappa;
   const double travel = end->state.p - path->from.p;
@@ -65,12 +65,12 @@ static void partials_linear(const anhyst_path_f64 *path, const anhyst_answer_f64
     return;
   }
   const double ahead = m1 - path->from.y;
-  const double share = s * ahead / rise;
-  const weights w = weights_at(share);
-  const double by_share = ahead * w.g_slope * share;
-  d->by_y = 1.0 - w.g - w.g_slope * share;
-  d->by_p0 = by_share * (p0_slope / rise - 1.0 / travel);
-  d->by_kappa = -by_share / kappa;
+  const double s_after_crossing = s * ahead / rise;
+  const weights w = weights_at(s_after_crossing);
+  const double by_log_s = ahead * w.g_slope * s_after_crossing;
+  d->by_y = 1.0 - w.g - w.g_slope * s_after_crossing;
+  d->by_p0 = by_log_s * (p0_slope / rise - 1.0 / travel);
+  d->by_kappa = -by_log_s / kappa;
 }
 
 static void step_partials(const anhyst_operator_f64 *law, const anhyst_branch_slope_f64 *slope,
@@ -87,9 +87,9 @@ static void step_partials(const anhyst_operator_f64 *law, const anhyst_branch_sl
   if (!(fabs(end.y_slope) > 0.0)) {
     set_constant_y(d);
   } else if (law->step == ANHYST_STEP_EXACT) {
-    partials_exact(&path, slope, &end, d);
+    set_exact_partials(&path, slope, &end, d);
   } else {
-    partials_linear(&path, &end, end.y_slope, d);
+    set_linear_partials(&path, &end, end.y_slope, d);
   }
 }
 

@@ -17,8 +17,8 @@ static int read_numbers(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *st
 }
 
 /* Extrapolates the repetitions, one hysteresis state after the other. */
-static void extrapolate(const anhyst_iron_f64 *iron, const double *const ends[3],
-                        anhyst_memory_f64 *state)
+static void extrapolate_states(const anhyst_iron_f64 *iron, const double *const ends[3],
+                               anhyst_memory_f64 *state)
 {
   const int memories = anhyst_memories_f64(iron);
   const int numbers_per_memory = iron->law->numbers(iron->parameters);
@@ -29,10 +29,10 @@ static void extrapolate(const anhyst_iron_f64 *iron, const double *const ends[3]
   }
 }
 
-static int is_periodic(int count, const double *before, const double *after, double tol)
+static int is_periodic(int count, const double *old_numbers, const double *new_numbers, double tol)
 {
   for (int i = 0; i < count; i++) {
-    if (!(fabs(after[i] - before[i]) <= tol)) {
+    if (!(fabs(new_numbers[i] - old_numbers[i]) <= tol)) {
       return 0;
     }
   }
@@ -61,8 +61,8 @@ anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
       return ANHYST_OK;
     }
     if (newest == 0 && iron->law->hasten != 0) {
-      const double *const last[3] = {ends[2], ends[3], ends[0]};
-      extrapolate(iron, last, state);
+      const double *const last_ends[3] = {ends[2], ends[3], ends[0]};
+      extrapolate_states(iron, last_ends, state);
       read_numbers(iron, state, ends[0]);
     }
   }

@@ -15,7 +15,7 @@ typedef struct {
   int evaluations;
 } path_search;
 
-static double residual(path_search *search, double x, anhyst_answer_f64 *at)
+static double evaluate_residual(path_search *search, double x, anhyst_answer_f64 *at)
 {
   search->evaluations++;
   anhyst_path_at_f64(&search->path, x, at);
@@ -27,8 +27,8 @@ static double rounding_error(const path_search *search, const anhyst_answer_f64 
   return 4.0 * DBL_EPSILON * (fabs(at->state.x) + fabs(search->omega * at->m) + fabs(search->r));
 }
 
-static void accept(const path_search *search, const anhyst_answer_f64 *at, double step,
-                   anhyst_candidate_f64 *candidate)
+static void store_candidate(const path_search *search, const anhyst_answer_f64 *at, double step,
+                            anhyst_candidate_f64 *candidate)
 {
   candidate->state = at->state;
   candidate->state.x += step;
@@ -52,11 +52,11 @@ static anhyst_status solve_in_bracket(path_search *search, double x,
   double longest = fabs(search->far - search->near);
   for (int i = 0; i < 200; i++) {
     anhyst_answer_f64 at;
-    const double g = residual(search, x, &at);
+    const double g = evaluate_residual(search, x, &at);
     const double step = -g / (1.0 + search->omega * at.m_slope);
     const double width = fabs(search->far - search->near);
     if (fabs(g) <= rounding_error(search, &at) || width <= 2.0 * DBL_EPSILON * fabs(x)) {
-      accept(search, &at, 0.0, candidate);
+      store_candidate(search, &at, 0.0, candidate);
       return ANHYST_OK;
     }
     if (sign * g < 0.0) {
@@ -67,7 +67,7 @@ static anhyst_status solve_in_bracket(path_search *search, double x,
     const double next = x + step;
     const int is_inside = sign * (next - search->near) > 0.0 && sign * (search->far - next) > 0.0;
     if (is_inside && step * step <= tangent) {
-      accept(search, &at, step, candidate);
+      store_candidate(search, &at, step, candidate);
       return ANHYST_OK;
     }
     if (is_inside && fabs(step) <= longest) {
@@ -93,7 +93,7 @@ static double find_fold(path_search *search, double rising, double falling)
   anhyst_answer_f64 at;
   for (int i = 0; i < 40; i++) {
     const double middle = 0.5 * (rising + falling);
-    const double g = residual(search, middle, &at);
+    const double g = evaluate_residual(search, middle, &at);
     if (search->path.sign * g >= 0.0) {
       return middle;
     }
@@ -125,7 +125,7 @@ static anhyst_status find_bracket(path_search *search, double d)
       /* No solution up to this field. Above it, a step could be lost to rounding. */
       return ANHYST_OUT_OF_RANGE;
     }
-    const double g = sign * residual(search, next, &at);
+    const double g = sign * evaluate_residual(search, next, &at);
     const int is_rising = 1.0 + search->omega * at.m_slope > 0.0;
     search->near = x;
     if (g >= 0.0) {
@@ -134,7 +134,7 @@ static anhyst_status find_bracket(path_search *search, double d)
     }
     if (was_rising && !is_rising && residual_size < min_step) {
       const double maximum = find_fold(search, x, next);
-      if (sign * residual(search, maximum, &at) >= 0.0) {
+      if (sign * evaluate_residual(search, maximum, &at) >= 0.0) {
         search->far = maximum;
         return ANHYST_OK;
       }
@@ -166,7 +166,7 @@ anhyst_status anhyst_solve_f64(const anhyst_operator_f64 *law, const anhyst_stat
   const double sign = d < 0.0 ? -1.0 : 1.0;
   anhyst_path_begin_f64(&search.path, law, state, sign, &start);
   if (fabs(d) <= rounding_error(&search, &start)) {
-    accept(&search, &start, 0.0, candidate);
+    store_candidate(&search, &start, 0.0, candidate);
     return ANHYST_OK;
   }
 

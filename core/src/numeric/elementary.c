@@ -19,7 +19,7 @@ static uint64_t bits_of(double value)
   return bits;
 }
 
-static double from_bits(uint64_t bits)
+static double double_of(uint64_t bits)
 {
   double value;
   memcpy(&value, &bits, sizeof value);
@@ -27,7 +27,7 @@ static double from_bits(uint64_t bits)
 }
 
 /* 2^(i/64); the second number is relative. */
-static const pair power[64] = {
+static const pair power_table[64] = {
     {0x1.0000000000000p+0, 0.0},         {0x1.02c9a3e778061p+0, -1.5071e-17},
     {0x1.059b0d3158574p+0, 4.9997e-17},  {0x1.0874518759bc8p+0, 7.3578e-18},
     {0x1.0b5586cf9890fp+0, 8.1893e-17},  {0x1.0e3ec32d3d1a2p+0, 1.6666e-18},
@@ -69,13 +69,13 @@ static double scaled_exp(double x, uint64_t shift)
   const double shifted = x * 0x1.71547652b82fep+6 + magic;
   const double steps = shifted - magic;
   const uint64_t bits = bits_of(shifted);
-  const pair *at = &power[bits & 63U];
+  const pair *at = &power_table[bits & 63U];
   const double r = (x - steps * 0x1.62e42fefc0000p-7) + steps * 0x1.c610ca86c3899p-43;
   const double r2 = r * r;
   /* Fifth order; a Chebyshev polynomial distributes the sixth-order term over the others. */
   const double low = 0.49999999999932843 + r * (1.0 / 6.0);
   const double high = 0.041666727751466 + r * (1.0 / 120.0);
-  const double scale = from_bits(bits_of(at->value) + (((bits >> 6U) - shift) << 52U));
+  const double scale = double_of(bits_of(at->value) + (((bits >> 6U) - shift) << 52U));
   return scale + scale * ((r + at->rest) + (r2 * low + (r2 * r2) * high));
 }
 
@@ -97,7 +97,7 @@ double anhyst_exp_f64(double x)
 
 /* log(c) for c = 1 + i/64, from i = 26 on for c/2, rounded to a grid that also contains integer
    multiples of log 2. Both entries next to 1 are exact, so that no digits cancel there. */
-static const pair logarithm[65] = {{0.0, 0.0},
+static const pair log_table[65] = {{0.0, 0.0},
                                    {0x1.fc0a8b0fc0000p-7, 1.727456750e-15},
                                    {0x1.f829b0e780000p-6, 4.529814258e-14},
                                    {0x1.77458f6330000p-5, -6.219834199e-14},
@@ -181,10 +181,10 @@ double anhyst_log_f64(double x)
   const uint64_t one = UINT64_C(1023) << 52U;
   const uint64_t digits = bits & 0x000FFFFFFFFFFFFFU;
   const uint64_t i = (digits + (UINT64_C(1) << 45U)) >> 46U;
-  const double m = from_bits(digits | one);
-  const double c = from_bits(one + (i << 46U));
+  const double m = double_of(digits | one);
+  const double c = double_of(one + (i << 46U));
   const double r = (m - c) / c;
-  const pair *at = &logarithm[i];
+  const pair *at = &log_table[i];
   exponent += (double)(int)((bits >> 52U) + (i >= 26U ? 1U : 0U));
   const double r2 = r * r;
   const double low = (0.5 - r * (1.0 / 3.0)) + r2 * (0.25 - r * 0.2);

@@ -13,10 +13,10 @@
 #define MAX_CURRENT_SHIFT 8
 #define MAX_FLUX_SHIFT 6
 #define MAX_BLOCK_WORDS ANHYST_BLOCK_MOST_WORDS
-#define WORD_HALVES 1 /* number of 16-bit halves in a word */
+#define HALVES_PER_WORD 1 /* number of 16-bit halves in a word */
 
 /* Returns 16 bits of a word; half 0 contains the lowest ones. */
-static inline uint16_t bits_of(entry word, uint16_t half)
+static inline uint16_t half_word(entry word, uint16_t half)
 {
   (void)half;
   return (uint16_t)word;
@@ -27,12 +27,12 @@ static inline int is_integer(entry word, int32_t low, int32_t high)
   return word >= low && word <= high;
 }
 
-static inline int is_unsigned(entry word, uint16_t value) { return (uint16_t)word == value; }
+static inline int equals_unsigned(entry word, uint16_t value) { return (uint16_t)word == value; }
 
 /* Returns whether an entry of a table differs from the entry before by at most MAX_ENTRY. */
-static inline int is_entry_valid(entry word, entry before)
+static inline int is_entry_valid(entry word, entry previous)
 {
-  const int32_t change = (int32_t)word - before;
+  const int32_t change = (int32_t)word - previous;
   return change <= MAX_ENTRY && change >= -MAX_ENTRY;
 }
 
@@ -42,15 +42,15 @@ static inline uint32_t read_double_word(const entry *words, int16_t word)
 }
 
 /* Positive singles have the same order as their bits: exponent, then fraction. */
-#define MIN_SINGLE ((uint32_t)(127 - 60) << 23)  /* 2^-60 */
-#define MAX_SINGLE ((uint32_t)(127 + 60) << 23)  /* 2^60 */
-#define SINGLE_EXPONENT_STEP ((uint32_t)1 << 23) /* the lowest bit of the exponent */
+#define MIN_SINGLE_BITS ((uint32_t)(127 - 60) << 23) /* 2^-60 */
+#define MAX_SINGLE_BITS ((uint32_t)(127 + 60) << 23) /* 2^60 */
+#define SINGLE_EXPONENT_STEP ((uint32_t)1 << 23)     /* the lowest bit of the exponent */
 
 /* Returns whether a single in 2^-60..2^60 starts at this word. */
 static inline int is_single(const entry *words, int16_t word)
 {
   const uint32_t bits = read_double_word(words, word);
-  return bits >= MIN_SINGLE && bits <= MAX_SINGLE;
+  return bits >= MIN_SINGLE_BITS && bits <= MAX_SINGLE_BITS;
 }
 
 /* Returns whether the scales of the signals are valid. Fixed point never computes with them. */
@@ -82,9 +82,9 @@ static inline number convert_unit(number a, const entry *old_words, const entry 
     return a;
   }
   if (numerator < denominator) {
-    scaled_a = anhyst_share(a, anhyst_ratio(numerator, denominator));
+    scaled_a = anhyst_times_fraction(a, anhyst_ratio(numerator, denominator));
   } else {
-    scaled_a = anhyst_share(a, anhyst_ratio(numerator, 2 * denominator));
+    scaled_a = anhyst_times_fraction(a, anhyst_ratio(numerator, 2 * denominator));
     shift = (int16_t)(shift + 1);
   }
   if (shift >= 0) {

@@ -11,10 +11,10 @@
 #define MAX_FLUX_SHIFT 0
 #define MAX_BLOCK_WORDS ANHYST_BLOCK_MOST_REAL_WORDS
 /* Number of 16-bit halves in a word. */
-#define WORD_HALVES ((uint16_t)(sizeof(entry) / sizeof(uint16_t)))
+#define HALVES_PER_WORD ((uint16_t)(sizeof(entry) / sizeof(uint16_t)))
 
 /* Returns 16 bits of a word; half 0 contains the lowest ones, for any byte order in memory. */
-static inline uint16_t bits_of(entry word, uint16_t half)
+static inline uint16_t half_word(entry word, uint16_t half)
 {
   union {
     entry word;
@@ -30,10 +30,10 @@ static inline int is_integer(entry word, int32_t low, int32_t high)
 }
 
 /* Returns whether all bits of a word are those of this unsigned integer. */
-static inline int is_unsigned(entry word, uint16_t value)
+static inline int equals_unsigned(entry word, uint16_t value)
 {
-  for (uint16_t half = 0; half < WORD_HALVES; half++) {
-    if (bits_of(word, half) != bits_of((entry)value, half)) {
+  for (uint16_t half = 0; half < HALVES_PER_WORD; half++) {
+    if (half_word(word, half) != half_word((entry)value, half)) {
       return 0;
     }
   }
@@ -41,9 +41,9 @@ static inline int is_unsigned(entry word, uint16_t value)
 }
 
 /* Returns whether an entry of a table has a valid size. */
-static inline int is_entry_valid(entry word, entry before)
+static inline int is_entry_valid(entry word, entry previous)
 {
-  (void)before;
+  (void)previous;
   return word >= -MAX_ENTRY && word <= MAX_ENTRY;
 }
 

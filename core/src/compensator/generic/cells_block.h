@@ -4,7 +4,7 @@
    format; generic/cells_path.h is included before. */
 
 /* Sets a state in which only cell 0 moves. */
-static void start_memory(const entry *words, const number *plays, cells_memory *memory)
+static void init_memory(const entry *words, const number *plays, cells_memory *memory)
 {
   cell_path path;
   init_path(&path, words, plays);
@@ -15,10 +15,10 @@ static void start_memory(const entry *words, const number *plays, cells_memory *
 }
 
 /* Stores the plays of the moving cells, which come to rest if the path reverses at this memory. */
-static void store_plays(const entry *words, const cells_memory *from, number *plays)
+static void store_moving_plays(const entry *words, const cells_memory *from, number *plays)
 {
   cell_path path;
-  read_rows(&path, words);
+  read_row_layout(&path, words);
   const int mirror = from->active < 0 ? -1 : 0;
   const number x = saturate(mirrored(from->x, mirror));
   const int moving = count_moving_cells(&path, from);
@@ -27,13 +27,13 @@ static void store_plays(const entry *words, const cells_memory *from, number *pl
   }
 }
 
-static inline number row_rise(const entry *segment)
+static inline number segment_rise(const entry *segment)
 {
   return word_value(segment[1]) - word_value(segment[0]);
 }
 
 /* Returns whether the entries of all rows in a column differ by at most 1. */
-static int are_rows_close(const cell_path *path, int column)
+static int are_column_entries_close(const cell_path *path, int column)
 {
   number low = word_value(path->rows[column]);
   number high = low;
@@ -49,7 +49,7 @@ static int are_rows_close(const cell_path *path, int column)
 static int are_rows_valid(const entry *words)
 {
   cell_path path;
-  read_rows(&path, words);
+  read_row_layout(&path, words);
   const int rows = path.cells + 1;
   if ((int32_t)rows * path.stride > MAX_BLOCK_WORDS) {
     return 0;
@@ -62,7 +62,7 @@ static int are_rows_valid(const entry *words)
     }
   }
   for (int column = 0; column < path.stride; column++) {
-    if (!are_rows_close(&path, column)) {
+    if (!are_column_entries_close(&path, column)) {
       return 0;
     }
   }
@@ -70,14 +70,14 @@ static int are_rows_valid(const entry *words)
 }
 
 /* Returns the largest rise of a row on a narrow or on a wide segment. */
-static number steepest_rise(const cell_path *path, int is_narrow)
+static number largest_segment_rise(const cell_path *path, int is_narrow)
 {
   number max_rise = 0;
   for (int cells = 1; cells <= path->cells + 1; cells++) {
-    const entry *row = row_of(path, cells);
+    const entry *row = moving_row(path, cells);
     for (int i = 0; i < path->stride - 1; i++) {
       const int is_inner = i >= path->wide_segments && i < path->stride - 1 - path->wide_segments;
-      const number rise = row_rise(row + i);
+      const number rise = segment_rise(row + i);
       max_rise = is_inner == is_narrow && rise > max_rise ? rise : max_rise;
     }
   }
@@ -86,16 +86,16 @@ static number steepest_rise(const cell_path *path, int is_narrow)
 
 /* Returns whether flux_arm*flux + field_arm*field rises with the field on every segment, by more
    than rounding of the two arms can remove. */
-static int does_sum_rise(const entry *words, entry flux_arm, entry field_arm)
+static int does_sum_rise_with_field(const entry *words, entry flux_arm, entry field_arm)
 {
   cell_path path;
-  read_rows(&path, words);
+  read_row_layout(&path, words);
   for (int narrow = 0; narrow < 2 && flux_arm < 0; narrow++) {
     const number x = width_of(narrow != 0 ? path.zone_grid : path.wide_grid);
     const number flux =
-        quarter(steepest_rise(&path, narrow)) + scaled(x, words[ANHYST_WORD_CELLS_AIR]);
-    if (scaled(flux, (entry)(flux_arm - ARM_ROUNDING)) +
-            quarter(scaled(x, (entry)(field_arm - ARM_ROUNDING))) <=
+        quarter(largest_segment_rise(&path, narrow)) + scaled(x, words[ANHYST_WORD_CELLS_AIR]);
+    if (scaled(flux, (entry)(flux_arm - WEIGHT_ROUNDING)) +
+            quarter(scaled(x, (entry)(field_arm - WEIGHT_ROUNDING))) <=
         MIN_SEGMENT_RISE) {
       return 0;
     }
@@ -103,12 +103,12 @@ static int does_sum_rise(const entry *words, entry flux_arm, entry field_arm)
   return 1;
 }
 
-static int does_current_rise(const entry *words)
+static int does_current_rise_with_field(const entry *words)
 {
   const entry *flux_arm = words + integer_of(words[ANHYST_WORD_GAP_FLUX_ARM]);
   const entry *field_arm = words + integer_of(words[ANHYST_WORD_GAP_FIELD_ARM]);
   for (int i = 0; i <= (1 << integer_of(words[ANHYST_WORD_GAP_SEGMENTS])); i++) {
-    if (!does_sum_rise(words, flux_arm[i], field_arm[i])) {
+    if (!does_sum_rise_with_field(words, flux_arm[i], field_arm[i])) {
       return 0;
     }
   }
@@ -116,7 +116,7 @@ static int does_current_rise(const entry *words)
 }
 
 #if ANHYST_MEMORIES > 1
-static int is_solid_valid(const entry *words);
+static int are_solid_layers_valid(const entry *words);
 #endif
 
 /* Returns whether the program has memories for the layers of a block, and the flux rises with the
@@ -125,8 +125,8 @@ static int are_layers_valid(const entry *words)
 {
 #if ANHYST_MEMORIES > 1
   if (words[ANHYST_WORD_SOLID_LAYERS] != 0) {
-    return is_solid_valid(words) &&
-           does_sum_rise(words, words[ANHYST_WORD_SOLID_OWN], QUARTER_WEIGHT);
+    return are_solid_layers_valid(words) &&
+           does_sum_rise_with_field(words, words[ANHYST_WORD_SOLID_OWN], QUARTER_WEIGHT);
   }
 #endif
   for (int i = ANHYST_WORD_SOLID_LAYERS; i <= ANHYST_WORD_SOLID_LAMINATED; i++) {
@@ -151,12 +151,12 @@ static int is_cells_block_valid(const entry *words)
          is_single(words, ANHYST_WORD_UNIT_FIELD) &&
          is_table_rising(words, words[ANHYST_WORD_CELLS_THRESHOLDS],
                          integer_of(words[ANHYST_WORD_CELLS_COUNT]), MIN_THRESHOLD, ENTRY_ONE) &&
-         are_rows_valid(words) && does_current_rise(words) && are_layers_valid(words);
+         are_rows_valid(words) && does_current_rise_with_field(words) && are_layers_valid(words);
 }
 
 /* Sets the plays of all cells. Cell 0 and unused cells get the field. */
-static void find_plays(const entry *words, const cells_memory *memory, const number *plays,
-                       number *all_plays)
+static void collect_plays(const entry *words, const cells_memory *memory, const number *plays,
+                          number *all_plays)
 {
   cell_path path;
   begin_path(&path, words, memory, plays);
@@ -198,14 +198,14 @@ static number shift_memory(cell_path *path, const number *all_plays, number trav
     plays[cell - 1] = clamped(limited_resting_play(path, cell), path->x - half_width(path, cell),
                               path->x + half_width(path, cell));
   }
-  const number m = value_at(locate(path, path->rows, path->x)) + sum_resting_cells(path);
+  const number m = row_value(locate_field(path, path->rows, path->x)) + sum_resting_cells(path);
   return quarter(m) + scaled(path->x, air) - quarter(flux);
 }
 
 /* Transfers a memory to another block. All plays are shifted by the same field, so that the iron
    has the given flux under the new block. A constant demand then does not start a new branch. A
    play with a new threshold is interpolated between its neighbours. */
-static void transfer_memory(const entry *before, const entry *words, number flux,
+static void transfer_memory(const entry *old_words, const entry *words, number flux,
                             cells_memory *memory, number *plays)
 {
   number old_plays[ANHYST_CELLS + 1];
@@ -213,20 +213,20 @@ static void transfer_memory(const entry *before, const entry *words, number flux
   const cells_memory empty = {0, 0, 0, 0, 0};
   cell_path path;
   cell_path old_path;
-  find_plays(before, memory, plays, old_plays);
-  read_rows(&old_path, before);
+  collect_plays(old_words, memory, plays, old_plays);
+  read_row_layout(&old_path, old_words);
   init_path(&path, words, plays);
   for (int cell = 0; cell <= path.cells; cell++) {
     number r = 0;
     if (cell > 0) {
       /* NOLINTNEXTLINE(readability-suspicious-call-argument): from the new unit to the old one */
-      r = convert_unit(half_width(&path, cell), words, before, ANHYST_WORD_UNIT_FIELD);
+      r = convert_unit(half_width(&path, cell), words, old_words, ANHYST_WORD_UNIT_FIELD);
     }
-    all_plays[cell] = saturate(convert_unit(interpolate_play(&old_path, old_plays, r), before,
+    all_plays[cell] = saturate(convert_unit(interpolate_play(&old_path, old_plays, r), old_words,
                                             words, ANHYST_WORD_UNIT_FIELD));
   }
-  number low = 2 * FIELD_MIN;
-  number high = 2 * FIELD_MAX;
+  number low = 2 * MIN_FIELD;
+  number high = 2 * MAX_FIELD;
   for (int i = 0; i < TRANSFER_BISECTIONS; i++) {
     const number middle = low / 2 + high / 2;
     if (shift_memory(&path, all_plays, middle, words[ANHYST_WORD_CELLS_AIR], flux, plays) < 0) {
@@ -237,5 +237,5 @@ static void transfer_memory(const entry *before, const entry *words, number flux
   }
   *memory = empty;
   memory->x = path.x;
-  start_memory(words, plays, memory);
+  init_memory(words, plays, memory);
 }

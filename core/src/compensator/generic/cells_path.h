@@ -10,23 +10,23 @@ typedef struct {
   const entry *rows;       /* rows for 1, 2, ... moving cells */
   const entry *row;        /* row of the cells that move now */
   const number *plays;
-  number zone_half_width; /* half-width of the zone around 0 with narrow segments */
-  int zero_index;         /* index of the entry for the field 0 */
-  int wide_segments;      /* number of wide segments on each side */
-  int stride;             /* entries of a row */
-  grid zone_grid;         /* segment width in the zone */
-  grid wide_grid;         /* segment width outside the zone */
-  int cells;              /* number of cells besides cell 0 */
-  int active;             /* the cells below this one move */
-  int prior_active;       /* the cells below this one moved in the other direction until the last
-                             reversal */
-  spot reversal;          /* reversal point on the first row, in the other direction */
-  int32_t risen;          /* bit i: cell i came to rest while the field rose */
-  number rest;            /* magnetisation of the cells at rest */
-  int mirror;             /* -1: the path falls, and everything is mirrored; otherwise 0 */
-  number last_join;       /* field where the last cell joined, or where the step started */
-  number x;               /* field */
-  const entry *segment;   /* segment of the row that contains x at the end of the path */
+  number zone_half_width;  /* half-width of the zone around 0 with narrow segments */
+  int zero_index;          /* index of the entry for the field 0 */
+  int wide_segments;       /* number of wide segments on each side */
+  int stride;              /* entries of a row */
+  segment_grid zone_grid;  /* segment width in the zone */
+  segment_grid wide_grid;  /* segment width outside the zone */
+  int cells;               /* number of cells besides cell 0 */
+  int active;              /* the cells below this one move */
+  int prior_active;        /* the cells below this one moved in the other direction until the last
+                              reversal */
+  table_position reversal; /* reversal point on the first row, in the other direction */
+  int32_t stopped_on_rise; /* bit i: cell i came to rest while the field rose */
+  number resting_m;        /* magnetisation of the cells at rest */
+  int mirror;              /* -1: the path falls, and everything is mirrored; otherwise 0 */
+  number last_start;       /* field where the last cell joined, or where the step started */
+  number x;                /* field */
+  const entry *segment;    /* segment of the row that contains x at the end of the path */
 } cell_path;
 
 /* Returns the threshold of a cell (half-width of its play). */
@@ -38,7 +38,7 @@ static inline number half_width(const cell_path *path, int cell)
 /* Returns the number of entries between a row and the row for `cells` more moving cells. */
 static inline int row_offset(const cell_path *path, int cells) { return cells * path->stride; }
 
-static inline const entry *row_of(const cell_path *path, int cells)
+static inline const entry *moving_row(const cell_path *path, int cells)
 {
   return path->rows + row_offset(path, cells - 1);
 }
@@ -49,28 +49,28 @@ static inline int is_in_zone(const cell_path *path, number x)
   return is_around_zero(x, path->zone_half_width);
 }
 
-static inline grid grid_at_field(const cell_path *path, number x)
+static inline segment_grid grid_at_field(const cell_path *path, number x)
 {
   return is_in_zone(path, x) ? path->zone_grid : path->wide_grid;
 }
 
 /* Returns the position of x on a row. Requires |x| < 1. */
-static inline spot locate(const cell_path *path, const entry *row, number x)
+static inline table_position locate_field(const cell_path *path, const entry *row, number x)
 {
-  grid width = path->zone_grid;
+  segment_grid width = path->zone_grid;
   row += path->zero_index;
   if (!is_in_zone(path, x)) {
     width = path->wide_grid;
     row += x > 0 ? path->wide_segments : -path->wide_segments;
   }
-  return spot_from_zero(row, x, width);
+  return locate_from_zero(row, x, width);
 }
 
 /* Returns the magnetisation of a cell whose play the field has moved: the value of the next row
    minus that of the row of this position. */
-static inline number cell_magnetisation(const cell_path *path, spot without)
+static inline number cell_magnetisation(const cell_path *path, table_position position)
 {
-  return between(without, without.at + path->stride);
+  return row_difference(position, position.segment + path->stride);
 }
 
 static inline number resting_play(const cell_path *path, int cell)
@@ -85,17 +85,17 @@ static inline number resting_play(const cell_path *path, int cell)
 static inline number limited_resting_play(const cell_path *path, int cell)
 {
   const number r = half_width(path, cell);
-  return clamped(resting_play(path, cell), r + FIELD_MIN, FIELD_MAX - r);
+  return clamped(resting_play(path, cell), r + MIN_FIELD, MAX_FIELD - r);
 }
 
 /* Returns the field, within the rows, at which a cell came to rest on a path in the other
    direction. */
-static inline number rest_field(const cell_path *path, int cell)
+static inline number stopping_field(const cell_path *path, int cell)
 {
   return saturate(difference(resting_play(path, cell), half_width(path, cell)));
 }
 
-static inline void read_rows(cell_path *path, const entry *words)
+static inline void read_row_layout(cell_path *path, const entry *words)
 {
   const unsigned bits = (unsigned)integer_of(words[ANHYST_WORD_CELLS_SEGMENTS]);
   const unsigned halvings = (unsigned)integer_of(words[ANHYST_WORD_CELLS_ZONE]);
@@ -130,7 +130,8 @@ static number sum_resting_cells(const cell_path *path)
   number total = 0;
   for (int cell = 1; cell <= path->cells; cell++) {
     const number x = saturate(sum(resting_play(path, cell), half_width(path, cell)));
-    total = saturate(total + cell_magnetisation(path, locate(path, row_of(path, cell), x)));
+    total =
+        saturate(total + cell_magnetisation(path, locate_field(path, moving_row(path, cell), x)));
   }
   return total;
 }
@@ -138,7 +139,7 @@ static number sum_resting_cells(const cell_path *path)
 /* Initialises a rising path without a reversal. */
 static inline void init_path(cell_path *path, const entry *words, const number *plays)
 {
-  read_rows(path, words);
+  read_row_layout(path, words);
   path->plays = plays;
   path->prior_active = 0;
   path->mirror = 0;
@@ -151,18 +152,18 @@ static inline void begin_path(cell_path *path, const entry *words, const cells_m
 {
   init_path(path, words, plays);
   path->active = count_moving_cells(path, from);
-  path->risen = from->risen;
-  path->reversal.at = path->rows;
-  path->reversal.part = 0;
+  path->stopped_on_rise = from->risen;
+  path->reversal.segment = path->rows;
+  path->reversal.fraction = 0;
   if (path->active == 0) {
     path->active = 1;
-    path->risen = -1;
-    path->rest = sum_resting_cells(path);
+    path->stopped_on_rise = -1;
+    path->resting_m = sum_resting_cells(path);
     path->x = saturate(from->x);
   } else {
     path->mirror = from->active < 0 ? -1 : 0;
     path->x = saturate(mirrored(from->x, path->mirror));
-    path->rest = path->active > path->cells ? 0 : saturate(mirrored(from->rest, path->mirror));
+    path->resting_m = path->active > path->cells ? 0 : saturate(mirrored(from->rest, path->mirror));
   }
-  path->row = row_of(path, path->active);
+  path->row = moving_row(path, path->active);
 }

@@ -5,8 +5,8 @@
 #include "anhyst/numeric/port.h"
 
 /* Limits a to low..high. Sets a flag if it exceeds a limit by more than the tolerance. */
-static inline number limited(compensator *c, number a, number low, number high, number tolerance,
-                             uint16_t flag)
+static inline number clamp_and_flag(compensator *c, number a, number low, number high,
+                                    number tolerance, uint16_t flag)
 {
   if (a >= low && a <= high) {
     return a;
@@ -19,7 +19,7 @@ static inline number limited(compensator *c, number a, number low, number high, 
 
 /* Starts a call with these flags. In a debug build it marks the compensator as busy, and an
    assertion fails if it is already busy. */
-static inline void enter(compensator *c, uint16_t flags)
+static inline void begin_call(compensator *c, uint16_t flags)
 {
 #if ANHYST_HAS_ASSERT
   ANHYST_ASSERT((c->flags & ANHYST_FLAG_BUSY) == 0U);
@@ -29,7 +29,7 @@ static inline void enter(compensator *c, uint16_t flags)
 #endif
 }
 
-static inline void leave(compensator *c)
+static inline void end_call(compensator *c)
 {
 #if ANHYST_HAS_ASSERT
   c->flags &= (uint16_t)~ANHYST_FLAG_BUSY;
@@ -40,7 +40,7 @@ static inline void leave(compensator *c)
 
 /* Returns the position of the gap in the tables. Stores the gap, and sets a flag if it is out of
    range. */
-static gap_position accept_gap(compensator *c, number gap)
+static gap_position store_gap(compensator *c, number gap)
 {
   const number fraction = gap_fraction(c, gap);
   c->gap = gap;
@@ -53,17 +53,17 @@ static gap_position accept_gap(compensator *c, number gap)
 /* Returns the coefficients of the current for this tick. Iron with a lag needs more current while
    its flux rises, in proportion to the rise per tick. At constant flux, the changes of bias and arm
    cancel. */
-static arms_type arms_at(const compensator *c, gap_position position)
+static arms_type current_coefficients(const compensator *c, gap_position position)
 {
   const entry *words = c->words;
   arms_type arms;
-  arms.bias = bias_of(interpolate_over_gap(position, words[ANHYST_WORD_GAP_BIAS]));
+  arms.bias = bias_from_table(interpolate_over_gap(position, words[ANHYST_WORD_GAP_BIAS]));
   arms.flux_arm = interpolate_over_gap(position, words[ANHYST_WORD_GAP_FLUX_ARM]);
   arms.field_arm = interpolate_over_gap(position, words[ANHYST_WORD_GAP_FIELD_ARM]);
   if (words[ANHYST_WORD_GAP_LAG_ARM] > 0) {
     const entry lag = interpolate_over_gap(position, words[ANHYST_WORD_GAP_LAG_ARM]);
-    arms.flux_arm = add_arms(arms.flux_arm, lag);
-    arms.bias = limit_bias(arms.bias - product(c->flux_applied, lag));
+    arms.flux_arm = add_coefficients(arms.flux_arm, lag);
+    arms.bias = limit_bias(arms.bias - multiply(c->flux_applied, lag));
   }
   return arms;
 }
@@ -80,18 +80,19 @@ static number demand_to_flux(compensator *c, number demand, gap_position positio
   const entry *words = c->words;
   const number low = word_to_signal(words[ANHYST_WORD_DEMAND_LOW]);
   const number high = word_to_signal(words[ANHYST_WORD_DEMAND_HIGH]);
-  const number accepted = limited(c, demand, low, high, DEMAND_TOLERANCE, ANHYST_DEMAND_LIMITED);
+  const number accepted =
+      clamp_and_flag(c, demand, low, high, DEMAND_TOLERANCE, ANHYST_DEMAND_LIMITED);
   const number above_offset = subtract(accepted, offset_at(words, position));
   const number limit = flux_limit(words);
   if (above_offset < 0 && words[ANHYST_WORD_POWER] == 2) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  const number flux = limited(c, output_to_flux(words, above_offset, position), -limit, limit, 0,
-                              ANHYST_FLUX_LIMITED);
-  return to_inner_flux(words, flux);
+  const number flux = clamp_and_flag(c, output_to_flux(words, above_offset, position), -limit,
+                                     limit, 0, ANHYST_FLUX_LIMITED);
+  return to_internal_flux(words, flux);
 }
 
-static const kernel_type *kernel_for(const kernel_type *kernel, const entry *words)
+static const kernel_type *select_kernel(const kernel_type *kernel, const entry *words)
 {
   return kernel->for_block != 0 ? kernel->for_block(words) : kernel;
 }
@@ -110,9 +111,9 @@ static void demagnetise(compensator *c)
   }
 }
 
-static void init(compensator *c, const kernel_type *kernel, const entry *words)
+static void init_state(compensator *c, const kernel_type *kernel, const entry *words)
 {
-  c->kernel = kernel_for(kernel, words);
+  c->kernel = select_kernel(kernel, words);
   c->words = words;
   read_scales(c);
   c->current = 0;
@@ -124,12 +125,12 @@ static void init(compensator *c, const kernel_type *kernel, const entry *words)
   demagnetise(c);
 }
 
-static void solve(compensator *c, number demand, number gap)
+static void solve_demand(compensator *c, number demand, number gap)
 {
   const entry *words = c->words;
-  enter(c, 0);
-  const gap_position position = accept_gap(c, gap);
-  c->arms = arms_at(c, position);
+  begin_call(c, 0);
+  const gap_position position = store_gap(c, gap);
+  c->arms = current_coefficients(c, position);
   c->flux = demand_to_flux(c, demand, position);
   if (c->stage == ANHYST_STAGE_AHEAD) { /* a step that was not committed */
     c->stage = ANHYST_STAGE_UNKNOWN;
@@ -137,87 +138,87 @@ static void solve(compensator *c, number demand, number gap)
   }
   const number field = c->kernel->field(c);
   const number needed =
-      c->arms.bias + product(c->flux, c->arms.flux_arm) + product(field, c->arms.field_arm);
+      c->arms.bias + multiply(c->flux, c->arms.flux_arm) + multiply(field, c->arms.field_arm);
   const number current =
-      limited(c, needed, current_limit(words, ANHYST_WORD_CURRENT_LOW),
-              current_limit(words, ANHYST_WORD_CURRENT_HIGH), 0, ANHYST_CURRENT_LIMITED);
+      clamp_and_flag(c, needed, current_limit(words, ANHYST_WORD_CURRENT_LOW),
+                     current_limit(words, ANHYST_WORD_CURRENT_HIGH), 0, ANHYST_CURRENT_LIMITED);
   c->stage = ANHYST_STAGE_AHEAD;
-  c->current = to_outer_current(words, current);
-  leave(c);
+  c->current = to_external_current(words, current);
+  end_call(c);
 }
 
 /* Commits the solved current by a copy, unless a limit of the current applied: then the flux is
    searched for. In this case, the law has stored its trial step at the limit, so that the search is
    short. Leaves the state unchanged if the applied current is not finite. */
-static void commit(compensator *c, number applied, number gap)
+static void commit_current(compensator *c, number applied, number gap)
 {
   const entry *words = c->words;
   const int is_ahead = c->stage == ANHYST_STAGE_AHEAD;
   const int is_at_gap = is_ahead && gap == c->gap;
   const int is_solved =
       is_at_gap && applied == c->current && (c->flags & ANHYST_CURRENT_LIMITED) == 0U;
-  enter(c, (uint16_t)(c->flags & (is_ahead ? 0xFFFFU : ANHYST_CONDITIONING)));
-  (void)limited(c, applied, word_to_signal(words[ANHYST_WORD_CURRENT_LOW]),
-                word_to_signal(words[ANHYST_WORD_CURRENT_HIGH]), CURRENT_TOLERANCE,
-                ANHYST_CURRENT_LIMITED);
+  begin_call(c, (uint16_t)(c->flags & (is_ahead ? 0xFFFFU : ANHYST_CONDITIONING)));
+  (void)clamp_and_flag(c, applied, word_to_signal(words[ANHYST_WORD_CURRENT_LOW]),
+                       word_to_signal(words[ANHYST_WORD_CURRENT_HIGH]), CURRENT_TOLERANCE,
+                       ANHYST_CURRENT_LIMITED);
   if (!is_at_gap) {
-    c->arms = arms_at(c, accept_gap(c, gap));
+    c->arms = current_coefficients(c, store_gap(c, gap));
   }
   if (!is_finite(applied)) {
     c->stage = ANHYST_STAGE_UNKNOWN;
-    leave(c);
+    end_call(c);
     return;
   }
-  c->flux_applied = is_solved ? c->flux : c->kernel->flux(c, to_inner_current(words, applied));
+  c->flux_applied = is_solved ? c->flux : c->kernel->flux(c, to_internal_current(words, applied));
   if (c->kernel->keep != 0) {
     c->kernel->keep(c);
   }
   c->memory = c->next.memory;
   c->applied = applied;
   c->stage = ANHYST_STAGE_HERE;
-  leave(c);
+  end_call(c);
 }
 
-static number output(const compensator *c)
+static number model_output(const compensator *c)
 {
   const gap_position position = locate_gap(c->words, gap_fraction(c, c->gap));
   return add(flux_to_output(c->words, c->flux_applied, position), offset_at(c->words, position));
 }
 
 /* Requires two blocks with the same scales. */
-static void swap(compensator *c, const entry *words)
+static void swap_block(compensator *c, const entry *words)
 {
-  const number output_before = output(c);
+  const number output_before = model_output(c);
   const gap_position position = locate_gap(words, gap_fraction(c, c->gap));
-  enter(c, 0);
-  number flux = to_inner_flux(
+  begin_call(c, 0);
+  number flux = to_internal_flux(
       words, output_to_flux(words, subtract(output_before, offset_at(words, position)), position));
   if (words[ANHYST_WORD_POWER] == 2 && c->flux_applied < 0) {
     flux = -flux;
   }
   flux = limit_flux(flux);
-  c->kernel = kernel_for(c->kernel, words);
+  c->kernel = select_kernel(c->kernel, words);
   c->kernel->carry(c, words, flux);
   c->flux_applied = flux;
   c->words = words;
   read_scales(c);
   c->stage = ANHYST_STAGE_UNKNOWN;
-  leave(c);
+  end_call(c);
 }
 
-static int32_t conditioning_length(const compensator *c)
+static int32_t conditioning_ticks(const compensator *c)
 {
   return (int32_t)c->words[ANHYST_WORD_CONDITION_CYCLES] * 2 *
          (int32_t)c->words[ANHYST_WORD_CONDITION_TICKS];
 }
 
 /* Returns the current of a tick of the start-up sequence as a word of the block. */
-static entry conditioning(const compensator *c, int32_t tick)
+static entry conditioning_word(const compensator *c, int32_t tick)
 {
   const int32_t ramp = (int32_t)c->words[ANHYST_WORD_CONDITION_TICKS];
   const number low = c->words[ANHYST_WORD_CURRENT_LOW];
   const number span = c->words[ANHYST_WORD_CURRENT_HIGH] - low;
-  if (tick < 0 || tick >= conditioning_length(c)) {
+  if (tick < 0 || tick >= conditioning_ticks(c)) {
     return 0;
   }
   const int32_t phase = tick % (2 * ramp);

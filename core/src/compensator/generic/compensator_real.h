@@ -3,15 +3,15 @@
    model; internally, demand and current are fractions of full scale. */
 
 /* 2^-15: tolerance of a signal beyond a limit. */
-#define FRACTION_TOLERANCE ((number)3.0517578125e-5)
-#define DEMAND_TOLERANCE FRACTION_TOLERANCE
-#define CURRENT_TOLERANCE FRACTION_TOLERANCE
+#define SIGNAL_TOLERANCE ((number)3.0517578125e-5)
+#define DEMAND_TOLERANCE SIGNAL_TOLERANCE
+#define CURRENT_TOLERANCE SIGNAL_TOLERANCE
 /* The largest current whose flux is searched for, fraction of full scale. */
 #define MAX_CURRENT ((number)2)
 
 typedef struct {
   const entry *words; /* words of the block, advanced to the segment */
-  number part;        /* position on the segment, 0..1 */
+  number fraction;    /* position on the segment, 0..1 */
 } gap_position;
 
 static number current_in_units(const compensator *c)
@@ -36,7 +36,7 @@ static number gap_fraction(const compensator *c, number gap)
 
 static int is_in_gap_range(number fraction)
 {
-  return fraction >= -FRACTION_TOLERANCE && fraction <= (number)1 + FRACTION_TOLERANCE;
+  return fraction >= -SIGNAL_TOLERANCE && fraction <= (number)1 + SIGNAL_TOLERANCE;
 }
 
 static gap_position locate_gap(const entry *words, number fraction)
@@ -51,13 +51,13 @@ static gap_position locate_gap(const entry *words, number fraction)
 static number interpolate_over_gap(gap_position position, entry first)
 {
   const entry *entry_below = position.words + (int32_t)first;
-  return entry_below[0] + (entry_below[1] - entry_below[0]) * position.part;
+  return entry_below[0] + (entry_below[1] - entry_below[0]) * position.fraction;
 }
 
-static number bias_of(number over_gap) { return over_gap; }
+static number bias_from_table(number over_gap) { return over_gap; }
 static number limit_bias(number bias) { return bias; }
-static number add_arms(number a, number b) { return a + b; }
-static number product(number a, number weight) { return a * weight; }
+static number add_coefficients(number a, number b) { return a + b; }
+static number multiply(number a, number weight) { return a * weight; }
 static number add(number a, number b) { return a + b; }
 static number subtract(number a, number b) { return a - b; }
 static number word_to_signal(number word) { return word; }
@@ -68,7 +68,7 @@ static int is_finite(number a) { return absolute(a) <= (number)3e38; }
 /* Returns the square root of a number that is not negative, intended for 0..1. Below the knee,
    2^(-2*knee), the function is linear. From the knee to 1, the relative error is below 1 ulp in
    single precision and 1e-14 in double precision. */
-static number root(number a, int32_t knee)
+static number root_with_knee(number a, int32_t knee)
 {
   const number steepness = (number)((int32_t)1 << knee);
   number scale = (number)0.5;
@@ -97,18 +97,18 @@ static number root(number a, int32_t knee)
 
 static number output_to_flux(const entry *words, number above_offset, gap_position position)
 {
-  number part = above_offset;
+  number relative_flux = above_offset;
   if (words[ANHYST_WORD_POWER] == (entry)2) {
-    part = root(above_offset > (number)0 ? above_offset : (number)0,
-                (int32_t)words[ANHYST_WORD_ROOT_KNEE]);
+    relative_flux = root_with_knee(above_offset > (number)0 ? above_offset : (number)0,
+                                   (int32_t)words[ANHYST_WORD_ROOT_KNEE]);
   }
-  return part * interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
+  return relative_flux * interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
 }
 
 static number flux_limit(const entry *words) { return words[ANHYST_WORD_FLUX_LIMIT]; }
 static number limit_flux(number flux) { return clamp(flux, (number)-1, (number)1); }
 
-static number to_inner_flux(const entry *words, number flux)
+static number to_internal_flux(const entry *words, number flux)
 {
   (void)words;
   return flux;
@@ -116,11 +116,11 @@ static number to_inner_flux(const entry *words, number flux)
 
 static number flux_to_output(const entry *words, number flux, gap_position position)
 {
-  const number part = flux / interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
+  const number relative_flux = flux / interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
   if (words[ANHYST_WORD_POWER] == (entry)1) {
-    return part;
+    return relative_flux;
   }
-  const number flux_size = absolute(part);
+  const number flux_size = absolute(relative_flux);
   const number steepness = (number)((int32_t)1 << (int32_t)words[ANHYST_WORD_ROOT_KNEE]);
   return flux_size * steepness < (number)1 ? flux_size / steepness : flux_size * flux_size;
 }
@@ -128,13 +128,13 @@ static number flux_to_output(const entry *words, number flux, gap_position posit
 static number current_limit(const entry *words, int16_t word) { return words[word]; }
 
 /* Convert the inner current to the result of a solve, and back. */
-static number to_outer_current(const entry *words, number current)
+static number to_external_current(const entry *words, number current)
 {
   (void)words;
   return current;
 }
 
-static number to_inner_current(const entry *words, number current)
+static number to_internal_current(const entry *words, number current)
 {
   (void)words;
   return clamp(current, -MAX_CURRENT, MAX_CURRENT);

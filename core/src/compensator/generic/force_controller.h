@@ -4,7 +4,7 @@
    depend on the format are included before: ../force_controller.c for q31, force_controller_real.h
    for floating point. */
 
-static int are_limits(ANHYST_REAL low, ANHYST_REAL high)
+static int are_current_limits_valid(ANHYST_REAL low, ANHYST_REAL high)
 {
   return is_finite(low) && is_finite(high) && low <= high;
 }
@@ -61,13 +61,13 @@ static ANHYST_REAL expected_by_map(const anhyst_force_controller_x *c, ANHYST_RE
 }
 
 /* A map has no hysteresis state. */
-static int32_t no_conditioning_length(const anhyst_force_controller_x *c)
+static int32_t no_conditioning_ticks(const anhyst_force_controller_x *c)
 {
   (void)c;
   return 0;
 }
 
-static ANHYST_REAL no_conditioning(const anhyst_force_controller_x *c, int32_t tick)
+static ANHYST_REAL no_conditioning_current(const anhyst_force_controller_x *c, int32_t tick)
 {
   (void)c;
   (void)tick;
@@ -76,7 +76,7 @@ static ANHYST_REAL no_conditioning(const anhyst_force_controller_x *c, int32_t t
 
 static void no_demagnetise(anhyst_force_controller_x *c) { (void)c; }
 
-static void no_carry(anhyst_force_controller_x *c, const anhyst_block_x *block)
+static void no_state_transfer(anhyst_force_controller_x *c, const anhyst_block_x *block)
 {
   (void)c;
   (void)block;
@@ -87,10 +87,11 @@ anhyst_status anhyst_force_controller_init_map_x(anhyst_force_controller_x *c,
                                                  ANHYST_REAL high)
 {
   static const anhyst_force_method_x by_map = {
-      solve_by_map,    commit_by_map,  expected_by_map, no_conditioning_length,
-      no_conditioning, no_demagnetise, no_carry};
+      solve_by_map,          commit_by_map,           expected_by_map,
+      no_conditioning_ticks, no_conditioning_current, no_demagnetise,
+      no_state_transfer};
   const anhyst_force_controller_x initial = {0};
-  if (anhyst_map_check_x(map) != ANHYST_OK || !are_limits(low, high)) {
+  if (anhyst_map_check_x(map) != ANHYST_OK || !are_current_limits_valid(low, high)) {
     return ANHYST_BAD_PARAMETER;
   }
   *c = initial;
@@ -117,7 +118,7 @@ static ANHYST_REAL commit_by_flux(anhyst_force_controller_x *c, ANHYST_REAL appl
   const ANHYST_REAL added = c->solved == 0U ? integral_current(c) : c->correction;
   const ANHYST_REAL output = force_by_map(c, applied, added, gap);
   if (c->solved != 0U) {
-    advance_flux(c, applied);
+    advance_flux_loop(c, applied);
   }
   c->solved = 0;
   return output;
@@ -129,9 +130,9 @@ anhyst_status anhyst_force_controller_init_flux_x(anhyst_force_controller_x *c,
                                                   ANHYST_REAL high)
 {
   static const anhyst_force_method_x by_flux = {
-      solve_by_flux,   commit_by_flux, expected_by_map, no_conditioning_length,
-      no_conditioning, no_demagnetise, no_carry};
-  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_loop_valid(loop) ||
+      solve_by_flux,           commit_by_flux, expected_by_map,  no_conditioning_ticks,
+      no_conditioning_current, no_demagnetise, no_state_transfer};
+  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_flux_loop_valid(loop) ||
       anhyst_force_controller_init_map_x(c, map, low, high) != ANHYST_OK) {
     return ANHYST_BAD_PARAMETER;
   }
@@ -180,26 +181,22 @@ static ANHYST_REAL expected_by_compensator(const anhyst_force_controller_x *c, A
 
 static int32_t conditioning_ticks(const anhyst_force_controller_x *c)
 {
-  return conditioning_length(&c->compensator);
+  return compensator_conditioning_ticks(&c->compensator);
 }
 
-static ANHYST_REAL conditioning(const anhyst_force_controller_x *c, int32_t tick)
+static ANHYST_REAL conditioning_current(const anhyst_force_controller_x *c, int32_t tick)
 {
   return anhyst_conditioning_x(&c->compensator, tick);
 }
 
-static void carry(anhyst_force_controller_x *c, const anhyst_block_x *block)
+static void transfer_state(anhyst_force_controller_x *c, const anhyst_block_x *block)
 {
-  swap(&c->compensator, block);
+  swap_compensator_block(&c->compensator, block);
 }
 
-const anhyst_force_method_x anhyst_force_by_compensator_x = {solve_by_compensator,
-                                                             commit_by_compensator,
-                                                             expected_by_compensator,
-                                                             conditioning_ticks,
-                                                             conditioning,
-                                                             demagnetise,
-                                                             carry};
+const anhyst_force_method_x anhyst_force_by_compensator_x = {
+    solve_by_compensator, commit_by_compensator, expected_by_compensator, conditioning_ticks,
+    conditioning_current, demagnetise,           transfer_state};
 
 static ANHYST_REAL commit_bypassed(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                    ANHYST_REAL gap)
@@ -213,8 +210,8 @@ void anhyst_force_controller_bypass_x(anhyst_force_controller_x *c, const anhyst
                                       ANHYST_REAL low, ANHYST_REAL high)
 {
   static const anhyst_force_method_x bypassed = {
-      solve_by_map, commit_bypassed, expected_by_map, conditioning_ticks, conditioning, demagnetise,
-      carry};
+      solve_by_map,         commit_bypassed, expected_by_map, conditioning_ticks,
+      conditioning_current, demagnetise,     transfer_state};
   c->method = map != NULL ? &bypassed : &anhyst_force_by_compensator_x;
   c->map = map;
   c->low = low;
@@ -240,7 +237,7 @@ static ANHYST_REAL commit_fused(anhyst_force_controller_x *c, ANHYST_REAL applie
   const ANHYST_REAL added = solved == 0U ? integral_current(c) : c->correction;
   const ANHYST_REAL output = commit_by_compensator(c, anhyst_sub_x(applied, added), gap);
   if (solved != 0U) {
-    advance_flux(c, applied);
+    advance_flux_loop(c, applied);
     limit_integral(c);
   }
   return output;
@@ -251,10 +248,10 @@ anhyst_status anhyst_force_controller_fuse_x(anhyst_force_controller_x *c,
                                              ANHYST_REAL high)
 {
   static const anhyst_force_method_x fused = {
-      solve_fused, commit_fused, expected_by_compensator, conditioning_ticks, conditioning,
-      demagnetise, carry};
-  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_loop_valid(loop) ||
-      !are_limits(low, high)) {
+      solve_fused,          commit_fused, expected_by_compensator, conditioning_ticks,
+      conditioning_current, demagnetise,  transfer_state};
+  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_flux_loop_valid(loop) ||
+      !are_current_limits_valid(low, high)) {
     return ANHYST_BAD_PARAMETER;
   }
   c->method = &fused;

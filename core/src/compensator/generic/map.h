@@ -6,7 +6,7 @@
    range. */
 static inline int is_map_valid(const map_type *map)
 {
-  if (!has_shape(map)) {
+  if (!is_shape_valid(map)) {
     return 0;
   }
   const entry *entry_now = map->entries;
@@ -30,34 +30,34 @@ static inline int is_map_valid(const map_type *map)
 typedef struct {
   const entry *first; /* first entry of the row below */
   size_t length;
-  number part;
+  number fraction;
 } table_row;
 
-static inline table_row row_at(const map_type *map, number gap)
+static inline table_row row_at_gap(const map_type *map, number gap)
 {
   const table_position position = locate_gap(map, gap);
   const size_t length = columns_of(map) + 1U;
-  const table_row row = {map->entries + position.index * length, length, position.part};
+  const table_row row = {map->entries + position.index * length, length, position.fraction};
   return row;
 }
 
 static inline number column_value(const table_row *row, size_t column)
 {
   const entry *below = row->first + column;
-  return interpolate(below[0], below[row->length], row->part);
+  return interpolate(below[0], below[row->length], row->fraction);
 }
 
 static inline number map_value(const map_type *map, number force, number gap)
 {
-  const table_row row = row_at(map, gap);
+  const table_row row = row_at_gap(map, gap);
   const table_position position = locate_force(map, force);
   const number low = column_value(&row, position.index);
-  return low + multiply_by_part(column_value(&row, position.index + 1U) - low, position.part);
+  return low + times_fraction(column_value(&row, position.index + 1U) - low, position.fraction);
 }
 
 static inline number map_force(const map_type *map, number value, number gap)
 {
-  const table_row row = row_at(map, gap);
+  const table_row row = row_at_gap(map, gap);
   size_t above = columns_of(map);
   table_position position = {0, 0};
   while (above - position.index > 1U) {
@@ -71,9 +71,9 @@ static inline number map_force(const map_type *map, number value, number gap)
   const number low = column_value(&row, position.index);
   const number high = column_value(&row, above);
   if (value >= high) {
-    position.part = ONE;
+    position.fraction = ONE;
   } else if (value > low) {
-    position.part = ratio_of(value - low, high - low);
+    position.fraction = quotient_below_one(value - low, high - low);
   }
   return force_at(map, position);
 }

@@ -26,7 +26,7 @@ static uint16_t read_exponent(entry word, uint16_t largest)
 
 /* Returns the number of entries of each table, or 0 if head, sizes, positions of the tables and
    checksum are not consistent. */
-static uint16_t check_frame(const entry *words, uint16_t capacity)
+static uint16_t check_layout(const entry *words, uint16_t capacity)
 {
   if (capacity < (uint16_t)ANHYST_BLOCK_LEAST_WORDS) {
     return 0;
@@ -55,7 +55,7 @@ static uint16_t check_frame(const entry *words, uint16_t capacity)
    leaves the format. */
 static int are_branches_rising(const law_type *law, uint16_t entries)
 {
-  const size_t last = columns_of(&law->map);
+  const size_t last_column = columns_of(&law->map);
   size_t column = 0;
   for (uint16_t i = 0; i < entries; i++) {
     const number value = law->map.entries[i];
@@ -70,15 +70,15 @@ static int are_branches_rising(const law_type *law, uint16_t entries)
         return 0;
       }
     }
-    column = column < last ? column + 1U : 0U;
+    column = column < last_column ? column + 1U : 0U;
   }
   return 1;
 }
 
-static anhyst_status init(play_type *c, const entry *words, uint16_t capacity)
+static anhyst_status init_play_map(play_type *c, const entry *words, uint16_t capacity)
 {
   play_type initial = {0};
-  const uint16_t entries = check_frame(words, capacity);
+  const uint16_t entries = check_layout(words, capacity);
   if (entries == 0U) {
     return ANHYST_BAD_PARAMETER;
   }

@@ -8,12 +8,12 @@ typedef struct {
   table_row half;
   number descending; /* largest value whose current is on the descending branch */
   number ascending;  /* smallest value whose current is on the ascending branch */
-} section;
+} gap_law;
 
-static section section_at(const play_type *c, number gap)
+static gap_law law_at_gap(const play_type *c, number gap)
 {
-  section found;
-  found.map = row_at(&c->law.map, gap);
+  gap_law found;
+  found.map = row_at_gap(&c->law.map, gap);
   found.half = found.map;
   found.half.first = c->law.half + (found.map.first - c->law.map.entries);
   found.descending = subtract(c->play, c->law.radius);
@@ -22,12 +22,12 @@ static section section_at(const play_type *c, number gap)
 }
 
 /* Returns bounded((value - b)/radius). */
-static inline number side_at(const play_type *c, const section *at, number value)
+static inline number branch_position_at(const play_type *c, const gap_law *at, number value)
 {
   if (value >= at->ascending) {
     return ONE;
   }
-  return value <= at->descending ? -ONE : side_from_distance(&c->law, value - c->play);
+  return value <= at->descending ? -ONE : branch_position_from_distance(&c->law, value - c->play);
 }
 
 /* Returns value + half*side; exact on both branches. */
@@ -36,23 +36,23 @@ static inline number current_at(number value, number half, number side)
   if (side == ONE) {
     return value + half;
   }
-  return side == -ONE ? value - half : value + multiply_by_part(side, half);
+  return side == -ONE ? value - half : value + times_fraction(side, half);
 }
 
 /* Sets a point to a column; part is its position on the segment of the search, 0 or 1. */
-static void set_point_to_column(point *at, const play_type *c, const section *slice, size_t column,
+static void set_point_to_column(point *at, const play_type *c, const gap_law *slice, size_t column,
                                 number part)
 {
   at->part = part;
   at->value = column_value(&slice->map, column);
   at->half = column_value(&slice->half, column);
-  at->side = side_at(c, slice, at->value);
+  at->side = branch_position_at(c, slice, at->value);
   at->current = current_at(at->value, at->half, at->side);
 }
 
 static number interpolate_between(number from, number to, number part)
 {
-  return from + multiply_by_part(to - from, part);
+  return from + times_fraction(to - from, part);
 }
 
 static uint16_t gap_flag(const play_type *c, number gap)
@@ -60,22 +60,22 @@ static uint16_t gap_flag(const play_type *c, number gap)
   return is_gap_in_range(&c->law.map, gap) ? 0U : ANHYST_GAP_LIMITED;
 }
 
-static number solve(play_type *c, number demand, number gap)
+static number solve_demand(play_type *c, number demand, number gap)
 {
-  const section slice = section_at(c, gap);
+  const gap_law slice = law_at_gap(c, gap);
   c->demand = limit_demand(&c->law.map, demand);
   c->gap = gap;
   const table_position position = locate_force(&c->law.map, c->demand);
   const size_t next = position.index + 1U;
   c->column = (uint16_t)position.index;
-  c->at.part = position.part;
+  c->at.part = position.fraction;
   c->at.value = interpolate_between(column_value(&slice.map, position.index),
-                                    column_value(&slice.map, next), position.part);
+                                    column_value(&slice.map, next), position.fraction);
   c->at.half = interpolate_between(column_value(&slice.half, position.index),
-                                   column_value(&slice.half, next), position.part);
-  c->at.side = side_at(c, &slice, c->at.value);
+                                   column_value(&slice.half, next), position.fraction);
+  c->at.side = branch_position_at(c, &slice, c->at.value);
   c->at.current = current_at(c->at.value, c->at.half, c->at.side);
-  const number current = limit(c->at.current, c->low, c->high);
+  const number current = clamp(c->at.current, c->low, c->high);
   c->solved = 1;
   uint16_t flags = gap_flag(c, gap);
   if (c->demand != demand) {
@@ -100,13 +100,13 @@ typedef struct {
 
 /* Returns the column at the start of the segment that contains a current. Returns the first or the
    last segment between two columns if the current is outside. Tries two columns, then bisects. */
-static size_t find_column(const play_type *c, const section *slice, size_t below, size_t above,
+static size_t find_column(const play_type *c, const gap_law *slice, size_t below, size_t above,
                           size_t probe, size_t second, number current)
 {
   while (above - below > 1U) {
     const number value = column_value(&slice->map, probe);
     const number half = column_value(&slice->half, probe);
-    if (current_at(value, half, side_at(c, slice, value)) <= current) {
+    if (current_at(value, half, branch_position_at(c, slice, value)) <= current) {
       below = probe;
     } else {
       above = probe;
@@ -125,7 +125,7 @@ static void split_at_corner(number edge, number side, number current, search_int
   const point *start = span->start;
   const point *end = span->end;
   const number x =
-      fine_quotient(absolute(edge - start->value), absolute(end->value - start->value));
+      precise_quotient(absolute(edge - start->value), absolute(end->value - start->value));
   corner->part = interpolate_between(start->part, end->part, x);
   corner->value = edge;
   corner->half = interpolate_between(start->half, end->half, x);
@@ -144,14 +144,14 @@ static void split_at_corner(number edge, number side, number current, search_int
      start + x*(whole - bend*(1 - x)),  |bend| <= whole.
 
    Newton steps from x = 0 solve this equation. */
-static number solve_part(const search_interval *span, number current)
+static number solve_in_interval(const search_interval *span, number current)
 {
   number total_rise = difference(span->end->current, span->start->current);
   number residual = difference(current, span->start->current);
   number bend = 0;
   if (span->start->side != span->end->side) {
-    bend = multiply_by_part(difference(span->end->side, span->start->side),
-                            span->end->half - span->start->half);
+    bend = times_fraction(difference(span->end->side, span->start->side),
+                          span->end->half - span->start->half);
   }
   if (total_rise < 0) {
     total_rise = -total_rise;
@@ -166,10 +166,10 @@ static number solve_part(const search_interval *span, number current)
   }
   const number start = total_rise - bend;
   number x = quotient_up_to_one(residual, start);
-  for (int16_t i = 0; i < PLAY_STEPS; i++) {
-    const number bend_at_x = multiply_by_part(bend, x);
-    const number remaining = residual - multiply_by_part(start + bend_at_x, x);
-    if (is_rounding(remaining, span->start->current, span->end->current)) {
+  for (int16_t i = 0; i < MAX_NEWTON_STEPS; i++) {
+    const number bend_at_x = times_fraction(bend, x);
+    const number remaining = residual - times_fraction(start + bend_at_x, x);
+    if (is_rounding_error(remaining, span->start->current, span->end->current)) {
       break;
     }
     const number step_size = quotient_up_to_one(absolute(remaining), start + 2 * bend_at_x);
@@ -184,7 +184,7 @@ static number solve_part(const search_interval *span, number current)
 
 /* Finds the segment of a current. Usually it is the segment of the last solve, for a current
    rounded by a D/A converter, or its neighbour. */
-static void find_segment(const play_type *c, const section *slice, int is_solved, number current,
+static void find_segment(const play_type *c, const gap_law *slice, int is_solved, number current,
                          search_interval *span)
 {
   size_t below = 0;
@@ -222,7 +222,7 @@ static void find_segment(const play_type *c, const section *slice, int is_solved
 /* Moves to the force of a current, starting from the present play. */
 static void move_to_current(play_type *c, int is_solved, number current, number gap)
 {
-  const section slice = section_at(c, gap);
+  const gap_law slice = law_at_gap(c, gap);
   search_interval span;
   find_segment(c, &slice, is_solved, current, &span);
   if (span.start->side != span.end->side) {
@@ -233,14 +233,14 @@ static void move_to_current(play_type *c, int is_solved, number current, number 
       split_at_corner(slice.ascending, ONE, current, &span, &span.corners[1]);
     }
   }
-  const number x = solve_part(&span, current);
+  const number x = solve_in_interval(&span, current);
   const table_position position = {span.column,
                                    interpolate_between(span.start->part, span.end->part, x)};
   c->demand = limit_demand(&c->law.map, force_at(&c->law.map, position));
   c->at.value = interpolate_between(span.start->value, span.end->value, x);
 }
 
-static number commit(play_type *c, number applied, number gap)
+static number commit_current(play_type *c, number applied, number gap)
 {
   const int is_solved = c->solved != 0U && gap == c->gap;
   if (!is_solved) {
@@ -257,6 +257,6 @@ static number commit(play_type *c, number applied, number gap)
     move_to_current(c, is_solved, applied, gap);
   }
   const number radius = c->law.radius;
-  c->play = limit(c->play, subtract(c->at.value, radius), add(c->at.value, radius));
+  c->play = clamp(c->play, subtract(c->at.value, radius), add(c->at.value, radius));
   return c->demand;
 }

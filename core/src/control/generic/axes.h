@@ -8,9 +8,9 @@ anhyst_status anhyst_axes_init_x(anhyst_axes_x *c, const anhyst_axes_settings_x 
 {
   const anhyst_axes_x initial = {0};
   const uint16_t axes = settings->layout.axes;
-  anhyst_wrench_x share;
+  anhyst_wrench_x allocator;
   int valid =
-      anhyst_wrench_init_x(&share, &settings->layout) == ANHYST_OK && settings->heads >= axes &&
+      anhyst_wrench_init_x(&allocator, &settings->layout) == ANHYST_OK && settings->heads >= axes &&
       settings->heads <= ANHYST_AXES_HEADS &&
       are_rows_valid(settings->see, axes, settings->heads) &&
       are_rows_valid(settings->without, (uint16_t)(settings->heads * axes), settings->heads) &&
@@ -28,7 +28,7 @@ anhyst_status anhyst_axes_init_x(anhyst_axes_x *c, const anhyst_axes_settings_x 
   *c = initial;
   c->settings = settings;
   c->drive = drive;
-  c->share = share;
+  c->share = allocator;
   return ANHYST_OK;
 }
 
@@ -38,7 +38,7 @@ static ANHYST_REAL current_deviation(anhyst_axes_x *c, int i, ANHYST_REAL measur
 {
   const ANHYST_REAL slew = c->settings->slew;
   const ANHYST_REAL command = c->commanded[i];
-  const ANHYST_REAL step = multiply_by_part(anhyst_sub_x(command, c->due[i]), c->settings->follow);
+  const ANHYST_REAL step = times_fraction(anhyst_sub_x(command, c->due[i]), c->settings->follow);
   ANHYST_REAL low;
   ANHYST_REAL high;
   c->due[i] = anhyst_add_x(c->due[i], step > slew ? slew : step < -slew ? -slew : step);
@@ -69,7 +69,7 @@ static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
   for (i = 0; settings->off > 0 && i < (int)settings->layout.drives; i++) {
     const uint16_t bit = (uint16_t)(1U << i);
     const ANHYST_REAL deviation = current_deviation(c, i, sample->current[i]);
-    const int is_current_measured = is_measured(sample->current[i]);
+    const int is_current_measured = is_measurement_present(sample->current[i]);
     if ((c->share.lost & bit) || (is_current_measured && deviation <= settings->off)) {
       c->wrong[i] = 0;
     } else if (is_current_measured) {
@@ -85,7 +85,7 @@ static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
 }
 
 /* Detects lost heads, and starts a landing if necessary. Returns whether the others are valid. */
-static int detect_lost_heads(anhyst_axes_x *c, const ANHYST_REAL *head)
+static int detect_lost_sensors(anhyst_axes_x *c, const ANHYST_REAL *head)
 {
   const anhyst_axes_settings_x *settings = c->settings;
   int are_readings_valid = 1;
@@ -179,7 +179,7 @@ static uint16_t compute_wrench(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
   ANHYST_REAL decoupled[ANHYST_WRENCH_AXES];
   ANHYST_REAL head[ANHYST_AXES_HEADS];
   anhyst_rows_x see = settings->see;
-  int is_plausible = detect_lost_heads(c, sample->head);
+  int is_plausible = detect_lost_sensors(c, sample->head);
   uint16_t flags;
   int k;
   for (k = 0; k < (int)settings->heads; k++) {
@@ -187,7 +187,7 @@ static uint16_t compute_wrench(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
     is_plausible = is_plausible && is_number(head[k]);
   }
   if (c->blind) {
-    see = rows_after(settings->without, (int)c->gone * axes, (int)settings->heads);
+    see = rows_from(settings->without, (int)c->gone * axes, (int)settings->heads);
   }
   move_reference(c);
   measure_pose(settings, see, head, sample->target, error);
@@ -197,11 +197,11 @@ static uint16_t compute_wrench(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
         is_plausible && error[k] <= settings->reach[k] && error[k] >= -settings->reach[k];
   }
   flags = execute_command(c, sample->command, is_plausible, error);
-  multiply(settings->decouple, axes, axes, error, decoupled);
+  multiply_matrix(settings->decouple, axes, axes, error, decoupled);
   for (k = 0; is_plausible && c->flight != ANHYST_AXES_REST && k < axes; k++) {
     c->asked[k] = step_pid(&settings->pid[k], &c->state[k], decoupled[k]);
   }
-  multiply(settings->weigh, axes, axes, c->asked, wrench);
+  multiply_matrix(settings->weigh, axes, axes, c->asked, wrench);
   for (k = 0; k < axes; k++) {
     wrench[k] = anhyst_add_x(wrench[k], sample->forward[k]);
   }

@@ -182,7 +182,7 @@ static void apply_currents(anhyst_position_x *c, const ANHYST_REAL *demanded)
   c->limited = c->flags & (ANHYST_DEMAND_LIMITED | ANHYST_CURRENT_LIMITED | ANHYST_FLUX_LIMITED);
 }
 
-static void commit(anhyst_position_x *c, const ANHYST_REAL *applied)
+static void commit_currents(anhyst_position_x *c, const ANHYST_REAL *applied)
 {
   ANHYST_REAL force = anhyst_force_controller_commit_x(c->magnet[0], applied[0], c->gap[0]);
   if (c->magnet[1] != NULL) {
@@ -205,12 +205,12 @@ void anhyst_position_tick_x(anhyst_position_x *c, const anhyst_position_sample_x
   c->flags = reason != ANHYST_REFUSED_NOT ? ANHYST_COMMAND_REFUSED : 0U;
   update_levitation(c, sample);
   if (measured != 0U) {
-    commit(c, sample->current);
+    commit_currents(c, sample->current);
   }
   compute_currents(c, sample, demanded);
   apply_currents(c, demanded);
   if (measured == 0U) {
-    commit(c, c->current);
+    commit_currents(c, c->current);
   }
   out->current[0] = c->current[0];
   out->current[1] = c->current[1];

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
 /* Converts a number to an integer of levitation.h; NaN becomes the lowest one. */
-static int32_t to_code(ANHYST_REAL a, ANHYST_REAL full)
+static int32_t number_to_code(ANHYST_REAL a, ANHYST_REAL full)
 {
   const ANHYST_REAL part = a / full;
   if (!(part > R(-1.0))) {
@@ -10,29 +10,29 @@ static int32_t to_code(ANHYST_REAL a, ANHYST_REAL full)
   return part >= R(1.0) ? ANHYST_Q31_MAX : (int32_t)(part * R(2147483648.0));
 }
 
-static ANHYST_REAL from_code(int32_t code, ANHYST_REAL full)
+static ANHYST_REAL code_to_number(int32_t code, ANHYST_REAL full)
 {
   return (ANHYST_REAL)code / R(2147483648.0) * full;
 }
 
 static int32_t position_to_code(const anhyst_position_units_x *units, ANHYST_REAL position)
 {
-  return to_code(position, units->position);
+  return number_to_code(position, units->position);
 }
 
 static ANHYST_REAL code_to_position(const anhyst_position_units_x *units, int32_t code)
 {
-  return from_code(code, units->position);
+  return code_to_number(code, units->position);
 }
 
 static int32_t demand_to_code(const anhyst_position_units_x *units, ANHYST_REAL demand)
 {
-  return to_code(demand, units->demand);
+  return number_to_code(demand, units->demand);
 }
 
 static ANHYST_REAL code_to_demand(const anhyst_position_units_x *units, int32_t code)
 {
-  return from_code(code, units->demand);
+  return code_to_number(code, units->demand);
 }
 
 /* Returns whether a is in -1e30..1e30; 0 for NaN. */
