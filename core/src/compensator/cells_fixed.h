@@ -1,26 +1,26 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the play-cell law in fixed point, for generic/cells.h. Fields, plays and
-   magnetisations are q30, positions on a segment (parts) q15. Sums of row values are exact. */
+   magnetisations are q30. A fraction of a segment is q15. Sums of table values are exact. */
 #ifndef ANHYST_CELLS_FIXED_H
 #define ANHYST_CELLS_FIXED_H
 
 #include "formats/block_fixed.h"
 
-typedef unsigned segment_grid;                /* segment width: 2^(15 + grid), q30 */
-typedef anhyst_table_position table_position; /* a position on a table row */
+typedef unsigned segment_grid;                /* exponent n of a segment width of 2^(15 + n), q30 */
+typedef anhyst_table_position table_position; /* position in a table row */
 
 #define MAX_FIELD (ANHYST_Q30_ONE - 1)
 #define MIN_FIELD (-ANHYST_Q30_ONE)
-#define WHOLE_SEGMENT 0x8000 /* as a part */
+#define WHOLE_SEGMENT 0x8000 /* upper end of a segment, as a fraction of its width */
 
 #define POWER_OF_HALF(n) (ANHYST_Q30_ONE >> (n))
 
-/* A quarter of the largest residual that rounding alone can cause. */
+/* Largest residual that rounding errors alone can cause, divided by 4. */
 #define RESIDUAL_DEADBAND 32
 
 static inline int integer_of(entry word) { return word; }
 
-/* Returns a, or -1 - a for a mirror of -1, because -a could leave the range. */
+/* Returns a if mirror is 0, and -1 - a if mirror is -1. The value -a could exceed the range. */
 static inline number mirrored(number a, int mirror)
 {
   return (number)((uint32_t)a ^ (uint32_t)(int32_t)mirror);
@@ -36,14 +36,14 @@ static inline int is_around_zero(number x, number half)
   return (uint32_t)x + (uint32_t)half < 2U * (uint32_t)half;
 }
 
-/* Saturates to -1 .. 1. */
+/* Limits a number to -1..1. */
 static inline number saturate(number a) { return anhyst_sat_q30(a); }
 
-/* Sum and difference; saturating. */
+/* Return the saturated sum and the saturated difference of two numbers. */
 static inline number sum(number a, number b) { return anhyst_add_q31(a, b); }
 static inline number difference(number a, number b) { return anhyst_sub_q31(a, b); }
 
-/* Sum and difference with wrap-around, for numbers from a trial step that may be damaged. */
+/* Sum and difference that wrap around on overflow. A damaged trial step may contain any number. */
 static inline number unsafe_sum(number a, number b) { return (number)((uint32_t)a + (uint32_t)b); }
 static inline number unsafe_difference(number a, number b)
 {
@@ -56,8 +56,8 @@ static inline number four_times(number a) { return anhyst_shl_q31(a, 2); }
 static inline number word_value(entry word) { return (number)word * 32768; }
 static inline number row_value(table_position position) { return anhyst_table_value(position); }
 
-/* Returns the value of another row minus the value of this row at the same position. Requires that
-   the rows differ by less than 1. */
+/* Returns the value of the table row `other` minus the value of the row of `position`, at this
+   position. Requires that the two rows differ by less than 1. */
 static inline number row_difference(table_position position, const entry *other)
 {
   const int32_t low = (int32_t)other[0] - position.segment[0];
@@ -68,13 +68,13 @@ static inline number row_difference(table_position position, const entry *other)
 static inline segment_grid grid_from_halvings(unsigned halvings) { return 15U - halvings; }
 static inline number width_of(segment_grid width) { return (number)((uint32_t)0x8000 << width); }
 
-/* Returns the field at a number of segments from zero. */
+/* Returns the field at a given number of segments from zero field. */
 static inline number segments_to_field(int segments, segment_grid width)
 {
   return (number)((uint32_t)segments << 15 << width);
 }
 
-/* Returns the position of a field on a row; `zero` points to the entry for the field 0. */
+/* Returns the position of a field in a table row. `zero` points to the entry for zero field. */
 static inline table_position locate_from_zero(const entry *zero, number x, segment_grid width)
 {
   const int32_t scaled_field = x >> width;
@@ -82,7 +82,7 @@ static inline table_position locate_from_zero(const entry *zero, number x, segme
   return position;
 }
 
-/* Returns the lower end of the segment that contains x, a multiple of the segment width. */
+/* Returns the lower end of the segment that contains x. It is a multiple of the segment width. */
 static inline number segment_begin(number x, segment_grid width)
 {
   return (number)((uint32_t)(x >> width >> 15) << 15 << width);
@@ -99,10 +99,10 @@ static inline number field_at_fraction(number begin, segment_grid width, number 
   return (number)((uint32_t)begin + ((uint32_t)fraction << width));
 }
 
-/* Limits a position to values below the upper end, because rounding can exceed it. */
+/* Limits a fraction of a segment to values below 1, because a rounded quotient can reach 1. */
 static inline number limit_fraction(number fraction) { return anhyst_sat_u15(fraction); }
 
-/* Returns residual/rise as a position, up to two units too small. Requires 0 <= residual < rise. */
+/* Returns residual/rise as a fraction, up to two LSB too small. Requires 0 <= residual < rise. */
 static inline number divide_to_fraction(number residual, number rise)
 {
   const uint16_t up = anhyst_headroom(rise);
@@ -116,7 +116,7 @@ static inline number multiply_rise(number rise, number fraction)
   return 2 * anhyst_scale(rise, (int16_t)fraction);
 }
 
-/* Segment of a trial step: whether it is known, its width, and its lower end. */
+/* Return whether the segment of a trial step is known, its width, and the field at its start. */
 static inline int has_segment(const candidate *at) { return at->of.cells.fineness - 1U < 15U; }
 static inline segment_grid trial_grid(const candidate *trial) { return trial->of.cells.fineness; }
 
@@ -125,7 +125,7 @@ static inline number trial_begin(const candidate *trial, number x)
   return segment_begin(x, trial->of.cells.fineness);
 }
 
-/* Stores the segment of a trial step: its word in the block, its width and its rise. */
+/* Stores the segment of a trial step: the index of its first block word, its width and its rise. */
 static inline void set_segment(candidate *trial, const entry *words, int segment, number begin,
                                segment_grid width)
 {
@@ -142,7 +142,7 @@ static inline int is_rounding_error(number above, number below, segment_grid wid
   return (uint32_t)above - (uint32_t)below <= (uint32_t)4 << width;
 }
 
-/* Returns whether a flux is valid. Every integer is. */
+/* Returns 1, because every integer is a valid flux. */
 static inline int is_flux_valid(number flux)
 {
   (void)flux;
@@ -154,16 +154,16 @@ static inline number internal_current_limit(const entry *words, int word)
   return word_value(words[word]) >> words[ANHYST_WORD_CURRENT_SHIFT];
 }
 
-/* Maximum difference between two rows. */
+/* Maximum difference between two table rows at the same field. */
 #define MAX_ROW_DIFFERENCE ((int32_t)ANHYST_Q15_MAX * 32768)
-#define MIN_THRESHOLD ((entry)1) /* smallest threshold of a cell */
-/* Rounding error of a weight between two table entries. */
+#define MIN_THRESHOLD ((entry)1) /* smallest threshold of a play cell */
+/* Rounding error of a weight that is interpolated between two table entries. */
 #define WEIGHT_ROUNDING 1
-/* Minimum rise on a segment, larger than rounding errors. */
+/* Smallest rise of a weighted sum over one segment that exceeds rounding errors. */
 #define MIN_SEGMENT_RISE ((number)4)
 #define QUARTER_WEIGHT 16384
 
-/* Bisections of a transfer: the final interval is 2.4e-7. */
+/* Number of bisections in a state transfer. The final field interval is 2.4e-7. */
 #define TRANSFER_BISECTIONS 24
 
 static inline int is_weight_positive(entry word) { return word > 0; }
@@ -173,13 +173,14 @@ static inline number interpolate_line(number low, number high, number numerator,
   return low + anhyst_times_fraction(saturate(high - low), anhyst_ratio(numerator, denominator));
 }
 
-/* Every field and play is already on the grid of its format. */
+/* Returns a, because every field and play in fixed point is already a multiple of the step. */
 static inline number round_to_coarse_grid(number a) { return a; }
 
 #if ANHYST_MEMORIES > 1
-/* Solid iron. Slopes of a field over a flux have 16 fractional bits and a range of 0 to 32768. */
+/* Functions for a solid core. A slope is a field over a flux, 0 to 32768, with 16 fractional
+   bits. */
 
-/* Smallest share of a layer in the cross-section: 2^-9, q15. */
+/* Smallest fraction of the cross-section in one layer: 2^-9, q15. */
 #define MIN_AREA_FRACTION 64
 
 static inline number read_coupling_slope(const entry *words)
@@ -202,7 +203,7 @@ static inline number times_fraction(number a, entry f)
   return anhyst_shl_q31(anhyst_scale(a, f), 1);
 }
 
-/* Returns a times a slope; 0 if the slope is negative. */
+/* Returns a*slope, or 0 if the slope is negative. */
 static number multiply_by_slope(number a, number slope)
 {
   if (slope <= 0) {
@@ -221,8 +222,8 @@ static inline number coupling_field(number flux, number slope)
   return anhyst_shl_q31(anhyst_scale(flux, (int16_t)(slope >> 2)), 2);
 }
 
-/* Returns a/share: the flux of the layer from its part in the section. The residual of the first
-   quotient is divided again and added. */
+/* Returns a/fraction: the flux density of a layer from the flux of the layer. The residual of the
+   first quotient is divided again, and the result is added. */
 static number divide_by_fraction(number a, entry fraction)
 {
   const int32_t inverse = ANHYST_Q31_MAX / (fraction > 0 ? fraction : 1);
@@ -231,7 +232,8 @@ static number divide_by_fraction(number a, entry fraction)
       first, multiply_by_slope(anhyst_sub_q31(a, times_fraction(first, fraction)), inverse));
 }
 
-/* Returns the slope of a segment with this rise (divided by 4), plus `own`. */
+/* Returns the slope of the field over the flux on a segment, plus `coupling_slope`. `rise` is the
+   rise of the flux, divided by 4. */
 static inline number segment_field_slope(number width, number rise, number coupling_slope)
 {
   const int32_t law = anhyst_quotient(width, rise > 0 ? rise : 1) >> 2;
@@ -246,7 +248,7 @@ static inline number secant_slope(number rise, number run)
   return (rise < 0) == (run < 0) && found > 0 ? found : 1;
 }
 
-/* Returns 1/16 of a field of a line, so that fields of up to 32 fit. */
+/* Returns a field divided by 16, so that a load line can have 32 times the largest table field. */
 static inline number to_coarse_field(number a) { return a >> 4; }
 
 static inline number divide_slope(number slope, entry fraction)
@@ -276,14 +278,14 @@ static inline entry slope_fraction(number slope, number other)
   return anhyst_sat_q15(anhyst_quotient(slope, anhyst_add_q31(other, slope)) >> 1);
 }
 
-/* Returns whether the residual of an equation, a field, is at most 2^-15 of the largest field plus
-   the field of a flux of 2^-19. Smaller residuals are below the resolution of the rows. */
+/* Returns whether a residual (a field) is at most 2^-15 of the largest field plus the field of a
+   flux of 2^-19. Smaller residuals are below the resolution of the table rows. */
 static inline int is_residual_small(number residual, number slope)
 {
   return anhyst_abs_q31(residual) <= 32768 + (slope >> 5);
 }
 
-/* Converts a residual to the outstanding flux of a layer and all deeper ones, limited to +-most. */
+/* Converts a residual to the outstanding flux of a layer and all deeper layers, -most..most. */
 static inline number outstanding_flux(const entry *words, number residual, number most)
 {
   const int32_t inverse = ANHYST_Q31_MAX / words[ANHYST_WORD_SOLID_HOLD];
@@ -291,8 +293,9 @@ static inline number outstanding_flux(const entry *words, number residual, numbe
   return anhyst_clamp(flux >> words[ANHYST_WORD_SOLID_HOLD_SHIFT], -most, most);
 }
 
-/* Sets the arms of the equation own*f + x = field - falls*(f - flux), halved until they fit.
-   Returns its target, divided by 4. The field is a result of to_coarse. */
+/* Sets the coefficients of the equation coupling_slope*f + x = field - falls*(f - flux). They are
+   halved until they fit into 16 bits. Returns the target of the equation, divided by 4. `field` is
+   a result of to_coarse_field. */
 static inline number set_load_line(arms_type *arms, number field, number falls,
                                    number coupling_slope, number flux)
 {

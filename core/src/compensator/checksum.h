@@ -6,7 +6,7 @@
 
 #include <stdint.h>
 
-/* Start value; the checksum is the complement of the final value. */
+/* Initial value of the running checksum. The checksum is the complement of its final value. */
 #define ANHYST_CHECKSUM_START 0xFFFFFFFFUL
 
 /* Adds 16 bits to a running checksum. */

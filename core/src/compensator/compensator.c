@@ -5,13 +5,13 @@
 #include "lookup.h"
 
 #define DEMAND_TOLERANCE 0
-/* One q15 code: tolerance of an applied current beyond a limit. */
+/* Tolerance of an applied current beyond its limit: one LSB of a q15 code. */
 #define CURRENT_TOLERANCE ((int32_t)65536)
 
-/* Position of a gap in the tables over the gap. */
+/* Position of a gap in the tables that depend on the gap. */
 typedef struct {
-  const int16_t *words; /* words of the block, advanced to the segment */
-  int32_t fraction;     /* position on the segment, q15 */
+  const int16_t *words; /* block words, advanced by the index of the segment */
+  int32_t fraction;     /* fraction of the segment below the gap, q15 */
 } gap_position;
 
 static void read_scales(anhyst_compensator *c) { (void)c; }
@@ -32,8 +32,7 @@ static gap_position locate_gap(const int16_t *words, int32_t gap)
   return position;
 }
 
-/* Returns the interpolated entry of a table, rounded; `first` is the word of the block that
-   contains the table's index. */
+/* Returns the interpolated, rounded entry of the table that starts at the block word `first`. */
 static int16_t interpolate_over_gap(gap_position position, int16_t first)
 {
   const int16_t *entry_below = position.words + first;
@@ -61,7 +60,7 @@ static int is_finite(int32_t a)
   return 1;
 }
 
-/* Returns the square root of a q31 that is not negative, q30. Below the knee, 2^(-2*knee), the
+/* Returns the square root of a non-negative q31 as a q30. Below the knee, at 2^(-2*knee), the
    function is linear, because the infinite slope of the root would amplify the last bit of a demand
    near zero. Above the knee, the relative error is below 2e-9 plus 1 LSB. */
 static int32_t root_with_knee(int32_t a, int16_t knee)
@@ -71,8 +70,8 @@ static int32_t root_with_knee(int32_t a, int16_t knee)
   }
   const unsigned shift = anhyst_headroom(a) & ~1U;            /* even, because the root halves it */
   const int32_t normalised = (int32_t)((uint32_t)a << shift); /* 2^29..2^31 - 1 */
-  /* Linear start value within 5 %; each Newton step doubles the digits. r is the root times
-     2^15. */
+  /* The linear start value has an error within 5 %. Each Newton step doubles the number of correct
+     digits. r is the root times 2^15. */
   int32_t r = (normalised >> 17) + (normalised >> 19) + 12000;
   r = (r + (normalised >> 1) / r) >> 1;
   r = (r + (normalised >> 1) / r) >> 1;
@@ -82,7 +81,8 @@ static int32_t root_with_knee(int32_t a, int16_t knee)
   return ((r * 16384) + (refined_quotient >> 1)) >> (shift >> 1);
 }
 
-/* Returns the square of a q30 in 0..1, q31: the inverse of root. Error below 2^-15. Saturates. */
+/* Returns the square of a q30 in 0..1 as a q31: inverts root_with_knee. Error below 2^-15.
+   Saturates. */
 static int32_t square_with_knee(int32_t a, int16_t knee)
 {
   if ((a >> (30 - knee)) == 0) {
@@ -91,7 +91,8 @@ static int32_t square_with_knee(int32_t a, int16_t knee)
   return anhyst_shl_q31(anhyst_scale(a, anhyst_sat_q15(a >> 15)), 2);
 }
 
-/* Returns the flux for an output above the offset, q30 divided by 2^ANHYST_WORD_FLUX_SHIFT. */
+/* Returns the flux for an output above the offset, q30 divided by 2^n; n is the block's flux
+   shift. */
 static int32_t output_to_flux(const int16_t *words, int32_t above_offset, gap_position position)
 {
   const int32_t relative_flux =
@@ -119,7 +120,7 @@ static int32_t to_internal_flux(const int16_t *words, int32_t flux)
 
 static int32_t flux_to_output(const int16_t *words, int32_t flux, gap_position position)
 {
-  /* The shift comes first because the quotient alone may exceed 32 bits. */
+  /* Shifts before the division, because the quotient alone may exceed 32 bits. */
   const int32_t flux_size = anhyst_abs_q31(flux) >> (uint16_t)words[ANHYST_WORD_FLUX_SHIFT];
   int32_t relative_flux = 0;
   if (flux_size > 0) {
@@ -133,7 +134,7 @@ static int32_t flux_to_output(const int16_t *words, int32_t flux, gap_position p
   return anhyst_shl_q31(flux < 0 ? -relative_flux : relative_flux, 1);
 }
 
-/* The inner current is q30 divided by 2^ANHYST_WORD_CURRENT_SHIFT. */
+/* An internal current is q30 divided by 2^n. The block states n (ANHYST_WORD_CURRENT_SHIFT). */
 static uint16_t current_shift(const int16_t *words)
 {
   return (uint16_t)(words[ANHYST_WORD_CURRENT_SHIFT] + 1);
@@ -182,7 +183,7 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   return c->current;
 }
 
-/* The limits of the current have 16 bits. Rounding to q15 therefore does not exceed them. */
+/* Limits of the current are 16-bit codes, so that rounding to q15 does not exceed them. */
 int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int16_t gap)
 {
   solve_demand(c, word_to_signal(demand), word_to_signal(gap));
@@ -194,7 +195,7 @@ void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32
   commit_current(c, applied, gap);
 }
 
-/* Commits the solved current if it rounds to the applied code. */
+/* Commits the solved current if it rounds to the applied code, otherwise the applied code. */
 void anhyst_compensator_commit_q15(anhyst_compensator *c, int16_t applied, int16_t gap)
 {
   const int32_t given = word_to_signal(applied);

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The published form of the simplified law as a baseline: eqs. 13 to 15 with eqs. 19 and 20 of the
-   paper, integrated by the explicit Euler method with a fixed number of sub-steps per sample. The
-   bounded state is a linear function of flux and magnetisation. Therefore, a step of the bounded
-   state is the same as a step of the magnetisation, but avoids the paper's small difference of
-   large numbers. */
+/* The published form of the simplified law, as a baseline: eqs. 13 to 15 with eqs. 19 and 20 of the
+   paper. The explicit Euler method integrates it with a fixed number of sub-steps per sample. The
+   hysteresis field u is a linear function of flux and magnetisation. Therefore, a step of u is
+   equivalent to a step of the magnetisation, without the paper's small difference of large
+   numbers. */
 #include "simplified_fixed.h"
 
 #include "generic/simplified.h"
 
-/* Returns 0, because a step starts at the bounded state itself and needs no stored start. */
+/* Returns 0, because a step starts at u itself and needs no stored start. */
 static int32_t stored_path_start(const int16_t *words, int32_t state)
 {
   (void)words;
@@ -16,8 +16,8 @@ static int32_t stored_path_start(const int16_t *words, int32_t state)
   return 0;
 }
 
-/* Returns part*slope, slope in units of 1/1024. Saturates. The slope becomes a weight of 15 bits
-   and an exponent. */
+/* Returns travel*slope, with the slope in units of 1/1024. The result saturates. The slope is
+   converted to a 15-bit weight and an exponent. */
 static int32_t multiply_by_slope(int32_t travel, int32_t slope)
 {
   const uint16_t excess_bits =

@@ -2,7 +2,8 @@
 /* The Jiles-Atherton law in double precision, made from generic/full.h. */
 #include "formats/f64.h"
 
-/* So short that a solution is as exact as the format. */
+/* Longest Newton step without an evaluation after it. Its error is below the rounding of a
+   double. */
 #define MAX_TANGENT_STEP (ONE / 1073741824)
 #include "generic/full_real.h"
 

@@ -8,13 +8,13 @@
 /* maximum slope, in units of 1/1024 */
 #define ANHYST_MAX_SLOPE 32767
 
-/* Position of a number in a table of equal segments. */
+/* Position of a number in a table with equal segments. */
 typedef struct {
   const int16_t *segment; /* lower end of the segment */
-  int32_t fraction;       /* position on the segment, 0..32768 */
+  int32_t fraction;       /* position within the segment, 0..32768 */
 } anhyst_table_position;
 
-/* Returns the value at a position: entries q15, result q30, exact except for the last place. */
+/* Returns the value at a position: entries q15, result q30, exact except for the last bit. */
 static inline int32_t anhyst_table_value(anhyst_table_position position)
 {
   const int32_t low = position.segment[0];
@@ -33,7 +33,7 @@ static inline int32_t anhyst_quotient(int32_t numerator, int32_t denominator)
   return down >= up ? anhyst_shl_q31(ratio, (uint16_t)(down - up)) : ratio >> (up - down);
 }
 
-/* Returns a*part, rounded down, with an error within 4 LSB. part is a q31 that is not negative. */
+/* Returns a*fraction, rounded down, with an error of up to 4 LSB. Requires a q31 fraction >= 0. */
 static inline int32_t anhyst_times_fraction(int32_t a, int32_t fraction)
 {
   const int16_t high = (int16_t)(fraction >> 16);
@@ -41,7 +41,7 @@ static inline int32_t anhyst_times_fraction(int32_t a, int32_t fraction)
   return 2 * anhyst_scale(a, high) + (anhyst_scale(a, low) >> 14);
 }
 
-/* Returns numerator/denominator, q31, rounded down, bitwise. Requires 0 <= numerator <
+/* Returns numerator/denominator, q31, rounded down, by bitwise division. Requires 0 <= numerator <
    denominator. */
 static inline int32_t anhyst_ratio(int32_t numerator, int32_t denominator)
 {

@@ -13,13 +13,13 @@ typedef int32_t number; /* q31 */
 typedef int16_t entry;  /* q15 */
 typedef anhyst_map_q31 map_type;
 
-/* Maximum size of an entry, and of the difference between neighbours. */
+/* Maximum size of an entry, and of the difference between adjacent entries. */
 #define MAX_ENTRY ((number)ANHYST_Q15_MAX)
 
-/* Position of a signal in 2^n equal segments. */
+/* Position of a signal in a table with 2^n equal segments. */
 typedef struct {
-  size_t index;    /* of the segment */
-  number fraction; /* position on the segment, 0..1 */
+  size_t index;    /* index of the segment */
+  number fraction; /* position within the segment, 0..1 */
 } table_position;
 
 static inline table_position locate_signal(number signal, uint16_t n)
@@ -43,7 +43,7 @@ static inline table_position locate_force(const map_type *map, number force)
 static inline size_t columns_of(const map_type *map) { return (size_t)1U << map->force_segments; }
 static inline size_t rows_of(const map_type *map) { return (size_t)1U << map->gap_segments; }
 
-/* Returns the force at a position. */
+/* Returns the force at a position in the table. */
 static inline number force_at(const map_type *map, table_position at)
 {
   return (number)((uint32_t)at.index << (31U - map->force_segments)) +
@@ -56,10 +56,10 @@ static inline int is_shape_valid(const map_type *map)
          map->gap_segments <= ANHYST_MAP_GAP_SEGMENTS;
 }
 
-/* Returns a*part, rounded down, with an error within 4 LSB. */
+/* Returns a*f, rounded down, with an error of up to 4 LSB. */
 static inline number times_fraction(number a, number f) { return anhyst_times_fraction(a, f); }
 
-/* Interpolates between two entries. */
+/* Interpolates linearly between two entries. */
 static inline number interpolate(entry from, entry to, number fraction)
 {
   const int16_t rise = (int16_t)((int32_t)to - from);

@@ -21,7 +21,7 @@ static number add(number a, number b) { return anhyst_add_q31(a, b); }
 static number subtract(number a, number b) { return anhyst_sub_q31(a, b); }
 static number clamp(number a, number low, number high) { return anhyst_clamp(a, low, high); }
 
-/* Limits a demand to the forces of the map: 0 to the largest code (the last column). */
+/* Limits a demand to the forces of the map: from 0 to the largest code, the last column. */
 static number limit_demand(const map_type *map, number demand)
 {
   (void)map;
@@ -40,7 +40,7 @@ static number branch_position_from_distance(const law_type *law, number distance
   return 4 * anhyst_scale(distance * ((int32_t)1 << law->shift), law->steepness);
 }
 
-/* Returns a difference of two currents, divided by 4 so that it stays in the format. It is compared
+/* Returns a difference of two currents, divided by 4 so that it does not overflow. It is compared
    only with other results of this function. */
 static number difference(number a, number b) { return (a >> 2) - (b >> 2); }
 
@@ -59,7 +59,8 @@ static number quotient_up_to_one(number numerator, number denominator)
   return (int32_t)((ratio << 15) >> (up - down));
 }
 
-/* Returns the same quotient with 28 bits: the remainder gives a second digit. numerator >= 0. */
+/* Returns numerator/denominator with 28 bits. The division of the remainder gives the lower 14
+   bits. Requires numerator >= 0. */
 static number precise_quotient(number numerator, number denominator)
 {
   if (numerator == 0) {
@@ -70,7 +71,7 @@ static number precise_quotient(number numerator, number denominator)
   return remainder > 0 ? add(first, quotient_up_to_one(remainder, denominator)) : first;
 }
 
-/* Returns whether a difference of two currents is only rounding. */
+/* Returns whether a difference of two currents is only a rounding error. */
 static int is_rounding_error(number remaining, number start, number end)
 {
   (void)start;
@@ -87,14 +88,14 @@ static uint32_t add_word_to_checksum(uint32_t sum, entry word)
 
 static number word_to_current(entry word) { return (number)word * 65536; }
 
-/* Returns 2^-15 of full scale: rounding of a D/A converter may exceed a limit by this. */
+/* Returns 2^-15 of full scale. Rounding in a D/A converter may exceed a limit by this amount. */
 static number current_tolerance(const entry *words)
 {
   (void)words;
   return 65536;
 }
 
-/* Reads the sizes and the play; the range of forces starts at 0. Returns whether they are valid. */
+/* Reads the table sizes and the play. Forces start at 0. Returns whether all words are valid. */
 static int read_scales(law_type *law, const entry *words)
 {
   const entry steepness = words[ANHYST_WORD_PLAY_STEEPNESS];

@@ -7,7 +7,7 @@
 #include "checksum.h"
 
 typedef float number;
-typedef uint32_t pattern; /* as wide as a number */
+typedef uint32_t pattern; /* unsigned integer with the size of a number */
 typedef anhyst_map_f32 map_type;
 typedef anhyst_play_law_f32 law_type;
 typedef anhyst_play_point_f32 point;

@@ -7,7 +7,7 @@
 #include "checksum.h"
 
 typedef double number;
-typedef uint64_t pattern; /* as wide as a number */
+typedef uint64_t pattern; /* unsigned integer with the size of a number */
 typedef anhyst_map_f64 map_type;
 typedef anhyst_play_law_f64 law_type;
 typedef anhyst_play_point_f64 point;

@@ -68,7 +68,7 @@ static void multiply_matrix(anhyst_rows_q31 matrix, int rows, int columns, const
 static void measure_pose(const anhyst_axes_settings_q31 *settings, anhyst_rows_q31 see,
                          const int32_t *head, const int32_t *target, int32_t *pose)
 {
-  (void)target; /* only floating point supports heads that are fixed to the ground */
+  (void)target; /* only floating point supports sensors on the ground */
   multiply_matrix(see, (int)settings->layout.axes, (int)settings->heads, head, pose);
 }
 

@@ -12,7 +12,7 @@ anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
   return are_limits_valid && are_rates_valid ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
-/* Resets phase and faults. The next sample is checked only for its range. */
+/* Resets phase and faults. The next position is only checked for its range. */
 static void reset_phase(anhyst_levitation *l)
 {
   l->phase = ANHYST_PHASE_REST;
@@ -39,8 +39,8 @@ static int32_t step_towards(int32_t from, int32_t to, int32_t step)
   return anhyst_clamp(to, anhyst_sub_q31(from, step), anhyst_add_q31(from, step));
 }
 
-/* Returns whether the change since the last plausible position is possible: at most one step for
-   each tick between the two. */
+/* Returns whether the change since the last plausible position is possible: at most one step per
+   tick. */
 static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t position)
 {
   const int32_t ticks = (int32_t)l->supervisor.age + 1;
@@ -83,7 +83,7 @@ static void handle_lost_position(anhyst_levitation *l)
   }
 }
 
-/* Starts control at the present position, with the present demand. */
+/* Starts closed-loop control at the present position, with the present demand. */
 static void start_control(anhyst_levitation *l, uint16_t phase)
 {
   l->phase = phase;
@@ -91,14 +91,14 @@ static void start_control(anhyst_levitation *l, uint16_t phase)
   l->begins = 1;
 }
 
-/* Processes the sample: leaves selftest, enters a fault, or leaves a fall. */
+/* Processes a sample: may leave state SELFTEST, enter state FAULT, or leave phase FALL. */
 static void process_sample(anhyst_levitation *l, const anhyst_levitation_limits *limits,
                            const anhyst_levitation_input *input)
 {
   const uint16_t fault = find_fault(l, limits, input);
   if (anhyst_supervisor_sample(&l->supervisor, fault, limits->max_missing_samples,
                                limits->selftest)) {
-    /* Otherwise, a position that jumped would count as plausible again after enough ticks. */
+    /* Otherwise, a position that jumped would count as plausible again after some ticks. */
     l->lost |= fault == ANHYST_FAULT_POSITION_STEP ? 1U : 0U;
     handle_lost_position(l);
   }
@@ -156,7 +156,7 @@ void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int 
 
 static void run_breakaway(anhyst_levitation *l, const anhyst_levitation_settings *settings)
 {
-  if (l->tick == 0) { /* first tick after the command: the armature is at rest */
+  if (l->tick == 0) { /* first tick after the command: the armature still rests */
     l->rest = l->position;
     l->tick = 1;
   }
@@ -203,7 +203,7 @@ static void move_reference(anhyst_levitation *l, const anhyst_levitation_setting
   }
 }
 
-/* Executes this tick of the phase, and selects the next phase. */
+/* Executes one tick of the phase, and selects the next phase. */
 static void advance_phase(anhyst_levitation *l, const anhyst_levitation_limits *limits,
                           const anhyst_levitation_settings *settings,
                           const anhyst_levitation_input *input)
@@ -229,7 +229,7 @@ static void advance_phase(anhyst_levitation *l, const anhyst_levitation_limits *
                    : ANHYST_PHASE_REST;
     break;
   default:
-    /* The first reference is the position itself, so that the start of control is bumpless. */
+    /* The first reference is the position itself, so that control starts without a jump. */
     if (l->begins == 0U) {
       move_reference(l, settings, anhyst_clamp(input->target, limits->low, limits->high));
     }

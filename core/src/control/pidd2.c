@@ -19,12 +19,12 @@ int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
                                int32_t position, int32_t load,
                                anhyst_pidd2_candidate_q31 *candidate)
 {
-  const int32_t y = position >> 1; /* q30, so that differences of two such numbers fit */
+  const int32_t y = position >> 1; /* q30, so that differences do not overflow */
   const int32_t r = reference >> 1;
   const int32_t weighted = r + anhyst_scale(reference, gains->unweighted); /* 0..r */
 
-  /* A filter moves by its derivative. Therefore, a derivative needs no state of its own, and
-     rounding errors are not integrated. */
+  /* The change of a filter's output in a tick is the filtered derivative. Therefore, a derivative
+     needs no state of its own, and rounding errors are not integrated. */
   const int32_t first = anhyst_factor_product(state->position - y, gains->smoothing);
   const int32_t second =
       anhyst_factor_product(anhyst_sub_q31(state->velocity, first), gains->smoothing_2);
@@ -47,14 +47,14 @@ int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
 void anhyst_pidd2_commit_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_state_q31 *state,
                              const anhyst_pidd2_candidate_q31 *candidate, int32_t applied)
 {
-  /* Exactly zero if the output was applied without a change. */
+  /* This difference is exactly zero if the output was applied unchanged. */
   const int32_t not_applied = anhyst_sub_q31(applied >> 3, candidate->wanted);
   *state = candidate->next;
   state->integral =
       anhyst_add_q31(state->integral, anhyst_factor_product(not_applied, gains->back));
 }
 
-/* Shifts the integral so that the output changes from one number to another, q28. */
+/* Shifts the integral so that the output changes from `from` to `to`, both q28. */
 static void shift_integral(anhyst_pidd2_state_q31 *state, int32_t from, int32_t to)
 {
   state->integral = anhyst_add_q31(state->integral, anhyst_shl_q31(anhyst_sub_q31(to, from), 2));

@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-/* Positions and demands are already the integers of levitation.h. */
+/* Positions and demands are already integers in the format of levitation.h. */
 
 static int32_t position_to_code(const anhyst_position_units_q31 *units, int32_t position)
 {
@@ -75,7 +75,7 @@ static int are_settings_valid(const anhyst_position_limits_q31 *limits,
 
 #include "generic/position.h"
 
-/* Sets the currents that the force controllers now give for the demand of the last tick. */
+/* Computes the currents of the force controllers again, for the demand of the last tick. */
 static void recompute_currents(anhyst_position_q31 *c, int32_t *demanded)
 {
   const int32_t step = c->levitation.supervisor.step;
@@ -84,7 +84,7 @@ static void recompute_currents(anhyst_position_q31 *c, int32_t *demanded)
   switch (c->levitation.phase) {
   case ANHYST_PHASE_REST:
   case ANHYST_PHASE_FALL:
-    break; /* on the ramp from the driven currents to zero, which does not depend on the method */
+    break; /* the ramp to zero does not depend on the method */
   case ANHYST_PHASE_CONDITION:
     for (int i = 0; i < magnet_count(c); i++) {
       demanded[i] = anhyst_force_controller_conditioning_q31(c->magnet[i], step > 0 ? step : 0);
@@ -96,7 +96,7 @@ static void recompute_currents(anhyst_position_q31 *c, int32_t *demanded)
   }
 }
 
-/* Starts the fading of the difference between the driven currents and the new demanded ones. */
+/* Stores the jump from the last applied to the newly demanded currents. The jump then decays. */
 static void start_fading(anhyst_position_q31 *c)
 {
   int32_t demanded[ANHYST_POSITION_MAGNETS] = {c->current[0], c->current[1]};
@@ -115,18 +115,20 @@ void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
     anhyst_force_controller_carry_q31(c->magnet[i], words);
   }
   if (supervisor->conditioning != 0U) {
-    supervisor->step = -1; /* starts again */
+    supervisor->step = -1; /* starts the conditioning sequence again */
   }
   start_fading(c);
 }
 
-/* Returns the state of the next tick: the candidate if it waits for the measured current. */
+/* Returns the controller state of the next tick: that of the candidate while it is not
+   committed. */
 static anhyst_pidd2_state_q31 *next_state(anhyst_position_q31 *c)
 {
   return c->pending != 0U ? &c->candidate.next : &c->state;
 }
 
-/* Continues with the net force that the force controllers now expect for the driven currents. */
+/* Sets the net force that the force controllers now expect for the present currents, without a
+   jump. */
 static void match_expected_force(anhyst_position_q31 *c)
 {
   int32_t *integral = &next_state(c)->integral;

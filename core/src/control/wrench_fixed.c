@@ -5,20 +5,21 @@
 
 #define MAX_DRIVES ANHYST_WRENCH_DRIVES
 
-/* Smallest pivot, q30. The others cannot compensate a drive with a smaller pivot. */
+/* Smallest pivot, q30. The other units cannot compensate a unit with a smaller pivot. */
 #define MIN_PIVOT ((int32_t)262144)
 
 /* Rounding error of a force at its bound, q28. */
 #define FORCE_BOUND_TOLERANCE 64
 
-/* State of the search. A unit has one unknown force: a single drive, or a pair, represented by its
-   first drive, with the net force of both. */
+/* State of the search. A unit has one unknown force: that of a single drive, or the net force of a
+   pair, which its first drive represents. */
 typedef struct {
   const anhyst_wrench_way_q31 *method;
-  int32_t projection[MAX_DRIVES][MAX_DRIVES]; /* q30; a copy */
-  int32_t force[MAX_DRIVES];                  /* of each unit, q28 */
-  uint16_t free_units;                        /* units whose force is still unknown, bit mask */
-  int is_copied;                              /* whether apart contains a copy */
+  int32_t projection[MAX_DRIVES][MAX_DRIVES]; /* projection of the free units, q30 */
+  int32_t force[MAX_DRIVES];                  /* force of each unit, q28 */
+  uint16_t free_units;                        /* units with unknown force, bit mask */
+  int is_copied;                              /* whether `projection` is set; otherwise that of
+                                                 `method` */
 } wrench_search;
 
 static int has_bit(uint32_t set, int j) { return (int)(set >> j & 1U); }
@@ -29,7 +30,7 @@ static int is_unit_lost(const anhyst_wrench_q31 *w, int j)
   return has_bit(w->lost, j) && has_bit(w->lost, (int)w->layout->against[j]);
 }
 
-/* Returns the direction of a unit: 1 along its force, -1 against it, 0 both. */
+/* Returns the direction of a unit: 1 along the force of drive j, -1 against it, 0 for both. */
 static int pull_direction(const anhyst_wrench_q31 *w, int j)
 {
   const int other = (int)w->layout->against[j];
@@ -39,7 +40,7 @@ static int pull_direction(const anhyst_wrench_q31 *w, int j)
   return other == j || has_bit(w->lost, other);
 }
 
-/* Returns the largest shift for quotients by this pivot, with numerators up to the pivot's root. */
+/* Returns the largest shift for quotients with this pivot and numerators up to its square root. */
 static uint16_t quotient_shift(int32_t pivot)
 {
   return (uint16_t)(30U - (anhyst_headroom(pivot) + 1U) / 2U);
@@ -54,7 +55,7 @@ static int32_t scaled_quotient(int32_t number, int32_t pivot, uint16_t shift)
   return anhyst_sat_wide(rounded / pivot);
 }
 
-/* Returns number - other*share/2^shift, q30. */
+/* Returns number - other*factor/2^shift, q30. */
 static int32_t subtract_multiple(int32_t number, int32_t factor, int32_t other, uint16_t shift)
 {
   const int64_t product = anhyst_part_wide(anhyst_wide(other, factor), shift);
@@ -91,7 +92,8 @@ static void eliminate_unit(const anhyst_wrench_q31 *w, wrench_search *s, const i
   }
 }
 
-/* Fixes a free unit at a force; the others still make the wrench. Returns 0 if they cannot. */
+/* Fixes a free unit at a force, and changes the other forces so that the wrench stays the same.
+   Returns 0 if the other units cannot compensate. */
 static int fix_unit(const anhyst_wrench_q31 *w, wrench_search *s, int j, int32_t force)
 {
   const int drives = (int)w->layout->drives;
@@ -120,8 +122,8 @@ static int fix_unit(const anhyst_wrench_q31 *w, wrench_search *s, int j, int32_t
   return 1;
 }
 
-/* Sets least-squares forces of the drives that are not lost. Returns 0 if some wrench is
-   impossible. */
+/* Sets least-squares forces of the drives that are not lost. Returns 0 if not every wrench is
+   possible. */
 static int start_search(const anhyst_wrench_q31 *w, wrench_search *s,
                         const anhyst_wrench_way_q31 *way, const int32_t *wrench)
 {
@@ -156,7 +158,7 @@ static int start_search(const anhyst_wrench_q31 *w, wrench_search *s,
 }
 
 /* Sets the forces limited to their bounds, and the excess of each free unit over its bound. A unit
-   that pulls in one direction has a minimum. If has_maximum is set, all units also have a maximum,
+   that pulls in one direction has a minimum. With `has_maximum`, all units also have a maximum,
    pairs in both directions. */
 static void find_bounds(const anhyst_wrench_q31 *w, const wrench_search *s, int has_maximum,
                         int32_t *bound, int32_t *excess)
@@ -173,7 +175,7 @@ static void find_bounds(const anhyst_wrench_q31 *w, const wrench_search *s, int 
   }
 }
 
-/* Returns the unit with the largest excess above rounding, or -1. */
+/* Returns the unit whose excess is largest and above rounding errors, or -1. */
 static int find_largest_excess(const int32_t *excess, int drives)
 {
   int32_t largest = FORCE_BOUND_TOLERANCE;
@@ -188,9 +190,9 @@ static int find_largest_excess(const int32_t *excess, int drives)
   return found;
 }
 
-/* Fixes units at the bounds that they exceed, if the others can compensate, in at most `passes`
-   passes. Returns whether no unit exceeds its bound. With has_maximum, the remaining free units are
-   limited to their bounds. */
+/* Fixes units at the bounds that they exceed, if the other units can compensate, in at most
+   `passes` passes. Returns whether no unit exceeds its bound. With `has_maximum`, the remaining
+   free units are limited to their bounds. */
 static int fix_at_bounds(const anhyst_wrench_q31 *w, wrench_search *s, int has_maximum, int passes)
 {
   const int drives = (int)w->layout->drives;
@@ -283,7 +285,7 @@ int anhyst_wrench_share_q31(const anhyst_wrench_q31 *w, const int32_t *wrench, i
   if (is_made && w->lost != 0U) {
     is_made = fix_at_bounds(w, &s, 1, 0);
   }
-  if (!is_made && w->lost != 0U) { /* minimises the missing wrench, axes weighted by their yields */
+  if (!is_made && w->lost != 0U) { /* minimises the missing wrench, weighted by yields */
     (void)start_search(w, &s, &w->layout->yields, wrench);
     (void)fix_at_bounds(w, &s, 1, ANHYST_WRENCH_PASSES);
   }

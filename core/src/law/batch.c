@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The batch, compiled once for each instruction set with another ANHYST_BATCH_NAME. The inner loops
-   run over sets, and contain no branch and no call, so that the compiler vectorises them. */
+/* The batch, compiled once for each instruction set with a different ANHYST_BATCH_NAME. The inner
+   loops run over parameter sets. They contain no branch and no call, so that the compiler
+   vectorises them. */
 #include "anhyst/law/batch.h"
 
 #include <math.h>
@@ -11,15 +12,15 @@
 #define PASTE(a, b) PASTE_(a, b)
 #define BATCH(name) PASTE(PASTE(anhyst_batch_, name), ANHYST_BATCH_NAME)
 
-/* Number of sets that are simulated together: their states stay in the first-level cache. */
+/* Number of parameter sets that are simulated together. Their states stay in the L1 cache. */
 #define BLOCK_SETS 64
 
 anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
                          const double *drive, double *x, double *y, double *m_out, double *x_out);
 void BATCH(functions)(size_t n, const double *t, double *exp_minus, double *langevin);
 
-/* Returns exp(-t) for t >= 0; limited to about 1e-300. Adding the magic number rounds t/ln 2 to an
-   integer in the low bits, which then become the exponent. */
+/* Returns exp(-t) for t >= 0, but at least about 1e-300. Adding the magic number rounds t/ln 2 to
+   an integer in the low bits, which then become the exponent. */
 static inline double exp_minus(double t)
 {
   const double magic = 6755399441055744.0; /* 1.5 * 2^52 */
@@ -42,8 +43,8 @@ static inline double exp_minus(double t)
   return p * power;
 }
 
-/* Returns L(z), and L'(z) = 1 - L^2 - 2*L/z in *slope. L(z)/|z| is one quotient of polynomials in
-   |z| for all arguments, fitted for the smallest maximum error of L, 4.4e-9. It needs no
+/* Returns L(z), and sets *slope to L'(z) = 1 - L^2 - 2*L/z. For all arguments, L(z)/|z| is one
+   quotient of polynomials in |z|, fitted for the smallest maximum error of L, 4.4e-9. It needs no
    exponential and no branch. */
 static inline double langevin(double z, double *slope)
 {
@@ -64,7 +65,7 @@ static inline double langevin(double z, double *slope)
   return value;
 }
 
-/* States and parameters of one block of sets. */
+/* States and parameters of one block of parameter sets. */
 typedef struct {
   double kappa_inverse[BLOCK_SETS], c[BLOCK_SETS], omega[BLOCK_SETS];
   double scale[BLOCK_SETS], shift[BLOCK_SETS]; /* r = scale*drive - shift */
@@ -77,21 +78,22 @@ typedef struct {
   double distance[BLOCK_SETS];     /* estimated distance to the solution of this sample */
 } block;
 
-/* Purpose of an evaluation of the law. */
+/* Purposes of an evaluation of the law. */
 enum { PREDICT, CORRECT, COMMIT };
 
-/* All code below works in the direction of travel: the law is odd, and signs are removed once. */
+/* All code below works in the direction of travel. The law is odd: signs are removed once. */
 
 static inline double limit_to_positive(double value) { return value > 0.0 ? value : 0.0; }
 
-/* Irreversible magnetisation at the end of a step, and the inverse slope of the equation there. */
+/* Irreversible magnetisation at the end of a step, and inverse slope of the equation there. */
 typedef struct {
   double y, newton_gain;
 } step_end;
 
-/* Estimates a step. Lag over s = distance/kappa with exp(-s) = 1/(1 + s + s^2/2). A step that
-   starts with constant y is treated as if it crossed the anhysteretic curve at its start. Lag and
-   slope together need one division. lead and ahead: L minus y at the start and at the end. */
+/* Estimates the end of a step. The lag decays with exp(-s) = 1/(1 + s + s^2/2) for s =
+   distance/kappa. A step that starts with constant y is treated as if it crossed the anhysteretic
+   curve at its start. One division is sufficient for y and the inverse slope. `lead` and `ahead`
+   are L minus y at the start and at the end. */
 static inline step_end estimate_end(double y0, double lead, double ahead, double s,
                                     double stiffness, double pinned)
 {
@@ -105,9 +107,9 @@ static inline step_end estimate_end(double y0, double lead, double ahead, double
   return end;
 }
 
-/* The linear step of operator.h: y1 = y0 + lead*E(S) + rise*G(S). A step that starts with constant
-   y starts at the crossing of the anhysteretic curve, S = s*ahead/(m1 - m0) =
-   numerator/denominator. */
+/* Returns y1 of the linear step in operator.h: y1 = y0 + lead*E(S) + rise*G(S). A step that starts
+   with constant y effectively starts at the crossing of the anhysteretic curve, so that S =
+   s*ahead/(m1 - m0). S is numerator/denominator. */
 static inline double linear_step(double y0, double m0, double m1, double ahead, double s)
 {
   const int is_constant_first = m0 < y0;
@@ -120,9 +122,9 @@ static inline double linear_step(double y0, double m0, double m1, double ahead, 
   return y0 + lead * e + rise * (1.0 - e * (denominator * denominator * inverse));
 }
 
-/* Evaluates the law once for every set. PREDICT makes a linearly implicit step and estimates its
-   end. CORRECT and COMMIT use the present distance and the linear step. PREDICT and CORRECT improve
-   the distance by a Newton step; with commit, the result becomes the new state. */
+/* Evaluates the law once for every parameter set. PREDICT makes a linearly implicit step and
+   estimates its end. CORRECT and COMMIT use the present distance and the linear step. Without
+   `commit`, a Newton step improves the distance. With `commit`, the result is the new state. */
 static inline void evaluate_step(block *restrict b, double drive, int purpose, int commit)
 {
   for (int i = 0; i < BLOCK_SETS; i++) {
@@ -166,7 +168,7 @@ static void load_block(block *b, const anhyst_batch_sets *sets, size_t first, co
                        const double *y)
 {
   for (size_t i = 0; i < BLOCK_SETS; i++) {
-    /* The last block is filled with copies of the last set. */
+    /* The last block is filled with copies of the last parameter set. */
     const size_t set = first + i < sets->sets ? first + i : sets->sets - 1;
     b->kappa_inverse[i] = 1.0 / sets->kappa[set];
     b->c[i] = sets->c[set];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Selects the batch that is compiled for an instruction set of the processor. */
+/* Selects the version of the batch for the instruction set of the processor. */
 #include "anhyst/law/batch.h"
 
 #ifdef ANHYST_BATCH_X86
@@ -20,14 +20,15 @@ DECLARE_BATCH_FUNCTIONS(_avx512)
 #endif
 
 #ifdef ANHYST_BATCH_X86
-/* Leaf 1, register c; leaf 7, register b; register 0 of the state saved at a task switch. */
+/* Bits of CPUID leaf 1, register c, of leaf 7, register b, and of registers saved at a task
+   switch. */
 #define FMA_XSAVE_AVX (1u << 12 | 1u << 27 | 1u << 28)
 #define AVX2 (1u << 5)
 #define AVX512_F_DQ_VL (1u << 16 | 1u << 17 | 1u << 31)
 #define SAVES_256 (3u << 1)
 #define SAVES_512 (SAVES_256 | 7u << 5)
 
-/* __builtin_cpu_supports is not used: linked by zig, it returns 0 for every feature. */
+/* Does not use __builtin_cpu_supports: it returns 0 for every feature if zig links the program. */
 anhyst_batch_level anhyst_batch_best(void)
 {
   unsigned a, b, c, d;

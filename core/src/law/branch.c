@@ -6,7 +6,7 @@
 #include "anhyst/numeric/elementary.h"
 #include "anhyst/law/langevin.h"
 
-/* Gauss-Laguerre quadrature, 8 points for the weight exp(-s). */
+/* Points and weights of Gauss-Laguerre quadrature, 8 points for the weight function exp(-s). */
 static const double laguerre_points[8] = {
     0.17027963230510093, 0.90370177679938,   2.251086629866131,  4.266700170287659,
     7.0459054023934655,  10.758516010180996, 15.740678641278004, 22.863131736889265};
@@ -14,30 +14,30 @@ static const double laguerre_weight[8] = {
     0.36918858934163495,   0.4187867808143447,    0.17579498663717255,  0.033343492261215794,
     0.0027945362352256834, 9.076508773358139e-05, 8.48574671627257e-07, 1.0480011748715153e-09};
 
-/* exp(-40) is below the last digit of every result. */
+/* Distance in units of kappa after which exp(-s) is below the last digit of every result. */
 static const double decay_length = 40.0;
 static const double panel_length = 4.0;
 #define MAX_PANELS 11
 
-/* The branch and its derivative with respect to kappa at one x, integrated from left to right. */
+/* The branch and its derivative with respect to kappa at one x, integrated in ascending x. */
 typedef struct {
   double kappa;
   double x;
   double value;            /* A(x) */
   double slope;            /* dA/dx */
   double kappa_derivative; /* dA/dkappa */
-  double span;             /* length for which the points and weights below were made */
+  double span;             /* length for which the points and weights below are valid */
   int points;
-  double distance[8 * MAX_PANELS]; /* s, distance in units of kappa */
-  double weight[8 * MAX_PANELS];   /* including the factor exp(-s) */
+  double distance[8 * MAX_PANELS]; /* s: distance in units of kappa */
+  double weight[8 * MAX_PANELS];   /* quadrature weight times exp(-s) */
 } integrator;
 
-/* Value and two derivatives with respect to x, for one end of a quintic piece. */
+/* Value and two derivatives with respect to x at one end of a quintic polynomial. */
 typedef struct {
   double f, f1, f2;
 } jet;
 
-/* Gauss-Legendre quadrature, 8 points on 0..1. */
+/* Points and weights of Gauss-Legendre quadrature, 8 points on 0..1. */
 static const double gauss_points[8] = {
     0.019855071751231884, 0.10166676129318664, 0.23723379504183550, 0.40828267875217511,
     0.59171732124782489,  0.76276620495816450, 0.89833323870681336, 0.98014492824876812};
@@ -47,7 +47,8 @@ static const double gauss_weight[8] = {
 
 static integrator start_integrator(double kappa)
 {
-  /* Far left, L(x) = -1 - 1/x, and A + 1 is an exponential integral: its asymptotic series. */
+  /* For very negative x, L(x) = -1 - 1/x. A + 1 has the asymptotic series of an exponential
+     integral. */
   const double start_distance = ANHYST_X_MAX * 1.01;
   const double q = kappa / start_distance;
   integrator w;
@@ -61,9 +62,9 @@ static integrator start_integrator(double kappa)
   return w;
 }
 
-/* Sets the points for 0 < s < span. They are stored because most steps have the same span. Above
-   the decay length only the end of the step has an effect, where L is almost linear: one rule is
-   sufficient for the whole step. */
+/* Sets the quadrature points for 0 < s < span. They are stored because most steps have the same
+   span. At a span above the decay length, only the end of the step has an effect. L is almost
+   linear there, so that one quadrature rule is sufficient for the whole step. */
 static void set_quadrature_points(integrator *w, double span)
 {
   if (span >= decay_length) {
@@ -80,7 +81,7 @@ static void set_quadrature_points(integrator *w, double span)
   w->span = span;
   w->points = 8 * panels;
   for (int i = 0; i < w->points; i++) {
-    const int earlier = i / 8; /* number of panels before the panel of this point */
+    const int earlier = i / 8; /* number of complete panels before this point */
     w->distance[i] = (earlier + gauss_points[i % 8]) * width;
     w->weight[i] = gauss_weight[i % 8] * width * anhyst_exp_f64(-w->distance[i]);
   }
@@ -114,7 +115,7 @@ static jet read_branch_value(const integrator *w)
   jet point;
   double slope;
   point.f = w->value;
-  point.f1 = w->slope; /* not (L - A)/kappa, whose digits cancel if kappa is small */
+  point.f1 = w->slope; /* not (L - A)/kappa, which loses digits if kappa is small */
   (void)anhyst_langevin_f64(w->x, &slope);
   point.f2 = (slope - point.f1) / w->kappa;
   return point;
@@ -130,7 +131,8 @@ static jet read_kappa_derivative(const integrator *w)
   return point;
 }
 
-/* Converts derivatives over x to derivatives over the position t on a piece with the map x(t). */
+/* Converts derivatives with respect to x to derivatives with respect to t, the position on a
+   segment with the map x(t). */
 static jet to_segment_derivatives(jet point, double x1, double x2)
 {
   jet scaled;
@@ -176,7 +178,7 @@ static void store_polynomial(double piece[6], jet from, jet to)
   }
 }
 
-/* Tabulates one function in double precision, for both formats, once for each parameter set. */
+/* Tabulates one function in double precision, for both number formats, once per parameter set. */
 static void tabulate_branch(anhyst_pieces_f64 *pieces, double kappa,
                             jet (*read)(const integrator *))
 {

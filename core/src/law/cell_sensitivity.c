@@ -13,8 +13,8 @@ typedef struct {
   size_t count; /* number of directions */
 } problem;
 
-/* Adds the derivatives of a cell's contribution with a fixed play to sum, for each direction.
-   Returns its slope over the play. */
+/* Adds the derivatives of a cell's contribution at a constant play to `sum`, for each direction.
+   Returns the slope of the contribution with respect to the play. */
 static double add_fixed_play_terms(const problem *s, int cell, double play, double *sum)
 {
   const anhyst_cell_weights_f64 *w = s->weights;
@@ -35,7 +35,7 @@ static double add_fixed_play_terms(const problem *s, int cell, double play, doub
   return slope;
 }
 
-/* Returns the number of moving cells; the one without a threshold always moves. */
+/* Returns the number of active cells. The cell with threshold 0 is always active. */
 static int count_moving_cells(const anhyst_cells_state_f64 *state)
 {
   return state->active > 1 ? state->active : 1;
@@ -54,8 +54,8 @@ static void sum_resting_cells(const problem *s, const anhyst_cells_state_f64 *st
   }
 }
 
-/* Sets the derivatives of the plays of the moving cells: the derivative of x, minus that of the
-   threshold in the direction of travel. */
+/* Sets the derivatives of the plays of the active cells: the derivative of x, minus the derivative
+   of the threshold in the direction of travel. */
 static void store_play_derivatives(const problem *s, const anhyst_cells_state_f64 *state,
                                    double *numbers_t)
 {
@@ -69,7 +69,7 @@ static void store_play_derivatives(const problem *s, const anhyst_cells_state_f6
   }
 }
 
-/* Differentiates at the new state. On entry, m_t contains the sum of the cells at rest. */
+/* Differentiates at the new state. On entry, m_t contains the derivatives for the cells at rest. */
 static void differentiate_step(const problem *s, const anhyst_cells_state_f64 *state, double omega,
                                const double *omega_t, const double *r_t, double *numbers_t,
                                double *x_t, double *m_t)

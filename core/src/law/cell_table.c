@@ -5,17 +5,18 @@
 
 #include "cell_shape.h"
 
-/* Pieces per width of the narrowest curve in the first octave, and maximum pieces in an octave. */
+/* Segments per width of the narrowest curve in the first octave; maximum segments per octave. */
 static const double SEGMENTS_PER_WIDTH = 4.0;
 static const int MAX_OCTAVE_SEGMENTS = 1024;
 /* Maximum error of the tables, as a fraction of the saturation. */
 static const double MAX_TABLE_ERROR = 1e-6;
-/* Reach of the tables, in units of the widest curve plus the largest threshold. */
+/* Range of the tables, in units of the width of the widest curve plus the largest threshold. */
 static const double RANGE_FACTOR = 131072.0;
-/* Error of a quintic with value, slope and curvature at both ends: h^6*f''''''/46080. */
+/* Divisor in the error h^6*f''''''/46080 of a quintic with value, slope and curvature at both
+   ends. */
 static const double QUINTIC_ERROR_DIVISOR = 46080.0;
 
-/* Returns an upper bound of the sixth derivative of the curve at and above |z|. */
+/* Returns an upper bound of the sixth derivative of the curve at arguments of |z| and above. */
 static double sixth_derivative_bound(anhyst_shape shape, double z)
 {
   const double bound_at_zero = shape == ANHYST_SHAPE_TANH ? 53.0 : 0.45;
@@ -49,8 +50,8 @@ static int are_weights_valid(const anhyst_cell_weights_f64 *w)
   return is_valid && sum > 1e-15 && sum < 1e15;
 }
 
-/* Finds the narrowest and the widest curve with a weight above 0. The distance of its centre adds
-   to the width of a curve. */
+/* Finds the narrowest and the widest curve with a weight above 0. The width of a curve includes the
+   distance of its centre from zero. */
 static void find_extreme_widths(const anhyst_cell_weights_f64 *w, double *narrowest, double *widest)
 {
   *narrowest = 1e300;
@@ -70,15 +71,15 @@ static double distance_to_interval(double position, double low, double high)
   return position < low ? low - position : (position > high ? position - high : 0.0);
 }
 
-/* Returns an error bound of one piece from low to high on either side, for the sum of all cells. */
+/* Returns an error bound for the segment from low to high on either side, for all cells
+   together. */
 static double segment_error_bound(const anhyst_cell_weights_f64 *w, double low, double high)
 {
   double sum = 0.0;
   for (int i = 0; i < w->cells; i++) {
     for (int j = 0; j < w->widths; j++) {
       if (w->weight[i * w->widths + j] > 0.0) {
-        /* The halves of a curve bend where |x| is the sum or the difference of threshold and
-           centre. */
+        /* The halves of a curve bend where |x| is the sum or difference of threshold and centre. */
         const double above = distance_to_interval(w->threshold[i] + curve_centre(w, j), low, high);
         const double below =
             distance_to_interval(fabs(w->threshold[i] - curve_centre(w, j)), low, high);
@@ -93,8 +94,8 @@ static double segment_error_bound(const anhyst_cell_weights_f64 *w, double low, 
   return sum / QUINTIC_ERROR_DIVISOR;
 }
 
-/* Divides the next octave, from begin to 2*begin, into the required number of pieces. Returns 0 if
-   there is no storage, or the error limit cannot be met. */
+/* Divides the next octave, from begin to 2*begin, into the required number of segments. Returns 0
+   if the table is full, or if the error exceeds its limit. */
 static int divide_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                          double aim, double begin)
 {
@@ -140,7 +141,7 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
   cells->scale = widest + weights->threshold[weights->cells - 1];
   cells->reach = RANGE_FACTOR * cells->scale;
   cells->per_unit = SEGMENTS_PER_WIDTH / narrowest;
-  /* 5e-5 of the narrowest width; its fourth power is 6e-18. */
+  /* 5e-5 of the narrowest width. The fourth power of 5e-5 is 6e-18. */
   cells->tangent = 5e-5 * narrowest;
   cells->pieces = 0;
   cells->octaves = 0;
@@ -175,7 +176,8 @@ static void evaluate_rows(const anhyst_cell_weights_f64 *w, double x, cell_jet *
   }
 }
 
-/* Computes the piece of length h away from zero; direction is -1 for negative fields. */
+/* Fits the polynomial of a segment of length h, in the direction away from zero field. `direction`
+   is -1 for negative fields. */
 static void fit_segment(double *c, const cell_jet *from, const cell_jet *to, double h,
                         double direction)
 {
@@ -190,8 +192,8 @@ static void fit_segment(double *c, const cell_jet *from, const cell_jet *to, dou
   c[5] = 6.0 * value - 3.0 * slope + 0.5 * curve;
 }
 
-/* Fills all rows on one side of zero. Raises *steepest to the largest slope at a node, and
- *steepest_reversible to that of cell 0. */
+/* Tabulates all rows on one side of zero field. Raises *steepest to the largest slope at a knot,
+   and *steepest_reversible to the largest slope of cell 0. */
 static void tabulate_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                           anhyst_cell_piece_f64 *storage, double direction, double *steepest,
                           double *steepest_reversible)
@@ -229,7 +231,7 @@ void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weight
   cells->steepest = 0.0;
   tabulate_side(cells, weights, storage, 1.0, &cells->steepest, &cells->reversible);
   tabulate_side(cells, weights, storage, -1.0, &cells->steepest, &cells->reversible);
-  /* Between nodes, a curve can be slightly steeper than at both nodes. */
+  /* Between two knots, a curve can be slightly steeper than at both knots. */
   cells->steepest *= 1.001;
   cells->rows = storage;
 }

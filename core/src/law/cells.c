@@ -8,18 +8,19 @@
 /* Slope of the equation below which the search follows the path instead of using a bracket. */
 static const double MIN_SLOPE = 1e-6;
 
-/* A path in the direction of travel: positions are x*sign, so that it always rises. */
+/* A path in the direction of travel. Positions are multiplied by `sign`, so that it always
+   rises. */
 typedef struct {
   const anhyst_cells_f64 *cells;
   const anhyst_cells_state_f64 *state;
   double sign, omega, target;
   double from;     /* start of the path */
-  double low;      /* position so far; the left side is below its target */
-  double residual; /* target minus left side there, > 0 */
+  double low;      /* lower bound of the solution; the left side is below the target */
+  double residual; /* target minus left side at `low`, > 0 */
   double rest;     /* sum of the cells at rest */
   anhyst_cells_bend_f64 bend;
   int active;
-  int is_reversed; /* whether the path reverses the direction of the state */
+  int is_reversed; /* whether the path moves against the direction of the state */
 } path;
 
 static double left_side(const path *p, double x, const cell_sum *at)
@@ -27,7 +28,7 @@ static double left_side(const path *p, double x, const cell_sum *at)
   return x + p->omega * (at->value + p->rest);
 }
 
-/* Returns the position where the next cell starts to move. */
+/* Returns the position at which the next cell becomes active. */
 static double next_cell_start(const path *p)
 {
   const int i = p->active;
@@ -36,7 +37,7 @@ static double next_cell_start(const path *p)
   }
   const double r = p->cells->threshold[i];
   if (p->is_reversed && i < p->state->active) {
-    return p->from + 2.0 * r; /* it moved until the reversal */
+    return p->from + 2.0 * r; /* the cell was active until the reversal */
   }
   return p->sign * p->state->place[i] + r;
 }
@@ -47,7 +48,7 @@ static anhyst_cells_bend_f64 row_derivatives(const cell_sum *at)
   return bend;
 }
 
-/* Adds the next cell to the moving ones from x on; before: value of the present row there. */
+/* Makes the next cell active from x on. `row_value` is the value of the present row at x. */
 static void start_cell(path *p, double x, double row_value)
 {
   const cell_sum next_row = cell_evaluate_row(p->cells, p->active, x);
@@ -59,8 +60,8 @@ static void start_cell(path *p, double x, double row_value)
   }
 }
 
-/* Returns the root t of left = t + omega*(slope*t + curve/2*t^2 + third/6*t^3), to third order.
-   Returns the linear root if the step is too long for that. */
+/* Returns the solution t of residual = t + omega*(slope*t + curve/2*t^2 + third/6*t^3), to third
+   order. Returns the solution of the linear equation if the step is too long for this. */
 static inline double taylor_step(double residual, double omega, const anhyst_cells_bend_f64 *bend)
 {
   const double inverse = 1.0 / (1.0 + omega * bend->slope);
@@ -92,8 +93,8 @@ static double rounding_error(const path *p, double x)
   return 4.0 * DBL_EPSILON * (fabs(x) + fabs(p->target) + fabs(p->omega) * p->cells->saturation);
 }
 
-/* Newton's method with curvature on the present row, starting at x, between `reached` and a
-   position where the left side exceeds the target. */
+/* Solves in the present row by Newton's method with curvature. Starts at x, and searches between
+   p->low and a position at which the left side exceeds the target. */
 static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
                                   anhyst_cells_candidate_f64 *candidate)
 {
@@ -116,7 +117,7 @@ static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
       store_candidate(p, x, &at, step, candidate);
       return ANHYST_OK;
     }
-    /* Cells are interpolated on the grid of numbers at the start of the path. Near a root at 0, the
+    /* The grid of plays is that of the numbers at the start of the path. Near a solution at 0, the
        interval would otherwise stay wide compared with x. */
     const double resolution = 2.0 * DBL_EPSILON * (fabs(x) + (i < 100 ? 0.0 : fabs(p->from)));
     if (fabs(residual) <= rounding_error(p, x) || high - low <= resolution) {
@@ -124,7 +125,7 @@ static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
       return ANHYST_OK;
     }
     if (is_inside && fabs(step) <= longest) {
-      longest = 0.5 * fabs(step); /* Newton's method could oscillate across a bend */
+      longest = 0.5 * fabs(step); /* Newton steps could oscillate across a bend */
       x = next;
     } else {
       x = 0.5 * (low + high);
@@ -134,15 +135,15 @@ static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
   return ANHYST_NOT_CONVERGED;
 }
 
-/* Solves row by row, while the solution is after the start of the next cell, for a rising left
-   side. Most solutions are before it, so that the row there need not be evaluated. */
+/* Solves row by row for a rising left side, while the solution is after the start of the next cell.
+   Usually it is before that, so that the next row need not be evaluated. */
 static anhyst_status solve_monotonic(path *p, double steepest,
                                      anhyst_cells_candidate_f64 *candidate)
 {
   for (;;) {
     const double edge = next_cell_start(p);
     const double guess = p->low + taylor_step(p->residual, p->omega, &p->bend);
-    /* Rounding, also of the first residual, could move the solution beyond the bound. */
+    /* Rounding errors, also of the first residual, could move the solution beyond the bound. */
     const double min_slope = 1.0 + p->omega * steepest;
     const double farthest = p->low + (p->omega > 0.0 ? p->residual : p->residual / min_slope);
     double upper_bound = farthest + rounding_error(p, farthest) + 4.0 * DBL_EPSILON * fabs(p->low);
@@ -190,8 +191,8 @@ static double next_knot(const anhyst_cells_f64 *cells, double x)
   return -(cell_double_of((before >> inner_shift) << inner_shift) - 1.0) / cells->per_unit;
 }
 
-/* Returns the position between low and high where the left side is largest and its slope changes
-   sign. Stops early if the left side reaches the target. */
+/* Returns the position between `low` and `high` at which the left side has its maximum. Stops early
+   if the left side reaches the target. */
 static double find_fold(const path *p, double low, double high)
 {
   for (int i = 0; i < 60; i++) {
@@ -209,7 +210,7 @@ static double find_fold(const path *p, double low, double high)
   return low;
 }
 
-/* Follows the path piece by piece to the first solution, where m may jump. */
+/* Follows the path segment by segment to the first solution. The magnetisation may jump there. */
 static anhyst_status solve_with_jumps(path *p, anhyst_cells_candidate_f64 *candidate)
 {
   while (p->low < p->cells->reach) {
@@ -308,7 +309,7 @@ static double clamp(double value, double low, double high)
   return above < high ? above : high;
 }
 
-/* Returns the contribution of cell i > 0 at x - r_i: its row minus the row before. */
+/* Returns the contribution of cell i > 0 at the play x - r_i: its row minus the previous row. */
 static double cell_contribution(const anhyst_cells_f64 *cells, int i, double x)
 {
   return cell_evaluate_row(cells, i, x).value - cell_evaluate_row(cells, i - 1, x).value;
@@ -327,7 +328,7 @@ void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers
   state->bend = zero;
   state->active = 0;
   for (int i = 1; i < cells->cells; i++) {
-    /* From both sides, so that a mirrored state has exactly the mirrored magnetisation. */
+    /* Uses both sides of zero, so that a mirrored state has exactly the mirrored magnetisation. */
     const double r = cells->threshold[i];
     const double max_distance = r - cells->threshold[i - 1];
     const double previous_place = state->place[i - 1];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The law of 1986, with classical Runge-Kutta sub-steps. */
+/* The Jiles-Atherton law of 1986, integrated by classical Runge-Kutta sub-steps. */
 #include <float.h>
 #include <math.h>
 
@@ -28,15 +28,15 @@ static double irreversible_slope(const anhyst_path_f64 *path, double p, double y
   return q * (1.0 - eps * slope) / (1.0 - eps * q);
 }
 
-/* Integrates from the departure by the classical Runge-Kutta method. Full sub-steps come first,
-   then the remainder, so that the result is a continuous function of the end. If a path is much
-   longer than the decay length of the lag, only its end is integrated, starting from the
-   steady-state lag kappa*L'. */
+/* Integrates by the classical Runge-Kutta method, from the point at which y starts to change. Full
+   sub-steps come first, then the remainder, so that the result is a continuous function of the end.
+   If a path is much longer than the decay length of the lag, only its end is integrated. This
+   integration starts from the steady-state lag kappa*L'. */
 static double integrate(const anhyst_path_f64 *path, double p)
 {
   const double eps = path->law->eps;
   const double slope_factor = 1.0 - eps / 3.0;
-  /* The closer eps is to 3, the stiffer the lag. */
+  /* The closer eps is to 3, the stiffer is the differential equation. */
   const double lag_step = path->law->kappa / 8.0 * (slope_factor < 1.0 ? slope_factor : 1.0);
   const double decay_length =
       40.0 * path->law->kappa * (eps < 0.0 ? slope_factor * slope_factor : 1.0 / slope_factor);
@@ -49,7 +49,7 @@ static double integrate(const anhyst_path_f64 *path, double p)
     y -= path->sign * path->law->kappa * slope;
   }
   if (lag_step <= 4.0 * DBL_EPSILON * fabs(p)) {
-    /* At such a large field, a sub-step would be lost to rounding, but L is linear there. */
+    /* At such a large field, a sub-step would be below the rounding error of p, but L is linear. */
     double slope;
     const double anhysteretic = anhyst_langevin_f64(p, &slope);
     const double decay = anhyst_exp_f64(-fabs(p - at) / path->law->kappa);

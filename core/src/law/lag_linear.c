@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The effective-field law with a linear anhysteretic curve over a step. */
+/* The effective-field law with an anhysteretic curve that is linear within each step. */
 #include <math.h>
 
 #include "anhyst/numeric/elementary.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The play-cell law for the interface of law.h. */
+/* The play-cell law, as an implementation of the interface in law.h. */
 #include "anhyst/law/law.h"
 
 static int state_size(const void *law)

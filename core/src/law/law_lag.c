@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The laws on the Langevin curve for the interface of law.h. */
+/* The laws with a Langevin curve, as implementations of the interface in law.h. */
 #include <math.h>
 
 #include "anhyst/law/law.h"
@@ -52,7 +52,8 @@ static void get_state(const void *law, const anhyst_memory_f64 *state, double *f
   found[2] = state->lag.p;
 }
 
-/* The law drifts geometrically: extrapolates the limit of a sequence from three members. */
+/* Extrapolates the limit of a geometric sequence from three of its members. The state at the ends
+   of repeated cycles approaches its limit like such a sequence. */
 static void extrapolate_drift(const void *law, const double *const ends[3],
                               anhyst_memory_f64 *state)
 {

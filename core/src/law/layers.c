@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Solid iron. Layer j of N has a share phi_j of the cross-section, a field H_j and its own flux
-   density B_j(H_j). S_j = sum_{k>=j} phi_k*B_k is the flux in layer j and all deeper ones, S_1 = B
-   the total flux. Against every change of the flux of the deeper layers, the eddy currents between
-   the layers produce a field. The laminated part, a share l of the path, has the field H_l(B) of
-   the total flux:
+/* Solid core. Layer j of N has the fraction phi_j of the cross-section, a field H_j and the flux
+   density B_j(H_j). S_j = sum_{k>=j} phi_k*B_k is the flux in layer j and all deeper layers. S_1 =
+   B is the total flux. Eddy currents between the layers cause a field that opposes every change of
+   the flux of the deeper layers. The laminated part, a fraction l of the path, has the field
+   H_l(B):
 
      H_{j-1} = H_j + g*(S_j - S_j,before),   g = eddy/(N - 1),   j = 2..N
      drive = l*H_l(B) + (1 - l)*H_1 + rho*B/mu0
 
-   Each left side rises with its S. Therefore, these are the conditions for the minimum of a convex
-   function of all S_j. Newton's method solves a tridiagonal system in each step. A step is
-   shortened if the slope along it has changed sign. */
+   The field in each equation rises with its S_j. Therefore, the equations are the conditions for
+   the minimum of a convex function of all S_j. Each Newton step solves a tridiagonal system. A step
+   is shortened if the slope along the step changes its sign. */
 #include "layers.h"
 
 #include <float.h>
@@ -18,11 +18,11 @@
 
 enum { MAX_STEPS = 200, MAX_BISECTIONS = 30 };
 
-/* Smallest stiffness of a layer, relative to air; iron that is about to jump has less. */
+/* Smallest slope dH/dB of a layer, times mu0. The slope is less if the iron is about to jump. */
 #define MIN_FIELD_SLOPE 1e-9
-/* Largest residual that is accepted if it no longer decreases. */
+/* Largest relative residual that is accepted if it no longer decreases. */
 #define MAX_RESIDUAL 1e-10
-/* Smallest scale of a flux density, as a fraction of the law's scale: a law rounds relative to its
+/* Smallest scale of a flux density, as a fraction of the law's scale. A law rounds relative to its
    own scale, which would dominate tiny drives. */
 #define MIN_FLUX_SCALE 1e-2
 
@@ -33,15 +33,15 @@ typedef struct {
   double drive;
   int flux_given;                          /* whether the total flux is given */
   double area_fraction[ANHYST_LAYERS_MAX]; /* phi_j */
-  double start_flux[ANHYST_LAYERS_MAX];    /* S_j of the state */
+  double start_flux[ANHYST_LAYERS_MAX];    /* S_j of the initial state */
   anhyst_reaction_f64 *reaction;
   double field[ANHYST_MEMORIES_MAX];       /* H_j, then H_l */
-  double field_slope[ANHYST_MEMORIES_MAX]; /* dH/dB of each field */
+  double field_slope[ANHYST_MEMORIES_MAX]; /* dH/dB of each layer and of the laminated part */
 } layer_problem;
 
 static int first_unknown(const layer_problem *problem) { return problem->flux_given ? 1 : 0; }
 
-/* Solves for the field of a flux density in one layer, or in the laminated part. */
+/* Solves for the field at a flux density, in one layer or in the laminated part. */
 static anhyst_status solve_layer(layer_problem *problem, int at, double flux)
 {
   const anhyst_iron_f64 *iron = problem->iron;
@@ -90,7 +90,7 @@ static anhyst_status compute_residuals(layer_problem *problem, const double *sec
   return ANHYST_OK;
 }
 
-/* Computes the Newton step: eliminates the tridiagonal system from the middle outwards. */
+/* Computes the Newton step. Eliminates the tridiagonal system from the middle outwards. */
 static void compute_newton_step(const layer_problem *problem, const double *residual, double *step)
 {
   const int layers = problem->iron->layers;
@@ -98,7 +98,7 @@ static void compute_newton_step(const layer_problem *problem, const double *resi
   const double eddy_slope = problem->circuit->eddy / (layers - 1);
   double pivot[ANHYST_LAYERS_MAX];
   double right[ANHYST_LAYERS_MAX];
-  double inner[ANHYST_LAYERS_MAX]; /* coupling between a section and the next deeper one */
+  double inner[ANHYST_LAYERS_MAX]; /* coupling between a section and the next deeper section */
   for (int j = layers - 1; j >= first_unknown(problem); j--) {
     inner[j] = solid * problem->field_slope[j] / problem->area_fraction[j];
     pivot[j] =
@@ -160,7 +160,8 @@ static void set_sections(const layer_problem *problem, const double *start, cons
   }
 }
 
-/* Moves along a step until the slope is at most half its size, with either sign, or to its end. */
+/* Line search: moves along a step until |slope| is at most half of its initial size, or to the
+   end. */
 static anhyst_status search_along_step(layer_problem *problem, double *section, double *residual,
                                        const double *step)
 {
@@ -177,7 +178,8 @@ static anhyst_status search_along_step(layer_problem *problem, double *section, 
     const anhyst_status status = compute_residuals(problem, section, residual);
     const double slope =
         status == ANHYST_OK ? directional_slope(problem, residual, step) : -start_slope;
-    /* If the law's range ends on the step, the positions before that are sufficient progress. */
+    /* The end of the step is outside the range of the law. Positions inside the range are accepted.
+     */
     if (status != ANHYST_OK && (low > 0.0 || i + 1 == MAX_BISECTIONS)) {
       set_sections(problem, start, step, low, section);
       return low > 0.0 ? compute_residuals(problem, section, residual) : status;
@@ -199,8 +201,8 @@ static anhyst_status search_along_step(layer_problem *problem, double *section, 
   return ANHYST_OK;
 }
 
-/* Returns whether circuit and input are finite. Written so that NaN also fails, because the
-   residuals do not show it. */
+/* Returns whether circuit and input are finite. NaN also fails here, because residuals do not show
+   it. */
 static int are_inputs_finite(const anhyst_circuit_f64 *circuit, double given)
 {
   return circuit->gap_ratio <= 1e30 && circuit->eddy <= 1e30 && fabs(given) <= 1e30;
@@ -228,7 +230,7 @@ static anhyst_status solve_sections(layer_problem *problem, double *section)
                                                                        : ANHYST_NOT_CONVERGED;
 }
 
-/* Sets the shares of the cross-section and the fluxes of the state, where the search starts. */
+/* Sets the fractions of the cross-section, and starts the search at the fluxes of the state. */
 static void init_problem(layer_problem *problem, double *section)
 {
   const anhyst_iron_f64 *iron = problem->iron;

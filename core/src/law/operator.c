@@ -87,13 +87,13 @@ void anhyst_path_begin_f64(anhyst_path_f64 *path, const anhyst_operator_f64 *law
   start->m_slope = (1.0 - law->c) * start->y_slope + law->c * slope;
 }
 
-/* Returns the irreversible part at p, with pull = L(p); *y_slope is dy/dp. */
+/* Returns the irreversible magnetisation at p, with pull = L(p). *y_slope is dy/dp. */
 static double irreversible_at(anhyst_path_f64 *path, double p, double pull, double slope,
                               double *y_slope)
 {
   *y_slope = 0.0;
   if (path->sign * (p - path->from.p) <= 0.0 || path->sign * (pull - path->from.y) <= 0.0) {
-    return path->from.y; /* play not at its end, or anhysteretic curve not crossed yet */
+    return path->from.y; /* play within its threshold, or anhysteretic curve not crossed yet */
   }
   return lag_method_of(path->law)->irreversible_m(path, p, pull, slope, y_slope);
 }

@@ -8,8 +8,8 @@
 
 #include "weights.h"
 
-/* Derivatives of one step with respect to its inputs, the same for all directions: y1_t = by_y*y0_t
-   + by_p0*p0_t + by_p1*p1_t + by_kappa*kappa_t. */
+/* Derivatives of one step with respect to its inputs. They are the same for all directions: y1_t =
+   by_y*y0_t + by_p0*p0_t + by_p1*p1_t + by_kappa*kappa_t. */
 typedef struct {
   double by_y, by_p0, by_p1, by_kappa;
   double sign;
@@ -17,7 +17,7 @@ typedef struct {
   double pull, pull_slope; /* L(x1), L'(x1) */
 } partials;
 
-/* Sets the derivatives of a step with constant y. */
+/* Sets the derivatives of a step during which y is constant. */
 static void set_constant_y(partials *d)
 {
   d->by_y = 1.0;
@@ -35,7 +35,7 @@ static void set_exact_partials(const anhyst_path_f64 *path, const anhyst_branch_
   const double decay = anhyst_exp_f64(-s);
   const int is_constant_first = sign * (path->pull - path->from.y) < 0.0;
   d->by_y = decay;
-  /* At a departure on the anhysteretic curve, L = y: moving the departure has no effect. */
+  /* If y starts to change on the anhysteretic curve, L = y: a shift of this point has no effect. */
   d->by_p0 = is_constant_first ? 0.0 : -decay * sign * (path->pull - path->from.y) / kappa;
   d->by_p1 = end->y_slope;
   d->by_kappa = sign * (anhyst_branch_slope_at_f64(slope, sign * end->state.p) -
@@ -93,12 +93,12 @@ static void step_partials(const anhyst_operator_f64 *law, const anhyst_branch_sl
   }
 }
 
-/* Advances one tangent over the step to `to` with magnetisation m. */
+/* Advances the derivatives of the state in one direction, over the step to the state `to`. */
 static void advance_tangent(const anhyst_operator_f64 *law, const partials *d,
                             const anhyst_state_f64 *to, double m, double omega, double omega_t,
                             double r_t, anhyst_tangent_f64 *t, double *m_t)
 {
-  /* First p1 and y1 with a fixed x1, then the share of x1. */
+  /* First the derivatives of p1 and y1 at a fixed x1, then the contribution of x1. */
   const double p_fixed = d->p_slope > 0.0 ? -d->sign * t->play : t->state.p;
   const double y_fixed =
       d->by_y * t->state.y + d->by_p0 * t->state.p + d->by_p1 * p_fixed + d->by_kappa * t->kappa;

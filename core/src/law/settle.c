@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Steady-state cycles. This is a separate file because its 35 kB of stack are only for a PC. */
+/* Steady-state cycles, in a separate file because their 35 kB of stack are only for a PC. */
 #include <math.h>
 
 #include "anhyst/law/circuit.h"
 
-/* Reads the numbers of all hysteresis states in sequence. Returns their count. */
+/* Reads the numbers of all hysteresis states one after the other. Returns their total count. */
 static int read_numbers(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                         double *numbers)
 {
@@ -16,7 +16,7 @@ static int read_numbers(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *st
   return memories * numbers_per_memory;
 }
 
-/* Extrapolates the repetitions, one hysteresis state after the other. */
+/* Extrapolates the repeated cycles to their limit, for one hysteresis state after the other. */
 static void extrapolate_states(const anhyst_iron_f64 *iron, const double *const ends[3],
                                anhyst_memory_f64 *state)
 {
@@ -44,8 +44,9 @@ anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
                                 const double *eddy, double tol, int most_cycles, int *cycles,
                                 size_t *index)
 {
-  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX] = {{0}}; /* at the ends of cycles since
-                                                                       the last extrapolation */
+  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX] = {{0}}; /* numbers at the ends of the
+                                                                       cycles since the last
+                                                                       extrapolation */
   int newest = 0;
   const int count = read_numbers(iron, state, ends[0]);
   for (*cycles = 1; *cycles <= most_cycles; (*cycles)++) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Each function reduces its argument to a small remainder by a table, and evaluates a polynomial of
-   the remainder. Table entries and constants are pairs: the nearest number, and the constant minus
-   that number. */
+   the remainder. A table entry or a constant is a pair: the nearest floating-point number, and the
+   exact value minus that number. */
 #include "anhyst/numeric/elementary.h"
 
 #include <math.h>
@@ -26,7 +26,7 @@ static double double_of(uint64_t bits)
   return value;
 }
 
-/* 2^(i/64); the second number is relative. */
+/* Pairs for 2^(i/64). The second number is relative to the first. */
 static const pair power_table[64] = {
     {0x1.0000000000000p+0, 0.0},         {0x1.02c9a3e778061p+0, -1.5071e-17},
     {0x1.059b0d3158574p+0, 4.9997e-17},  {0x1.0874518759bc8p+0, 7.3578e-18},
@@ -62,7 +62,7 @@ static const pair power_table[64] = {
     {0x1.f50765b6e4540p+0, 4.5785e-17},  {0x1.fa7c1819e90d8p+0, 2.0414e-17}};
 
 /* Returns exp(x) * 2^-shift. Adding the magic number rounds x*64/ln 2 to an integer in the low
-   bits. Its last six bits are the index in the table, the others become the exponent. */
+   bits. Its last six bits are the index in the table, and its other bits become the exponent. */
 static double scaled_exp(double x, uint64_t shift)
 {
   const double magic = 0x1.8p52;
@@ -72,7 +72,7 @@ static double scaled_exp(double x, uint64_t shift)
   const pair *at = &power_table[bits & 63U];
   const double r = (x - steps * 0x1.62e42fefc0000p-7) + steps * 0x1.c610ca86c3899p-43;
   const double r2 = r * r;
-  /* Fifth order; a Chebyshev polynomial distributes the sixth-order term over the others. */
+  /* Fifth order. A Chebyshev polynomial distributes the sixth-order term over the other terms. */
   const double low = 0.49999999999932843 + r * (1.0 / 6.0);
   const double high = 0.041666727751466 + r * (1.0 / 120.0);
   const double scale = double_of(bits_of(at->value) + (((bits >> 6U) - shift) << 52U));
@@ -81,7 +81,7 @@ static double scaled_exp(double x, uint64_t shift)
 
 double anhyst_exp_f64(double x)
 {
-  /* At large |x|, the final product decides between overflow, subnormal and normal results. */
+  /* At large |x|, the final product is infinite, subnormal or normal. */
   const uint64_t scale_shift = 128U;
   if (x < 700.0 && x > -700.0) {
     return scaled_exp(x, 0U);
@@ -95,8 +95,9 @@ double anhyst_exp_f64(double x)
   return x; /* NaN */
 }
 
-/* log(c) for c = 1 + i/64, from i = 26 on for c/2, rounded to a grid that also contains integer
-   multiples of log 2. Both entries next to 1 are exact, so that no digits cancel there. */
+/* Pairs for log(c), c = 1 + i/64; from i = 26 on, for log(c/2). The first number is rounded to a
+   grid that also contains integer multiples of log 2. Both entries next to 1 are exact, so that no
+   digits cancel there. */
 static const pair log_table[65] = {{0.0, 0.0},
                                    {0x1.fc0a8b0fc0000p-7, 1.727456750e-15},
                                    {0x1.f829b0e780000p-6, 4.529814258e-14},
@@ -196,7 +197,7 @@ double anhyst_log_f64(double x)
   return sum + (rest - series);
 }
 
-/* atan(c) for c = 0, then for the centre c of each eighth of an octave from 1/32 to 64. */
+/* Pairs for atan(c): c = 0, then the centre c of each eighth of an octave from 1/32 to 64. */
 const anhyst_pair anhyst_angles[89] = {{0.0, 0.0},
                                        {0x1.0fe66da9b94eep-5, -9.4294e-19},
                                        {0x1.2fdc4e3737dddp-5, -1.9405e-18},

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template: the check of a parameter block, for every number format. ../block.c, block_f32.c and
-   block_f64.c include it after their format. */
+   block_f64.c include it after the types of their format. */
 
 #include "../checksum.h"
 
-/* Returns the CRC-32 of all words except its own, each word low byte first. */
+/* Returns the CRC-32 of all words except the checksum's own, each word low byte first. */
 static uint32_t compute_checksum(const entry *words, int32_t length)
 {
   uint32_t sum = ANHYST_CHECKSUM_START;
@@ -25,7 +25,8 @@ static int is_checksum_right(const entry *words)
          equals_unsigned(words[ANHYST_WORD_CRC + 1], (uint16_t)(sum >> 16));
 }
 
-/* Returns whether the head is that of a block of this kind. Reads no word beyond capacity. */
+/* Returns whether a header is valid for this kind. Reads no word at or after the index
+   `capacity`. */
 static int is_header_valid(const entry *words, uint32_t capacity, uint16_t kind)
 {
   return capacity >= (uint32_t)ANHYST_BLOCK_LEAST_WORDS &&
@@ -43,8 +44,8 @@ static int are_limits_valid(const entry *words, int16_t low, int16_t high)
          is_in_range(words[high], words[low], ENTRY_ONE);
 }
 
-/* Returns whether a lag, if there is one, has a table over the gap. Its sum with the flux arm
-   saturates. */
+/* Returns whether the block has a valid table of eddy-current lag over the gap, or no lag. The sum
+   of this lag and the flux coefficient saturates. */
 static int is_lag_table_valid(const entry *words)
 {
   return words[ANHYST_WORD_GAP_LAG_ARM] == 0 ||

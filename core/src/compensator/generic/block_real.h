@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Words of a floating-point block, for ../generic/block_checks.h. Include after f32.h or f64.h. */
+/* Words of a floating-point block, for block_checks.h. Include after f32.h or f64.h. */
 #ifndef ANHYST_BLOCK_REAL_H
 #define ANHYST_BLOCK_REAL_H
 
 #define ENTRY_ONE ((entry)1)
-#define MIN_WEIGHT ((entry)1e-30) /* the smallest positive weight */
+#define MIN_WEIGHT ((entry)1e-30) /* smallest positive weight */
 #define MAX_ENTRY ((entry)1e9)
 #define MAX_FLUX_LIMIT ((entry)1)
 #define MAX_CURRENT_SHIFT 0
@@ -13,7 +13,7 @@
 /* Number of 16-bit halves in a word. */
 #define HALVES_PER_WORD ((uint16_t)(sizeof(entry) / sizeof(uint16_t)))
 
-/* Returns 16 bits of a word; half 0 contains the lowest ones, for any byte order in memory. */
+/* Returns 16 bits of a word. `half` is 0 for the lowest bits, for any byte order in memory. */
 static inline uint16_t half_word(entry word, uint16_t half)
 {
   union {
@@ -29,7 +29,7 @@ static inline int is_integer(entry word, int32_t low, int32_t high)
   return word >= (entry)low && word <= (entry)high && word == (entry)(int32_t)word;
 }
 
-/* Returns whether all bits of a word are those of this unsigned integer. */
+/* Returns whether a word has all bits of this unsigned integer. */
 static inline int equals_unsigned(entry word, uint16_t value)
 {
   for (uint16_t half = 0; half < HALVES_PER_WORD; half++) {
@@ -40,7 +40,7 @@ static inline int equals_unsigned(entry word, uint16_t value)
   return 1;
 }
 
-/* Returns whether an entry of a table has a valid size. */
+/* Returns whether the absolute value of a table entry is at most MAX_ENTRY. */
 static inline int is_entry_valid(entry word, entry previous)
 {
   (void)previous;
@@ -53,8 +53,8 @@ static inline int is_single(const entry *words, int32_t word)
          words[word + 1] == (entry)0;
 }
 
-/* Returns whether the scales of the signals are valid for computations. The range of the gap is
-   empty if nothing depends on the gap. */
+/* Returns whether the scales of the signals are valid for computations. The gap may have an empty
+   range if nothing depends on it. */
 static inline int are_scales_valid(const entry *words)
 {
   const entry low = words[ANHYST_WORD_SCALE_GAP_LOW];
@@ -64,8 +64,8 @@ static inline int are_scales_valid(const entry *words)
          (low == high || high - low >= (entry)8.67361738e-19);
 }
 
-/* Converts a number of the state from the unit at this word of the old block to the unit of the new
-   block. Requires valid blocks. Equal units return the same number. */
+/* Converts a number of the hysteresis state to the unit of another block. `word` is the index of
+   the unit in both blocks. Requires valid blocks. Returns the same number for equal units. */
 static inline number convert_unit(number a, const entry *old_words, const entry *new_words,
                                   int32_t word)
 {

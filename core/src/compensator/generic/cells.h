@@ -1,44 +1,45 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The play-cell law: play operators in the effective field, each with its own curve. Template for
-   one number format; generic/cells_path.h is included before.
+/* The play-cell law: a sum of play operators in the effective field, each with its own
+   magnetisation curve. Template for one number format; generic/cells_path.h is included before.
 
    The play p of cell i follows the field x within its threshold r. The cell contributes f(p), and m
-   is the sum over all cells. On a rising path, the cells with the smallest thresholds move, all
-   with p = x - r. A table row over x contains their sum T. The other cells are at rest and
-   contribute a constant C:
+   is the sum over all cells. While the field rises, the cells with the smallest thresholds are
+   active: each of them has p = x - r. A table row contains the sum T of the active cells as a
+   function of x. The other cells are at rest and contribute a constant C:
 
      m = T(x) + C
 
-   The next cell starts to move ("joins") where x reaches p + r. The algorithm follows a rising
-   path; a falling path is mirrored. Rows are piecewise linear. Therefore, the equation
+   The next cell becomes active where x reaches p + r. The algorithm follows a path with rising
+   field. A path with falling field is mirrored. Table rows are piecewise linear. Therefore, the
+   equation
 
      flux_arm*(h*x + m) + field_arm*x = target
 
-   has a closed-form solution on each segment. When a cell comes to rest, a row value is added to C.
-   When the cell joins again, exactly the same value is subtracted, so that C does not drift. The
-   solution is rounded against the direction of the path, so that a constant target never reverses
-   the path. */
+   has a closed-form solution on each segment. When a cell comes to rest, a table value is added to
+   C. When the cell becomes active again, exactly the same value is subtracted, so that C does not
+   drift. The solution is rounded against the direction of the path, so that a constant target never
+   reverses the path. */
 
-/* Maximum number of segments that a search from a trial step examines before a full solve. */
+/* Maximum number of segments that are searched from a trial step before a full solve. */
 #define MAX_SEGMENT_STEPS 4
 
-/* Residual, divided by 4, above which a path searches for all cells that came to rest together. */
+/* Residual, divided by 4, above which the search includes all cells that came to rest together. */
 #define GROUP_SEARCH_RESIDUAL POWER_OF_HALF(6)
 
-/* The equation to solve, divided by 4, in the direction of the path. */
+/* Equation for the field, divided by 4, in the direction of the path. */
 typedef struct {
   entry air;
-  const arms_type *arms; /* of a current; 0: solve h*x + m = target */
+  const arms_type *arms; /* coefficients of a current; 0: solve h*x + m = target */
   number target;
 } equation;
 
-/* Returns h*x + m, divided by 4. Requires |x| <= 1. */
+/* Returns the flux h*x + m, divided by 4. Requires |x| <= 1. */
 static inline number flux_at(const equation *eq, number x, number m)
 {
   return quarter(m) + scaled(x, eq->air);
 }
 
-/* Returns the current of a flux and a field without its bias, divided by 4. */
+/* Returns the current of a flux and a field, without its bias, divided by 4. */
 static inline number current_without_bias(const arms_type *arms, number flux, number x)
 {
   return scaled(flux, arms->flux_arm) + quarter(scaled(x, arms->field_arm));
@@ -49,7 +50,7 @@ static inline number left_side(const equation *eq, number flux, number x)
   return eq->arms == 0 ? flux : current_without_bias(eq->arms, flux, x);
 }
 
-/* Returns the target minus the left side at a field and a magnetisation. */
+/* Returns the target minus the left side of the equation at a field and a magnetisation. */
 static inline number residual_at(const equation *eq, number x, number m)
 {
   return eq->target - left_side(eq, flux_at(eq, x, m), x);
@@ -68,8 +69,8 @@ static number field_at_segment(const cell_path *path, int segment)
   return segments_to_field(from_centre, path->zone_grid);
 }
 
-/* Returns the position of the solution on a segment (0..1), from the residual at its lower end. 0:
-   at or below the lower end; WHOLE_SEGMENT: at or beyond the upper end. */
+/* Returns the position of the solution on a segment as a fraction, from the residual at its lower
+   end. Returns 0 at or below the lower end, and WHOLE_SEGMENT at or beyond the upper end. */
 static inline number solve_segment(const equation *eq, const entry *segment, segment_grid width,
                                    number residual)
 {
@@ -82,8 +83,8 @@ static inline number solve_segment(const equation *eq, const entry *segment, seg
   return residual > 0 ? divide_to_fraction(residual, rise) : 0;
 }
 
-/* Returns the field, at least low, where a cell joins the path. For a cell after the last one,
-   returns the end of the rows. */
+/* Returns the field at which a cell becomes active, at least `low`. For an index after the last
+   cell, returns the largest field. */
 static number start_field(const cell_path *path, int cell, number low)
 {
   if (cell > path->cells) {
@@ -93,15 +94,15 @@ static number start_field(const cell_path *path, int cell, number low)
   return at > low ? at : low;
 }
 
-/* Returns whether a cell came to rest on a path in this direction. */
+/* Returns whether a cell came to rest on a path in the same direction as this path. */
 static int has_same_stop_direction(const cell_path *path, int cell)
 {
   const uint32_t mask = (uint32_t)path->stopped_on_rise ^ (uint32_t)(int32_t)path->mirror;
   return ((mask >> ((unsigned)cell & 31U)) & 1U) != 0U;
 }
 
-/* Sets the reversal point of the next cell as that of the path. All cells up to `last` that came to
-   rest there on a path in the other direction belong to it. */
+/* Sets the reversal point of the path to that of the next cell. The group consists of all cells up
+   to `last_cell` that came to rest at this point, on a path in the other direction. */
 static void find_reversal_group(cell_path *path, int last_cell)
 {
   int cell = path->active;
@@ -115,8 +116,8 @@ static void find_reversal_group(cell_path *path, int last_cell)
   path->prior_active = cell;
 }
 
-/* Returns the magnetisation of the next cell, which joins at this position, exactly as it was added
-   to the sum of the cells at rest. */
+/* Returns the magnetisation of the next cell, which becomes active at this position. It is exactly
+   the value that was added to the sum of the cells at rest. */
 static number resting_magnetisation(cell_path *path, table_position position, int last_cell)
 {
   if (has_same_stop_direction(path, path->active)) {
@@ -130,9 +131,9 @@ static number resting_magnetisation(cell_path *path, table_position position, in
   return -cell_magnetisation(path, rest_position);
 }
 
-/* Solves the equation on the row of the moving cells, between low (on the segment of first_entry)
-   and high. If the solution is after this segment, a bisection finds the last segment whose
-   residual at the lower end is positive. */
+/* Solves the equation in the row of the active cells, between `low` (on the segment of
+   `first_entry`) and `high`. If the solution is after this segment, a bisection finds the last
+   segment whose residual at the lower end is positive. */
 static void solve_row(cell_path *path, const equation *eq, const entry *first_entry, number low,
                       number high)
 {
@@ -165,8 +166,8 @@ static void solve_row(cell_path *path, const equation *eq, const entry *first_en
   path->x = clamped(field_at_fraction(begin, width, limit_fraction(fraction)), low, high);
 }
 
-/* Lets the cells that came to rest at the reversal of this path join again, up to the target. Finds
-   their number by bisection. Returns the field where the last of them joins. */
+/* Activates the cells that came to rest at the reversal of this path, up to the target. Finds their
+   number by bisection. Returns the field at which the last of them becomes active. */
 static number restart_group(cell_path *path, const equation *eq, number low)
 {
   const table_position reversal = {path->reversal.segment + row_offset(path, path->active - 1),
@@ -193,10 +194,10 @@ static number restart_group(cell_path *path, const equation *eq, number low)
   return low;
 }
 
-/* Lets cells join up to the target of a path that starts at a position. Returns the segment of the
-   last join, and sets path->last_join and the field of the next join. The search for cells that
-   came to rest together covers cells up to `last`, and all cells after the first join. Short paths
-   pass last = 0, because they end before the second join. */
+/* Activates cells along a path from a position up to the target. Sets path->last_start, and the
+   field at which the next cell becomes active. Returns the segment of path->last_start. A group of
+   cells that came to rest together is searched up to `last_cell`, and after the first activation up
+   to the last cell. Short paths pass 0, because they end before the second activation. */
 static const entry *start_cells(cell_path *path, const equation *eq, table_position position,
                                 int last_cell, number *next_start)
 {
@@ -211,7 +212,7 @@ static const entry *start_cells(cell_path *path, const equation *eq, table_posit
     }
     low = next_field;
     position = next_position;
-    do { /* all cells that join at the same field */
+    do { /* all cells that become active at the same field */
       path->resting_m =
           saturate(path->resting_m - resting_magnetisation(path, position, last_cell));
       path->active++;
@@ -224,7 +225,7 @@ static const entry *start_cells(cell_path *path, const equation *eq, table_posit
       low = restart_group(path, eq, low);
       position = locate_field(path, path->row, low);
       next_field = start_field(path, path->active, low);
-      is_ended = path->active < path->prior_active; /* the next cell of the group joins after the
+      is_ended = path->active < path->prior_active; /* the next cell of the group is after the
                                                        target */
     }
   }
@@ -233,8 +234,8 @@ static const entry *start_cells(cell_path *path, const equation *eq, table_posit
   return position.segment;
 }
 
-/* Follows a path that starts below the target: lets cells join, and solves the equation. Returns
-   the field where the next cell joins. */
+/* Solves the equation along a path that starts below the target, and activates cells on the way.
+   Returns the field at which the next cell becomes active. */
 static number solve_path(cell_path *path, const equation *eq, table_position begin, int last_cell)
 {
   number next_start;
@@ -263,8 +264,8 @@ static void reverse_path(cell_path *path, table_position position)
   path->row = path->rows;
 }
 
-/* Stores the segment of a trial step, which starts at `begin`: its rise, and h*x + m at its lower
-   end, divided by 4. */
+/* Stores the segment of a trial step from `begin` on: its rise, and h*x + m at `begin`, divided by
+   4. */
 static void store_segment(const entry *words, int segment, number begin, segment_grid width,
                           number rest, candidate *trial)
 {
@@ -273,13 +274,13 @@ static void store_segment(const entry *words, int segment, number begin, segment
                          scaled(begin, words[ANHYST_WORD_CELLS_AIR]);
 }
 
-/* Returns the rise of h*x + m on the segment of a trial step, divided by 4. */
+/* Returns the rise of h*x + m over the segment of a trial step, divided by 4. */
 static inline number segment_flux_rise(const candidate *trial, entry air)
 {
   return quarter_rise(trial) + scaled(width_of(trial_grid(trial)), air);
 }
 
-/* Stores the end of a path as a trial step. Returns h*x + m there, divided by 4. */
+/* Stores the end of a path as a trial step. Returns its flux h*x + m, divided by 4. */
 static number store_trial(const cell_path *path, const entry *words, candidate *trial)
 {
   const segment_grid width = grid_at_field(path, path->x);
@@ -295,9 +296,8 @@ static number store_trial(const cell_path *path, const entry *words, candidate *
                   path->mirror);
 }
 
-/* Solves from a memory. Returns h*x + m at the solution, divided by 4. The field does not change if
-   the target is between the values of the rows for the two directions, which are not exactly
-   odd. */
+/* Solves from a stored state. Returns the flux h*x + m of the solution, divided by 4. The rows for
+   rising and falling field are not exactly odd: between their values, the field does not change. */
 static number solve_from_memory(const entry *words, const cells_memory *from, const number *plays,
                                 const arms_type *arms, number target, candidate *trial)
 {
@@ -330,8 +330,8 @@ static number solve_from_memory(const entry *words, const cells_memory *from, co
 /* Results of a search on the segment of a trial step. */
 enum { NOT_SOLVED, SOLVED, BEYOND_SEGMENT };
 
-/* Moves a trial step to the start of the next segment, unless a cell joins before. Returns whether
-   it did. */
+/* Moves a trial step to the start of the next segment. Returns 0 if a cell becomes active before
+   that point, or if there is no next segment. */
 static int move_to_next_segment(const entry *words, candidate *trial)
 {
   const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
@@ -357,9 +357,10 @@ static int move_to_next_segment(const entry *words, candidate *trial)
 }
 
 /* Moves a trial step to the target on its segment. The field stays at or above the field where the
-   step started or the last cell joined, and at or below the field where the next cell joins. Sets
-   h*x + m at the solution, divided by 4. A target that is lower only by rounding counts as solved.
-   BEYOND_SEGMENT: the target is on one of the next segments. */
+   step started or the last cell became active, and at or below the field where the next cell
+   becomes active. Stores the flux h*x + m of the solution, divided by 4, in *flux. A target that is
+   lower only by rounding counts as solved. Returns BEYOND_SEGMENT if the target is on one of the
+   next segments. */
 static inline int solve_on_segment(const entry *words, const arms_type *arms, number target,
                                    candidate *trial, number *flux)
 {
@@ -391,9 +392,8 @@ static inline int solve_on_segment(const entry *words, const arms_type *arms, nu
   return is_flux_valid(*flux) && x <= trial->of.cells.joins ? SOLVED : NOT_SOLVED;
 }
 
-/* Solves from a trial step if the target is close, otherwise from the memory. Returns h*x + m at
-   the solution, divided by 4. result: the outcome of the search on the segment of the trial
-   step. */
+/* Solves from a trial step if the target is close, otherwise from the stored state. `result` is the
+   outcome of the search on the trial step's segment. Returns the flux h*x + m, divided by 4. */
 static number solve_beyond_segment(const entry *words, const cells_memory *from,
                                    const number *plays, const arms_type *arms, number target,
                                    candidate *trial, int result)
@@ -407,8 +407,8 @@ static number solve_beyond_segment(const entry *words, const cells_memory *from,
   return result == SOLVED ? flux : solve_from_memory(words, from, plays, arms, target, trial);
 }
 
-/* Solves for a current without its bias, divided by 4. Starts at the trial step if it is known.
-   Returns h*x + m at the solution, divided by 4. */
+/* Solves for a current without its bias, divided by 4. Starts at the trial step if `is_known` is
+   set. Returns the flux h*x + m of the solution, divided by 4. */
 static inline number solve_current(const entry *words, const cells_memory *from,
                                    const number *plays, const arms_type *arms, number target,
                                    candidate *trial, int is_known)
@@ -421,7 +421,8 @@ static inline number solve_current(const entry *words, const cells_memory *from,
                           : solve_beyond_segment(words, from, plays, arms, target, trial, result);
 }
 
-/* Allows a path from the memory to reverse there: no search on a segment goes below this field. */
+/* Allows a path from the stored state to reverse there: sets the lowest field of a search on a
+   segment to the field of this state. */
 static inline void allow_reversal(compensator *c)
 {
   candidate *trial = &c->next;
@@ -431,7 +432,7 @@ static inline void allow_reversal(compensator *c)
 
 static number cells_flux_for_current(compensator *c, number current)
 {
-  if (c->stage == ANHYST_STAGE_HERE) { /* a commit without a solve */
+  if (c->stage == ANHYST_STAGE_HERE) { /* a commit without a solve before it */
     allow_reversal(c);
   }
   return four_times(solve_current(c->words, &c->memory.cells, c->plays, &c->arms,
@@ -439,9 +440,9 @@ static number cells_flux_for_current(compensator *c, number current)
                                   c->stage != ANHYST_STAGE_UNKNOWN));
 }
 
-/* Solves for a flux that is not on the segment of the trial step. If the flux needs more current
-   than a limit, solves for this limit instead, because the commit of the limited current then
-   starts at its solution. Returns a field at the flux, or at or beyond the limit. */
+/* Solves for a flux that is not on the segment of the trial step, and returns its field. If the
+   flux needs more current than a limit, solves for the limit instead and returns the largest or
+   smallest field. The commit of the limited current then starts at its solution. */
 static number solve_field_beyond_segment(compensator *c, int result)
 {
   const arms_type *arms = &c->arms;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The parameter block of the play-cell law: its checks, the plays after a reversal, the
-   demagnetised state, and the transfer of a memory to another block. Template for one number
-   format; generic/cells_path.h is included before. */
+   demagnetised state, and the transfer of a state to another block. Template for one number format;
+   generic/cells_path.h is included before. */
 
-/* Sets a state in which only cell 0 moves. */
+/* Sets a state in which only cell 0 is active. */
 static void init_memory(const entry *words, const number *plays, cells_memory *memory)
 {
   cell_path path;
@@ -14,7 +14,7 @@ static void init_memory(const entry *words, const number *plays, cells_memory *m
   memory->joined = memory->x;
 }
 
-/* Stores the plays of the moving cells, which come to rest if the path reverses at this memory. */
+/* Stores the plays of the active cells, which come to rest if the path reverses at this state. */
 static void store_moving_plays(const entry *words, const cells_memory *from, number *plays)
 {
   cell_path path;
@@ -32,7 +32,7 @@ static inline number segment_rise(const entry *segment)
   return word_value(segment[1]) - word_value(segment[0]);
 }
 
-/* Returns whether the entries of all rows in a column differ by at most 1. */
+/* Returns whether the entries of all table rows in a column differ by at most 1. */
 static int are_column_entries_close(const cell_path *path, int column)
 {
   number low = word_value(path->rows[column]);
@@ -45,7 +45,7 @@ static int are_column_entries_close(const cell_path *path, int column)
   return high - low <= MAX_ROW_DIFFERENCE;
 }
 
-/* Returns whether no row falls, and the rows differ by at most 1 in every column. */
+/* Returns whether no table row falls, and all rows differ by at most 1 in every column. */
 static int are_rows_valid(const entry *words)
 {
   cell_path path;
@@ -69,7 +69,7 @@ static int are_rows_valid(const entry *words)
   return 1;
 }
 
-/* Returns the largest rise of a row on a narrow or on a wide segment. */
+/* Returns the largest rise of any table row over one narrow segment, or over one wide segment. */
 static number largest_segment_rise(const cell_path *path, int is_narrow)
 {
   number max_rise = 0;
@@ -84,8 +84,8 @@ static number largest_segment_rise(const cell_path *path, int is_narrow)
   return max_rise;
 }
 
-/* Returns whether flux_arm*flux + field_arm*field rises with the field on every segment, by more
-   than rounding of the two arms can remove. */
+/* Returns whether flux_arm*flux + field_arm*field rises with the field on every segment. The rise
+   must exceed the effect of rounding both coefficients. */
 static int does_sum_rise_with_field(const entry *words, entry flux_arm, entry field_arm)
 {
   cell_path path;
@@ -119,8 +119,8 @@ static int does_current_rise_with_field(const entry *words)
 static int are_solid_layers_valid(const entry *words);
 #endif
 
-/* Returns whether the program has memories for the layers of a block, and the flux rises with the
-   field in each layer. A block without layers has zeros in these words. */
+/* Returns whether the layers of a block are valid: the program has a state for each layer, and the
+   flux rises with the field in each layer. Without layers, all words of the layers must be zero. */
 static int are_layers_valid(const entry *words)
 {
 #if ANHYST_MEMORIES > 1
@@ -154,7 +154,7 @@ static int is_cells_block_valid(const entry *words)
          are_rows_valid(words) && does_current_rise_with_field(words) && are_layers_valid(words);
 }
 
-/* Sets the plays of all cells. Cell 0 and unused cells get the field. */
+/* Sets the plays of all cells. Cell 0 and unused cells get the field as their play. */
 static void collect_plays(const entry *words, const cells_memory *memory, const number *plays,
                           number *all_plays)
 {
@@ -170,8 +170,8 @@ static void collect_plays(const entry *words, const cells_memory *memory, const 
   }
 }
 
-/* Returns the play of a cell with threshold r, interpolated between the cells with the next smaller
-   and larger thresholds. */
+/* Returns the play of a cell with threshold r. It is interpolated between the plays of the cells
+   with the next smaller and the next larger threshold. */
 static number interpolate_play(const cell_path *path, const number *all_plays, number r)
 {
   int below = 0;
@@ -186,8 +186,8 @@ static number interpolate_play(const cell_path *path, const number *all_plays, n
                           half_width(path, below + 1) - begin);
 }
 
-/* Shifts field and plays along the field axis. Returns the residual of h*x + m = flux after the
-   shift, divided by 4. It rises with the shift. */
+/* Shifts field and plays by `travel` along the field axis. Returns the residual of h*x + m = flux
+   after the shift, divided by 4. The residual rises with the shift. */
 static number shift_memory(cell_path *path, const number *all_plays, number travel, entry air,
                            number flux, number *plays)
 {
@@ -202,9 +202,9 @@ static number shift_memory(cell_path *path, const number *all_plays, number trav
   return quarter(m) + scaled(path->x, air) - quarter(flux);
 }
 
-/* Transfers a memory to another block. All plays are shifted by the same field, so that the iron
-   has the given flux under the new block. A constant demand then does not start a new branch. A
-   play with a new threshold is interpolated between its neighbours. */
+/* Transfers a state to another block. All plays are shifted by the same field, so that the iron has
+   the given flux under the new block. A constant demand then does not start a new branch. The play
+   of a new threshold is interpolated between the plays of the adjacent thresholds. */
 static void transfer_memory(const entry *old_words, const entry *words, number flux,
                             cells_memory *memory, number *plays)
 {

@@ -1,41 +1,39 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A path of the play-cell law: its rows, its state, and the terms of the magnetisation. Template
-   for one number format; a header with its arithmetic is included before (cells_fixed.h,
-   cells_real.h). Fields and plays are given in the direction of the path: mirrored if the field
-   falls. */
+/* A path of the play-cell law: its table rows, its state, and the terms of the magnetisation.
+   Template for one number format. A header with its arithmetic is included before (cells_fixed.h,
+   cells_real.h). Fields and plays are mirrored if the field falls, so that every path rises. */
 
-/* A rising path. Cell 0 has no threshold and always moves. */
+/* A path with rising field. Cell 0 has threshold 0 and is always active. */
 typedef struct {
-  const entry *thresholds; /* thresholds of the cells from cell 1 on */
-  const entry *rows;       /* rows for 1, 2, ... moving cells */
-  const entry *row;        /* row of the cells that move now */
+  const entry *thresholds; /* thresholds of cells 1, 2, ... */
+  const entry *rows;       /* table rows for 1, 2, ... active cells */
+  const entry *row;        /* table row of the present active cells */
   const number *plays;
-  number zone_half_width;  /* half-width of the zone around 0 with narrow segments */
-  int zero_index;          /* index of the entry for the field 0 */
-  int wide_segments;       /* number of wide segments on each side */
-  int stride;              /* entries of a row */
+  number zone_half_width;  /* half-width of the zone around zero field with narrow segments */
+  int zero_index;          /* column of zero field in a table row */
+  int wide_segments;       /* number of wide segments on each side of zero field */
+  int stride;              /* number of entries in a table row */
   segment_grid zone_grid;  /* segment width in the zone */
   segment_grid wide_grid;  /* segment width outside the zone */
-  int cells;               /* number of cells besides cell 0 */
-  int active;              /* the cells below this one move */
-  int prior_active;        /* the cells below this one moved in the other direction until the last
-                              reversal */
-  table_position reversal; /* reversal point on the first row, in the other direction */
+  int cells;               /* number of cells in addition to cell 0 */
+  int active;              /* number of active cells; they have the lowest indices */
+  int prior_active;        /* number of active cells before the last reversal */
+  table_position reversal; /* reversal point in the first table row, in the other direction */
   int32_t stopped_on_rise; /* bit i: cell i came to rest while the field rose */
   number resting_m;        /* magnetisation of the cells at rest */
-  int mirror;              /* -1: the path falls, and everything is mirrored; otherwise 0 */
-  number last_start;       /* field where the last cell joined, or where the step started */
-  number x;                /* field */
+  int mirror;              /* -1: the field falls, and all numbers are mirrored; 0: it rises */
+  number last_start;       /* field where the last cell became active, or where the step started */
+  number x;                /* effective field */
   const entry *segment;    /* segment of the row that contains x at the end of the path */
 } cell_path;
 
-/* Returns the threshold of a cell (half-width of its play). */
+/* Returns the threshold of a cell, which is the half-width of its play. */
 static inline number half_width(const cell_path *path, int cell)
 {
   return word_value(path->thresholds[cell - 1]);
 }
 
-/* Returns the number of entries between a row and the row for `cells` more moving cells. */
+/* Returns the number of entries between a table row and the row for `cells` more active cells. */
 static inline int row_offset(const cell_path *path, int cells) { return cells * path->stride; }
 
 static inline const entry *moving_row(const cell_path *path, int cells)
@@ -43,7 +41,7 @@ static inline const entry *moving_row(const cell_path *path, int cells)
   return path->rows + row_offset(path, cells - 1);
 }
 
-/* Whether x is in the zone of narrow segments. */
+/* Returns whether x is in the zone of narrow segments. */
 static inline int is_in_zone(const cell_path *path, number x)
 {
   return is_around_zero(x, path->zone_half_width);
@@ -54,7 +52,7 @@ static inline segment_grid grid_at_field(const cell_path *path, number x)
   return is_in_zone(path, x) ? path->zone_grid : path->wide_grid;
 }
 
-/* Returns the position of x on a row. Requires |x| < 1. */
+/* Returns the position of the field x in a table row. Requires |x| < 1. */
 static inline table_position locate_field(const cell_path *path, const entry *row, number x)
 {
   segment_grid width = path->zone_grid;
@@ -66,8 +64,8 @@ static inline table_position locate_field(const cell_path *path, const entry *ro
   return locate_from_zero(row, x, width);
 }
 
-/* Returns the magnetisation of a cell whose play the field has moved: the value of the next row
-   minus that of the row of this position. */
+/* Returns the magnetisation of the next cell to become active: the value of the next table row
+   minus the value of this row. */
 static inline number cell_magnetisation(const cell_path *path, table_position position)
 {
   return row_difference(position, position.segment + path->stride);
@@ -81,15 +79,14 @@ static inline number resting_play(const cell_path *path, int cell)
   return mirrored(path->plays[cell - 1], path->mirror);
 }
 
-/* The same, limited to values that a field within the rows can cause. */
+/* Returns the play of a cell at rest, limited to values that a field within the table can cause. */
 static inline number limited_resting_play(const cell_path *path, int cell)
 {
   const number r = half_width(path, cell);
   return clamped(resting_play(path, cell), r + MIN_FIELD, MAX_FIELD - r);
 }
 
-/* Returns the field, within the rows, at which a cell came to rest on a path in the other
-   direction. */
+/* Returns the field, within the table, at which a cell came to rest in the other direction. */
 static inline number stopping_field(const cell_path *path, int cell)
 {
   return saturate(difference(resting_play(path, cell), half_width(path, cell)));
@@ -110,21 +107,21 @@ static inline void read_row_layout(cell_path *path, const entry *words)
   path->stride = 2 * path->zero_index + 1;
 }
 
-/* Returns whether two memories moved in opposite directions. */
+/* Returns whether the field moved in opposite directions at two states. */
 static inline int have_reversed(const cells_memory *from, const cells_memory *to)
 {
   return (from->active < 0) != (to->active < 0);
 }
 
-/* Returns the number of moving cells of a memory, limited to the number of cells; 0: unknown. */
+/* Returns the number of active cells of a state, at most the number of cells; 0 if it is
+   unknown. */
 static inline int count_moving_cells(const cell_path *path, const cells_memory *from)
 {
   const uint32_t size = from->active < 0 ? 0U - (uint32_t)from->active : (uint32_t)from->active;
   return size <= (uint32_t)path->cells ? (int)size : path->cells + 1;
 }
 
-/* Returns the magnetisation of all cells at rest except cell 0, as if they had come to rest on a
-   rising path. */
+/* Returns the magnetisation of all cells except cell 0, as if they had stopped on a rising path. */
 static number sum_resting_cells(const cell_path *path)
 {
   number total = 0;
@@ -136,7 +133,7 @@ static number sum_resting_cells(const cell_path *path)
   return total;
 }
 
-/* Initialises a rising path without a reversal. */
+/* Initialises a path with rising field and without a reversal. */
 static inline void init_path(cell_path *path, const entry *words, const number *plays)
 {
   read_row_layout(path, words);
@@ -145,8 +142,8 @@ static inline void init_path(cell_path *path, const entry *words, const number *
   path->mirror = 0;
 }
 
-/* Starts a path at a memory, in the direction of the memory. Sums the cells at rest if the memory
-   does not state which cells move. */
+/* Starts a path at a stored state, in the direction of its last step. Sums the magnetisation of the
+   cells at rest if the state does not contain the number of active cells. */
 static inline void begin_path(cell_path *path, const entry *words, const cells_memory *from,
                               const number *plays)
 {

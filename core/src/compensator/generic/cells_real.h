@@ -1,31 +1,30 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the play-cell law in floating point, for generic/cells.h. cells_fixed.h describes
    the functions. Fields, plays and magnetisations are fractions on a grid of 2*NUMBER_EPS. Sums and
-   differences of two of them are exact. Therefore, no errors accumulate in the sum of the cells at
-   rest. */
+   differences of two of them are exact, so that the sum of the resting cells has no errors. */
 
 typedef struct {
-  number width; /* of a segment */
+  number width; /* width of a segment */
   number count; /* 1/width */
 } segment_grid;
 
-/* A position on a table row. */
+/* Position in a table row. */
 typedef struct {
   const entry *segment; /* lower end of the segment */
-  number fraction;      /* of the segment, 0..1 */
+  number fraction;      /* position within the segment, 0..1 */
 } table_position;
 
 #define NUMBER_STEP ((number)2 * NUMBER_EPS)
 #define MAX_FIELD ((number)1 - NUMBER_STEP)
 #define MIN_FIELD (NUMBER_STEP - (number)1)
-#define WHOLE_SEGMENT ((number)1) /* as a part */
+#define WHOLE_SEGMENT ((number)1) /* upper end of a segment, as a fraction of its width */
 
 #define POWER_OF_HALF(n) ((number)1 / (number)(1L << (n)))
 
 #define RESIDUAL_DEADBAND NUMBER_EPS
 
-/* Rounds to the nearest multiple of GRID_STEP, which is the spacing of numbers in 2..4. Requires
-   |a| < 1. */
+/* Rounds to the nearest multiple of NUMBER_STEP, the spacing of numbers in 2..4. Requires |a| <
+   1. */
 static inline number round_to_grid(number a)
 {
   const number shifted = a + (number)3;
@@ -34,12 +33,12 @@ static inline number round_to_grid(number a)
 
 static inline int integer_of(entry word) { return (int)word; }
 
-/* Returns a, or -a for a mirror of -1. */
+/* Returns a if mirror is 0, and -a if mirror is -1. */
 static inline number mirrored(number a, int mirror) { return mirror != 0 ? -a : a; }
 static inline number clamped(number a, number low, number high) { return clamp(a, low, high); }
 static inline int is_around_zero(number x, number half) { return x >= -half && x < half; }
 
-/* Saturates to -1 .. 1; returns the lower end for NaN. */
+/* Limits a number to -1..1. Returns the lower limit for NaN. */
 static inline number saturate(number a) { return clamp(a, MIN_FIELD, MAX_FIELD); }
 static inline number sum(number a, number b) { return a + b; }
 static inline number difference(number a, number b) { return a - b; }
@@ -101,8 +100,7 @@ static inline number fraction_at(number x, number begin, segment_grid width)
   return (x - begin) * width.count;
 }
 
-/* Returns the field at a position on a segment, rounded down by up to 1.25 grid steps, so that it
-   is below the upper end. */
+/* Returns the field at a fraction of a segment, rounded down by up to 1.25 steps, below its end. */
 static inline number field_at_fraction(number begin, segment_grid width, number fraction)
 {
   const number x = round_to_grid(begin + fraction * width.width - (number)0.75 * NUMBER_STEP);
@@ -152,15 +150,15 @@ static inline int is_rounding_error(number above, number below, segment_grid wid
   return above - below <= (number)4 * NUMBER_STEP;
 }
 
-/* Returns whether a flux is valid; 0 for NaN. */
+/* Returns whether a flux is in -1..1. Returns 0 for NaN. */
 static inline int is_flux_valid(number flux) { return flux > (number)-1 && flux < (number)1; }
 static inline number internal_current_limit(const entry *words, int word) { return words[word]; }
 
-#define MAX_ROW_DIFFERENCE ((number)1) /* maximum difference between two rows */
-#define MIN_THRESHOLD NUMBER_STEP      /* smallest threshold of a cell */
-/* Rounding error of a weight between two table entries. */
+#define MAX_ROW_DIFFERENCE ((number)1) /* maximum difference of two rows */
+#define MIN_THRESHOLD NUMBER_STEP      /* smallest threshold of a play cell */
+/* Rounding error of a weight that is interpolated between two table entries. */
 #define WEIGHT_ROUNDING NUMBER_EPS
-/* Minimum rise on a segment, larger than rounding errors. */
+/* Smallest rise of a weighted sum over one segment that exceeds rounding errors. */
 #define MIN_SEGMENT_RISE ((number)0.5 * NUMBER_EPS)
 #define QUARTER_WEIGHT ((number)0.25)
 
@@ -173,7 +171,7 @@ static inline number interpolate_line(number low, number high, number numerator,
   return low + (high - low) * (numerator / denominator);
 }
 
-/* Rounds to the nearest multiple of 2*GRID_STEP. Requires |a| < 2. */
+/* Rounds to the nearest multiple of 2*NUMBER_STEP. Requires |a| < 2. */
 static inline number round_to_coarse_grid(number a)
 {
   const number shifted = a + (number)6;
@@ -216,7 +214,7 @@ static inline number secant_slope(number rise, number run)
   return clamp(rise / run, MIN_FIELD_SLOPE, MAX_FIELD_SLOPE);
 }
 
-/* Returns the field unchanged. In fixed point, large fields of a line are scaled down. */
+/* Returns the field unchanged. The fixed-point version divides it by 16. */
 static inline number to_coarse_field(number a) { return a; }
 static inline number divide_slope(number slope, entry fraction) { return slope / fraction; }
 
@@ -247,8 +245,8 @@ static inline number outstanding_flux(const entry *words, number residual, numbe
   return clamp(residual / words[ANHYST_WORD_SOLID_HOLD], -most, most);
 }
 
-/* Sets the arms of the equation own*f + x = field - falls*(f - flux), scaled to sizes of at most
-   1/2. Returns its target, divided by 4. */
+/* Sets the coefficients of the equation coupling_slope*f + x = field - falls*(f - flux), scaled to
+   at most 1/2 in size. Returns the target of the equation, divided by 4. */
 static inline number set_load_line(arms_type *arms, number field, number falls,
                                    number coupling_slope, number flux)
 {

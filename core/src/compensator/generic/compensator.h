@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template: the compensator, for every number format. The operations that depend on the format are
    included before: ../compensator.c for fixed point, compensator_real.h for floating point. stage.h
-   defines the stages of the trial step. */
+   defines the stages of a trial step. */
 #include "anhyst/numeric/port.h"
 
-/* Limits a to low..high. Sets a flag if it exceeds a limit by more than the tolerance. */
+/* Limits a to low..high. Sets `flag` if a exceeds a limit by more than the tolerance. */
 static inline number clamp_and_flag(compensator *c, number a, number low, number high,
                                     number tolerance, uint16_t flag)
 {
@@ -17,7 +17,7 @@ static inline number clamp_and_flag(compensator *c, number a, number low, number
   return a > high ? high : low;
 }
 
-/* Starts a call with these flags. In a debug build it marks the compensator as busy, and an
+/* Sets the flags at the start of a call. A debug build also marks the compensator as busy, and an
    assertion fails if it is already busy. */
 static inline void begin_call(compensator *c, uint16_t flags)
 {
@@ -38,8 +38,7 @@ static inline void end_call(compensator *c)
 #endif
 }
 
-/* Returns the position of the gap in the tables. Stores the gap, and sets a flag if it is out of
-   range. */
+/* Stores the gap, and sets a flag if it is out of range. Returns its position in the tables. */
 static gap_position store_gap(compensator *c, number gap)
 {
   const number fraction = gap_fraction(c, gap);
@@ -50,9 +49,9 @@ static gap_position store_gap(compensator *c, number gap)
   return locate_gap(c->words, fraction);
 }
 
-/* Returns the coefficients of the current for this tick. Iron with a lag needs more current while
-   its flux rises, in proportion to the rise per tick. At constant flux, the changes of bias and arm
-   cancel. */
+/* Returns the coefficients of the current for this tick. With an eddy-current lag, the current
+   contains a term that is proportional to the change of the flux per tick. At constant flux, the
+   changes of bias and flux coefficient cancel. */
 static arms_type current_coefficients(const compensator *c, gap_position position)
 {
   const entry *words = c->words;
@@ -73,8 +72,7 @@ static number offset_at(const entry *words, gap_position position)
   return word_to_signal(interpolate_over_gap(position, words[ANHYST_WORD_GAP_OFFSET]));
 }
 
-/* Returns the flux for the demand at this gap; at least 0 if the output is proportional to its
-   square. */
+/* Returns the flux for a demand. If the output is proportional to its square, it is at least 0. */
 static number demand_to_flux(compensator *c, number demand, gap_position position)
 {
   const entry *words = c->words;
@@ -132,7 +130,7 @@ static void solve_demand(compensator *c, number demand, number gap)
   const gap_position position = store_gap(c, gap);
   c->arms = current_coefficients(c, position);
   c->flux = demand_to_flux(c, demand, position);
-  if (c->stage == ANHYST_STAGE_AHEAD) { /* a step that was not committed */
+  if (c->stage == ANHYST_STAGE_AHEAD) { /* a trial step that was not committed */
     c->stage = ANHYST_STAGE_UNKNOWN;
     c->flags |= ANHYST_UNCOMMITTED;
   }
@@ -147,9 +145,9 @@ static void solve_demand(compensator *c, number demand, number gap)
   end_call(c);
 }
 
-/* Commits the solved current by a copy, unless a limit of the current applied: then the flux is
-   searched for. In this case, the law has stored its trial step at the limit, so that the search is
-   short. Leaves the state unchanged if the applied current is not finite. */
+/* Commits the solved current by a copy of the trial step. If the current was limited, or another
+   current was applied, searches for its flux. At a limit, the trial step is already at this limit,
+   so that the search is short. An applied current that is not finite leaves the state unchanged. */
 static void commit_current(compensator *c, number applied, number gap)
 {
   const entry *words = c->words;
@@ -185,7 +183,7 @@ static number model_output(const compensator *c)
   return add(flux_to_output(c->words, c->flux_applied, position), offset_at(c->words, position));
 }
 
-/* Requires two blocks with the same scales. */
+/* Replaces the parameter block. Requires that both blocks have the same scales. */
 static void swap_block(compensator *c, const entry *words)
 {
   const number output_before = model_output(c);
@@ -212,7 +210,7 @@ static int32_t conditioning_ticks(const compensator *c)
          (int32_t)c->words[ANHYST_WORD_CONDITION_TICKS];
 }
 
-/* Returns the current of a tick of the start-up sequence as a word of the block. */
+/* Returns the current at a tick of the conditioning sequence, as a word of the block. */
 static entry conditioning_word(const compensator *c, int32_t tick)
 {
   const int32_t ramp = (int32_t)c->words[ANHYST_WORD_CONDITION_TICKS];

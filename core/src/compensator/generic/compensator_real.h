@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Operations of a floating-point compensator, for compensator.h. Signals are in the units of the
-   model; internally, demand and current are fractions of full scale. */
+   model. Internally, demand and current are fractions of full scale. */
 
-/* 2^-15: tolerance of a signal beyond a limit. */
+/* Tolerance of a signal beyond a limit: 2^-15 of full scale. */
 #define SIGNAL_TOLERANCE ((number)3.0517578125e-5)
 #define DEMAND_TOLERANCE SIGNAL_TOLERANCE
 #define CURRENT_TOLERANCE SIGNAL_TOLERANCE
-/* The largest current whose flux is searched for, fraction of full scale. */
+/* Largest current for which a flux is computed, as a fraction of full scale. */
 #define MAX_CURRENT ((number)2)
 
 typedef struct {
-  const entry *words; /* words of the block, advanced to the segment */
-  number fraction;    /* position on the segment, 0..1 */
+  const entry *words; /* block words, advanced by the index of the segment */
+  number fraction;    /* position within the segment, 0..1 */
 } gap_position;
 
 static number current_in_units(const compensator *c)
@@ -28,7 +28,7 @@ static void read_scales(compensator *c)
   c->per_gap = range > (number)0 ? (number)1 / range : (number)0;
 }
 
-/* Returns a gap as a fraction of its range; 0 if nothing depends on the gap. */
+/* Returns a gap as a fraction of its range. Returns 0 if nothing depends on the gap. */
 static number gap_fraction(const compensator *c, number gap)
 {
   return (gap - c->words[ANHYST_WORD_SCALE_GAP_LOW]) * c->per_gap;
@@ -62,10 +62,10 @@ static number add(number a, number b) { return a + b; }
 static number subtract(number a, number b) { return a - b; }
 static number word_to_signal(number word) { return word; }
 
-/* Returns whether a is finite and at most 3e38 in size. */
+/* Returns whether |a| is at most 3e38. Returns 0 for NaN. */
 static int is_finite(number a) { return absolute(a) <= (number)3e38; }
 
-/* Returns the square root of a number that is not negative, intended for 0..1. Below the knee,
+/* Returns the square root of a non-negative number, usually in 0..1. Below the knee, at
    2^(-2*knee), the function is linear. From the knee to 1, the relative error is below 1 ulp in
    single precision and 1e-14 in double precision. */
 static number root_with_knee(number a, int32_t knee)
@@ -75,7 +75,7 @@ static number root_with_knee(number a, int32_t knee)
   if (a * steepness * steepness < (number)1) {
     return a * steepness;
   }
-  /* Scales to 1/4..1 by even powers of two, which are exact; the smallest knee is 2^-16. */
+  /* Scales a to 1/4..1 by even powers of two, which is exact. The smallest knee is 2^-16. */
   if (a < (number)0.00390625) {
     a *= (number)256;
     scale *= (number)0.0625;
@@ -88,7 +88,8 @@ static number root_with_knee(number a, int32_t knee)
     a *= (number)4;
     scale *= (number)0.5;
   }
-  /* A linear start value has an error of at most 3 %; each Newton step doubles the digits. */
+  /* The linear start value has an error of at most 3 %. Each Newton step doubles the correct
+     digits. */
   number r = (number)0.686 * a + (number)0.343;
   r = (number)0.5 * (r + a / r);
   r = (number)0.5 * (r + a / r);
@@ -127,7 +128,7 @@ static number flux_to_output(const entry *words, number flux, gap_position posit
 
 static number current_limit(const entry *words, int16_t word) { return words[word]; }
 
-/* Convert the inner current to the result of a solve, and back. */
+/* Convert the internal current to the result of a solve, and back. */
 static number to_external_current(const entry *words, number current)
 {
   (void)words;

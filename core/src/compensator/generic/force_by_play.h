@@ -24,7 +24,7 @@ static ANHYST_REAL expected_force(const anhyst_force_controller_x *c, ANHYST_REA
   return play->demand;
 }
 
-/* Returns 0: any play is a valid state, so that no conditioning is necessary. */
+/* Returns 0 ticks. Every play is a valid state, so that no conditioning is necessary. */
 static int32_t conditioning_ticks(const anhyst_force_controller_x *c)
 {
   (void)c;

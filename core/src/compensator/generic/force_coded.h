@@ -4,8 +4,8 @@
 
 static int is_scale_valid(ANHYST_REAL a) { return a >= R(1e-12) && a <= R(1e12); }
 
-/* Truncates to a code, towards zero. Returns the lowest code for NaN; the lowest code of a flux
-   density means no probe. */
+/* Converts a number to an integer code, truncated towards zero. Returns the lowest code for NaN. As
+   a flux density, the lowest code means that no probe is present. */
 static int32_t number_to_code(ANHYST_REAL codes)
 {
   if (codes >= ANHYST_FULL_SCALE_CODES) {
@@ -20,7 +20,7 @@ static int32_t gap_code(const anhyst_coded_x *data, ANHYST_REAL gap)
   return initial > 0 ? initial : 0;
 }
 
-/* Returns whether a gap is in its range, extended by 2^-15 of the range. */
+/* Returns whether a gap is in its range, extended by 2^-15 of the range at both ends. */
 static int is_gap_in_range(const anhyst_coded_x *data, ANHYST_REAL gap)
 {
   const ANHYST_REAL codes = (gap - data->gap_low) * data->gap;
@@ -78,8 +78,7 @@ static void demagnetise(anhyst_force_controller_x *c)
   anhyst_force_controller_demagnetise_q31(data->inner);
 }
 
-/* Does nothing: another block consists of q31 words, and the inner controller accepts it
-   directly. */
+/* Does nothing, because the inner controller directly accepts another block of q31 words. */
 static void transfer_state(anhyst_force_controller_x *c, const anhyst_block_x *block)
 {
   (void)c;

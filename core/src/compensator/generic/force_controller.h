@@ -9,7 +9,7 @@ static int are_current_limits_valid(ANHYST_REAL low, ANHYST_REAL high)
   return is_finite(low) && is_finite(high) && low <= high;
 }
 
-/* Adds the correction by the measured flux to a current, and limits the sum. */
+/* Adds the correction from the measured flux to a current, and limits the sum. */
 static ANHYST_REAL apply_correction(anhyst_force_controller_x *c, ANHYST_REAL current)
 {
   c->wanted = anhyst_add_x(current, c->correction);
@@ -37,7 +37,7 @@ static ANHYST_REAL solve_by_map(anhyst_force_controller_x *c, ANHYST_REAL demand
   return apply_correction(c, anhyst_map_value_x(c->map, c->demand, gap));
 }
 
-/* Returns the force of an applied current; `added` is the part that the measured flux added. */
+/* Returns the force of an applied current, which contains the flux correction `added`. */
 static ANHYST_REAL force_by_map(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                 ANHYST_REAL added, ANHYST_REAL gap)
 {
@@ -154,9 +154,9 @@ static ANHYST_REAL solve_by_compensator(anhyst_force_controller_x *c, ANHYST_REA
   return c->current;
 }
 
-/* Returns the demand plus the difference between the outputs of the applied and the solved current.
-   Both outputs contain the error of the conversion from flux to force, which must not reach the
-   integral of the outer controller. */
+/* Returns the demand plus the output of the applied current minus the output of the solved current.
+   Both outputs contain the error of the conversion from flux to force. The difference keeps this
+   error out of the integral of the outer controller. */
 static ANHYST_REAL commit_by_compensator(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                          ANHYST_REAL gap)
 {
@@ -229,8 +229,8 @@ static ANHYST_REAL solve_fused(anhyst_force_controller_x *c, ANHYST_REAL demand,
   return apply_correction(c, by_law);
 }
 
-/* Commits the current without the part that the measured flux added, because this part corrects the
-   model of the iron. */
+/* Commits the current without the correction from the measured flux, because this correction
+   compensates errors of the iron model. */
 static ANHYST_REAL commit_fused(anhyst_force_controller_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
 {
   const uint16_t solved = c->solved;

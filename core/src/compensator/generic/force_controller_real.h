@@ -15,7 +15,7 @@ anhyst_status anhyst_force_controller_init_compensator_x(anhyst_force_controller
   return status;
 }
 
-/* Returns whether a is in -1e30..1e30; 0 for NaN. */
+/* Returns whether a is in -1e30..1e30. Returns 0 for NaN. */
 static int is_finite(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
 
 static int is_flux_loop_valid(const anhyst_flux_loop_x *loop)
@@ -55,9 +55,9 @@ static void swap_compensator_block(anhyst_compensator_x *compensator, const ANHY
   anhyst_compensator_swap_x(compensator, words);
 }
 
-/* Updates the current that the measured flux adds. The measured flux is compared with the flux that
-   is expected at present, not with the demanded one: their difference is a delay, which no current
-   removes. */
+/* Updates the current that corrects the flux error. The measured flux is compared with the flux
+   that is expected in this tick, instead of the demanded flux. The difference between these two is
+   a delay, which no current can remove. */
 static void update_correction(anhyst_force_controller_x *c, ANHYST_REAL gap, ANHYST_REAL flux)
 {
   const anhyst_map_x *wanted = &c->loop->wanted;
@@ -69,9 +69,8 @@ static void update_correction(anhyst_force_controller_x *c, ANHYST_REAL gap, ANH
   c->correction = c->loop->proportional * c->error + c->integral;
 }
 
-/* Advances the expected flux and the integral. Only a limit drives the integral back: a measured
-   current differs from the solved one also by the error of its sensor and by the lag of the
-   amplifier. */
+/* Advances the expected flux and the integral. Anti-windup acts only if a limit reduced the
+   current. The error of the sensor and the lag of the amplifier also change a measured current. */
 static void advance_flux_loop(anhyst_force_controller_x *c, ANHYST_REAL applied)
 {
   const anhyst_flux_loop_x *loop = c->loop;

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Returns the current that opposes the eddy currents of the demanded change of force, in the unit
-   of the inner controller. */
+/* Returns the current that compensates eddy currents, in the unit of the inner controller. */
 static ANHYST_REAL eddy_lead_current(const anhyst_corrected_x *data)
 {
   return data->correction.lead * (data->root - data->before);

@@ -1,23 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template: the Jiles-Atherton law with its exact step, for every number format. The operations
-   that depend on the format are included before: ../full_fixed.h, full_real.h. full_path.h and
-   full_search.h contain a path and the search along it, full_block.h the check of a block. */
+   that depend on the format are included before: ../full_fixed.h, full_real.h. full_path.h contains
+   a path, full_search.h the search along it, and full_block.h the check of a block. */
 
-/* Longest step along a tangent. */
+/* Longest Newton step along a tangent. */
 #define MAX_EXTRAPOLATION_STEP (ONE / 64)
 
-/* Shortest interval in which the anhysteretic curve gives a better guess than the middle. */
+/* Shortest interval in which the anhysteretic curve gives a better estimate than the midpoint. */
 #define MIN_CURVE_GUESS_INTERVAL (ONE / 16)
 
-/* A shorter step is accepted without a check; about the uncertainty of the tables, 6e-5. */
+/* A shorter Newton step is accepted without a check. It is about the error of the tables, 6e-5. */
 #define MIN_CHECKED_STEP (ONE / 16384)
 
-/* Steps of the guess along the anhysteretic curve if the iron weight is negative. */
+/* Number of iterations of the estimate along the anhysteretic curve for a negative iron weight. */
 #define CURVE_GUESS_STEPS 4
 
 #define MAX_RESIDUAL (2 * MAX_FIELD)
 
-/* Excess of a current that counts as beyond its limit: the rounding of its arms, 6e-5. */
+/* Tolerance of a current beyond its limit: the rounding error of its coefficients, 6e-5. */
 #define CURRENT_LIMIT_MARGIN (ONE / 16384)
 
 #include "full_path.h"
@@ -28,8 +28,8 @@
 
 static inline int16_t direction_sign(mirror_type mirror) { return mirror < 0 ? -1 : 1; }
 
-/* Returns the point of the memory, without a direction. *rise is the rise of the anhysteretic curve
-   there. */
+/* Returns the stored state as a point without slopes. *rise is the rise of the anhysteretic
+   segment. */
 static inline path_point point_of_memory(const compensator *c, number *rise)
 {
   const full_memory *from = &c->memory.full;
@@ -50,8 +50,8 @@ static inline void start_path(const compensator *c, branch_path *path, mirror_ty
   find_start_slopes(path, rise, point);
 }
 
-/* Stores a point on a path as the trial step, in the true direction of the path. If the play has
-   not moved, it has not reversed either. */
+/* Stores a point of a path as the trial step, mirrored back if the field falls. Changes the last
+   reversal only if the play has moved. */
 static inline void store_step(compensator *c, const branch_path *path, mirror_type mirror,
                               const path_point *point)
 {
@@ -72,7 +72,7 @@ static inline void store_step(compensator *c, const branch_path *path, mirror_ty
   to->of.full.direction = direction_sign(mirror);
 }
 
-/* Keeps the state exactly as it is, unless the memory was damaged. */
+/* Stores a trial step that leaves the state unchanged. A damaged field is limited to its range. */
 static void keep_state(compensator *c, number m)
 {
   c->next.memory = c->memory;
@@ -86,13 +86,13 @@ static inline number flux_at(const entry *words, number x, number m)
   return m + scaled(x, words[ANHYST_WORD_FULL_AIR]) * 4;
 }
 
-/* Returns flux_arm*flux + field_arm*x of a point: the current without its bias. */
+/* Returns the current of a point without its bias: flux_arm*flux + field_arm*x. */
 static inline number current_at(const compensator *c, number x, number m)
 {
   return scaled(flux_at(c->words, x, m), c->arms.flux_arm) + scaled(x, c->arms.field_arm);
 }
 
-/* Returns the equation of a current. In fixed point, its air weight is rounded. */
+/* Returns the equation for a current. In fixed point, the weight of its field is rounded. */
 static inline equation current_equation(const compensator *c, number target)
 {
   const equation eq = {air_weight_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms),
@@ -100,9 +100,8 @@ static inline equation current_equation(const compensator *c, number target)
   return eq;
 }
 
-/* Returns the field for the flux of a compensator. If the current of this flux exceeds a limit,
-   returns the largest field instead. The trial step is then the point where the current reaches the
-   limit. */
+/* Returns the field for the flux c->flux. If the current of this flux exceeds a limit, returns the
+   largest field instead. The trial step is then the point whose current is at the limit. */
 static number field_for_flux(compensator *c)
 {
   number segment_rise;
@@ -132,7 +131,7 @@ static number field_for_flux(compensator *c)
   return is_limited ? to_stored(mirrored(MAX_FIELD, mirror)) : c->next.memory.full.x;
 }
 
-/* Returns the equation of a current that exceeds the current of a point by this residual. */
+/* Returns the equation for a current that exceeds the current of a point by `residual`. */
 static inline equation equation_for_residual(const compensator *c, const path_point *point,
                                              number residual)
 {
@@ -141,8 +140,8 @@ static inline equation equation_for_residual(const compensator *c, const path_po
   return eq;
 }
 
-/* Solves for a current, starting at the end of the last solved path. Returns 0 if the current is
-   not on this path. */
+/* Solves for a current, starting at the end of the last solved path. Returns 0 if it is not
+   there. */
 static int solve_from_last_step(compensator *c, number target)
 {
   const candidate *end = &c->next;

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the requirements of the Jiles-Atherton law on a block, and the transfer of a state from
-   one block to another; for full.h. */
+/* Template for full.h: the requirements of the Jiles-Atherton law on a block, and the transfer of a
+   state from one block to another. */
 
-/* Returns the largest slope of m in valid tables before their entries were rounded. Rounding makes
-   a segment steeper by up to TABLE_ROUNDING. No path is steeper than the ascending branch and the
-   anhysteretic curve together. */
+/* Returns the largest slope of m over the field: that of the ascending branch and the anhysteretic
+   curve together. No path is steeper. Subtracts SEGMENT_RISE_ROUNDING from each rise, because
+   rounded entries can make a segment steeper by this amount. */
 static slope steepest_slope(const entry *words)
 {
   const table curve = curve_table(words);
@@ -23,8 +23,7 @@ static slope steepest_slope(const entry *words)
 }
 
 /* Returns whether the current rises with the field at every gap: field_arm + flux_arm*(h + slope of
-   m) is above zero by more than the rounding errors between two entries of the tables over the
-   gap. */
+   m) exceeds zero by more than the rounding errors between two entries of the gap tables. */
 static int does_current_rise_with_field(const entry *words)
 {
   const int32_t gaps = (int32_t)1 << (uint16_t)words[ANHYST_WORD_GAP_SEGMENTS];
@@ -69,18 +68,18 @@ static int is_block_valid(const entry *words)
          does_current_rise_with_field(words);
 }
 
-/* The state under the old block, with fields in the unit of the new block. */
+/* State under the old block, with fields in the unit of the new block. */
 typedef struct {
   number x;
   number p;
-  number anhysteretic_field; /* field at which the anhysteretic curve reaches y */
-  number inverse_error;      /* y minus the curve at this field: error of the tables */
+  number anhysteretic_field; /* field at which the anhysteretic curve equals y */
+  number inverse_error;      /* y minus the curve at this field: the error of the tables */
 } old_state;
 
 static inline number limit_to_tables(number x) { return clamped(x, -MAX_FIELD, MAX_FIELD); }
 
-/* Shifts a state along the field axis and uses it as the start of a path. Returns the residual of
-   h*x + m = flux, divided by 4, which rises with the shift. */
+/* Shifts a state along the field axis and sets it as the start of a path. Returns the residual of
+   h*x + m = flux, divided by 4. The residual rises with the shift. */
 static number shift_state(branch_path *path, const entry *words, const old_state *from,
                           number shift, number flux)
 {
@@ -97,10 +96,10 @@ static number shift_state(branch_path *path, const entry *words, const old_state
          scaled(to_internal(flux), QUARTER_WEIGHT);
 }
 
-/* Transfers the state to another block. The irreversible part keeps its distance from the
-   anhysteretic curve along the field axis, and so does the play. All are shifted along the field
-   axis until they give the flux under the new block. The play reverses here, because a path that
-   started under another law would not lead here under this one. */
+/* Transfers the state to another block. The field, the play and the field at which the anhysteretic
+   curve equals y are shifted by the same amount, until the iron has the given flux under the new
+   block. The play reverses here, because the new law would not lead to this state along the old
+   path. */
 static void transfer_state(compensator *c, const entry *words, number flux)
 {
   const entry *old_words = c->words;

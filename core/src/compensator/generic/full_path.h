@@ -1,33 +1,33 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: a path of the Jiles-Atherton law, for full.h. Every path rises: a falling one is
-   mirrored, which does not change the law. Along a path
+/* Template for full.h: a path of the Jiles-Atherton law. On every path the field rises; a path with
+   falling field is mirrored, which does not change the law. Along a path
 
-     m = (1-c)*y + c*L(x),   y = A(p) + (y0 - A(b))*exp(-(p - b)/kappa)   after the departure b,
+     m = (1-c)*y + c*L(x),   y = A(p) + (y0 - A(b))*exp(-(p - b)/kappa)   for p > b = y_start,
 
-   where L is the anhysteretic curve and A the ascending branch of fully pinned iron, both tables.
-   The play p follows the field x within its half-width. The effect of the history only decays.
-   Therefore, an error of a table appears in y at most once, for a path of any length. */
+   where L is the anhysteretic curve and A the ascending branch without reversible magnetisation,
+   both tables. The play p follows the field x within its threshold. The effect of the history only
+   decays. Therefore, the error of a table does not accumulate in y, for a path of any length. */
 
 typedef struct {
-  number x; /* start of the path */
+  number x; /* field at the start of the path */
   number y;
   number p;
-  number threshold;    /* half-width */
-  number tangent_step; /* longest step along a tangent without an evaluation */
-  /* set by find_departure(): */
+  number threshold;    /* threshold of the play */
+  number tangent_step; /* longest Newton step without an evaluation after it */
+  /* set by find_y_start(): */
   table curve;
   table branch;
   table inverse;
   decay_rate decay;
-  number reversal_play; /* play at the last reversal into this direction */
-  number reversal_y;    /* y at that reversal */
-  number y_start;       /* play at which y starts to move */
-  number offset;        /* level - A(departure) */
-  entry offset_weight;  /* -offset as a weight, see lead_of() */
-  number kappa;         /* field in which the effect of the history decays to 1/e */
+  number reversal_play; /* play at the last reversal */
+  number reversal_y;    /* y at the last reversal */
+  number y_start;       /* play above which y changes */
+  number offset;        /* reversal_y minus the ascending branch at y_start */
+  entry offset_weight;  /* -offset as a weight, see to_quarter_weight() */
+  number kappa;         /* field change in which the history's effect decays to 1/e */
   entry steepness;
   entry reversible;
-  int16_t max_evaluations; /* maximum number */
+  int16_t max_evaluations; /* maximum number of evaluations */
 } branch_path;
 
 typedef struct {
@@ -39,14 +39,14 @@ typedef struct {
   slope m_slope; /* dm/dx */
 } path_point;
 
-/* Limits a to -1..1 and to at least `least`, which must be in -1..1. */
+/* Limits a to -1..1 and to at least `least`. Requires that `least` is in -1..1. */
 static inline number limit_from_below(number a, number least)
 {
   const number inside = limit_to_one(a);
   return inside > least ? inside : least;
 }
 
-/* Interpolates an odd table at -1 <= u <= 1. */
+/* Interpolates the table of an odd function at -1 <= u <= 1. */
 static inline number interpolate_odd(table t, number u, number *rise)
 {
   const mirror_type mirror = mirror_sign(u < 0);
@@ -75,7 +75,7 @@ static inline table inverse_table(const entry *words)
                          (uint16_t)words[ANHYST_WORD_FULL_INVERSE_SEGMENTS]);
 }
 
-/* Converts a number of a memory to the direction of a path. */
+/* Limits a number of the stored state to -1..1, and mirrors it if the field falls. */
 static inline number to_path_direction(number a, mirror_type mirror)
 {
   return mirrored(limit_to_one(to_internal(a)), mirror);
@@ -91,10 +91,10 @@ static inline void init_branch_path(branch_path *path, const entry *words, const
   path->tangent_step = max_tangent_step(words[ANHYST_WORD_FULL_STEEPNESS]);
 }
 
-/* Finds the last reversal of the play, the departure of the irreversible part, and its offset from
-   the branch. The play reverses here if it moved in the other direction, or not yet. y is constant
-   until the anhysteretic curve has crossed it. An error of this crossing has almost no effect,
-   because y departs with slope zero. */
+/* Finds the last reversal of the play, the play at which y starts to change, and the offset of y
+   from the ascending branch. The play reverses at the start of this path if it moved in the other
+   direction before, or if it has not moved yet. y is constant until the anhysteretic curve has
+   crossed it. An error of this crossing has almost no effect, because y starts with slope zero. */
 static inline void find_y_start(branch_path *path, const entry *words, const full_memory *from,
                                 mirror_type mirror)
 {
@@ -120,7 +120,7 @@ static inline void find_y_start(branch_path *path, const entry *words, const ful
   path->offset_weight = to_quarter_weight(-path->offset);
 }
 
-/* Returns the irreversible magnetisation at the play p; *y_slope is dy/dp. */
+/* Returns the irreversible magnetisation at the play p. *y_slope is dy/dp. */
 static inline number irreversible_m(const branch_path *path, number p, slope *y_slope)
 {
   const number travel = p - path->y_start;
@@ -138,7 +138,7 @@ static inline number irreversible_m(const branch_path *path, number p, slope *y_
   return y;
 }
 
-/* Returns the point at x. While x is within the play, y does not change at all. */
+/* Returns the point at the field x. While x is within the play, y stays exactly constant. */
 static inline path_point evaluate_path(const branch_path *path, number x)
 {
   path_point point = {x, path->y, path->p, 0, 0, 0};
@@ -154,8 +154,8 @@ static inline path_point evaluate_path(const branch_path *path, number x)
   return point;
 }
 
-/* Sets the slopes after the start of a path with a known departure; x_rise is the rise of the curve
-   there. */
+/* Sets the slopes at the start of a path whose y_start is known. x_rise is the rise of the
+   anhysteretic curve over the segment at this start. */
 static inline void find_start_slopes(const branch_path *path, number x_rise, path_point *point)
 {
   point->y_slope = 0;
@@ -167,7 +167,7 @@ static inline void find_start_slopes(const branch_path *path, number x_rise, pat
   point->m_slope = total_slope(point->y_slope, curve_slope(path->curve, x_rise), path->reversible);
 }
 
-/* Moves a point along its tangents towards x, at most by MAX_EXTRAPOLATION. */
+/* Moves a point along its tangents towards the field `goal`, by at most MAX_EXTRAPOLATION_STEP. */
 static inline void follow_tangent(const branch_path *path, number goal, path_point *point)
 {
   const number step = clamped(goal - point->x, -MAX_EXTRAPOLATION_STEP, MAX_EXTRAPOLATION_STEP);
@@ -177,8 +177,8 @@ static inline void follow_tangent(const branch_path *path, number goal, path_poi
   point->p = limit_from_below(point->x - path->threshold, path->p);
 }
 
-/* Returns whether the tangents are accurate up to a field: it is close, and y does not start to
-   move before it. */
+/* Returns whether the tangents at x are accurate up to the field `next`: the step is short, and y
+   does not start to change within it. */
 static inline int is_tangent_accurate(const branch_path *path, number x, number next)
 {
   const number contact_field = path->p + path->threshold - PLAY_ROUNDING;

@@ -7,23 +7,23 @@
 #include "block_real.h"
 
 #define ONE ((number)1)
-#define MAX_FIELD ONE /* the largest field */
-/* Largest residual that counts as rounding error. */
+#define MAX_FIELD ONE /* largest field */
+/* Largest residual that rounding errors alone can cause. */
 #define RESIDUAL_DEADBAND ((number)4 * NUMBER_EPS)
-/* Rounding error between the play and its end position. */
+/* Rounding error of the play's end position. */
 #define PLAY_ROUNDING ((number)4 * NUMBER_EPS)
-#define MIN_SLOPE ((number)1e-6) /* smallest slope of a left side that is divided by */
+#define MIN_SLOPE ((number)1e-6) /* smallest slope that is used as a divisor */
 #define MAX_SLOPE ((number)1e6)
 #define QUARTER_WEIGHT ((entry)0.25)
 
 #define MAX_SEGMENTS_EXPONENT 12
 #define MAX_RATE_SHIFT 0
 #define SEGMENT_RISE_ROUNDING 0
-#define TRANSFER_BISECTIONS 56 /* of an interval of 4 */
+#define TRANSFER_BISECTIONS 56 /* number of bisections of an interval of 4 */
 
 typedef number slope;
 typedef number candidate_slope;
-typedef number mirror_type; /* -1: the path falls, 1: it rises */
+typedef number mirror_type; /* -1: the field falls along the path, 1: it rises */
 
 typedef struct {
   const entry *entries;
@@ -31,7 +31,7 @@ typedef struct {
   number segments;      /* number of segments */
 } table;
 
-/* Decay of the effect of the history along the play, octaves per field of 1.0. */
+/* Decay rate of the history's effect along the play, octaves for a field change of 1.0. */
 typedef number decay_rate;
 
 static inline table table_from_word(const entry *words, entry first, uint16_t n)
@@ -59,7 +59,7 @@ static inline mirror_type mirror_sign(int is_falling)
 
 static inline number mirrored(number a, mirror_type mirror) { return a * mirror; }
 
-/* Returns 0 for NaN. */
+/* Returns whether a residual exceeds the rounding errors. Returns 0 for NaN. */
 static inline int is_residual(number residual) { return absolute(residual) > RESIDUAL_DEADBAND; }
 static inline number scaled(number a, entry weight) { return a * weight; }
 static inline number times_fraction(number a, entry f) { return a * f; }
@@ -127,9 +127,9 @@ static inline number max_tangent_step(entry steepness)
   return step < MAX_TANGENT_STEP ? step : MAX_TANGENT_STEP;
 }
 
-/* Returns 1 - 2^(-t) for t >= 0 octaves. Below one octave, uses a polynomial for (1 - 2^-f)/f;
-   whole octaves are exact powers of two. The error before rounding is below 1e-9, relative to t for
-   small t. */
+/* Returns 1 - 2^(-t) for t >= 0 octaves. Below one octave, uses a polynomial for (1 - 2^-f)/f.
+   Whole octaves are exact powers of two. The error before rounding is below 1e-9 (relative to small
+   t). */
 static inline number decayed_fraction(number t)
 {
   if (t >= (number)31) {

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the search along a path, for full.h. The equations for a flux and for a current have
-   the same form, air*x + iron*m = target. If the iron couples to itself more than the gap decouples
-   it, the flux arm and therefore iron are negative. air stays above 0. The left side rises with x
-   if the slope of m is below air/-iron everywhere, which the check of a block requires. Therefore,
-   the solution is unique. */
+/* Template for full.h: the search along a path. The equations for a flux and for a current have the
+   same form, air*x + iron*m = target. If the iron's internal coupling exceeds the demagnetising
+   effect of the gap, the flux coefficient and therefore `iron` are negative. `air` is always
+   positive. The left side rises with x if the slope of m is below air/-iron everywhere. The check
+   of a block requires this, so that the solution is unique. */
 
 typedef struct {
   entry air;
@@ -16,32 +16,32 @@ static inline number left_side(const equation *eq, number x, number m)
   return scaled(x, eq->air) + scaled(m, eq->iron);
 }
 
-/* Returns the slope of the left side, above 0. */
+/* Returns the slope of the left side of the equation, which is above 0. */
 static inline number left_side_slope(const equation *eq, slope m_slope)
 {
   const number found = weighted_slope(eq->air, eq->iron, m_slope);
   return found > MIN_SLOPE ? found : MIN_SLOPE;
 }
 
-/* Returns the Newton step: residual/slope, with the sign that removes the residual. */
+/* Returns the Newton step that removes a residual: residual/slope with the opposite sign. */
 static inline number newton_step(number residual, number steepness)
 {
   return residual < 0 ? quotient(-residual, steepness) : -quotient(residual, steepness);
 }
 
-/* Returns the field of the solution under the assumption that m rises like the anhysteretic curve
-   from x on. This is a guess for long steps, for which a tangent is wrong. */
+/* Returns an estimate of the solution. It assumes that m rises like the anhysteretic curve from x
+   on. It is used for long steps, for which a tangent is inaccurate. */
 static number guess_along_curve(const branch_path *path, const equation *eq, number x,
                                 number residual)
 {
   number rise;
   const number start = interpolate_odd(path->curve, x, &rise);
-  if (eq->iron >= 0) { /* without the air, whose share is small */
+  if (eq->iron >= 0) { /* neglects the air term, which is small */
     const number level = start + newton_step(residual, eq->iron + MIN_SLOPE);
     return interpolate_odd(path->inverse, limit_to_one(level), &rise);
   }
-  /* First the field for the air alone, then repeatedly with the iron up to that field. The guess
-     never exceeds the solution. */
+  /* Starts with the field for the air term alone. Each iteration adds the iron up to the last
+     field. The estimate never exceeds the solution. */
   number next = x;
   number remaining = residual;
   for (int16_t i = 0; i < CURVE_GUESS_STEPS; i++) {
@@ -52,16 +52,16 @@ static number guess_along_curve(const branch_path *path, const equation *eq, num
   return next;
 }
 
-/* The interval of a rising path that contains the solution. */
+/* Interval of a path with rising field that contains the solution. */
 typedef struct {
   number low;
   number high;
 } interval;
 
-/* Returns the first guess on a path that starts with constant y, if the tangent leads beyond the
-   end of this range. At this end, m is known without an evaluation of the path, and shows on which
-   side the solution is. After the end, the path is behind the curve by the decayed share of a lag
-   of kappa. */
+/* Returns the first estimate on a path that starts with constant y, if the tangent leads beyond the
+   end of this range. At `end`, m is known without an evaluation, and shows on which side the
+   solution is. Beyond `end`, the magnetisation lags behind the anhysteretic curve. This lag grows
+   exponentially to its final value, which is proportional to kappa. */
 static number guess_after_constant_y(const branch_path *path, const equation *eq, number end,
                                      interval *bracket)
 {
@@ -80,9 +80,9 @@ static number guess_after_constant_y(const branch_path *path, const equation *eq
   return clamped(guess + lag_shift, end, bracket->high);
 }
 
-/* Returns the next guess after a rejected Newton step: along the anhysteretic curve. Returns the
-   middle if the interval is short, the curve leads out of it, or the last step was also rejected,
-   because the curve may make little progress. */
+/* Returns the next estimate after a rejected Newton step, along the anhysteretic curve. Returns the
+   midpoint if the interval is short, if the estimate is outside of it, or if the last step was also
+   rejected, because the curve may make little progress. */
 static number guess_after_rejection(const branch_path *path, const equation *eq,
                                     const interval *bracket, number x, number residual,
                                     int was_rejected)
@@ -95,13 +95,13 @@ static number guess_after_rejection(const branch_path *path, const equation *eq,
   return next > bracket->low && next < bracket->high ? next : bracket->low + half(width);
 }
 
-/* Solves from a point on a path with a known departure, at whose start the residual is negative.
-   Makes Newton steps in an interval that always contains the solution. A step is accepted if it
-   stays inside and is shorter by a quarter than the last one, or if it is too short to matter.
-   Other steps could oscillate across the two bends of the curve. The number of evaluations is
-   bounded. It is at least 1, because tangents from the start would accumulate the errors of many
-   short steps. The last step follows the tangents. If the solution exceeds that of the equation
-   `limit`, solves `limit` instead and returns 1. */
+/* Solves from a point of a path whose y_start is known. At the start of the path, the residual must
+   be negative. Newton steps stay in an interval that always contains the solution. A step is
+   accepted if it stays inside and is at least a quarter shorter than the last step, or if it is
+   very short. Other steps could oscillate across the two bends of the curve. The number of
+   evaluations is limited. It is at least 1, because tangents from the start would accumulate the
+   errors of many short steps. The last step follows the tangents. If the solution exceeds that of
+   the equation `limit`, solves `limit` instead and returns 1. */
 /* NOLINTNEXTLINE(readability-function-cognitive-complexity): one search, its state in locals */
 static int search_path(const branch_path *path, const equation *eq, const equation *limit,
                        path_point *found)

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Position of a number in a table of equal segments. */
+/* Position of a signal in a table with equal segments. */
 typedef struct {
   uint16_t index;       /* index of the segment */
   ANHYST_REAL fraction; /* position on the segment, 0..1 */
 } anhyst_table_position_x;
 
-/* Returns the position of a place counted in segments. Outside the table, returns the nearest end;
-   for NaN, the lower end. */
+/* Returns the position of a signal that is given in units of the segment width. Outside the table,
+   returns the nearest end, and for NaN the lower end. */
 static inline anhyst_table_position_x anhyst_locate_x(uint16_t segments, ANHYST_REAL signal)
 {
   anhyst_table_position_x position = {0, R(0.0)};
@@ -36,7 +36,7 @@ static inline ANHYST_REAL anhyst_segment_rise_x(const ANHYST_REAL *table,
 
 static inline ANHYST_REAL anhyst_absolute_x(ANHYST_REAL a) { return a < R(0.0) ? -a : a; }
 
-/* Limits a to low..high; returns low for NaN. */
+/* Limits a to low..high. Returns `low` for NaN. */
 static inline ANHYST_REAL anhyst_clamped_x(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
 {
   if (!(a > low)) {
@@ -45,12 +45,11 @@ static inline ANHYST_REAL anhyst_clamped_x(ANHYST_REAL a, ANHYST_REAL low, ANHYS
   return a > high ? high : a;
 }
 
-/* Returns the rounding error of a difference of terms of this size. A residual below it counts as
-   zero. Otherwise, at a constant demand the state would drift in steps of rounding. */
+/* Returns the rounding error of a difference of two terms of this size. A smaller residual counts
+   as zero. Otherwise, rounding errors would move the state at a constant demand. */
 static inline ANHYST_REAL anhyst_rounding_x(ANHYST_REAL size) { return R(4.0) * ANHYST_EPS * size; }
 
-/* Returns whether a table with `segments` segments never falls, starts at `least` or above, and
-   ends at `most` or below. */
+/* Returns whether a table never falls, starts at or above `least`, and ends at or below `most`. */
 static inline int anhyst_is_table_rising_x(const ANHYST_REAL *table, uint16_t segments,
                                            ANHYST_REAL least, ANHYST_REAL most)
 {

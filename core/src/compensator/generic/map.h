@@ -2,7 +2,7 @@
 /* Template: the map over force and gap, for every number format. The operations of a format are
    included before: ../map_fixed.h or map_real.h. */
 
-/* Returns whether no row falls, and all entries and their differences from neighbours are in
+/* Returns whether no row falls, and all entries and the differences of adjacent ones are in
    range. */
 static inline int is_map_valid(const map_type *map)
 {
@@ -26,9 +26,9 @@ static inline int is_map_valid(const map_type *map)
   return 1;
 }
 
-/* The row of a table at a gap, interpolated between two rows of entries. */
+/* Row of a map at a gap, interpolated between two rows of entries. */
 typedef struct {
-  const entry *first; /* first entry of the row below */
+  const entry *first; /* first entry of the row below the gap */
   size_t length;
   number fraction;
 } table_row;

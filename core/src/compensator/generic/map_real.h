@@ -1,21 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Operations in floating point for the templates map.h and play_map.h. ../map_fixed.h describes the
-   functions. The types number and map_type are defined before. */
+   functions. The types `number` and `map_type` are defined before. */
 
 typedef number entry;
 
-/* Maximum size of an entry, and of the difference between neighbours. */
+/* Maximum size of an entry, and of the difference between adjacent entries. */
 #define MAX_ENTRY ((number)1e30)
 #define ONE ((number)1)
 
-/* Position of a signal in equal segments. */
+/* Position of a signal in a table with equal segments. */
 typedef struct {
-  size_t index;    /* of the segment */
-  number fraction; /* position on the segment, 0..1 */
+  size_t index;    /* index of the segment */
+  number fraction; /* position within the segment, 0..1 */
 } table_position;
 
-/* Returns the position of a signal counted in segments. Outside the table, returns the nearest end;
-   for NaN, the lower end. */
+/* Returns the position of a signal that is given in units of the segment width. Outside the table,
+   returns the nearest end, and for NaN the lower end. */
 static inline table_position locate_signal(uint16_t segments, number signal)
 {
   table_position position = {0, 0};

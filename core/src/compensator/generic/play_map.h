@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the map with one play, for every number format. The operations of a format
+/* Template: the map with one play operator, for every number format. The operations of a format
    (../play_map.c or play_map_real.h), map.h and play_block.h are included before. */
 
-/* The law at a gap, with the present play. */
+/* The map and the half-widths of the loop at one gap, with the present play. */
 typedef struct {
   table_row map;
   table_row half;
-  number descending; /* largest value whose current is on the descending branch */
-  number ascending;  /* smallest value whose current is on the ascending branch */
+  number descending; /* largest map value whose current is on the descending branch */
+  number ascending;  /* smallest map value whose current is on the ascending branch */
 } gap_law;
 
 static gap_law law_at_gap(const play_type *c, number gap)
@@ -21,7 +21,7 @@ static gap_law law_at_gap(const play_type *c, number gap)
   return found;
 }
 
-/* Returns bounded((value - b)/radius). */
+/* Returns (value - play)/radius, limited to -1 (descending branch) .. 1 (ascending branch). */
 static inline number branch_position_at(const play_type *c, const gap_law *at, number value)
 {
   if (value >= at->ascending) {
@@ -30,7 +30,7 @@ static inline number branch_position_at(const play_type *c, const gap_law *at, n
   return value <= at->descending ? -ONE : branch_position_from_distance(&c->law, value - c->play);
 }
 
-/* Returns value + half*side; exact on both branches. */
+/* Returns value + half*side. The result is exact on both branches. */
 static inline number current_at(number value, number half, number side)
 {
   if (side == ONE) {
@@ -39,7 +39,7 @@ static inline number current_at(number value, number half, number side)
   return side == -ONE ? value - half : value + times_fraction(side, half);
 }
 
-/* Sets a point to a column; part is its position on the segment of the search, 0 or 1. */
+/* Sets a point to a column of the map. `part` is its position on the searched segment, 0 or 1. */
 static void set_point_to_column(point *at, const play_type *c, const gap_law *slice, size_t column,
                                 number part)
 {
@@ -88,18 +88,19 @@ static number solve_demand(play_type *c, number demand, number gap)
   return current;
 }
 
-/* Part of a segment in which a current is searched for. */
+/* Interval of a segment in which a current is searched for. */
 typedef struct {
   size_t column;
-  const point *start; /* its ends; the search starts at `start` */
+  const point *start; /* ends of the interval; the search starts at `start` */
   const point *end;
-  point low; /* storage of the ends: the columns at both sides, and the corners between them */
+  point low; /* storage of the ends: adjacent columns, and corners between them */
   point high;
   point corners[2];
 } search_interval;
 
-/* Returns the column at the start of the segment that contains a current. Returns the first or the
-   last segment between two columns if the current is outside. Tries two columns, then bisects. */
+/* Returns the column at the start of the segment that contains a current, in the range `below` to
+   `above`. If the current is outside, returns the first or the last segment of this range. Tries
+   the columns `probe` and `second` first, then bisects. */
 static size_t find_column(const play_type *c, const gap_law *slice, size_t below, size_t above,
                           size_t probe, size_t second, number current)
 {
@@ -117,7 +118,7 @@ static size_t find_column(const play_type *c, const gap_law *slice, size_t below
   return below;
 }
 
-/* Cuts the interval at a corner, where the value is at an end of the play and the current bends.
+/* Splits the interval at a corner of the current, where the map value is at an end of the play.
    Requires that the ends of the interval are on different sides of the corner. */
 static void split_at_corner(number edge, number side, number current, search_interval *span,
                             point *corner)
@@ -138,8 +139,8 @@ static void split_at_corner(number edge, number side, number current, search_int
   }
 }
 
-/* Returns the position between start and end where the current is reached. Value, half and side are
-   linear there, so that the current is
+/* Returns the position between `start` and `end` at which the current is reached, 0..1. Value, half
+   and side are linear in this interval, so that the current is
 
      start + x*(whole - bend*(1 - x)),  |bend| <= whole.
 
@@ -182,8 +183,8 @@ static number solve_in_interval(const search_interval *span, number current)
   return x;
 }
 
-/* Finds the segment of a current. Usually it is the segment of the last solve, for a current
-   rounded by a D/A converter, or its neighbour. */
+/* Finds the segment of a current. For a current that a D/A converter rounded, this is usually the
+   segment of the last solve or an adjacent one. */
 static void find_segment(const play_type *c, const gap_law *slice, int is_solved, number current,
                          search_interval *span)
 {
@@ -219,7 +220,7 @@ static void find_segment(const play_type *c, const gap_law *slice, int is_solved
   set_point_to_column(&span->high, c, slice, span->column + 1U, ONE);
 }
 
-/* Moves to the force of a current, starting from the present play. */
+/* Sets the force that corresponds to a current, starting from the present play. */
 static void move_to_current(play_type *c, int is_solved, number current, number gap)
 {
   const gap_law slice = law_at_gap(c, gap);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Operations in floating point for the templates play_block.h and play_map.h. ../play_map.c
    describes the functions. map_real.h, the types law_type, point and play_type, and the constant
-   EPSILON come before. */
+   MACHINE_EPSILON come before. */
 
 #define MAX_NEWTON_STEPS 12 /* more than in fixed point because of the higher precision */
 
@@ -18,7 +18,7 @@ static number clamp(number a, number low, number high)
   return a > high ? high : a;
 }
 
-/* Limits a demand to the forces of the map. NaN becomes 0 or the smallest positive force. */
+/* Limits a demand to the forces of the map. For NaN, returns the force of the map closest to 0. */
 static number limit_demand(const map_type *map, number demand)
 {
   if (demand >= map->force_low) {
@@ -39,7 +39,7 @@ static number branch_position_from_distance(const law_type *law, number distance
   return distance * law->per_radius;
 }
 
-/* Returns a difference of two currents, comparable only with other results of this function. */
+/* Returns a difference of two currents. It is compared only with other results of this function. */
 static number difference(number a, number b) { return a - b; }
 
 static number quotient_up_to_one(number numerator, number denominator)
@@ -74,7 +74,8 @@ static number current_tolerance(const number *words)
   return words[ANHYST_WORD_SCALE_CURRENT] / 32768;
 }
 
-/* Reads sizes, ranges of force and gap, and the radius. Returns whether they are valid. */
+/* Reads table sizes, ranges of force and gap, and the play's radius. Returns whether all are
+   valid. */
 static int read_scales(law_type *law, const number *words)
 {
   law->map.force_segments =

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Saves and restores the hysteresis state over a power cycle; for every number format. */
+/* Saves and restores the hysteresis state over a power cycle, for every number format. */
 #include "../checksum.h"
 
 static uint32_t saved_checksum(const saved_memory *saved)

@@ -1,28 +1,28 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the law with a linear anhysteretic curve (eqs. 19 and 20 of the paper), reduced to one
-   bounded state u in -1..1 that follows the flux. The arithmetic of a format is included before
-   (../simplified_fixed.h, simplified_real.h), the step of a path after it (closed_form.h or
-   Euler's). On a rising path, with p = u and v = 1 - p,
+/* Template: the law with a linear anhysteretic curve (eqs. 19 and 20 of the paper). Its state u, in
+   -1..1, is the hysteresis field divided by its largest value; it follows the flux. The arithmetic
+   of a format is included before (../simplified_fixed.h, simplified_real.h), the step along a path
+   after it (closed_form.h or ../euler.c). On a path with rising flux, with p = u and v = 1 - p,
 
-     dp/dflux = hold = rate/(1-nu)          while p < 0
-     dp/dflux = rate*v/(1 - nu*v)           after that
+     dp/dflux = hold = rate/(1-nu)          for p < 0
+     dp/dflux = rate*v/(1 - nu*v)           for p >= 0
 
    A path starts at the flux `turn` and has reached the flux `peak`. The state at the peak is
-   computed from the start of the path, so that small steps accumulate no rounding errors. Within
-   the dead band of the block below the peak, the state moves on a line with the slope `hold`,
-   forward and back. Beyond the dead band, a new path starts in the other direction. Therefore,
-   reversals smaller than the dead band leave the state unchanged when the flux returns. Without the
-   dead band, each of them would move the state towards 0. */
+   computed from the start of the path, so that small steps accumulate no rounding errors. If the
+   flux falls below the peak by less than the dead band of the block, u moves on a straight line of
+   slope `hold`, in both directions. Beyond the dead band, a new path starts in the other direction.
+   Therefore, a reversal smaller than the dead band leaves u unchanged when the flux returns.
+   Without the dead band, each such reversal would move u towards 0. */
 
-#define UNKNOWN_PATH_START (-ONE - ONE) /* start of a path that has not left its peak */
+#define UNKNOWN_PATH_START (-ONE - ONE) /* start of a path before its flux exceeds the peak */
 
-/* Returns the stored form of the bounded state at the start of a path. Requires |state| <= 1. */
+/* Returns the stored form of u at the start of a path. Requires |state| <= 1. */
 static number stored_path_start(const entry *words, number state);
 
-/* Returns the bounded state of a rising path at a flux beyond its peak. */
+/* Returns u on a path with rising flux, at a flux beyond the peak of the path. */
 static number state_at_flux(const entry *words, const simplified_memory *path, number flux);
 
-/* Returns a memory with limited numbers, in case it is damaged. */
+/* Returns a state whose numbers are limited to their ranges, in case it is damaged. */
 static simplified_memory limit_memory(const simplified_memory *memory)
 {
   const simplified_memory result = {clamp(memory->flux, -ONE, ONE), clamp(memory->u, -ONE, ONE),
@@ -31,7 +31,7 @@ static simplified_memory limit_memory(const simplified_memory *memory)
   return result;
 }
 
-/* Returns a memory in the direction of travel: mirrored if the flux falls. */
+/* Returns a state in the direction of travel: mirrored if the flux falls. */
 static simplified_memory to_travel_direction(const simplified_memory *memory, int is_falling)
 {
   const simplified_memory mirror = {-memory->flux, -memory->u, -memory->turn, -memory->peak,
@@ -54,7 +54,7 @@ static number current_at(const entry *words, const simplified_memory *at, const 
   return scaled(at->flux, arms->flux_arm) + scaled(state_at_memory(words, at), arms->field_arm);
 }
 
-/* Returns the rising path that the flux follows beyond `peak` of the result. */
+/* Returns the path with rising flux that continues beyond `peak` of the result. */
 static simplified_memory rising_path(const entry *words, const simplified_memory *from)
 {
   simplified_memory path = *from;
@@ -71,8 +71,8 @@ static simplified_memory rising_path(const entry *words, const simplified_memory
   return path;
 }
 
-/* Sets `to` to the memory at a flux that is not below that of `from`, whose rising path is given.
-   Finds the start of the path when the flux first leaves its peak. */
+/* Sets `to` to the state at a flux that is not below the flux of `from`. `path` is the rising path
+   of `from`. Computes the start of the path when the flux exceeds the peak for the first time. */
 static void advance_memory(const entry *words, const simplified_memory *from,
                            simplified_memory *path, number flux, simplified_memory *to)
 {
@@ -103,8 +103,8 @@ static number simplified_field_for_flux(compensator *c)
   return state_at_memory(words, &c->next.memory.simplified);
 }
 
-/* Solves flux_arm*flux + field_arm*u = target upwards, starting at `to`, which is on the path. In
-   the direction of travel, the left side is a concave function of the flux. Therefore, Newton steps
+/* Solves flux_arm*flux + field_arm*u = target for rising flux, starting at `to`, which is on the
+   path. In this direction, the left side is a concave function of the flux. Therefore, Newton steps
    from below the solution never pass it, and a step from above leads below it. */
 static void solve_upwards(const entry *words, const simplified_memory *from,
                           simplified_memory *path, const arms_type *arms, number target,
@@ -115,7 +115,7 @@ static void solve_upwards(const entry *words, const simplified_memory *from,
     if (!(absolute(residual) > RESIDUAL_DEADBAND)) {
       break;
     }
-    const number state = to->flux < path->peak ? -ONE : to->u; /* hold line, or beyond the peak */
+    const number state = to->flux < path->peak ? -ONE : to->u; /* -1 on the straight line */
     const number slope = current_slope(arms, state_slope(words, state));
     if (!(slope > 0)) {
       break;
@@ -143,7 +143,7 @@ static number simplified_flux_for_current(compensator *c, number current)
       const simplified_memory guess = to_travel_direction(&solved, is_falling);
       if (guess.flux > from.flux &&
           absolute(difference(goal, current_at(words, &guess, arms))) < absolute(residual)) {
-        to = guess; /* step of the last solve, on the same path */
+        to = guess; /* the step of the last solve is on the same path */
       }
     }
     solve_upwards(words, &from, &path, arms, goal, &to);
@@ -152,7 +152,7 @@ static number simplified_flux_for_current(compensator *c, number current)
   return c->next.memory.simplified.flux;
 }
 
-/* Keeps the bounded state. The path starts again. */
+/* Keeps the hysteresis field u, and starts a new path. */
 static void simplified_transfer_state(compensator *c, const entry *words, number flux)
 {
   const simplified_memory now = limit_memory(&c->memory.simplified);
@@ -161,7 +161,7 @@ static void simplified_transfer_state(compensator *c, const entry *words, number
   c->memory.simplified = carried;
 }
 
-/* Returns whether the words that the simplified law and Euler's form share are valid. */
+/* Returns whether the words are valid that the simplified law and Euler's form have in common. */
 static int are_path_words_valid(const entry *words)
 {
   return is_in_range(words[ANHYST_WORD_SIMPLE_RATE], MIN_WEIGHT, MAX_ENTRY) &&

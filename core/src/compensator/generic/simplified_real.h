@@ -52,11 +52,11 @@ static inline number current_slope(const arms_type *arms, number slope)
 
 static inline number newton_step(number residual, number slope) { return residual / slope; }
 
-/* ---- the table of the closed form ---- */
+/* ---- table of the closed form ---- */
 
 typedef struct {
   const entry *segment; /* lower end of the segment */
-  number fraction;      /* position on the segment, 0..1 */
+  number fraction;      /* position within the segment, 0..1 */
 } table_position;
 
 static inline number table_value(table_position position)
@@ -70,13 +70,13 @@ static inline number fraction_at_rise(number partial_rise, entry low, entry high
   return high > low ? clamp(partial_rise / (high - low), (number)0, (number)1) : (number)0;
 }
 
-/* Returns the distance at which the first octave starts. */
+/* Returns the distance at which the first octave starts, which is also the width of this octave. */
 static inline number first_octave_width(const entry *words)
 {
   return MAX_DISTANCE / (number)((int32_t)1 << (int32_t)words[ANHYST_WORD_SIMPLE_OCTAVES]);
 }
 
-/* Returns the position of a distance of 0..DISTANCE_MAX. */
+/* Returns the table position of a distance of 0..MAX_DISTANCE. */
 static table_position locate_distance(const entry *words, number z)
 {
   const int32_t octaves = (int32_t)words[ANHYST_WORD_SIMPLE_OCTAVES];

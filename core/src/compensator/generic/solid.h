@@ -1,33 +1,32 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Solid iron: layers of the play-cell law from the surface to the middle, with diffusion between
-   them. Template for one number format; generic/cells.h is included before. Layer j of N has the
-   share phi_j of the cross-section. S_j is the flux in layer j and all deeper ones, and E_j the
-   field of layer j:
+/* Solid core: layers of the play-cell law from the surface to the middle, with eddy-current
+   diffusion between them. Template for one number format; generic/cells.h is included before. Layer
+   j of N has the fraction phi_j of the cross-section, the flux density f_j and the field E_j. S_j
+   is the flux in layer j and all deeper layers:
 
      E_j = x_j + own*f_j,   E_{j-1} = E_j + hold*(S_j - S_j,before),   j = 2..N
      current = bias + flux_arm*F + field_arm*(l*E_l(F) + (1 - l)*E_1 - own*F),   F = S_1
 
-   Each pass goes inwards and then outwards. Inwards, the circuit outside of each layer is a
-   straight line, from the tangents of the outer layers at their last positions. Outwards, starting
-   from the middle, each layer solves its own law exactly for its line. The error of a pass is the
-   difference between the tangents and the law. The residual of the last pass is added to the next
-   tick as outstanding flux, for this reason: with a slow drive, the flux changes by less than the
-   resolution of a row per tick. Without the correction, the fields between the layers would have
-   many times that error.
+   Each pass goes from the surface to the middle and back. On the way in, the circuit outside of
+   each layer is approximated by a load line, which follows from the tangents of the outer layers at
+   their last positions. On the way out, each layer solves its own law exactly for its load line.
+   The error of a pass is the difference between the tangents and the law. The residual of the last
+   pass is added to the next tick as outstanding flux. Without this correction, a slow drive, whose
+   flux changes by less than the resolution of a table row per tick, would cause large field errors.
 
-   Slopes are derivatives of a field with respect to a flux. They are approximate, and each pass
-   checks its result. One pass is sufficient if no layer leaves its segment. If the flux jumps
+   A slope is the derivative of a field with respect to a flux. Slopes are approximate, and each
+   pass checks its result. One pass is sufficient if no layer leaves its segment. If the flux jumps
    within a tick, tangents may alternate between two solutions without converging. Therefore, later
    passes use the secant slope between two distant positions of a layer. */
 
-/* Maximum number of passes, and number of passes that use tangents only. */
+/* Maximum number of passes, and number of the first passes, which use only tangents. */
 #define MAX_PASSES 10
 #define TANGENT_PASSES 2
 
-/* Smallest change of the flux of a layer for a secant slope. */
+/* Smallest change of a layer's flux for which a secant slope is computed. */
 #define MIN_SECANT_FLUX POWER_OF_HALF(7)
 
-/* Smallest change of flux in a pass that requires another pass. */
+/* Smallest total change of flux in a pass that requires another pass. */
 #define MIN_FLUX_CHANGE POWER_OF_HALF(19)
 
 /* Error of a flux above which the flux counts as not reached. */
@@ -36,30 +35,30 @@
 /* Maximum outstanding flux of a layer. */
 #define MAX_OUTSTANDING_FLUX POWER_OF_HALF(8)
 
-/* All memories in one tick: layers from the surface inwards, then the laminated part. */
+/* All layers in one tick, from the surface inwards, followed by the laminated part. */
 typedef struct {
   compensator *c;
-  int is_flux_given;                    /* whether the flux is given; else the current */
+  int is_flux_given;                    /* whether the flux is given; otherwise the current */
   int uses_secants;                     /* whether slopes are secants between two positions */
-  number target;                        /* the given flux, or the given current minus its bias */
-  number diffusion_slope;               /* slope: field between layers for a change of flux */
-  number coupling_slope;                /* slope: field of a flux in its own layer, <= 0 */
-  number reluctance;                    /* slope: circuit around laminated iron */
-  number field_per_current;             /* slope: 1/(field arm*(1 - laminated)) */
+  number target;                        /* given flux, or given current without its bias */
+  number diffusion_slope;               /* hold: field between two layers for a flux change */
+  number coupling_slope;                /* own: field of a flux in its own layer, <= 0 */
+  number reluctance;                    /* field over flux of the circuit outside of the core */
+  number field_per_current;             /* 1/(field coefficient*(1 - laminated)) */
   int layers;                           /* N */
   entry laminated;                      /* l */
   entry area_fraction[ANHYST_MEMORIES]; /* phi_j */
   number start_flux[ANHYST_MEMORIES];   /* S_j at the start of the tick */
   number section_flux[ANHYST_MEMORIES]; /* S_j */
-  number flux[ANHYST_MEMORIES];         /* flux of each layer itself */
+  number flux[ANHYST_MEMORIES];         /* flux density of each layer */
   number field[ANHYST_MEMORIES];        /* E_j, E_l */
-  number field_slope[ANHYST_MEMORIES];  /* their slopes over S_j, for E_l over the flux */
-  number residual[ANHYST_MEMORIES];     /* residual between a layer and the one outside it */
+  number field_slope[ANHYST_MEMORIES];  /* dE_j/dS_j, and dE_l/dF */
+  number residual[ANHYST_MEMORIES];     /* residual field between two layers */
 } solid_tick;
 
-/* The circuit outside of a section as a straight line: a field, and its decrease as the flux of the
-   section rises. The field is a result of to_coarse, because after a jump it is many times the
-   largest field of the rows. */
+/* Load line of a section: the field that the circuit outside of it applies, which decreases as the
+   flux of the section rises. The field is a result of to_coarse_field, because after a jump of the
+   flux it is many times the largest field of the table. */
 typedef struct {
   number field;
   number slope; /* decrease of the field over the flux, >= 0 */
@@ -80,7 +79,7 @@ static const number *plays_of(const compensator *c, int at)
   return at > 0 ? c->deeper[at - 1].plays : c->plays;
 }
 
-/* Returns the number of layers of a block; 0: laminated iron. */
+/* Returns the number of layers of a block, or 0 for a laminated core. */
 static int layer_count(const entry *words) { return integer_of(words[ANHYST_WORD_SOLID_LAYERS]); }
 
 static int memory_count(const entry *words)
@@ -88,7 +87,7 @@ static int memory_count(const entry *words)
   return layer_count(words) + (words[ANHYST_WORD_SOLID_LAMINATED] > 0 ? 1 : 0);
 }
 
-/* Returns the flux h*x + m at a trial step. */
+/* Returns the flux h*x + m of a trial step. */
 static number flux_of_trial(const entry *words, const candidate *trial)
 {
   const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
@@ -98,7 +97,7 @@ static number flux_of_trial(const entry *words, const candidate *trial)
   return four_times(mirrored(unsafe_sum(trial->of.cells.flux, rise), mirror));
 }
 
-/* Sets a trial step to the present state of a memory. Returns its flux. */
+/* Sets a trial step to a stored state. Returns its flux. */
 static number reset_trial(const entry *words, const cells_memory *memory, const number *plays,
                           candidate *trial)
 {
@@ -110,7 +109,7 @@ static number reset_trial(const entry *words, const cells_memory *memory, const 
   return four_times(store_trial(&path, words, trial));
 }
 
-/* Reads flux and field at the trial step of a memory. */
+/* Stores the flux and the field of a layer at its trial step. */
 static void read_trial(solid_tick *tick, int at, number flux)
 {
   tick->flux[at] = flux;
@@ -131,7 +130,8 @@ static number add_layer_flux(const solid_tick *tick, int layer, number deeper)
   return sum(deeper, times_fraction(tick->flux[layer], tick->area_fraction[layer]));
 }
 
-/* Sets the start of the search of a memory: its trial step if it is known, otherwise the memory. */
+/* Sets the start of a layer's search: its trial step if this is known, otherwise its stored
+   state. */
 static void start_search(solid_tick *tick, int at)
 {
   compensator *c = tick->c;
@@ -141,7 +141,7 @@ static void start_search(solid_tick *tick, int at)
     tick->field_slope[at] = field_slope_of(tick, at);
     return;
   }
-  if (c->stage == ANHYST_STAGE_HERE) { /* the path can reverse here */
+  if (c->stage == ANHYST_STAGE_HERE) { /* allows the path to reverse at this state */
     const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
     trial->memory.cells.joined = saturate(mirrored(trial->memory.cells.x, mirror));
   }
@@ -150,7 +150,7 @@ static void start_search(solid_tick *tick, int at)
   tick->field_slope[at] = known_slope > 0 ? known_slope : field_slope_of(tick, at);
 }
 
-/* Sets the fluxes of the sections, and the starts of the searches. */
+/* Sets the flux of each section, and the start of each layer's search. */
 static void init_tick(solid_tick *tick, compensator *c)
 {
   const entry *words = c->words;
@@ -180,7 +180,7 @@ static void init_tick(solid_tick *tick, compensator *c)
   }
 }
 
-/* Returns the field that replaces the field of laminated iron in the equation of the current. */
+/* Returns the uniform field that would need the same current in a laminated core at this flux. */
 static number equivalent_field(const solid_tick *tick)
 {
   number field = tick->field[0];
@@ -204,7 +204,7 @@ static void set_circuit_slopes(solid_tick *tick)
   }
 }
 
-/* Returns the target current minus the current of the present fields. */
+/* Returns the target current minus the current of the present fields and fluxes. */
 static number residual_current(const solid_tick *tick)
 {
   const arms_type *arms = &tick->c->arms;
@@ -213,7 +213,7 @@ static number residual_current(const solid_tick *tick)
   return difference(tick->target, present);
 }
 
-/* Returns the slope of the circuit outside the surface (decrease of field over flux, >= 0). */
+/* Returns the slope of the load line at the surface (decrease of the field over the flux, >= 0). */
 static number circuit_slope(const solid_tick *tick)
 {
   number reluctance = tick->reluctance;
@@ -223,7 +223,7 @@ static number circuit_slope(const solid_tick *tick)
   return reluctance > 0 ? divide_slope_by_solid(reluctance, tick->laminated) : 0;
 }
 
-/* Returns the line of the circuit and the laminated part at the surface. */
+/* Returns the load line at the surface, from the circuit and the laminated part. */
 static load_line load_line_at_surface(const solid_tick *tick)
 {
   load_line line;
@@ -234,7 +234,8 @@ static load_line load_line_at_surface(const solid_tick *tick)
   return line;
 }
 
-/* Returns the line inside a layer from the line outside it. At the surface, uses a given flux. */
+/* Returns the load line inside a layer from the load line outside it. At the surface, a given flux
+   replaces the outer load line. */
 static load_line load_line_below_layer(const solid_tick *tick, int layer, load_line line)
 {
   const number slope = tick->field_slope[layer];
@@ -255,7 +256,7 @@ static load_line load_line_below_layer(const solid_tick *tick, int layer, load_l
   return below;
 }
 
-/* Returns the slope of a memory that has left its segment, from the flux and the field before. */
+/* Returns the new slope of a layer that has left its segment, from its previous flux and field. */
 static number updated_field_slope(const solid_tick *tick, int at, number flux, number field)
 {
   const number change = difference(tick->flux[at], flux);
@@ -266,7 +267,7 @@ static number updated_field_slope(const solid_tick *tick, int at, number flux, n
   return at == tick->layers ? slope : divide_slope(slope, tick->area_fraction[at]);
 }
 
-/* Solves a memory for a target of these arms, divided by 4. */
+/* Solves a layer for a target with these coefficients. The target is divided by 4. */
 static void solve_layer(solid_tick *tick, int at, const arms_type *arms, number target)
 {
   compensator *c = tick->c;
@@ -287,8 +288,8 @@ static void solve_layer_for_flux(solid_tick *tick, int at, number flux)
   solve_layer(tick, at, &arms, quarter(quarter(flux)));
 }
 
-/* Solves a layer for its line. The line refers to the previous flux of the section, so that the
-   change of the deeper section is subtracted. */
+/* Solves a layer for its load line. The load line refers to the previous flux of the section, so
+   that the change of the deeper section is subtracted. */
 static void solve_layer_for_load_line(solid_tick *tick, int layer, load_line line, number changed)
 {
   const number falls = times_fraction(line.slope, tick->area_fraction[layer]);
@@ -299,7 +300,7 @@ static void solve_layer_for_load_line(solid_tick *tick, int layer, load_line lin
   solve_layer(tick, layer, &arms, target);
 }
 
-/* Runs one pass inwards and outwards. Returns the total change of the fluxes of all sections. */
+/* Runs one pass inwards and outwards. Returns the sum of the flux changes of all sections. */
 static number run_pass(solid_tick *tick)
 {
   const int layers = tick->layers;
@@ -336,7 +337,7 @@ static number run_pass(solid_tick *tick)
   return sum(moved, absolute(difference(tick->section_flux[0], first)));
 }
 
-/* Returns whether the equations are solved except for rounding. Sets their residuals. */
+/* Returns whether all equations are solved except for rounding errors. Sets their residuals. */
 static int are_equations_solved(solid_tick *tick)
 {
   int result = 1;
@@ -361,7 +362,8 @@ static void solve_layers(solid_tick *tick)
   for (int i = 0; i < MAX_PASSES; i++) {
     tick->uses_secants = i >= TANGENT_PASSES;
     const number moved = run_pass(tick);
-    if (are_equations_solved(tick) || moved < MIN_FLUX_CHANGE) { /* saturated surface */
+    if (are_equations_solved(tick) || moved < MIN_FLUX_CHANGE) { /* second condition: the surface is
+                                                                    saturated */
       break;
     }
   }
@@ -374,8 +376,8 @@ static void solve_layers(solid_tick *tick)
   }
 }
 
-/* Returns the field that replaces the field of laminated iron in the equation of the current.
-   Reduces c->flux if the surface saturates before it is reached. */
+/* Returns the uniform field that would need the same current in a laminated core at this flux.
+   Reduces c->flux if the surface saturates at a smaller flux. */
 static number solid_field_for_flux(compensator *c)
 {
   solid_tick tick;
@@ -391,7 +393,7 @@ static number solid_field_for_flux(compensator *c)
   return saturate(equivalent_field(&tick));
 }
 
-/* Returns the flux of the section for a current. */
+/* Returns the flux of the whole cross-section for a current. */
 static number solid_flux_for_current(compensator *c, number current)
 {
   solid_tick tick;
@@ -403,7 +405,7 @@ static number solid_flux_for_current(compensator *c, number current)
   return tick.section_flux[0];
 }
 
-/* Sets all layers to the initial state of the surface. */
+/* Sets all layers to the initial state of the surface layer. */
 static void solid_init_state(compensator *c)
 {
   cells_init_state(c);
@@ -432,8 +434,8 @@ static void solid_store_state(compensator *c)
   }
 }
 
-/* Transfers each layer to its own flux plus the change of the section. A layer that does not exist
-   in the old block gets the state of the surface. */
+/* Transfers each layer to its old flux plus the change of the total flux. A layer that does not
+   exist in the old block gets the state of the surface layer. */
 static void solid_transfer_state(compensator *c, const entry *words, number flux)
 {
   const int old_memories = memory_count(c->words);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Template: the controller of a body, for every number format. The operations that depend on the
-   format are included before: axes_real.h for floating point, axes_fixed.c for q31. */
+/* Template: the controller of a levitated body, for every number format. The operations that depend
+   on the format are included before: axes_real.h for floating point, axes_fixed.c for q31. */
 
 anhyst_status anhyst_axes_init_x(anhyst_axes_x *c, const anhyst_axes_settings_x *settings,
                                  anhyst_force_controller_x *const *drive)
@@ -32,8 +32,8 @@ anhyst_status anhyst_axes_init_x(anhyst_axes_x *c, const anhyst_axes_settings_x 
   return ANHYST_OK;
 }
 
-/* Returns the deviation of a measured current from the range between its slowest expected value and
-   its command. Advances the expected value. */
+/* Returns how far a measured current is outside the range between its slowest expected value and
+   its command. Advances the expected value by one tick. */
 static ANHYST_REAL current_deviation(anhyst_axes_x *c, int i, ANHYST_REAL measured)
 {
   const ANHYST_REAL slew = c->settings->slew;
@@ -50,7 +50,7 @@ static ANHYST_REAL current_deviation(anhyst_axes_x *c, int i, ANHYST_REAL measur
   return measured > high ? anhyst_sub_x(measured, high) : 0;
 }
 
-/* Starts a landing, or switches the drives off if the body cannot land. */
+/* Starts a landing, or switches all drives off if the body cannot land. */
 static void start_landing(anhyst_axes_x *c, int can_land)
 {
   if (!can_land) {
@@ -61,7 +61,7 @@ static void start_landing(anhyst_axes_x *c, int can_land)
   }
 }
 
-/* Detects lost drives, and starts a landing if necessary. */
+/* Detects failed drives, and starts a landing if necessary. */
 static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sample)
 {
   const anhyst_axes_settings_x *settings = c->settings;
@@ -84,7 +84,8 @@ static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
   }
 }
 
-/* Detects lost heads, and starts a landing if necessary. Returns whether the others are valid. */
+/* Detects failed sensors, and starts a landing if necessary. Returns whether the others are
+   valid. */
 static int detect_lost_sensors(anhyst_axes_x *c, const ANHYST_REAL *head)
 {
   const anhyst_axes_settings_x *settings = c->settings;
@@ -116,7 +117,8 @@ static int detect_lost_sensors(anhyst_axes_x *c, const ANHYST_REAL *head)
   return are_readings_valid;
 }
 
-/* Moves the reference relative to the target in landing and lift-off. Resets the PIDs at rest. */
+/* Moves the reference relative to the target in states LAND and LIFT. Resets the PIDs in state
+   REST. */
 static void move_reference(anhyst_axes_x *c)
 {
   const anhyst_axes_settings_x *settings = c->settings;
@@ -169,7 +171,7 @@ static uint16_t execute_command(anhyst_axes_x *c, uint16_t command, int is_plaus
   return flags;
 }
 
-/* Sets the wrench for the errors and the feedforward. Returns flags. */
+/* Computes the wrench for the pose errors and the feedforward. Returns flags. */
 static uint16_t compute_wrench(anhyst_axes_x *c, const anhyst_axes_sample_x *sample,
                                ANHYST_REAL *wrench)
 {
@@ -236,7 +238,7 @@ void anhyst_axes_tick_x(anhyst_axes_x *c, const anhyst_axes_sample_x *sample,
         round_to_grid(clamp(current, settings->current_low, settings->current_high),
                       settings->current_low, settings->current_high, settings->current_step);
     c->commanded[i] = out->current[i];
-    if (!is_lost) { /* a lost drive needs no commit */
+    if (!is_lost) { /* a failed drive needs no commit */
       (void)anhyst_force_controller_commit_x(drive, out->current[i], sample->gap[i]);
     }
   }

@@ -37,20 +37,19 @@ static ANHYST_REAL step_pid(const anhyst_axis_pid_x *pid, anhyst_axis_pid_state_
 
 static int is_measurement_present(ANHYST_REAL a)
 {
-  return is_number(a) || a > R(0.0) || a < R(0.0); /* infinite values also count */
+  return is_number(a) || a > R(0.0) || a < R(0.0); /* infinite values also count as measured */
 }
 
 static ANHYST_REAL times_fraction(ANHYST_REAL a, ANHYST_REAL f) { return f * a; }
 
-/* Sets result = matrix*values, with the matrix stored by rows. */
+/* Computes result = matrix*values. The matrix is stored by rows. */
 static void multiply_matrix(const ANHYST_REAL *matrix, int rows, int columns,
                             const ANHYST_REAL *values, ANHYST_REAL *result)
 {
   int i;
   int j;
   for (i = 0; i < rows; i++) {
-    ANHYST_REAL sum = R(0.0); /* a local variable, because the compiler would reload it behind a
-                                 pointer */
+    ANHYST_REAL sum = R(0.0); /* a local sum, because a sum behind a pointer is reloaded */
     for (j = 0; j < columns; j++) {
       sum += *matrix++ * values[j];
     }
@@ -58,8 +57,8 @@ static void multiply_matrix(const ANHYST_REAL *matrix, int rows, int columns,
   }
 }
 
-/* Corrects a pose from heads on the ground for the present position of the body, because they see
-   other points of a rotated body: p + target x th. */
+/* Corrects a pose that sensors on the ground measured, for the present position of the body. On a
+   rotated body, they measure other points: subtracts the vector product of target and rotation. */
 static void correct_ground_sensors(const anhyst_axes_settings_x *settings,
                                    const ANHYST_REAL *target, ANHYST_REAL *pose)
 {

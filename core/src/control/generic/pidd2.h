@@ -20,7 +20,7 @@ ANHYST_REAL anhyst_pidd2_solve_x(const anhyst_pidd2_gains_x *gains,
                                  ANHYST_REAL position, ANHYST_REAL load,
                                  anhyst_pidd2_candidate_x *candidate)
 {
-  /* A filter moves by its derivative. */
+  /* The change of a filter's output in a tick is the filtered derivative. */
   const ANHYST_REAL first = gains->smoothing * (position - state->position);
   const ANHYST_REAL second = gains->smoothing_2 * (first - state->velocity);
   const ANHYST_REAL u = gains->proportional * (gains->weight * reference - position) +

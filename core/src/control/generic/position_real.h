@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Converts a number to an integer of levitation.h; NaN becomes the lowest one. */
+/* Converts a number to an integer of levitation.h. NaN becomes the lowest integer. */
 static int32_t number_to_code(ANHYST_REAL a, ANHYST_REAL full)
 {
   const ANHYST_REAL part = a / full;
@@ -35,7 +35,7 @@ static ANHYST_REAL code_to_demand(const anhyst_position_units_x *units, int32_t 
   return code_to_number(code, units->demand);
 }
 
-/* Returns whether a is in -1e30..1e30; 0 for NaN. */
+/* Returns whether a is in -1e30..1e30. Returns 0 for NaN. */
 static int is_number(ANHYST_REAL a)
 {
   const ANHYST_REAL largest = R(1e30);
@@ -65,7 +65,7 @@ static ANHYST_REAL round_to_grid(const anhyst_position_limits_x *limits, ANHYST_
   return rounded > limits->current_high ? limits->current_high : rounded;
 }
 
-/* Returns whether a range is an integer number of steps, within the precision of a float. */
+/* Returns whether a range is an integer number of steps, within a quarter of a step. */
 static int is_multiple_of_step(ANHYST_REAL range, ANHYST_REAL step)
 {
   const ANHYST_REAL steps = range / step;

@@ -3,24 +3,27 @@
 #define MAX_AXES ANHYST_WRENCH_AXES
 #define MAX_DRIVES ANHYST_WRENCH_DRIVES
 
-/* Smallest accepted pivot as a part of its row. With a smaller pivot, an axis is not independent,
-   or in single precision, the forces are dominated by rounding. A row that has decreased below
-   MIN_ROW counts as MIN_ROW of its original 1, because the remainder may be rounding. */
+/* Smallest accepted pivot as a fraction of its row's diagonal. With a smaller pivot, an axis
+   depends on others, or rounding dominates the forces in single precision. A diagonal below
+   MIN_DIAGONAL counts as MIN_DIAGONAL (it was 1 at first), because the remainder may be rounding
+   error. */
 #define MIN_PIVOT (ANHYST_EPS > R(1e-10) ? R(1e-2) : R(1e-6))
 #define MIN_DIAGONAL R(1e-2)
 
-/* Rounding error of a force at its minimum, as a part of the minimum. */
+/* Rounding error of a force at its minimum, as a fraction of the minimum. */
 #define MIN_FORCE_TOLERANCE (ANHYST_EPS > R(1e-10) ? R(1e-4) : R(1e-12))
 
 typedef struct {
-  uint16_t free_drives;           /* drives whose force is unknown, bit mask; of a pair the first */
+  uint16_t free_drives;           /* drives with unknown force, bit mask; the first drive of a pair
+                                     stands for both */
   ANHYST_REAL residual[MAX_AXES]; /* scaled wrench minus the wrench of the fixed drives */
-  ANHYST_REAL *force;             /* of all drives */
+  ANHYST_REAL *force;             /* forces of all drives */
 } force_search;
 
-/* ---- factorisation of a layout ---- */
+/* ---- factorisation of a drive layout ---- */
 
-/* Scales every axis to length one over the drives. Returns 0 if no drive acts on an axis. */
+/* Scales every axis so that its row of the drive matrix has length 1. Returns 0 if no drive acts on
+   an axis. */
 static int scale_axes(anhyst_wrench_x *w)
 {
   const anhyst_wrench_layout_x *layout = w->layout;
@@ -44,8 +47,8 @@ static int scale_axes(anhyst_wrench_x *w)
   return 1;
 }
 
-/* Factorises the matrix of all open drives. Returns 0 if they cannot make every wrench; with
-   yields, they always can. */
+/* Factorises the matrix of all open drives. Returns 0 if they cannot produce every wrench. With
+   `yields`, they always can. */
 static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
                      anhyst_wrench_factor_x *result)
 {
@@ -81,8 +84,8 @@ static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
   return 1;
 }
 
-/* Removes a drive from a factor. Returns 0 if the others cannot make every wrench. With yields they
-   always can: except for rounding, no pivot is below the yield of its axis. */
+/* Removes a drive from a factorisation. Returns 0 if the other drives cannot produce every wrench.
+   With `yields` they always can: except for rounding, no pivot is below the yield of its axis. */
 static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yields,
                         anhyst_wrench_factor_x *factor)
 {
@@ -120,7 +123,7 @@ static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yiel
   return 1;
 }
 
-/* Sets the masks of the open and the single drives. */
+/* Sets the bit masks of the open drives and of the drives without a partner. */
 static void classify_drives(anhyst_wrench_x *w)
 {
   int j;
@@ -145,15 +148,16 @@ static void start_search(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, fo
   }
 }
 
-/* Returns the scalar product over all axes; without a loop, because it dominates a tick. */
+/* Returns the scalar product over all axes. It has no loop, because it dominates the time of a
+   tick. */
 static ANHYST_REAL dot_product(const ANHYST_REAL *pull, const ANHYST_REAL *x)
 {
   return pull[0] * x[0] + pull[1] * x[1] + pull[2] * x[2] + pull[3] * x[3] + pull[4] * x[4] +
          pull[5] * x[5];
 }
 
-/* Sets the forces of the free drives with the least sum of squares that make the residual. Requires
-   that s->free are the drives of the factor. */
+/* Sets the least-squares forces of the free drives that produce the residual wrench. Requires that
+   s->free_drives are the drives of the factorisation. */
 static void solve_least_squares(const anhyst_wrench_x *w, const anhyst_wrench_factor_x *factor,
                                 const force_search *s)
 {
@@ -184,7 +188,7 @@ static void solve_least_squares(const anhyst_wrench_x *w, const anhyst_wrench_fa
   }
 }
 
-/* Fixes a free drive at a force, and subtracts its wrench from the residual. */
+/* Fixes a free drive at a force, and subtracts its wrench from the residual wrench. */
 static void fix_drive(const anhyst_wrench_x *w, force_search *s, int j, ANHYST_REAL force)
 {
   int i;
@@ -195,7 +199,7 @@ static void fix_drive(const anhyst_wrench_x *w, force_search *s, int j, ANHYST_R
   }
 }
 
-/* Returns the candidate that is furthest below its minimum, or -1. */
+/* Returns the drive of `candidates` whose force is furthest below the minimum, or -1. */
 static int find_lowest_drive(const anhyst_wrench_x *w, const force_search *s, unsigned candidates)
 {
   const ANHYST_REAL least = w->layout->least;
@@ -212,8 +216,8 @@ static int find_lowest_drive(const anhyst_wrench_x *w, const force_search *s, un
   return lowest_drive;
 }
 
-/* Makes the whole wrench. Drives below their minimum are set to it, if the others can compensate.
-   Returns whether no drive remains below its minimum. */
+/* Produces the whole wrench. Drives below their minimum force are set to it, if the others can
+   compensate. Returns whether no drive remains below its minimum. */
 static int solve_wrench(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, force_search *s)
 {
   anhyst_wrench_factor_x factors[2];
@@ -244,8 +248,8 @@ static int solve_wrench(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, for
   }
 }
 
-/* Fixes drives at the bounds that they exceed. Returns their number. The net force of a pair is
-   bounded in both directions. */
+/* Fixes drives at the bounds that they exceed. Returns their number. A pair has a bound in both
+   directions. */
 static int fix_at_bounds(const anhyst_wrench_x *w, force_search *s)
 {
   const ANHYST_REAL max_force = w->layout->most;
@@ -261,7 +265,7 @@ static int fix_at_bounds(const anhyst_wrench_x *w, force_search *s)
   return fixed_count;
 }
 
-/* Sets bounded forces that minimise the missing wrench, axes weighted by their yields. */
+/* Computes bounded forces that minimise the missing wrench, with axes weighted by their yields. */
 static void solve_with_yields(anhyst_wrench_x *w, const ANHYST_REAL *wrench, force_search *s)
 {
   int pass;
@@ -322,13 +326,13 @@ void anhyst_wrench_lose_x(anhyst_wrench_x *w, int drive)
     w->whole = w->whole && remove_drive(w, drive, NULL, &w->factor);
     (void)remove_drive(w, drive, w->layout->yields, &w->given_up[0]);
   }
-  w->against[w->against[drive]] = w->against[drive]; /* the remaining drive represents the pair */
+  w->against[w->against[drive]] = w->against[drive]; /* the remaining drive stands for the pair */
   w->against[drive] = (uint16_t)drive;
   classify_drives(w);
   w->factor.free = w->open;
   w->given_up[0].free = w->open;
   for (pass = 1; pass <= ANHYST_WRENCH_PASSES; pass++) {
-    w->given_up[pass].free = 0; /* a factor without drives is not valid */
+    w->given_up[pass].free = 0; /* a factorisation without drives is not valid */
   }
 }
 
@@ -346,7 +350,7 @@ int anhyst_wrench_share_x(anhyst_wrench_x *w, const ANHYST_REAL *wrench, ANHYST_
   }
   for (j = 0; j < (int)layout->drives; j++) {
     const int other = (int)w->against[j];
-    if (!(force[j] > R(-1e30) && force[j] < R(1e30))) { /* NaN makes no wrench */
+    if (!(force[j] > R(-1e30) && force[j] < R(1e30))) { /* a force of NaN produces no wrench */
       is_made = 0;
       force[j] = R(0.0);
     }
