@@ -11,7 +11,7 @@ typedef anhyst_table_position table_position; /* position in a table row */
 
 #define MAX_FIELD (ANHYST_Q30_ONE - 1)
 #define MIN_FIELD (-ANHYST_Q30_ONE)
-#define WHOLE_SEGMENT 0x8000 /* upper end of a segment, as a fraction of its width */
+#define WHOLE_SEGMENT 0x8000 /* 1.0 as a fraction of a segment */
 
 #define POWER_OF_HALF(n) (ANHYST_Q30_ONE >> (n))
 
@@ -56,8 +56,8 @@ static inline number four_times(number a) { return anhyst_shl_q31(a, 2); }
 static inline number word_value(entry word) { return (number)word * 32768; }
 static inline number row_value(table_position position) { return anhyst_table_value(position); }
 
-/* Returns the value of the table row `other` minus the value of the row of `position`, at this
-   position. Requires that the two rows differ by less than 1. */
+/* Returns the value of the table row `other` minus the value of the row of `position`. Requires
+   that the two rows differ by less than 1. */
 static inline number row_difference(table_position position, const entry *other)
 {
   const int32_t low = (int32_t)other[0] - position.segment[0];
@@ -74,7 +74,7 @@ static inline number segments_to_field(int segments, segment_grid width)
   return (number)((uint32_t)segments << 15 << width);
 }
 
-/* Returns the position of a field in a table row. `zero` points to the entry for zero field. */
+/* Returns the position of a field in a table row; `zero` points to the entry for zero field. */
 static inline table_position locate_from_zero(const entry *zero, number x, segment_grid width)
 {
   const int32_t scaled_field = x >> width;
@@ -82,7 +82,7 @@ static inline table_position locate_from_zero(const entry *zero, number x, segme
   return position;
 }
 
-/* Returns the lower end of the segment that contains x. It is a multiple of the segment width. */
+/* Returns the field at the lower end of the segment that contains x. */
 static inline number segment_begin(number x, segment_grid width)
 {
   return (number)((uint32_t)(x >> width >> 15) << 15 << width);
@@ -159,7 +159,7 @@ static inline number internal_current_limit(const entry *words, int word)
 #define MIN_THRESHOLD ((entry)1) /* smallest threshold of a play cell */
 /* Rounding error of a weight that is interpolated between two table entries. */
 #define WEIGHT_ROUNDING 1
-/* Smallest rise of a weighted sum over one segment that exceeds rounding errors. */
+/* Smallest rise of a weighted sum over a segment that is not a rounding error. */
 #define MIN_SEGMENT_RISE ((number)4)
 #define QUARTER_WEIGHT 16384
 
@@ -177,8 +177,7 @@ static inline number interpolate_line(number low, number high, number numerator,
 static inline number round_to_coarse_grid(number a) { return a; }
 
 #if ANHYST_MEMORIES > 1
-/* Functions for a solid core. A slope is a field over a flux, 0 to 32768, with 16 fractional
-   bits. */
+/* Functions for a solid core. A slope, field over flux, is in 0..32768 with 16 fractional bits. */
 
 /* Smallest fraction of the cross-section in one layer: 2^-9, q15. */
 #define MIN_AREA_FRACTION 64
@@ -232,8 +231,8 @@ static number divide_by_fraction(number a, entry fraction)
       first, multiply_by_slope(anhyst_sub_q31(a, times_fraction(first, fraction)), inverse));
 }
 
-/* Returns the slope of the field over the flux on a segment, plus `coupling_slope`. `rise` is the
-   rise of the flux, divided by 4. */
+/* Returns the slope of the field over the flux on a segment, with the coupling slope added. The
+   argument `rise` is the rise of the flux, divided by 4. */
 static inline number segment_field_slope(number width, number rise, number coupling_slope)
 {
   const int32_t law = anhyst_quotient(width, rise > 0 ? rise : 1) >> 2;
@@ -293,9 +292,9 @@ static inline number outstanding_flux(const entry *words, number residual, numbe
   return anhyst_clamp(flux >> words[ANHYST_WORD_SOLID_HOLD_SHIFT], -most, most);
 }
 
-/* Sets the coefficients of the equation coupling_slope*f + x = field - falls*(f - flux). They are
-   halved until they fit into 16 bits. Returns the target of the equation, divided by 4. `field` is
-   a result of to_coarse_field. */
+/* Sets the coefficients of the equation coupling_slope*f + x = field - falls*(f - flux), halved
+   until all of them fit into 16 bits. The argument `field` is a result of to_coarse_field. Returns
+   the target of the equation, divided by 4. */
 static inline number set_load_line(arms_type *arms, number field, number falls,
                                    number coupling_slope, number flux)
 {

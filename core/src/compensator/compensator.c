@@ -70,8 +70,7 @@ static int32_t root_with_knee(int32_t a, int16_t knee)
   }
   const unsigned shift = anhyst_headroom(a) & ~1U;            /* even, because the root halves it */
   const int32_t normalised = (int32_t)((uint32_t)a << shift); /* 2^29..2^31 - 1 */
-  /* The linear start value has an error within 5 %. Each Newton step doubles the number of correct
-     digits. r is the root times 2^15. */
+  /* Linear start value within 5 %; each Newton step doubles the correct digits. r is root*2^15. */
   int32_t r = (normalised >> 17) + (normalised >> 19) + 12000;
   r = (r + (normalised >> 1) / r) >> 1;
   r = (r + (normalised >> 1) / r) >> 1;
@@ -81,8 +80,7 @@ static int32_t root_with_knee(int32_t a, int16_t knee)
   return ((r * 16384) + (refined_quotient >> 1)) >> (shift >> 1);
 }
 
-/* Returns the square of a q30 in 0..1 as a q31: inverts root_with_knee. Error below 2^-15.
-   Saturates. */
+/* Returns the square of a q30 in 0..1 as a q31: the inverse of the root. Error below 2^-15. */
 static int32_t square_with_knee(int32_t a, int16_t knee)
 {
   if ((a >> (30 - knee)) == 0) {
@@ -91,8 +89,7 @@ static int32_t square_with_knee(int32_t a, int16_t knee)
   return anhyst_shl_q31(anhyst_scale(a, anhyst_sat_q15(a >> 15)), 2);
 }
 
-/* Returns the flux for an output above the offset, q30 divided by 2^n; n is the block's flux
-   shift. */
+/* Returns the flux for an output above the offset, q30 divided by 2^(flux shift of the block). */
 static int32_t output_to_flux(const int16_t *words, int32_t above_offset, gap_position position)
 {
   const int32_t relative_flux =

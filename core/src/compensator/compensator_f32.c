@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The compensator in single precision. Its source is the template generic/compensator.h. */
+/* The compensator in single precision, made from generic/compensator.h. */
 #include "formats/f32.h"
 
 #include "generic/compensator_real.h"

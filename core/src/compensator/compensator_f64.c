@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The compensator in double precision. Its source is the template generic/compensator.h. */
+/* The compensator in double precision, made from generic/compensator.h. */
 #include "formats/f64.h"
 
 #include "generic/compensator_real.h"

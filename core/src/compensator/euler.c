@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The published form of the simplified law, as a baseline: eqs. 13 to 15 with eqs. 19 and 20 of the
-   paper. The explicit Euler method integrates it with a fixed number of sub-steps per sample. The
-   hysteresis field u is a linear function of flux and magnetisation. Therefore, a step of u is
-   equivalent to a step of the magnetisation, without the paper's small difference of large
-   numbers. */
+   paper. The law is integrated by the explicit Euler method with a fixed number of sub-steps per
+   sample. The hysteresis field u is a linear function of flux and magnetisation. Therefore, a step
+   of u is equivalent to a step of magnetisation, but avoids a small difference of large numbers. */
 #include "simplified_fixed.h"
 
 #include "generic/simplified.h"

@@ -52,7 +52,7 @@ static void swap_compensator_block(anhyst_compensator *compensator, const int16_
 }
 
 /* Updates the current that corrects the flux error. The measured flux is compared with the flux
-   that is expected in this tick, instead of the demanded flux. The difference between these two is
+   that is expected in this tick, instead of the demanded flux. Expected and demanded flux differ by
    a delay, which no current can remove. Fluxes are halved, so that no difference overflows. */
 static void update_correction(anhyst_force_controller_q31 *c, int32_t gap, int32_t flux)
 {

@@ -2,8 +2,7 @@
 /* The Jiles-Atherton law in double precision, made from generic/full.h. */
 #include "formats/f64.h"
 
-/* Longest Newton step without an evaluation after it. Its error is below the rounding of a
-   double. */
+/* Longest Newton step without an evaluation after it; its error is below a double's rounding. */
 #define MAX_TANGENT_STEP (ONE / 1073741824)
 #include "generic/full_real.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the Jiles-Atherton law in fixed point, for generic/full.h. Internal numbers are
-   q28. The sum of a few of them stays within 32 bits, without saturation. Slopes are in units of
+   q28. The sum of a few of them fits into 32 bits without saturation. A slope has a unit of
    1/1024. */
 #ifndef ANHYST_FULL_FIXED_H
 #define ANHYST_FULL_FIXED_H
@@ -24,7 +24,7 @@
 
 typedef int32_t slope;
 typedef int16_t candidate_slope;
-typedef int32_t mirror_type; /* -1: the field falls along the path, 0: it rises */
+typedef int32_t mirror_type; /* 0 if the field rises along the path, -1 if it falls */
 
 typedef struct {
   const entry *entries;
@@ -80,7 +80,7 @@ static inline number half(number a) { return a >> 1; }
 /* Interpolates a table at 0 <= u < 1, q28. *rise is the rise of the segment, q15. */
 static inline number interpolate(table t, number u, number *rise)
 {
-  const int32_t scaled_u = u >> (15U - t.log2_segments); /* segment, 13 bits of its fraction */
+  const int32_t scaled_u = u >> (15U - t.log2_segments); /* segment, and 13 bits within it */
   const int16_t *entries = t.entries + (scaled_u >> 13);
   const int32_t low = entries[0];
   *rise = entries[1] - low;
@@ -111,14 +111,13 @@ static inline slope total_slope(slope y_slope, slope x_slope, entry reversible)
   return y_slope + (((x_slope - y_slope) * reversible) >> 15);
 }
 
-/* Returns dy/dp if the ascending branch is above y by `above`. */
+/* Returns dy/dp at a distance `above` between the ascending branch and y. */
 static inline slope irreversible_slope(number above, entry steepness)
 {
   return ((above >> 15) * steepness) >> 11;
 }
 
-/* Return the weight of the field in a current, field_arm + 4*air*flux_arm, as a number and as a
-   block word. The word is at least 1. */
+/* Return the field's weight in a current, field_arm + 4*air*flux_arm, as a number or a word > 0. */
 static inline number air_weight(entry air, entry flux_arm, entry field_arm)
 {
   return field_arm + (((int32_t)air * flux_arm) >> 14);
@@ -129,8 +128,7 @@ static inline entry air_weight_of_current(entry air, const arms_type *arms)
   return (entry)anhyst_clamp(air_weight(air, arms->flux_arm, arms->field_arm), 1, ANHYST_Q15_MAX);
 }
 
-/* Returns the rounding error of a current's slope: 1/2 LSB per coefficient and 1 LSB per
-   product. */
+/* Returns the rounding error of a current's slope: 1/2 LSB per weight and 1 LSB per product. */
 static inline number slope_rounding_error(entry air, slope steepest)
 {
   return 3 + (air >> 15) + (steepest >> 11);
@@ -194,7 +192,7 @@ static inline number multiply_by_decay(number a, number fraction)
   return anhyst_scale(a, anhyst_sat_q15(fraction >> 13)) * 2;
 }
 
-/* Convert a number in -2..2 to a weight of a quarter of its size, and multiply by such a weight. */
+/* Convert a number in -2..2 to a weight of a quarter of its size; multiply by such a weight. */
 static inline entry to_quarter_weight(number a) { return anhyst_sat_q15((0x2000 + a) >> 14); }
 static inline number times_quarter_weight(number a, entry weight)
 {

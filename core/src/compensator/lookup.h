@@ -41,8 +41,7 @@ static inline int32_t anhyst_times_fraction(int32_t a, int32_t fraction)
   return 2 * anhyst_scale(a, high) + (anhyst_scale(a, low) >> 14);
 }
 
-/* Returns numerator/denominator, q31, rounded down, by bitwise division. Requires 0 <= numerator <
-   denominator. */
+/* Returns numerator/denominator, q31, rounded down. Requires 0 <= numerator < denominator. */
 static inline int32_t anhyst_ratio(int32_t numerator, int32_t denominator)
 {
   const uint32_t divisor = (uint32_t)denominator;

@@ -40,8 +40,8 @@ static number branch_position_from_distance(const law_type *law, number distance
   return 4 * anhyst_scale(distance * ((int32_t)1 << law->shift), law->steepness);
 }
 
-/* Returns a difference of two currents, divided by 4 so that it does not overflow. It is compared
-   only with other results of this function. */
+/* Returns a difference of two currents, divided by 4 to prevent overflow. The difference is
+   compared only with other results of this function. */
 static number difference(number a, number b) { return (a >> 2) - (b >> 2); }
 
 /* Returns numerator/denominator with 14 bits, at most 1, rounded down. Requires numerator > 0. */
@@ -59,8 +59,7 @@ static number quotient_up_to_one(number numerator, number denominator)
   return (int32_t)((ratio << 15) >> (up - down));
 }
 
-/* Returns numerator/denominator with 28 bits. The division of the remainder gives the lower 14
-   bits. Requires numerator >= 0. */
+/* Returns numerator/denominator with 28 bits, 14 from the remainder. Requires numerator >= 0. */
 static number precise_quotient(number numerator, number denominator)
 {
   if (numerator == 0) {

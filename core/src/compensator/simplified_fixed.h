@@ -99,7 +99,7 @@ typedef anhyst_table_position table_position; /* position in the table */
 static inline number table_value(table_position position) { return anhyst_table_value(position); }
 static inline number word_value(entry word) { return (number)word * 32768; }
 
-/* Returns the fraction of a segment whose line has risen by `partial_rise`, q15, rounded down. */
+/* Returns the fraction of a segment at which its line has risen by an amount, q15, rounded down. */
 static inline number fraction_at_rise(number partial_rise, entry low, entry high)
 {
   const int32_t rise = (int32_t)high - low;

@@ -16,8 +16,8 @@ static int32_t product(int32_t a, int32_t b)
 }
 
 /* Returns smaller/larger as a q31 by long division with two digits, less than 16 LSB below the
-   exact ratio. Requires 0 <= smaller <= larger and larger > 0. For such arguments, the clamps have
-   no effect. For all others, they prevent overflow. */
+   exact ratio. Requires 0 <= smaller <= larger and larger > 0. The clamps only have an effect, to
+   prevent overflow, if the arguments violate this requirement. */
 static int32_t ratio(int32_t smaller, int32_t larger)
 {
   const uint16_t up = anhyst_headroom(larger);
@@ -31,8 +31,7 @@ static int32_t ratio(int32_t smaller, int32_t larger)
   return anhyst_add_q31(digit * 65536, second_digit * 4);
 }
 
-/* Returns sqrt(1 + t*t)/2, q31. The linear start value is within 1 %. Newton steps double its
-   digits. */
+/* Returns sqrt(1 + t*t)/2, q31. A linear start value is within 1 %; Newton steps refine it. */
 static int32_t half_root(int32_t t)
 {
   const int32_t square = product(t, t);

@@ -39,8 +39,7 @@ static int32_t step_towards(int32_t from, int32_t to, int32_t step)
   return anhyst_clamp(to, anhyst_sub_q31(from, step), anhyst_add_q31(from, step));
 }
 
-/* Returns whether the change since the last plausible position is possible: at most one step per
-   tick. */
+/* Returns whether the change since the last plausible position is at most one step per tick. */
 static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t position)
 {
   const int32_t ticks = (int32_t)l->supervisor.age + 1;

@@ -54,7 +54,7 @@ void anhyst_pidd2_commit_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_s
       anhyst_add_q31(state->integral, anhyst_factor_product(not_applied, gains->back));
 }
 
-/* Shifts the integral so that the output changes from `from` to `to`, both q28. */
+/* Shifts the integral so that the output changes by to - from, both q28. */
 static void shift_integral(anhyst_pidd2_state_q31 *state, int32_t from, int32_t to)
 {
   state->integral = anhyst_add_q31(state->integral, anhyst_shl_q31(anhyst_sub_q31(to, from), 2));

@@ -96,7 +96,7 @@ static void recompute_currents(anhyst_position_q31 *c, int32_t *demanded)
   }
 }
 
-/* Stores the jump from the last applied to the newly demanded currents. The jump then decays. */
+/* Stores the difference between last applied and newly demanded currents, which then decays. */
 static void start_fading(anhyst_position_q31 *c)
 {
   int32_t demanded[ANHYST_POSITION_MAGNETS] = {c->current[0], c->current[1]};
@@ -120,15 +120,13 @@ void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
   start_fading(c);
 }
 
-/* Returns the controller state of the next tick: that of the candidate while it is not
-   committed. */
+/* Returns the controller state of the next tick, which is in the candidate until the commit. */
 static anhyst_pidd2_state_q31 *next_state(anhyst_position_q31 *c)
 {
   return c->pending != 0U ? &c->candidate.next : &c->state;
 }
 
-/* Sets the net force that the force controllers now expect for the present currents, without a
-   jump. */
+/* Sets the net force that the force controllers now expect for the present currents. */
 static void match_expected_force(anhyst_position_q31 *c)
 {
   int32_t *integral = &next_state(c)->integral;

@@ -11,15 +11,14 @@
 /* Rounding error of a force at its bound, q28. */
 #define FORCE_BOUND_TOLERANCE 64
 
-/* State of the search. A unit has one unknown force: that of a single drive, or the net force of a
-   pair, which its first drive represents. */
+/* State of the search. A unit has one unknown force: the force of a single drive, or the net force
+   of a pair. The first drive of a pair represents the unit. */
 typedef struct {
   const anhyst_wrench_way_q31 *method;
   int32_t projection[MAX_DRIVES][MAX_DRIVES]; /* projection of the free units, q30 */
   int32_t force[MAX_DRIVES];                  /* force of each unit, q28 */
   uint16_t free_units;                        /* units with unknown force, bit mask */
-  int is_copied;                              /* whether `projection` is set; otherwise that of
-                                                 `method` */
+  int is_copied;                              /* whether `projection` is set */
 } wrench_search;
 
 static int has_bit(uint32_t set, int j) { return (int)(set >> j & 1U); }
@@ -30,7 +29,7 @@ static int is_unit_lost(const anhyst_wrench_q31 *w, int j)
   return has_bit(w->lost, j) && has_bit(w->lost, (int)w->layout->against[j]);
 }
 
-/* Returns the direction of a unit: 1 along the force of drive j, -1 against it, 0 for both. */
+/* Returns the direction of a unit: 1 along the force of drive j, -1 against it, 0 both. */
 static int pull_direction(const anhyst_wrench_q31 *w, int j)
 {
   const int other = (int)w->layout->against[j];
@@ -93,7 +92,7 @@ static void eliminate_unit(const anhyst_wrench_q31 *w, wrench_search *s, const i
 }
 
 /* Fixes a free unit at a force, and changes the other forces so that the wrench stays the same.
-   Returns 0 if the other units cannot compensate. */
+   Returns 0 if the other units cannot compensate for the change. */
 static int fix_unit(const anhyst_wrench_q31 *w, wrench_search *s, int j, int32_t force)
 {
   const int drives = (int)w->layout->drives;
@@ -122,8 +121,8 @@ static int fix_unit(const anhyst_wrench_q31 *w, wrench_search *s, int j, int32_t
   return 1;
 }
 
-/* Sets least-squares forces of the drives that are not lost. Returns 0 if not every wrench is
-   possible. */
+/* Sets least-squares forces of the drives that are not lost. Returns 0 if some wrench is
+   impossible. */
 static int start_search(const anhyst_wrench_q31 *w, wrench_search *s,
                         const anhyst_wrench_way_q31 *way, const int32_t *wrench)
 {
@@ -158,8 +157,8 @@ static int start_search(const anhyst_wrench_q31 *w, wrench_search *s,
 }
 
 /* Sets the forces limited to their bounds, and the excess of each free unit over its bound. A unit
-   that pulls in one direction has a minimum. With `has_maximum`, all units also have a maximum,
-   pairs in both directions. */
+   that pulls in one direction has a minimum. If has_maximum is set, all units also have a maximum,
+   and pairs have a maximum in both directions. */
 static void find_bounds(const anhyst_wrench_q31 *w, const wrench_search *s, int has_maximum,
                         int32_t *bound, int32_t *excess)
 {
@@ -190,9 +189,9 @@ static int find_largest_excess(const int32_t *excess, int drives)
   return found;
 }
 
-/* Fixes units at the bounds that they exceed, if the other units can compensate, in at most
-   `passes` passes. Returns whether no unit exceeds its bound. With `has_maximum`, the remaining
-   free units are limited to their bounds. */
+/* Fixes units at the bounds that their forces exceed, if the other units can compensate, in a
+   limited number of passes. Returns whether no unit exceeds its bound. If has_maximum is set, the
+   remaining free units are limited to their bounds. */
 static int fix_at_bounds(const anhyst_wrench_q31 *w, wrench_search *s, int has_maximum, int passes)
 {
   const int drives = (int)w->layout->drives;

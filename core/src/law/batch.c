@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The batch, compiled once for each instruction set with a different ANHYST_BATCH_NAME. The inner
-   loops run over parameter sets. They contain no branch and no call, so that the compiler
-   vectorises them. */
+   loops run over parameter sets, without branches or calls, so that a compiler vectorises them. */
 #include "anhyst/law/batch.h"
 
 #include <math.h>
@@ -12,7 +11,7 @@
 #define PASTE(a, b) PASTE_(a, b)
 #define BATCH(name) PASTE(PASTE(anhyst_batch_, name), ANHYST_BATCH_NAME)
 
-/* Number of parameter sets that are simulated together. Their states stay in the L1 cache. */
+/* Number of parameter sets that are simulated together. All states fit into the L1 cache. */
 #define BLOCK_SETS 64
 
 anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
@@ -44,8 +43,8 @@ static inline double exp_minus(double t)
 }
 
 /* Returns L(z), and sets *slope to L'(z) = 1 - L^2 - 2*L/z. For all arguments, L(z)/|z| is one
-   quotient of polynomials in |z|, fitted for the smallest maximum error of L, 4.4e-9. It needs no
-   exponential and no branch. */
+   quotient of polynomials in |z|, fitted for the smallest maximum error of L, 4.4e-9. The quotient
+   needs no exponential and no branch. */
 static inline double langevin(double z, double *slope)
 {
   const double t = fabs(z);
@@ -92,8 +91,8 @@ typedef struct {
 
 /* Estimates the end of a step. The lag decays with exp(-s) = 1/(1 + s + s^2/2) for s =
    distance/kappa. A step that starts with constant y is treated as if it crossed the anhysteretic
-   curve at its start. One division is sufficient for y and the inverse slope. `lead` and `ahead`
-   are L minus y at the start and at the end. */
+   curve at its start. One division is sufficient for y and the inverse slope. Arguments: lead is L
+   minus y at the start, ahead is L minus y at the end. */
 static inline step_end estimate_end(double y0, double lead, double ahead, double s,
                                     double stiffness, double pinned)
 {
@@ -123,8 +122,8 @@ static inline double linear_step(double y0, double m0, double m1, double ahead, 
 }
 
 /* Evaluates the law once for every parameter set. PREDICT makes a linearly implicit step and
-   estimates its end. CORRECT and COMMIT use the present distance and the linear step. Without
-   `commit`, a Newton step improves the distance. With `commit`, the result is the new state. */
+   estimates its end. CORRECT and COMMIT use the present distance and the linear step. If commit is
+   0, a Newton step improves the distance. If commit is 1, the result is the new state. */
 static inline void evaluate_step(block *restrict b, double drive, int purpose, int commit)
 {
   for (int i = 0; i < BLOCK_SETS; i++) {

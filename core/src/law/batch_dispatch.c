@@ -20,8 +20,7 @@ DECLARE_BATCH_FUNCTIONS(_avx512)
 #endif
 
 #ifdef ANHYST_BATCH_X86
-/* Bits of CPUID leaf 1, register c, of leaf 7, register b, and of registers saved at a task
-   switch. */
+/* Bits of CPUID leaf 1, register c; leaf 7, register b; and registers saved at task switches. */
 #define FMA_XSAVE_AVX (1u << 12 | 1u << 27 | 1u << 28)
 #define AVX2 (1u << 5)
 #define AVX512_F_DQ_VL (1u << 16 | 1u << 17 | 1u << 31)

@@ -47,8 +47,7 @@ static const double gauss_weight[8] = {
 
 static integrator start_integrator(double kappa)
 {
-  /* For very negative x, L(x) = -1 - 1/x. A + 1 has the asymptotic series of an exponential
-     integral. */
+  /* For very negative x, L(x) = -1 - 1/x: asymptotic series of the exponential integral A + 1. */
   const double start_distance = ANHYST_X_MAX * 1.01;
   const double q = kappa / start_distance;
   integrator w;
@@ -62,8 +61,8 @@ static integrator start_integrator(double kappa)
   return w;
 }
 
-/* Sets the quadrature points for 0 < s < span. They are stored because most steps have the same
-   span. At a span above the decay length, only the end of the step has an effect. L is almost
+/* Sets the quadrature points for 0 < s < span. The points are stored because most steps have the
+   same span. At a span above the decay length, only the end of the step has an effect. L is almost
    linear there, so that one quadrature rule is sufficient for the whole step. */
 static void set_quadrature_points(integrator *w, double span)
 {

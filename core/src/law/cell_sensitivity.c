@@ -13,7 +13,7 @@ typedef struct {
   size_t count; /* number of directions */
 } problem;
 
-/* Adds the derivatives of a cell's contribution at a constant play to `sum`, for each direction.
+/* Adds the derivatives of a cell's contribution at a constant play to a sum, for each direction.
    Returns the slope of the contribution with respect to the play. */
 static double add_fixed_play_terms(const problem *s, int cell, double play, double *sum)
 {

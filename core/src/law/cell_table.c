@@ -12,8 +12,7 @@ static const int MAX_OCTAVE_SEGMENTS = 1024;
 static const double MAX_TABLE_ERROR = 1e-6;
 /* Range of the tables, in units of the width of the widest curve plus the largest threshold. */
 static const double RANGE_FACTOR = 131072.0;
-/* Divisor in the error h^6*f''''''/46080 of a quintic with value, slope and curvature at both
-   ends. */
+/* Divisor of h^6*f'''''', the error of a quintic with value, slope and curvature at both ends. */
 static const double QUINTIC_ERROR_DIVISOR = 46080.0;
 
 /* Returns an upper bound of the sixth derivative of the curve at arguments of |z| and above. */
@@ -71,8 +70,7 @@ static double distance_to_interval(double position, double low, double high)
   return position < low ? low - position : (position > high ? position - high : 0.0);
 }
 
-/* Returns an error bound for the segment from low to high on either side, for all cells
-   together. */
+/* Returns an error bound for a segment, low to high on either side, for the sum of all cells. */
 static double segment_error_bound(const anhyst_cell_weights_f64 *w, double low, double high)
 {
   double sum = 0.0;
@@ -95,7 +93,7 @@ static double segment_error_bound(const anhyst_cell_weights_f64 *w, double low, 
 }
 
 /* Divides the next octave, from begin to 2*begin, into the required number of segments. Returns 0
-   if the table is full, or if the error exceeds its limit. */
+   if the table is full, or if the error exceeds MAX_TABLE_ERROR. */
 static int divide_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                          double aim, double begin)
 {
@@ -176,8 +174,8 @@ static void evaluate_rows(const anhyst_cell_weights_f64 *w, double x, cell_jet *
   }
 }
 
-/* Fits the polynomial of a segment of length h, in the direction away from zero field. `direction`
-   is -1 for negative fields. */
+/* Fits the polynomial of a segment of length h, in the direction away from zero field. The argument
+   `direction` is -1 for negative fields. */
 static void fit_segment(double *c, const cell_jet *from, const cell_jet *to, double h,
                         double direction)
 {

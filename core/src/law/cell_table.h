@@ -26,8 +26,7 @@ static inline double cell_double_of(uint64_t bits)
   return value;
 }
 
-/* Returns the bits of 1 + |x|/unit, limited to the end of the tables; the exponent is the
-   octave. */
+/* Returns the bits of 1 + |x|/unit, at most the end of the tables. The exponent is the octave. */
 static inline uint64_t cell_position_bits(const anhyst_cells_f64 *cells, double x)
 {
   const double position = 1.0 + fabs(x) * cells->per_unit;
@@ -36,7 +35,7 @@ static inline uint64_t cell_position_bits(const anhyst_cells_f64 *cells, double 
 
 static inline size_t cell_octave(uint64_t bits) { return (size_t)(bits >> 52) - 1023U; }
 
-/* Returns T_(row+1)(x) and its derivatives: the sum of row + 1 active cells. */
+/* Returns T_(row+1)(x), the sum of row + 1 active cells, and the derivatives of this sum. */
 static inline cell_sum cell_evaluate_row(const anhyst_cells_f64 *cells, int row, double x)
 {
   const uint64_t bits = cell_position_bits(cells, x);

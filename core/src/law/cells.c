@@ -8,15 +8,14 @@
 /* Slope of the equation below which the search follows the path instead of using a bracket. */
 static const double MIN_SLOPE = 1e-6;
 
-/* A path in the direction of travel. Positions are multiplied by `sign`, so that it always
-   rises. */
+/* A path in the direction of travel. Positions are multiplied by `sign`: every path rises. */
 typedef struct {
   const anhyst_cells_f64 *cells;
   const anhyst_cells_state_f64 *state;
   double sign, omega, target;
   double from;     /* start of the path */
   double low;      /* lower bound of the solution; the left side is below the target */
-  double residual; /* target minus left side at `low`, > 0 */
+  double residual; /* target minus left side at the lower bound, > 0 */
   double rest;     /* sum of the cells at rest */
   anhyst_cells_bend_f64 bend;
   int active;
@@ -48,7 +47,7 @@ static anhyst_cells_bend_f64 row_derivatives(const cell_sum *at)
   return bend;
 }
 
-/* Makes the next cell active from x on. `row_value` is the value of the present row at x. */
+/* Makes the next cell active from x on. At x, the present row has the value row_value. */
 static void start_cell(path *p, double x, double row_value)
 {
   const cell_sum next_row = cell_evaluate_row(p->cells, p->active, x);
@@ -61,7 +60,7 @@ static void start_cell(path *p, double x, double row_value)
 }
 
 /* Returns the solution t of residual = t + omega*(slope*t + curve/2*t^2 + third/6*t^3), to third
-   order. Returns the solution of the linear equation if the step is too long for this. */
+   order. If the step is too long for a third-order solution, returns the linear solution. */
 static inline double taylor_step(double residual, double omega, const anhyst_cells_bend_f64 *bend)
 {
   const double inverse = 1.0 / (1.0 + omega * bend->slope);
@@ -93,8 +92,8 @@ static double rounding_error(const path *p, double x)
   return 4.0 * DBL_EPSILON * (fabs(x) + fabs(p->target) + fabs(p->omega) * p->cells->saturation);
 }
 
-/* Solves in the present row by Newton's method with curvature. Starts at x, and searches between
-   p->low and a position at which the left side exceeds the target. */
+/* Solves in the present row by Newton's method with curvature, starting at x. The solution is
+   between p->low and a position at which the left side exceeds the target. */
 static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
                                   anhyst_cells_candidate_f64 *candidate)
 {
@@ -117,8 +116,8 @@ static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
       store_candidate(p, x, &at, step, candidate);
       return ANHYST_OK;
     }
-    /* The grid of plays is that of the numbers at the start of the path. Near a solution at 0, the
-       interval would otherwise stay wide compared with x. */
+    /* Plays are rounded to the floating-point grid at the start of the path. Near a solution at 0,
+       the interval would otherwise stay wide compared with x. */
     const double resolution = 2.0 * DBL_EPSILON * (fabs(x) + (i < 100 ? 0.0 : fabs(p->from)));
     if (fabs(residual) <= rounding_error(p, x) || high - low <= resolution) {
       store_candidate(p, x, &at, 0.0, candidate);
@@ -136,7 +135,7 @@ static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
 }
 
 /* Solves row by row for a rising left side, while the solution is after the start of the next cell.
-   Usually it is before that, so that the next row need not be evaluated. */
+   Usually the solution is before this start, so that the next row need not be evaluated. */
 static anhyst_status solve_monotonic(path *p, double steepest,
                                      anhyst_cells_candidate_f64 *candidate)
 {
@@ -191,8 +190,7 @@ static double next_knot(const anhyst_cells_f64 *cells, double x)
   return -(cell_double_of((before >> inner_shift) << inner_shift) - 1.0) / cells->per_unit;
 }
 
-/* Returns the position between `low` and `high` at which the left side has its maximum. Stops early
-   if the left side reaches the target. */
+/* Returns the position of the maximum of the left side. Stops early if it reaches the target. */
 static double find_fold(const path *p, double low, double high)
 {
   for (int i = 0; i < 60; i++) {
@@ -210,7 +208,7 @@ static double find_fold(const path *p, double low, double high)
   return low;
 }
 
-/* Follows the path segment by segment to the first solution. The magnetisation may jump there. */
+/* Follows the path segment by segment to the first solution, at which m may jump. */
 static anhyst_status solve_with_jumps(path *p, anhyst_cells_candidate_f64 *candidate)
 {
   while (p->low < p->cells->reach) {

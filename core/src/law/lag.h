@@ -19,8 +19,7 @@ extern const anhyst_lag anhyst_lag_exact;
 extern const anhyst_lag anhyst_lag_linear;
 extern const anhyst_lag anhyst_lag_1986;
 
-/* Returns the largest slope if the irreversible part is never steeper than the anhysteretic
-   curve. */
+/* Returns the largest slope of a law that is never steeper than the anhysteretic curve. */
 double anhyst_lag_max_slope(const anhyst_operator_f64 *law);
 
 void anhyst_path_find_irreversible_start(anhyst_path_f64 *path);

@@ -49,7 +49,7 @@ static double integrate(const anhyst_path_f64 *path, double p)
     y -= path->sign * path->law->kappa * slope;
   }
   if (lag_step <= 4.0 * DBL_EPSILON * fabs(p)) {
-    /* At such a large field, a sub-step would be below the rounding error of p, but L is linear. */
+    /* At such a large field, a sub-step is below the rounding error of p, but L is linear. */
     double slope;
     const double anhysteretic = anhyst_langevin_f64(p, &slope);
     const double decay = anhyst_exp_f64(-fabs(p - at) / path->law->kappa);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The effective-field law, exact for any step length. y is the steady-state branch plus a
-   deviation, which decays exponentially from its value at the point where y starts to change. */
+/* The effective-field law, exact for any step length. The irreversible magnetisation y is the
+   steady-state branch plus a deviation. The deviation decays exponentially from the point where y
+   starts to change. */
 #include <math.h>
 
 #include "anhyst/numeric/elementary.h"

@@ -52,8 +52,8 @@ static void get_state(const void *law, const anhyst_memory_f64 *state, double *f
   found[2] = state->lag.p;
 }
 
-/* Extrapolates the limit of a geometric sequence from three of its members. The state at the ends
-   of repeated cycles approaches its limit like such a sequence. */
+/* Extrapolates the limit of a geometric sequence from three members. The states at the ends of
+   repeated cycles approach their limit like a geometric sequence. */
 static void extrapolate_drift(const void *law, const double *const ends[3],
                               anhyst_memory_f64 *state)
 {

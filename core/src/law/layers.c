@@ -160,7 +160,7 @@ static void set_sections(const layer_problem *problem, const double *start, cons
   }
 }
 
-/* Line search: moves along a step until |slope| is at most half of its initial size, or to the
+/* Line search: moves along a step until |slope| is at most half of its start value, or to its
    end. */
 static anhyst_status search_along_step(layer_problem *problem, double *section, double *residual,
                                        const double *step)
@@ -178,8 +178,7 @@ static anhyst_status search_along_step(layer_problem *problem, double *section, 
     const anhyst_status status = compute_residuals(problem, section, residual);
     const double slope =
         status == ANHYST_OK ? directional_slope(problem, residual, step) : -start_slope;
-    /* The end of the step is outside the range of the law. Positions inside the range are accepted.
-     */
+    /* The end of the step is outside the law's range. Positions inside are accepted. */
     if (status != ANHYST_OK && (low > 0.0 || i + 1 == MAX_BISECTIONS)) {
       set_sections(problem, start, step, low, section);
       return low > 0.0 ? compute_residuals(problem, section, residual) : status;
@@ -201,8 +200,7 @@ static anhyst_status search_along_step(layer_problem *problem, double *section, 
   return ANHYST_OK;
 }
 
-/* Returns whether circuit and input are finite. NaN also fails here, because residuals do not show
-   it. */
+/* Returns whether circuit and input are finite. Rejects NaN, because residuals do not show it. */
 static int are_inputs_finite(const anhyst_circuit_f64 *circuit, double given)
 {
   return circuit->gap_ratio <= 1e30 && circuit->eddy <= 1e30 && fabs(given) <= 1e30;

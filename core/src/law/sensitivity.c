@@ -8,8 +8,8 @@
 
 #include "weights.h"
 
-/* Derivatives of one step with respect to its inputs. They are the same for all directions: y1_t =
-   by_y*y0_t + by_p0*p0_t + by_p1*p1_t + by_kappa*kappa_t. */
+/* Derivatives of one step with respect to its inputs, the same for all directions: y1_t = by_y*y0_t
+   + by_p0*p0_t + by_p1*p1_t + by_kappa*kappa_t. */
 typedef struct {
   double by_y, by_p0, by_p1, by_kappa;
   double sign;
@@ -93,7 +93,7 @@ static void step_partials(const anhyst_operator_f64 *law, const anhyst_branch_sl
   }
 }
 
-/* Advances the derivatives of the state in one direction, over the step to the state `to`. */
+/* Advances the derivatives of the state in one direction, over a step to the given state. */
 static void advance_tangent(const anhyst_operator_f64 *law, const partials *d,
                             const anhyst_state_f64 *to, double m, double omega, double omega_t,
                             double r_t, anhyst_tangent_f64 *t, double *m_t)

@@ -4,7 +4,7 @@
 
 #include "anhyst/law/circuit.h"
 
-/* Reads the numbers of all hysteresis states one after the other. Returns their total count. */
+/* Reads the numbers of all hysteresis states one after the other. Returns the total count. */
 static int read_numbers(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                         double *numbers)
 {
@@ -44,9 +44,7 @@ anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
                                 const double *eddy, double tol, int most_cycles, int *cycles,
                                 size_t *index)
 {
-  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX] = {{0}}; /* numbers at the ends of the
-                                                                       cycles since the last
-                                                                       extrapolation */
+  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX] = {{0}}; /* at the last ends of cycles */
   int newest = 0;
   const int count = read_numbers(iron, state, ends[0]);
   for (*cycles = 1; *cycles <= most_cycles; (*cycles)++) {

@@ -39,9 +39,8 @@ static void store_candidate(const path_search *search, const anhyst_answer_f64 *
   candidate->evaluations = search->evaluations;
 }
 
-/* Newton's method from x, limited to the interval. After a rejected step, the interval is divided
-   at the geometric mean of the distances from the start, which may differ by orders of
-   magnitude. */
+/* Newton's method from x, limited to the interval. After a rejected step, divides the interval at
+   the geometric mean of the distances from the start: it may span many orders of magnitude. */
 static anhyst_status solve_in_bracket(path_search *search, double x,
                                       anhyst_candidate_f64 *candidate)
 {
@@ -72,7 +71,7 @@ static anhyst_status solve_in_bracket(path_search *search, double x,
       return ANHYST_OK;
     }
     if (is_inside && fabs(step) <= longest) {
-      /* Each step must be at most half of the last one. Newton's method could otherwise oscillate
+      /* Each step must be at most half of the last step. Newton's method could otherwise oscillate
          across the two bends of the curve. */
       longest = 0.5 * fabs(step);
       x = next;
@@ -89,7 +88,7 @@ static anhyst_status solve_in_bracket(path_search *search, double x,
 }
 
 /* Returns the position of the largest residual (a fold), between a position with rising residual
-   and a position with falling residual. Finds it by bisection on the slope. */
+   and a position with falling residual. A bisection on the slope finds the fold. */
 static double find_fold(path_search *search, double rising, double falling)
 {
   anhyst_answer_f64 at;
@@ -110,8 +109,8 @@ static double find_fold(path_search *search, double rising, double falling)
 
 /* Follows the path from its start until the residual changes sign. With omega < 0 and dm/dx >= 0,
    the residual changes by at most the distance. Therefore, a step of the size of the residual
-   cannot pass a solution. Near a fold, such steps become tiny. A minimum step is used there, and a
-   fold within this step is searched for. */
+   cannot pass a solution. Near a fold, steps of this size become tiny. Near a fold, a minimum step
+   is used, and a fold within the minimum step is searched for. */
 static anhyst_status find_bracket(path_search *search, double d)
 {
   const double sign = search->path.sign;
@@ -124,7 +123,7 @@ static anhyst_status find_bracket(path_search *search, double d)
     anhyst_answer_f64 at;
     const double next = x + sign * (residual_size > min_step ? residual_size : min_step);
     if (sign * next > ANHYST_X_MAX) {
-      /* There is no solution up to this field. Above it, a step could be lost to rounding. */
+      /* No solution exists up to this field. Above this field, a step could be lost to rounding. */
       return ANHYST_OUT_OF_RANGE;
     }
     const double g = sign * evaluate_residual(search, next, &at);
@@ -179,8 +178,7 @@ anhyst_status anhyst_solve_f64(const anhyst_operator_f64 *law, const anhyst_stat
     const double end_steepest = state->x + d / min_slope;
     const double end_flat = state->x + d;
     const int is_omega_positive = omega > 0.0;
-    /* The start itself is a safe bound, because rounding could move the solution to just before it.
-     */
+    /* The start is a safe bound, because rounding could move the solution to just before it. */
     search.near = state->x;
     search.far = (is_omega_positive ? end_flat : end_steepest) +
                  sign * DBL_EPSILON * (8.0 * fabs(end_flat) + 1e-30);

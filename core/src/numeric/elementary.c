@@ -62,7 +62,7 @@ static const pair power_table[64] = {
     {0x1.f50765b6e4540p+0, 4.5785e-17},  {0x1.fa7c1819e90d8p+0, 2.0414e-17}};
 
 /* Returns exp(x) * 2^-shift. Adding the magic number rounds x*64/ln 2 to an integer in the low
-   bits. Its last six bits are the index in the table, and its other bits become the exponent. */
+   bits. Six bits of this integer are the index in the table, and the others become the exponent. */
 static double scaled_exp(double x, uint64_t shift)
 {
   const double magic = 0x1.8p52;

@@ -15,7 +15,7 @@
 #define MAX_BLOCK_WORDS ANHYST_BLOCK_MOST_WORDS
 #define HALVES_PER_WORD 1 /* number of 16-bit halves in a word */
 
-/* Returns 16 bits of a word. The argument `half` is 0 for the lowest bits. */
+/* Returns one half of a word: the lowest 16 bits if the argument `half` is 0. */
 static inline uint16_t half_word(entry word, uint16_t half)
 {
   (void)half;
@@ -66,9 +66,9 @@ static inline int32_t significand_of(uint32_t single)
   return (int32_t)((single & (SINGLE_EXPONENT_STEP - 1U)) | SINGLE_EXPONENT_STEP);
 }
 
-/* Converts a number of the hysteresis state to the unit of another block. `word` is the index of
-   the unit in both blocks. Requires valid blocks and |a| <= 2^30. Saturates. If the units are
-   equal, returns the same number. Otherwise, the error is below 2^-22 of the result plus 8 LSB of
+/* Converts a number of the hysteresis state to the unit of another block. The argument `word` is
+   the index of the unit in both blocks. Requires valid blocks and |a| <= 2^30. Saturates. Returns a
+   itself if the units are equal. Otherwise, the error is below 2^-22 of the result plus 8 LSB of
    the larger of the two numbers. */
 static inline number convert_unit(number a, const entry *old_words, const entry *new_words,
                                   int16_t word)

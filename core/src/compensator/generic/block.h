@@ -25,8 +25,7 @@ static int is_checksum_right(const entry *words)
          equals_unsigned(words[ANHYST_WORD_CRC + 1], (uint16_t)(sum >> 16));
 }
 
-/* Returns whether a header is valid for this kind. Reads no word at or after the index
-   `capacity`. */
+/* Returns whether a header is valid for a kind of block. Reads at most `capacity` words. */
 static int is_header_valid(const entry *words, uint32_t capacity, uint16_t kind)
 {
   return capacity >= (uint32_t)ANHYST_BLOCK_LEAST_WORDS &&
@@ -44,8 +43,8 @@ static int are_limits_valid(const entry *words, int16_t low, int16_t high)
          is_in_range(words[high], words[low], ENTRY_ONE);
 }
 
-/* Returns whether the block has a valid table of eddy-current lag over the gap, or no lag. The sum
-   of this lag and the flux coefficient saturates. */
+/* Returns whether the table of the eddy-current lag over the gap is valid, or does not exist. The
+   sum of the lag coefficient and the flux coefficient saturates. */
 static int is_lag_table_valid(const entry *words)
 {
   return words[ANHYST_WORD_GAP_LAG_ARM] == 0 ||

@@ -14,15 +14,15 @@ static inline int is_in_range(entry word, entry low, entry high)
   return word >= low && word <= high;
 }
 
-/* Returns whether a table of `entries` words from `first` on is in the block, after its header. */
+/* Returns whether a table of a given first word and length is in the block, after the header. */
 static inline int is_table_in_block(const entry *words, entry first, int32_t entries)
 {
   return entries > 0 && entries <= block_length(words) &&
          is_integer(first, ANHYST_BLOCK_LEAST_WORDS, block_length(words) - entries);
 }
 
-/* Returns whether a table is in the block and monotonic: it starts at or above `least`, ends at or
-   below ENTRY_ONE, never falls, and rises by at most max_rise between adjacent entries. */
+/* Returns whether a table is in the block, starts at or above `least`, ends at or below ENTRY_ONE,
+   never falls, and rises by at most max_rise between adjacent entries. */
 static inline int is_table_rising(const entry *words, entry first, int32_t entries, entry least,
                                   entry max_rise)
 {
@@ -42,8 +42,7 @@ static inline int is_table_rising(const entry *words, entry first, int32_t entri
   return 1;
 }
 
-/* Returns whether the word is the index of a table over the gap, with entries of at least
-   `least`. */
+/* Returns whether a word is the index of a table over the gap with entries of at least `least`. */
 static inline int is_table_over_gap(const entry *words, int16_t word, entry least)
 {
   const int32_t entries = ((int32_t)1 << (int32_t)words[ANHYST_WORD_GAP_SEGMENTS]) + 1;

@@ -13,7 +13,7 @@
 /* Number of 16-bit halves in a word. */
 #define HALVES_PER_WORD ((uint16_t)(sizeof(entry) / sizeof(uint16_t)))
 
-/* Returns 16 bits of a word. `half` is 0 for the lowest bits, for any byte order in memory. */
+/* Returns 16 bits of a word: the lowest ones if the argument `half` is 0, for any byte order. */
 static inline uint16_t half_word(entry word, uint16_t half)
 {
   union {
@@ -29,7 +29,7 @@ static inline int is_integer(entry word, int32_t low, int32_t high)
   return word >= (entry)low && word <= (entry)high && word == (entry)(int32_t)word;
 }
 
-/* Returns whether a word has all bits of this unsigned integer. */
+/* Returns whether the bits of a word are those of an unsigned integer. */
 static inline int equals_unsigned(entry word, uint16_t value)
 {
   for (uint16_t half = 0; half < HALVES_PER_WORD; half++) {
@@ -53,8 +53,8 @@ static inline int is_single(const entry *words, int32_t word)
          words[word + 1] == (entry)0;
 }
 
-/* Returns whether the scales of the signals are valid for computations. The gap may have an empty
-   range if nothing depends on it. */
+/* Returns whether the scales of the signals are valid for computations. The range of the gap may be
+   empty if nothing depends on the gap. */
 static inline int are_scales_valid(const entry *words)
 {
   const entry low = words[ANHYST_WORD_SCALE_GAP_LOW];
@@ -64,8 +64,8 @@ static inline int are_scales_valid(const entry *words)
          (low == high || high - low >= (entry)8.67361738e-19);
 }
 
-/* Converts a number of the hysteresis state to the unit of another block. `word` is the index of
-   the unit in both blocks. Requires valid blocks. Returns the same number for equal units. */
+/* Converts a number of the hysteresis state to the unit of another block. The argument `word` is
+   the index of the unit in both blocks. Requires valid blocks. Returns a itself for equal units. */
 static inline number convert_unit(number a, const entry *old_words, const entry *new_words,
                                   int32_t word)
 {

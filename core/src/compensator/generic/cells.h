@@ -69,8 +69,9 @@ static number field_at_segment(const cell_path *path, int segment)
   return segments_to_field(from_centre, path->zone_grid);
 }
 
-/* Returns the position of the solution on a segment as a fraction, from the residual at its lower
-   end. Returns 0 at or below the lower end, and WHOLE_SEGMENT at or beyond the upper end. */
+/* Returns the position of the solution on a segment as a fraction, from the residual at the lower
+   end of the segment. Returns 0 for a solution at or below the lower end, and WHOLE_SEGMENT for a
+   solution at or beyond the upper end. */
 static inline number solve_segment(const equation *eq, const entry *segment, segment_grid width,
                                    number residual)
 {
@@ -83,8 +84,8 @@ static inline number solve_segment(const equation *eq, const entry *segment, seg
   return residual > 0 ? divide_to_fraction(residual, rise) : 0;
 }
 
-/* Returns the field at which a cell becomes active, at least `low`. For an index after the last
-   cell, returns the largest field. */
+/* Returns the field at which a cell becomes active, but not less than `low`. For an index after the
+   last cell, returns the largest field. */
 static number start_field(const cell_path *path, int cell, number low)
 {
   if (cell > path->cells) {
@@ -94,15 +95,15 @@ static number start_field(const cell_path *path, int cell, number low)
   return at > low ? at : low;
 }
 
-/* Returns whether a cell came to rest on a path in the same direction as this path. */
+/* Returns whether a cell came to rest while the field moved in the direction of this path. */
 static int has_same_stop_direction(const cell_path *path, int cell)
 {
   const uint32_t mask = (uint32_t)path->stopped_on_rise ^ (uint32_t)(int32_t)path->mirror;
   return ((mask >> ((unsigned)cell & 31U)) & 1U) != 0U;
 }
 
-/* Sets the reversal point of the path to that of the next cell. The group consists of all cells up
-   to `last_cell` that came to rest at this point, on a path in the other direction. */
+/* Finds all cells that came to rest together with the next cell, on a path in the other direction,
+   up to `last_cell`. Sets the reversal point of this path to their reversal point. */
 static void find_reversal_group(cell_path *path, int last_cell)
 {
   int cell = path->active;
@@ -116,8 +117,8 @@ static void find_reversal_group(cell_path *path, int last_cell)
   path->prior_active = cell;
 }
 
-/* Returns the magnetisation of the next cell, which becomes active at this position. It is exactly
-   the value that was added to the sum of the cells at rest. */
+/* Returns the magnetisation of the next cell, which becomes active at this position: exactly the
+   value that was added to the sum of the cells at rest. */
 static number resting_magnetisation(cell_path *path, table_position position, int last_cell)
 {
   if (has_same_stop_direction(path, path->active)) {
@@ -131,8 +132,8 @@ static number resting_magnetisation(cell_path *path, table_position position, in
   return -cell_magnetisation(path, rest_position);
 }
 
-/* Solves the equation in the row of the active cells, between `low` (on the segment of
-   `first_entry`) and `high`. If the solution is after this segment, a bisection finds the last
+/* Solves the equation in the row of the active cells, between the fields `low` (on the segment of
+   first_entry) and `high`. If the solution is after this segment, a bisection finds the last
    segment whose residual at the lower end is positive. */
 static void solve_row(cell_path *path, const equation *eq, const entry *first_entry, number low,
                       number high)
@@ -166,8 +167,8 @@ static void solve_row(cell_path *path, const equation *eq, const entry *first_en
   path->x = clamped(field_at_fraction(begin, width, limit_fraction(fraction)), low, high);
 }
 
-/* Activates the cells that came to rest at the reversal of this path, up to the target. Finds their
-   number by bisection. Returns the field at which the last of them becomes active. */
+/* Activates cells that came to rest together at the reversal of this path, up to the target. Finds
+   their number by bisection. Returns the field at which the last one becomes active. */
 static number restart_group(cell_path *path, const equation *eq, number low)
 {
   const table_position reversal = {path->reversal.segment + row_offset(path, path->active - 1),
@@ -194,10 +195,10 @@ static number restart_group(cell_path *path, const equation *eq, number low)
   return low;
 }
 
-/* Activates cells along a path from a position up to the target. Sets path->last_start, and the
-   field at which the next cell becomes active. Returns the segment of path->last_start. A group of
-   cells that came to rest together is searched up to `last_cell`, and after the first activation up
-   to the last cell. Short paths pass 0, because they end before the second activation. */
+/* Activates cells along a path from a position up to the target. Sets path->last_activation, and
+   the field at which the next cell becomes active. Returns the segment of path->last_activation.
+   The search for cells that came to rest together ends at last_cell, and after the first activation
+   at the last cell. For short paths, which end before the second activation, last_cell is 0. */
 static const entry *start_cells(cell_path *path, const equation *eq, table_position position,
                                 int last_cell, number *next_start)
 {
@@ -225,8 +226,7 @@ static const entry *start_cells(cell_path *path, const equation *eq, table_posit
       low = restart_group(path, eq, low);
       position = locate_field(path, path->row, low);
       next_field = start_field(path, path->active, low);
-      is_ended = path->active < path->prior_active; /* the next cell of the group is after the
-                                                       target */
+      is_ended = path->active < path->prior_active; /* the next cell is after the target */
     }
   }
   path->last_start = low;
@@ -264,8 +264,8 @@ static void reverse_path(cell_path *path, table_position position)
   path->row = path->rows;
 }
 
-/* Stores the segment of a trial step from `begin` on: its rise, and h*x + m at `begin`, divided by
-   4. */
+/* Stores the segment of a trial step that starts at the field `begin`: the rise of the segment, and
+   the flux h*x + m at `begin`, divided by 4. */
 static void store_segment(const entry *words, int segment, number begin, segment_grid width,
                           number rest, candidate *trial)
 {
@@ -280,7 +280,7 @@ static inline number segment_flux_rise(const candidate *trial, entry air)
   return quarter_rise(trial) + scaled(width_of(trial_grid(trial)), air);
 }
 
-/* Stores the end of a path as a trial step. Returns its flux h*x + m, divided by 4. */
+/* Stores the end of a path as a trial step. Returns the flux h*x + m of this step, divided by 4. */
 static number store_trial(const cell_path *path, const entry *words, candidate *trial)
 {
   const segment_grid width = grid_at_field(path, path->x);
@@ -296,8 +296,8 @@ static number store_trial(const cell_path *path, const entry *words, candidate *
                   path->mirror);
 }
 
-/* Solves from a stored state. Returns the flux h*x + m of the solution, divided by 4. The rows for
-   rising and falling field are not exactly odd: between their values, the field does not change. */
+/* Solves from a stored state. Returns the flux h*x + m of the solution, divided by 4. Rows for
+   rising and falling field are not exactly odd: a target between them does not change the field. */
 static number solve_from_memory(const entry *words, const cells_memory *from, const number *plays,
                                 const arms_type *arms, number target, candidate *trial)
 {
@@ -331,7 +331,7 @@ static number solve_from_memory(const entry *words, const cells_memory *from, co
 enum { NOT_SOLVED, SOLVED, BEYOND_SEGMENT };
 
 /* Moves a trial step to the start of the next segment. Returns 0 if a cell becomes active before
-   that point, or if there is no next segment. */
+   the next segment, or if there is no next segment. */
 static int move_to_next_segment(const entry *words, candidate *trial)
 {
   const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
@@ -392,8 +392,8 @@ static inline int solve_on_segment(const entry *words, const arms_type *arms, nu
   return is_flux_valid(*flux) && x <= trial->of.cells.joins ? SOLVED : NOT_SOLVED;
 }
 
-/* Solves from a trial step if the target is close, otherwise from the stored state. `result` is the
-   outcome of the search on the trial step's segment. Returns the flux h*x + m, divided by 4. */
+/* Solves from a trial step if the target is close, otherwise from the stored state. The argument
+   `result` is the outcome of the search on the segment. Returns the flux h*x + m, divided by 4. */
 static number solve_beyond_segment(const entry *words, const cells_memory *from,
                                    const number *plays, const arms_type *arms, number target,
                                    candidate *trial, int result)
@@ -407,8 +407,8 @@ static number solve_beyond_segment(const entry *words, const cells_memory *from,
   return result == SOLVED ? flux : solve_from_memory(words, from, plays, arms, target, trial);
 }
 
-/* Solves for a current without its bias, divided by 4. Starts at the trial step if `is_known` is
-   set. Returns the flux h*x + m of the solution, divided by 4. */
+/* Solves for a current without its bias, divided by 4. If the trial step is known, the search
+   starts there. Returns the flux h*x + m of the solution, divided by 4. */
 static inline number solve_current(const entry *words, const cells_memory *from,
                                    const number *plays, const arms_type *arms, number target,
                                    candidate *trial, int is_known)
@@ -421,8 +421,7 @@ static inline number solve_current(const entry *words, const cells_memory *from,
                           : solve_beyond_segment(words, from, plays, arms, target, trial, result);
 }
 
-/* Allows a path from the stored state to reverse there: sets the lowest field of a search on a
-   segment to the field of this state. */
+/* Allows a reversal at the stored state: no search on a segment goes below this state's field. */
 static inline void allow_reversal(compensator *c)
 {
   candidate *trial = &c->next;
@@ -440,9 +439,9 @@ static number cells_flux_for_current(compensator *c, number current)
                                   c->stage != ANHYST_STAGE_UNKNOWN));
 }
 
-/* Solves for a flux that is not on the segment of the trial step, and returns its field. If the
-   flux needs more current than a limit, solves for the limit instead and returns the largest or
-   smallest field. The commit of the limited current then starts at its solution. */
+/* Solves for a flux that is not on the segment of the trial step, and returns the field. If the
+   flux needs more current than a limit, solves for the limit instead, and returns the largest or
+   smallest field. The commit of the limited current then starts at the solution for the limit. */
 static number solve_field_beyond_segment(compensator *c, int result)
 {
   const arms_type *arms = &c->arms;

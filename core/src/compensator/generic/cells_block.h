@@ -69,7 +69,7 @@ static int are_rows_valid(const entry *words)
   return 1;
 }
 
-/* Returns the largest rise of any table row over one narrow segment, or over one wide segment. */
+/* Returns the largest rise of all table rows over a single segment, narrow or wide. */
 static number largest_segment_rise(const cell_path *path, int is_narrow)
 {
   number max_rise = 0;
@@ -84,8 +84,8 @@ static number largest_segment_rise(const cell_path *path, int is_narrow)
   return max_rise;
 }
 
-/* Returns whether flux_arm*flux + field_arm*field rises with the field on every segment. The rise
-   must exceed the effect of rounding both coefficients. */
+/* Returns whether flux_arm*flux + field_arm*field rises with the field on every segment, by more
+   than the rounding of both coefficients. */
 static int does_sum_rise_with_field(const entry *words, entry flux_arm, entry field_arm)
 {
   cell_path path;
@@ -154,7 +154,7 @@ static int is_cells_block_valid(const entry *words)
          are_rows_valid(words) && does_current_rise_with_field(words) && are_layers_valid(words);
 }
 
-/* Sets the plays of all cells. Cell 0 and unused cells get the field as their play. */
+/* Sets the plays of all cells. The play of cell 0 and of unused cells is the field. */
 static void collect_plays(const entry *words, const cells_memory *memory, const number *plays,
                           number *all_plays)
 {
@@ -170,8 +170,7 @@ static void collect_plays(const entry *words, const cells_memory *memory, const 
   }
 }
 
-/* Returns the play of a cell with threshold r. It is interpolated between the plays of the cells
-   with the next smaller and the next larger threshold. */
+/* Returns the play for a threshold r, interpolated between cells with adjacent thresholds. */
 static number interpolate_play(const cell_path *path, const number *all_plays, number r)
 {
   int below = 0;
@@ -186,8 +185,8 @@ static number interpolate_play(const cell_path *path, const number *all_plays, n
                           half_width(path, below + 1) - begin);
 }
 
-/* Shifts field and plays by `travel` along the field axis. Returns the residual of h*x + m = flux
-   after the shift, divided by 4. The residual rises with the shift. */
+/* Shifts field and plays along the field axis. Returns the residual of h*x + m = flux after the
+   shift, divided by 4. The residual rises with the shift. */
 static number shift_memory(cell_path *path, const number *all_plays, number travel, entry air,
                            number flux, number *plays)
 {
@@ -202,9 +201,9 @@ static number shift_memory(cell_path *path, const number *all_plays, number trav
   return quarter(m) + scaled(path->x, air) - quarter(flux);
 }
 
-/* Transfers a state to another block. All plays are shifted by the same field, so that the iron has
-   the given flux under the new block. A constant demand then does not start a new branch. The play
-   of a new threshold is interpolated between the plays of the adjacent thresholds. */
+/* Transfers a state to another block. Shifts all plays by the same field, so that the iron has the
+   given flux under the new block. Then a constant demand does not start a new branch. The play of a
+   new threshold is interpolated between the plays of the adjacent thresholds. */
 static void transfer_memory(const entry *old_words, const entry *words, number flux,
                             cells_memory *memory, number *plays)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A path of the play-cell law: its table rows, its state, and the terms of the magnetisation.
-   Template for one number format. A header with its arithmetic is included before (cells_fixed.h,
+/* A path of the play-cell law: the table rows, the state, and the terms of the magnetisation.
+   Template for one number format. A header with the arithmetic is included before (cells_fixed.h,
    cells_real.h). Fields and plays are mirrored if the field falls, so that every path rises. */
 
 /* A path with rising field. Cell 0 has threshold 0 and is always active. */
@@ -16,24 +16,24 @@ typedef struct {
   segment_grid zone_grid;  /* segment width in the zone */
   segment_grid wide_grid;  /* segment width outside the zone */
   int cells;               /* number of cells in addition to cell 0 */
-  int active;              /* number of active cells; they have the lowest indices */
+  int active;              /* number of active cells, which have the lowest indices */
   int prior_active;        /* number of active cells before the last reversal */
-  table_position reversal; /* reversal point in the first table row, in the other direction */
+  table_position reversal; /* reversal point in the first table row */
   int32_t stopped_on_rise; /* bit i: cell i came to rest while the field rose */
   number resting_m;        /* magnetisation of the cells at rest */
-  int mirror;              /* -1: the field falls, and all numbers are mirrored; 0: it rises */
+  int mirror;              /* 0 if the field rises; -1 if it falls: all numbers are mirrored */
   number last_start;       /* field where the last cell became active, or where the step started */
   number x;                /* effective field */
   const entry *segment;    /* segment of the row that contains x at the end of the path */
 } cell_path;
 
-/* Returns the threshold of a cell, which is the half-width of its play. */
+/* Returns the threshold of a cell, which is the half-width of the cell's play. */
 static inline number half_width(const cell_path *path, int cell)
 {
   return word_value(path->thresholds[cell - 1]);
 }
 
-/* Returns the number of entries between a table row and the row for `cells` more active cells. */
+/* Returns the number of entries between a table row and the row for more active cells. */
 static inline int row_offset(const cell_path *path, int cells) { return cells * path->stride; }
 
 static inline const entry *moving_row(const cell_path *path, int cells)
@@ -65,7 +65,7 @@ static inline table_position locate_field(const cell_path *path, const entry *ro
 }
 
 /* Returns the magnetisation of the next cell to become active: the value of the next table row
-   minus the value of this row. */
+   minus the value of the present row. */
 static inline number cell_magnetisation(const cell_path *path, table_position position)
 {
   return row_difference(position, position.segment + path->stride);
@@ -86,7 +86,7 @@ static inline number limited_resting_play(const cell_path *path, int cell)
   return clamped(resting_play(path, cell), r + MIN_FIELD, MAX_FIELD - r);
 }
 
-/* Returns the field, within the table, at which a cell came to rest in the other direction. */
+/* Returns the field, within the table, at which a cell came to rest before the last reversal. */
 static inline number stopping_field(const cell_path *path, int cell)
 {
   return saturate(difference(resting_play(path, cell), half_width(path, cell)));
@@ -113,8 +113,7 @@ static inline int have_reversed(const cells_memory *from, const cells_memory *to
   return (from->active < 0) != (to->active < 0);
 }
 
-/* Returns the number of active cells of a state, at most the number of cells; 0 if it is
-   unknown. */
+/* Returns the number of active cells of a state, at most the number of all cells; 0: unknown. */
 static inline int count_moving_cells(const cell_path *path, const cells_memory *from)
 {
   const uint32_t size = from->active < 0 ? 0U - (uint32_t)from->active : (uint32_t)from->active;
@@ -142,7 +141,7 @@ static inline void init_path(cell_path *path, const entry *words, const number *
   path->mirror = 0;
 }
 
-/* Starts a path at a stored state, in the direction of its last step. Sums the magnetisation of the
+/* Starts a path at a stored state, in the direction of the last step. Sums the magnetisation of the
    cells at rest if the state does not contain the number of active cells. */
 static inline void begin_path(cell_path *path, const entry *words, const cells_memory *from,
                               const number *plays)

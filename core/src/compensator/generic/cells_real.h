@@ -23,8 +23,7 @@ typedef struct {
 
 #define RESIDUAL_DEADBAND NUMBER_EPS
 
-/* Rounds to the nearest multiple of NUMBER_STEP, the spacing of numbers in 2..4. Requires |a| <
-   1. */
+/* Rounds to the nearest multiple of NUMBER_STEP, the spacing of 2..4. Requires |a| < 1. */
 static inline number round_to_grid(number a)
 {
   const number shifted = a + (number)3;
@@ -100,7 +99,7 @@ static inline number fraction_at(number x, number begin, segment_grid width)
   return (x - begin) * width.count;
 }
 
-/* Returns the field at a fraction of a segment, rounded down by up to 1.25 steps, below its end. */
+/* Returns the field at a fraction of a segment, up to 1.25 steps too low, below the upper end. */
 static inline number field_at_fraction(number begin, segment_grid width, number fraction)
 {
   const number x = round_to_grid(begin + fraction * width.width - (number)0.75 * NUMBER_STEP);
@@ -214,7 +213,7 @@ static inline number secant_slope(number rise, number run)
   return clamp(rise / run, MIN_FIELD_SLOPE, MAX_FIELD_SLOPE);
 }
 
-/* Returns the field unchanged. The fixed-point version divides it by 16. */
+/* Returns the field unchanged, because only fixed point needs a smaller scale. */
 static inline number to_coarse_field(number a) { return a; }
 static inline number divide_slope(number slope, entry fraction) { return slope / fraction; }
 

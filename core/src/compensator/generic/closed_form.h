@@ -2,7 +2,7 @@
 /* Template: the closed form of the simplified law, exact for a step of any size. simplified.h is
    included before. On a path with rising flux, p is the hysteresis field u, and v = 1 - p. The
    distance from p = 0 is z = -ln v + nu*v - nu, which rises in proportion to the flux. A table
-   contains p as a function of z. Its segment width doubles from octave to octave, because the curve
+   contains p as a function of z. The segment width doubles from octave to octave, because the curve
    is steep at z = 0 and flat at large z. A search in the same table gives z for p. */
 
 static number state_at_distance(const entry *words, number z)

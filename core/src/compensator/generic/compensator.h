@@ -4,7 +4,7 @@
    defines the stages of a trial step. */
 #include "anhyst/numeric/port.h"
 
-/* Limits a to low..high. Sets `flag` if a exceeds a limit by more than the tolerance. */
+/* Limits a to low..high. Sets a flag if a exceeds a limit by more than the tolerance. */
 static inline number clamp_and_flag(compensator *c, number a, number low, number high,
                                     number tolerance, uint16_t flag)
 {
@@ -18,7 +18,7 @@ static inline number clamp_and_flag(compensator *c, number a, number low, number
 }
 
 /* Sets the flags at the start of a call. A debug build also marks the compensator as busy, and an
-   assertion fails if it is already busy. */
+   assertion fails if the compensator is already busy. */
 static inline void begin_call(compensator *c, uint16_t flags)
 {
 #if ANHYST_HAS_ASSERT
@@ -72,7 +72,7 @@ static number offset_at(const entry *words, gap_position position)
   return word_to_signal(interpolate_over_gap(position, words[ANHYST_WORD_GAP_OFFSET]));
 }
 
-/* Returns the flux for a demand. If the output is proportional to its square, it is at least 0. */
+/* Returns the flux for a demand; it is not negative if the output is proportional to its square. */
 static number demand_to_flux(compensator *c, number demand, gap_position position)
 {
   const entry *words = c->words;
@@ -145,9 +145,10 @@ static void solve_demand(compensator *c, number demand, number gap)
   end_call(c);
 }
 
-/* Commits the solved current by a copy of the trial step. If the current was limited, or another
-   current was applied, searches for its flux. At a limit, the trial step is already at this limit,
-   so that the search is short. An applied current that is not finite leaves the state unchanged. */
+/* Commits the solved current by a copy of the trial step. If the solved current was limited, or
+   another current was applied, searches for the flux of the applied current. The trial step of a
+   limited current is already at the limit, so that the search is short. An applied current that is
+   not finite leaves the state unchanged. */
 static void commit_current(compensator *c, number applied, number gap)
 {
   const entry *words = c->words;

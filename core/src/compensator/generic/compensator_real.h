@@ -88,8 +88,7 @@ static number root_with_knee(number a, int32_t knee)
     a *= (number)4;
     scale *= (number)0.5;
   }
-  /* The linear start value has an error of at most 3 %. Each Newton step doubles the correct
-     digits. */
+  /* The linear start value is within 3 %. Each Newton step doubles the number of correct digits. */
   number r = (number)0.686 * a + (number)0.343;
   r = (number)0.5 * (r + a / r);
   r = (number)0.5 * (r + a / r);

@@ -37,7 +37,7 @@ static ANHYST_REAL solve_by_map(anhyst_force_controller_x *c, ANHYST_REAL demand
   return apply_correction(c, anhyst_map_value_x(c->map, c->demand, gap));
 }
 
-/* Returns the force of an applied current, which contains the flux correction `added`. */
+/* Returns the force of an applied current that contains a flux correction, `added`. */
 static ANHYST_REAL force_by_map(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                 ANHYST_REAL added, ANHYST_REAL gap)
 {
@@ -141,7 +141,7 @@ anhyst_status anhyst_force_controller_init_flux_x(anhyst_force_controller_x *c,
   return ANHYST_OK;
 }
 
-/* ---- method compensator, and its bypass ---- */
+/* ---- method compensator and its bypass ---- */
 
 static ANHYST_REAL solve_by_compensator(anhyst_force_controller_x *c, ANHYST_REAL demand,
                                         ANHYST_REAL gap, ANHYST_REAL flux)
@@ -155,8 +155,8 @@ static ANHYST_REAL solve_by_compensator(anhyst_force_controller_x *c, ANHYST_REA
 }
 
 /* Returns the demand plus the output of the applied current minus the output of the solved current.
-   Both outputs contain the error of the conversion from flux to force. The difference keeps this
-   error out of the integral of the outer controller. */
+   Both outputs contain the error of the conversion from flux to force. Only their difference is
+   used, so that the error does not reach the integral of the outer controller. */
 static ANHYST_REAL commit_by_compensator(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                          ANHYST_REAL gap)
 {
@@ -229,7 +229,7 @@ static ANHYST_REAL solve_fused(anhyst_force_controller_x *c, ANHYST_REAL demand,
   return apply_correction(c, by_law);
 }
 
-/* Commits the current without the correction from the measured flux, because this correction
+/* Commits the current without the correction from the measured flux, because the correction
    compensates errors of the iron model. */
 static ANHYST_REAL commit_fused(anhyst_force_controller_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
 {

@@ -56,7 +56,7 @@ static void swap_compensator_block(anhyst_compensator_x *compensator, const ANHY
 }
 
 /* Updates the current that corrects the flux error. The measured flux is compared with the flux
-   that is expected in this tick, instead of the demanded flux. The difference between these two is
+   that is expected in this tick, instead of the demanded flux. Expected and demanded flux differ by
    a delay, which no current can remove. */
 static void update_correction(anhyst_force_controller_x *c, ANHYST_REAL gap, ANHYST_REAL flux)
 {

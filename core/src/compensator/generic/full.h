@@ -9,7 +9,7 @@
 /* Shortest interval in which the anhysteretic curve gives a better estimate than the midpoint. */
 #define MIN_CURVE_GUESS_INTERVAL (ONE / 16)
 
-/* A shorter Newton step is accepted without a check. It is about the error of the tables, 6e-5. */
+/* Shorter Newton steps are accepted without a check. This is about the tables' error, 6e-5. */
 #define MIN_CHECKED_STEP (ONE / 16384)
 
 /* Number of iterations of the estimate along the anhysteretic curve for a negative iron weight. */
@@ -28,8 +28,7 @@
 
 static inline int16_t direction_sign(mirror_type mirror) { return mirror < 0 ? -1 : 1; }
 
-/* Returns the stored state as a point without slopes. *rise is the rise of the anhysteretic
-   segment. */
+/* Returns the stored state as a point without slopes. *rise: rise of the anhysteretic segment. */
 static inline path_point point_of_memory(const compensator *c, number *rise)
 {
   const full_memory *from = &c->memory.full;
@@ -72,7 +71,7 @@ static inline void store_step(compensator *c, const branch_path *path, mirror_ty
   to->of.full.direction = direction_sign(mirror);
 }
 
-/* Stores a trial step that leaves the state unchanged. A damaged field is limited to its range. */
+/* Stores a trial step that leaves the state unchanged. Only a damaged field is limited to -1..1. */
 static void keep_state(compensator *c, number m)
 {
   c->next.memory = c->memory;
@@ -140,8 +139,7 @@ static inline equation equation_for_residual(const compensator *c, const path_po
   return eq;
 }
 
-/* Solves for a current, starting at the end of the last solved path. Returns 0 if it is not
-   there. */
+/* Solves for a current from the end of the last solved path. Returns 0 if there is no solution. */
 static int solve_from_last_step(compensator *c, number target)
 {
   const candidate *end = &c->next;

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template for full.h: the requirements of the Jiles-Atherton law on a block, and the transfer of a
-   state from one block to another. */
+/* Template for full.h: checks of a block for the Jiles-Atherton law, and transfer of a state. */
 
-/* Returns the largest slope of m over the field: that of the ascending branch and the anhysteretic
-   curve together. No path is steeper. Subtracts SEGMENT_RISE_ROUNDING from each rise, because
-   rounded entries can make a segment steeper by this amount. */
+/* Returns the largest slope of m over the field, which is the slope of the ascending branch and the
+   anhysteretic curve together. Subtracts SEGMENT_RISE_ROUNDING from each rise, because the rounding
+   of two entries can make a segment steeper by this amount. */
 static slope steepest_slope(const entry *words)
 {
   const table curve = curve_table(words);
@@ -73,7 +72,7 @@ typedef struct {
   number x;
   number p;
   number anhysteretic_field; /* field at which the anhysteretic curve equals y */
-  number inverse_error;      /* y minus the curve at this field: the error of the tables */
+  number inverse_error;      /* table error: y minus the curve at this field */
 } old_state;
 
 static inline number limit_to_tables(number x) { return clamped(x, -MAX_FIELD, MAX_FIELD); }
@@ -98,8 +97,7 @@ static number shift_state(branch_path *path, const entry *words, const old_state
 
 /* Transfers the state to another block. The field, the play and the field at which the anhysteretic
    curve equals y are shifted by the same amount, until the iron has the given flux under the new
-   block. The play reverses here, because the new law would not lead to this state along the old
-   path. */
+   block. The play reverses here, because the old path would not lead here under the new law. */
 static void transfer_state(compensator *c, const entry *words, number flux)
 {
   const entry *old_words = c->words;

@@ -13,7 +13,7 @@ typedef struct {
   number y;
   number p;
   number threshold;    /* threshold of the play */
-  number tangent_step; /* longest Newton step without an evaluation after it */
+  number tangent_step; /* longest Newton step without a new evaluation */
   /* set by find_y_start(): */
   table curve;
   table branch;
@@ -39,7 +39,7 @@ typedef struct {
   slope m_slope; /* dm/dx */
 } path_point;
 
-/* Limits a to -1..1 and to at least `least`. Requires that `least` is in -1..1. */
+/* Limits a to -1..1 and to a lower bound in -1..1. */
 static inline number limit_from_below(number a, number least)
 {
   const number inside = limit_to_one(a);
@@ -154,8 +154,8 @@ static inline path_point evaluate_path(const branch_path *path, number x)
   return point;
 }
 
-/* Sets the slopes at the start of a path whose y_start is known. x_rise is the rise of the
-   anhysteretic curve over the segment at this start. */
+/* Sets the slopes at the start of a path whose y_start is known. The argument x_rise is the rise of
+   the anhysteretic curve over the segment at the start. */
 static inline void find_start_slopes(const branch_path *path, number x_rise, path_point *point)
 {
   point->y_slope = 0;
@@ -167,7 +167,7 @@ static inline void find_start_slopes(const branch_path *path, number x_rise, pat
   point->m_slope = total_slope(point->y_slope, curve_slope(path->curve, x_rise), path->reversible);
 }
 
-/* Moves a point along its tangents towards the field `goal`, by at most MAX_EXTRAPOLATION_STEP. */
+/* Moves a point along its tangents towards a field, by at most MAX_EXTRAPOLATION_STEP. */
 static inline void follow_tangent(const branch_path *path, number goal, path_point *point)
 {
   const number step = clamped(goal - point->x, -MAX_EXTRAPOLATION_STEP, MAX_EXTRAPOLATION_STEP);
@@ -177,8 +177,8 @@ static inline void follow_tangent(const branch_path *path, number goal, path_poi
   point->p = limit_from_below(point->x - path->threshold, path->p);
 }
 
-/* Returns whether the tangents at x are accurate up to the field `next`: the step is short, and y
-   does not start to change within it. */
+/* Returns whether the tangents at x are accurate up to the next field: the step is short, and y
+   does not start to change within the step. */
 static inline int is_tangent_accurate(const branch_path *path, number x, number next)
 {
   const number contact_field = path->p + path->threshold - PLAY_ROUNDING;

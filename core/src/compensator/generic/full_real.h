@@ -23,11 +23,11 @@
 
 typedef number slope;
 typedef number candidate_slope;
-typedef number mirror_type; /* -1: the field falls along the path, 1: it rises */
+typedef number mirror_type; /* 1 if the field rises along the path, -1 if it falls */
 
 typedef struct {
   const entry *entries;
-  int32_t last_segment; /* index of its last segment */
+  int32_t last_segment; /* index of the last segment */
   number segments;      /* number of segments */
 } table;
 
@@ -128,8 +128,7 @@ static inline number max_tangent_step(entry steepness)
 }
 
 /* Returns 1 - 2^(-t) for t >= 0 octaves. Below one octave, uses a polynomial for (1 - 2^-f)/f.
-   Whole octaves are exact powers of two. The error before rounding is below 1e-9 (relative to small
-   t). */
+   Whole octaves are exact powers of two. Error before rounding: below 1e-9; for small t, 1e-9*t. */
 static inline number decayed_fraction(number t)
 {
   if (t >= (number)31) {

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template for full.h: the search along a path. The equations for a flux and for a current have the
-   same form, air*x + iron*m = target. If the iron's internal coupling exceeds the demagnetising
-   effect of the gap, the flux coefficient and therefore `iron` are negative. `air` is always
-   positive. The left side rises with x if the slope of m is below air/-iron everywhere. The check
-   of a block requires this, so that the solution is unique. */
+   same form, air*x + iron*m = target. If the internal coupling of the iron exceeds the
+   demagnetising effect of the gap, the coefficients of the flux and of the iron are negative. The
+   air coefficient is always positive. The left side rises with x if the slope of m is below
+   air/-iron everywhere. The check of a block requires this, so that the solution is unique. */
 
 typedef struct {
   entry air;
@@ -29,8 +29,8 @@ static inline number newton_step(number residual, number steepness)
   return residual < 0 ? quotient(-residual, steepness) : -quotient(residual, steepness);
 }
 
-/* Returns an estimate of the solution. It assumes that m rises like the anhysteretic curve from x
-   on. It is used for long steps, for which a tangent is inaccurate. */
+/* Returns an estimate of the solution for long steps, for which a tangent is inaccurate. Assumes
+   that m rises like the anhysteretic curve from x on. */
 static number guess_along_curve(const branch_path *path, const equation *eq, number x,
                                 number residual)
 {
@@ -58,10 +58,10 @@ typedef struct {
   number high;
 } interval;
 
-/* Returns the first estimate on a path that starts with constant y, if the tangent leads beyond the
-   end of this range. At `end`, m is known without an evaluation, and shows on which side the
-   solution is. Beyond `end`, the magnetisation lags behind the anhysteretic curve. This lag grows
-   exponentially to its final value, which is proportional to kappa. */
+/* Returns the first estimate on a path whose tangent leads beyond the range of constant y. At the
+   end of this range, m is known without an evaluation, and shows on which side the solution is.
+   Beyond the range, the magnetisation lags behind the anhysteretic curve. The lag grows
+   exponentially to a final value that is proportional to kappa. */
 static number guess_after_constant_y(const branch_path *path, const equation *eq, number end,
                                      interval *bracket)
 {
@@ -81,8 +81,8 @@ static number guess_after_constant_y(const branch_path *path, const equation *eq
 }
 
 /* Returns the next estimate after a rejected Newton step, along the anhysteretic curve. Returns the
-   midpoint if the interval is short, if the estimate is outside of it, or if the last step was also
-   rejected, because the curve may make little progress. */
+   midpoint if the interval is short, if the estimate is outside of the interval, or if the last
+   step was also rejected, because the curve may make little progress. */
 static number guess_after_rejection(const branch_path *path, const equation *eq,
                                     const interval *bracket, number x, number residual,
                                     int was_rejected)
@@ -96,12 +96,12 @@ static number guess_after_rejection(const branch_path *path, const equation *eq,
 }
 
 /* Solves from a point of a path whose y_start is known. At the start of the path, the residual must
-   be negative. Newton steps stay in an interval that always contains the solution. A step is
-   accepted if it stays inside and is at least a quarter shorter than the last step, or if it is
-   very short. Other steps could oscillate across the two bends of the curve. The number of
-   evaluations is limited. It is at least 1, because tangents from the start would accumulate the
-   errors of many short steps. The last step follows the tangents. If the solution exceeds that of
-   the equation `limit`, solves `limit` instead and returns 1. */
+   be negative. Newton steps stay in an interval that always contains the solution. A Newton step is
+   accepted if it stays in the interval and is at least a quarter shorter than the last step, or if
+   it is very short. Longer steps could oscillate across the two bends of the curve. The number of
+   evaluations is limited. At least one evaluation is necessary, because tangents from the start
+   would accumulate the errors of many short steps. The last step follows the tangents. If the
+   solution exceeds the solution of the equation `limit`, solves `limit` instead and returns 1. */
 /* NOLINTNEXTLINE(readability-function-cognitive-complexity): one search, its state in locals */
 static int search_path(const branch_path *path, const equation *eq, const equation *limit,
                        path_point *found)

@@ -45,8 +45,8 @@ static inline ANHYST_REAL anhyst_clamped_x(ANHYST_REAL a, ANHYST_REAL low, ANHYS
   return a > high ? high : a;
 }
 
-/* Returns the rounding error of a difference of two terms of this size. A smaller residual counts
-   as zero. Otherwise, rounding errors would move the state at a constant demand. */
+/* Returns the rounding error of a difference of two terms of a given size. A smaller residual
+   counts as zero. Otherwise, rounding errors would move the state at a constant demand. */
 static inline ANHYST_REAL anhyst_rounding_x(ANHYST_REAL size) { return R(4.0) * ANHYST_EPS * size; }
 
 /* Returns whether a table never falls, starts at or above `least`, and ends at or below `most`. */

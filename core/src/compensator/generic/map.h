@@ -2,8 +2,7 @@
 /* Template: the map over force and gap, for every number format. The operations of a format are
    included before: ../map_fixed.h or map_real.h. */
 
-/* Returns whether no row falls, and all entries and the differences of adjacent ones are in
-   range. */
+/* Returns whether no row falls, and entries and differences of adjacent entries are in range. */
 static inline int is_map_valid(const map_type *map)
 {
   if (!is_shape_valid(map)) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Operations in floating point for the templates map.h and play_map.h. ../map_fixed.h describes the
-   functions. The types `number` and `map_type` are defined before. */
+   functions. The number type and the map type are defined before. */
 
 typedef number entry;
 

@@ -39,7 +39,8 @@ static inline number current_at(number value, number half, number side)
   return side == -ONE ? value - half : value + times_fraction(side, half);
 }
 
-/* Sets a point to a column of the map. `part` is its position on the searched segment, 0 or 1. */
+/* Sets a point to a column of the map. The argument `part` is 0 at the start of the searched
+   segment, and 1 at its end. */
 static void set_point_to_column(point *at, const play_type *c, const gap_law *slice, size_t column,
                                 number part)
 {
@@ -91,16 +92,16 @@ static number solve_demand(play_type *c, number demand, number gap)
 /* Interval of a segment in which a current is searched for. */
 typedef struct {
   size_t column;
-  const point *start; /* ends of the interval; the search starts at `start` */
+  const point *start; /* ends of the interval; the search starts at the first */
   const point *end;
   point low; /* storage of the ends: adjacent columns, and corners between them */
   point high;
   point corners[2];
 } search_interval;
 
-/* Returns the column at the start of the segment that contains a current, in the range `below` to
-   `above`. If the current is outside, returns the first or the last segment of this range. Tries
-   the columns `probe` and `second` first, then bisects. */
+/* Returns the column at the start of the segment that contains a current, in a range of columns. If
+   the current is outside of the range, returns the first or the last segment. Tries two given
+   columns first, then bisects. */
 static size_t find_column(const play_type *c, const gap_law *slice, size_t below, size_t above,
                           size_t probe, size_t second, number current)
 {
@@ -183,8 +184,8 @@ static number solve_in_interval(const search_interval *span, number current)
   return x;
 }
 
-/* Finds the segment of a current. For a current that a D/A converter rounded, this is usually the
-   segment of the last solve or an adjacent one. */
+/* Finds the segment of a current. A current that a D/A converter rounded is usually in the segment
+   of the last solve or in an adjacent segment. */
 static void find_segment(const play_type *c, const gap_law *slice, int is_solved, number current,
                          search_interval *span)
 {

@@ -39,7 +39,7 @@ static number branch_position_from_distance(const law_type *law, number distance
   return distance * law->per_radius;
 }
 
-/* Returns a difference of two currents. It is compared only with other results of this function. */
+/* Returns a difference of two currents. Only other results of this function have the same scale. */
 static number difference(number a, number b) { return a - b; }
 
 static number quotient_up_to_one(number numerator, number denominator)
@@ -74,8 +74,7 @@ static number current_tolerance(const number *words)
   return words[ANHYST_WORD_SCALE_CURRENT] / 32768;
 }
 
-/* Reads table sizes, ranges of force and gap, and the play's radius. Returns whether all are
-   valid. */
+/* Reads table sizes, force and gap ranges, and the play's radius. Returns whether all are valid. */
 static int read_scales(law_type *law, const number *words)
 {
   law->map.force_segments =

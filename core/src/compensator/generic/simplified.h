@@ -14,7 +14,7 @@
    Therefore, a reversal smaller than the dead band leaves u unchanged when the flux returns.
    Without the dead band, each such reversal would move u towards 0. */
 
-#define UNKNOWN_PATH_START (-ONE - ONE) /* start of a path before its flux exceeds the peak */
+#define UNKNOWN_PATH_START (-ONE - ONE) /* start of a path whose flux has not exceeded its peak */
 
 /* Returns the stored form of u at the start of a path. Requires |state| <= 1. */
 static number stored_path_start(const entry *words, number state);
@@ -22,7 +22,7 @@ static number stored_path_start(const entry *words, number state);
 /* Returns u on a path with rising flux, at a flux beyond the peak of the path. */
 static number state_at_flux(const entry *words, const simplified_memory *path, number flux);
 
-/* Returns a state whose numbers are limited to their ranges, in case it is damaged. */
+/* Limits all numbers of a state to their ranges, because a stored state may be damaged. */
 static simplified_memory limit_memory(const simplified_memory *memory)
 {
   const simplified_memory result = {clamp(memory->flux, -ONE, ONE), clamp(memory->u, -ONE, ONE),
@@ -54,7 +54,7 @@ static number current_at(const entry *words, const simplified_memory *at, const 
   return scaled(at->flux, arms->flux_arm) + scaled(state_at_memory(words, at), arms->field_arm);
 }
 
-/* Returns the path with rising flux that continues beyond `peak` of the result. */
+/* Returns the path with rising flux that continues beyond the peak of the result. */
 static simplified_memory rising_path(const entry *words, const simplified_memory *from)
 {
   simplified_memory path = *from;
@@ -71,8 +71,8 @@ static simplified_memory rising_path(const entry *words, const simplified_memory
   return path;
 }
 
-/* Sets `to` to the state at a flux that is not below the flux of `from`. `path` is the rising path
-   of `from`. Computes the start of the path when the flux exceeds the peak for the first time. */
+/* Advances a state along a path with rising flux. The flux is not below the flux of the state.
+   Computes the start of the path when the flux exceeds the peak for the first time. */
 static void advance_memory(const entry *words, const simplified_memory *from,
                            simplified_memory *path, number flux, simplified_memory *to)
 {
@@ -103,9 +103,9 @@ static number simplified_field_for_flux(compensator *c)
   return state_at_memory(words, &c->next.memory.simplified);
 }
 
-/* Solves flux_arm*flux + field_arm*u = target for rising flux, starting at `to`, which is on the
-   path. In this direction, the left side is a concave function of the flux. Therefore, Newton steps
-   from below the solution never pass it, and a step from above leads below it. */
+/* Solves flux_arm*flux + field_arm*u = target for rising flux, starting at a state on the path. For
+   rising flux, the left side is a concave function of the flux. Therefore, Newton steps from below
+   the solution never pass it, and a step from above leads below it. */
 static void solve_upwards(const entry *words, const simplified_memory *from,
                           simplified_memory *path, const arms_type *arms, number target,
                           simplified_memory *to)

@@ -56,9 +56,9 @@ typedef struct {
   number residual[ANHYST_MEMORIES];     /* residual field between two layers */
 } solid_tick;
 
-/* Load line of a section: the field that the circuit outside of it applies, which decreases as the
+/* Load line of a section: the field from the circuit outside of the section, which decreases as the
    flux of the section rises. The field is a result of to_coarse_field, because after a jump of the
-   flux it is many times the largest field of the table. */
+   flux the field is many times the largest field of the table. */
 typedef struct {
   number field;
   number slope; /* decrease of the field over the flux, >= 0 */
@@ -97,7 +97,7 @@ static number flux_of_trial(const entry *words, const candidate *trial)
   return four_times(mirrored(unsafe_sum(trial->of.cells.flux, rise), mirror));
 }
 
-/* Sets a trial step to a stored state. Returns its flux. */
+/* Sets a trial step to a stored state. Returns the flux of the trial step. */
 static number reset_trial(const entry *words, const cells_memory *memory, const number *plays,
                           candidate *trial)
 {
@@ -130,8 +130,7 @@ static number add_layer_flux(const solid_tick *tick, int layer, number deeper)
   return sum(deeper, times_fraction(tick->flux[layer], tick->area_fraction[layer]));
 }
 
-/* Sets the start of a layer's search: its trial step if this is known, otherwise its stored
-   state. */
+/* Sets the start of a layer's search: a known trial step, otherwise the stored state. */
 static void start_search(solid_tick *tick, int at)
 {
   compensator *c = tick->c;
@@ -256,7 +255,7 @@ static load_line load_line_below_layer(const solid_tick *tick, int layer, load_l
   return below;
 }
 
-/* Returns the new slope of a layer that has left its segment, from its previous flux and field. */
+/* Returns the new slope of a layer that has left its segment, from the previous flux and field. */
 static number updated_field_slope(const solid_tick *tick, int at, number flux, number field)
 {
   const number change = difference(tick->flux[at], flux);
@@ -267,7 +266,7 @@ static number updated_field_slope(const solid_tick *tick, int at, number flux, n
   return at == tick->layers ? slope : divide_slope(slope, tick->area_fraction[at]);
 }
 
-/* Solves a layer for a target with these coefficients. The target is divided by 4. */
+/* Solves a layer for a target, divided by 4, with the given coefficients. */
 static void solve_layer(solid_tick *tick, int at, const arms_type *arms, number target)
 {
   compensator *c = tick->c;
@@ -337,7 +336,7 @@ static number run_pass(solid_tick *tick)
   return sum(moved, absolute(difference(tick->section_flux[0], first)));
 }
 
-/* Returns whether all equations are solved except for rounding errors. Sets their residuals. */
+/* Returns whether all equations are solved except for rounding errors. Sets the residuals. */
 static int are_equations_solved(solid_tick *tick)
 {
   int result = 1;
@@ -362,8 +361,7 @@ static void solve_layers(solid_tick *tick)
   for (int i = 0; i < MAX_PASSES; i++) {
     tick->uses_secants = i >= TANGENT_PASSES;
     const number moved = run_pass(tick);
-    if (are_equations_solved(tick) || moved < MIN_FLUX_CHANGE) { /* second condition: the surface is
-                                                                    saturated */
+    if (are_equations_solved(tick) || moved < MIN_FLUX_CHANGE) { /* or saturated surface */
       break;
     }
   }

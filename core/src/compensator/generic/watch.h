@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Functions for an ISR in addition to solve and commit; for every number format. */
 
-/* Returns the next tick of the conditioning sequence, `length` after its end. Updates its flag. */
+/* Returns the next tick of the conditioning sequence, and its length after its end. Updates the
+   flag that shows whether the sequence is running. */
 static int32_t next_conditioning_tick(compensator *c, int32_t length)
 {
   if (c->conditioned < length) {

@@ -32,8 +32,8 @@ anhyst_status anhyst_axes_init_x(anhyst_axes_x *c, const anhyst_axes_settings_x 
   return ANHYST_OK;
 }
 
-/* Returns how far a measured current is outside the range between its slowest expected value and
-   its command. Advances the expected value by one tick. */
+/* Returns how far a measured current is outside of the range between the slowest expected current
+   and the commanded current. Advances the expected current by one tick. */
 static ANHYST_REAL current_deviation(anhyst_axes_x *c, int i, ANHYST_REAL measured)
 {
   const ANHYST_REAL slew = c->settings->slew;
@@ -84,8 +84,7 @@ static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
   }
 }
 
-/* Detects failed sensors, and starts a landing if necessary. Returns whether the others are
-   valid. */
+/* Detects failed sensors, and may start a landing. Returns whether the others are valid. */
 static int detect_lost_sensors(anhyst_axes_x *c, const ANHYST_REAL *head)
 {
   const anhyst_axes_settings_x *settings = c->settings;
@@ -117,8 +116,7 @@ static int detect_lost_sensors(anhyst_axes_x *c, const ANHYST_REAL *head)
   return are_readings_valid;
 }
 
-/* Moves the reference relative to the target in states LAND and LIFT. Resets the PIDs in state
-   REST. */
+/* Moves the reference relative to the target in states LAND and LIFT. In REST, resets the PIDs. */
 static void move_reference(anhyst_axes_x *c)
 {
   const anhyst_axes_settings_x *settings = c->settings;

@@ -57,8 +57,8 @@ static void multiply_matrix(const ANHYST_REAL *matrix, int rows, int columns,
   }
 }
 
-/* Corrects a pose that sensors on the ground measured, for the present position of the body. On a
-   rotated body, they measure other points: subtracts the vector product of target and rotation. */
+/* Corrects the pose of a rotated body that sensors on the ground measured, because these sensors
+   then see other points of the body. Subtracts the vector product of target and rotation. */
 static void correct_ground_sensors(const anhyst_axes_settings_x *settings,
                                    const ANHYST_REAL *target, ANHYST_REAL *pose)
 {

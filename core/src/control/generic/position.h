@@ -129,7 +129,7 @@ static ANHYST_REAL ramp_to_zero(const anhyst_position_x *c, ANHYST_REAL current)
   return clamp(zero, anhyst_sub_x(from, release), anhyst_add_x(from, release));
 }
 
-/* Computes the currents of this phase, before limits and rounding. */
+/* Computes the currents of the present phase, before limits and rounding. */
 static void compute_currents(anhyst_position_x *c, const anhyst_position_sample_x *sample,
                              ANHYST_REAL *demanded)
 {

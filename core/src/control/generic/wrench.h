@@ -4,9 +4,8 @@
 #define MAX_DRIVES ANHYST_WRENCH_DRIVES
 
 /* Smallest accepted pivot as a fraction of its row's diagonal. With a smaller pivot, an axis
-   depends on others, or rounding dominates the forces in single precision. A diagonal below
-   MIN_DIAGONAL counts as MIN_DIAGONAL (it was 1 at first), because the remainder may be rounding
-   error. */
+   depends on other axes, or rounding dominates the forces in single precision. A diagonal below
+   MIN_DIAGONAL counts as MIN_DIAGONAL, because its remainder may be rounding error. */
 #define MIN_PIVOT (ANHYST_EPS > R(1e-10) ? R(1e-2) : R(1e-6))
 #define MIN_DIAGONAL R(1e-2)
 
@@ -14,16 +13,14 @@
 #define MIN_FORCE_TOLERANCE (ANHYST_EPS > R(1e-10) ? R(1e-4) : R(1e-12))
 
 typedef struct {
-  uint16_t free_drives;           /* drives with unknown force, bit mask; the first drive of a pair
-                                     stands for both */
+  uint16_t free_drives;           /* drives with unknown force, bit mask; a pair has one bit */
   ANHYST_REAL residual[MAX_AXES]; /* scaled wrench minus the wrench of the fixed drives */
   ANHYST_REAL *force;             /* forces of all drives */
 } force_search;
 
 /* ---- factorisation of a drive layout ---- */
 
-/* Scales every axis so that its row of the drive matrix has length 1. Returns 0 if no drive acts on
-   an axis. */
+/* Scales every axis to a row of length 1 in the drive matrix. Returns 0 if an axis has no drive. */
 static int scale_axes(anhyst_wrench_x *w)
 {
   const anhyst_wrench_layout_x *layout = w->layout;
@@ -47,8 +44,8 @@ static int scale_axes(anhyst_wrench_x *w)
   return 1;
 }
 
-/* Factorises the matrix of all open drives. Returns 0 if they cannot produce every wrench. With
-   `yields`, they always can. */
+/* Factorises the matrix of all open drives. Returns 0 if the drives cannot produce every wrench.
+   With yields, every wrench has a solution. */
 static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
                      anhyst_wrench_factor_x *result)
 {
@@ -85,7 +82,7 @@ static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
 }
 
 /* Removes a drive from a factorisation. Returns 0 if the other drives cannot produce every wrench.
-   With `yields` they always can: except for rounding, no pivot is below the yield of its axis. */
+   With yields, always returns 1: except for rounding, no pivot is below the yield of its axis. */
 static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yields,
                         anhyst_wrench_factor_x *factor)
 {
@@ -148,8 +145,7 @@ static void start_search(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, fo
   }
 }
 
-/* Returns the scalar product over all axes. It has no loop, because it dominates the time of a
-   tick. */
+/* Returns the scalar product over all axes, without a loop, because it dominates a tick's time. */
 static ANHYST_REAL dot_product(const ANHYST_REAL *pull, const ANHYST_REAL *x)
 {
   return pull[0] * x[0] + pull[1] * x[1] + pull[2] * x[2] + pull[3] * x[3] + pull[4] * x[4] +
@@ -199,7 +195,7 @@ static void fix_drive(const anhyst_wrench_x *w, force_search *s, int j, ANHYST_R
   }
 }
 
-/* Returns the drive of `candidates` whose force is furthest below the minimum, or -1. */
+/* Returns the candidate drive whose force is furthest below the minimum, or -1. */
 static int find_lowest_drive(const anhyst_wrench_x *w, const force_search *s, unsigned candidates)
 {
   const ANHYST_REAL least = w->layout->least;
@@ -216,8 +212,8 @@ static int find_lowest_drive(const anhyst_wrench_x *w, const force_search *s, un
   return lowest_drive;
 }
 
-/* Produces the whole wrench. Drives below their minimum force are set to it, if the others can
-   compensate. Returns whether no drive remains below its minimum. */
+/* Produces the whole wrench. Sets drives below their minimum force to the minimum, if the other
+   drives can compensate. Returns whether no drive remains below its minimum. */
 static int solve_wrench(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, force_search *s)
 {
   anhyst_wrench_factor_x factors[2];
@@ -248,8 +244,8 @@ static int solve_wrench(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, for
   }
 }
 
-/* Fixes drives at the bounds that they exceed. Returns their number. A pair has a bound in both
-   directions. */
+/* Fixes drives at the bounds that their forces exceed. Returns the number of fixed drives. The net
+   force of a pair is bounded in both directions. */
 static int fix_at_bounds(const anhyst_wrench_x *w, force_search *s)
 {
   const ANHYST_REAL max_force = w->layout->most;
@@ -326,7 +322,7 @@ void anhyst_wrench_lose_x(anhyst_wrench_x *w, int drive)
     w->whole = w->whole && remove_drive(w, drive, NULL, &w->factor);
     (void)remove_drive(w, drive, w->layout->yields, &w->given_up[0]);
   }
-  w->against[w->against[drive]] = w->against[drive]; /* the remaining drive stands for the pair */
+  w->against[w->against[drive]] = w->against[drive]; /* the remaining drive represents the pair */
   w->against[drive] = (uint16_t)drive;
   classify_drives(w);
   w->factor.free = w->open;
