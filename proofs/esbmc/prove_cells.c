@@ -79,7 +79,7 @@ static int is_path(const cell_path *path)
 {
   return path->active >= 1 && path->active <= path->cells + 1 && path->prior_active >= 0 &&
          path->prior_active <= path->cells + 1 && is_inside(path->x) &&
-         is_inside(path->resting_m) && is_inside(path->last_start) &&
+         is_inside(path->resting_m) && is_inside(path->last_activation) &&
          (path->mirror == 0 || path->mirror == -1) &&
          place_of(path, path->row) == (path->active - 1) * path->stride &&
          is_on(path, path->reversal, 0);
@@ -104,12 +104,12 @@ static cell_path any_path(void)
   path.plays = rested;
   path.active = (int16_t)any_within(1, path.cells + 1);
   path.prior_active = (int16_t)any_within(0, path.cells + 1);
-  path.row = moving_row(&path, path.active);
+  path.row = active_row(&path, path.active);
   path.reversal = any_spot(&path, path.rows);
   path.stopped_on_rise = nondet_i32();
   path.resting_m = any_within(-ONE, ONE - 1);
   path.x = any_within(-ONE, ONE - 1);
-  path.last_start = any_within(-ONE, ONE - 1);
+  path.last_activation = any_within(-ONE, ONE - 1);
   path.mirror = nondet_i16() != 0 ? -1 : 0;
   path.segment = path.row;
   SHOW(is_path(&path));
@@ -295,11 +295,11 @@ static void prove_joins(void)
   cell_path path = any_path();
   const int32_t low = any_within(-ONE, ONE - 1);
   const int16_t cell = (int16_t)any_within(1, path.cells + 1);
-  const int32_t at = start_field(&path, cell, low);
+  const int32_t at = activation_field(&path, cell, low);
   SHOW(at >= low && at < ONE);
   ASSUME(cell <= path.cells);
   path.active = cell;
-  path.row = moving_row(&path, cell);
+  path.row = active_row(&path, cell);
   const int32_t with = resting_magnetisation(&path, any_spot(&path, path.row), path.cells);
   SHOW(with > -ONE && with < ONE);
 }
@@ -320,7 +320,7 @@ static void prove_rejoin(void)
   const equation eq = any_equation(&arms);
   const int32_t low = any_within(-ONE, ONE - 1);
   ASSUME(path.active < path.prior_active);
-  const int32_t last = restart_group(&path, &eq, low);
+  const int32_t last = reactivate_group(&path, &eq, low);
   SHOW(is_path(&path) && is_inside(last));
 }
 
@@ -410,7 +410,7 @@ static void prove_keep(void)
 {
   (void)any_path();
   const anhyst_cells_memory from = any_memory();
-  store_moving_plays(block_words, &from, rested);
+  store_active_plays(block_words, &from, rested);
 }
 
 int main(void)

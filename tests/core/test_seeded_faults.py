@@ -233,8 +233,8 @@ FAULTS = [
     Fault(
         "a reversal with the moving cells subtracted",
         "src/compensator/generic/cells.h",
-        "path->resting_m = mirrored(saturate(path->resting_m + moving_m), -1);",
-        "path->resting_m = mirrored(saturate(path->resting_m - moving_m), -1);",
+        "path->resting_m = mirrored(saturate(path->resting_m + active_m), -1);",
+        "path->resting_m = mirrored(saturate(path->resting_m - active_m), -1);",
         "test_fixed_cells",
     ),
     Fault(
@@ -261,8 +261,8 @@ FAULTS = [
     Fault(
         "resting cells recorded in the wrong direction",
         "src/compensator/generic/cells.h",
-        "path->mirror == 0 ? resting_mask | moving_mask : resting_mask",
-        "path->mirror != 0 ? resting_mask | moving_mask : resting_mask",
+        "path->mirror == 0 ? resting_mask | active_mask : resting_mask",
+        "path->mirror != 0 ? resting_mask | active_mask : resting_mask",
         "test_fixed_cells",
     ),
     Fault(

@@ -36,7 +36,7 @@ static double add_fixed_play_terms(const problem *s, int cell, double play, doub
 }
 
 /* Returns the number of active cells. The cell with threshold 0 is always active. */
-static int count_moving_cells(const anhyst_cells_state_f64 *state)
+static int count_active_cells(const anhyst_cells_state_f64 *state)
 {
   return state->active > 1 ? state->active : 1;
 }
@@ -46,7 +46,7 @@ static void sum_resting_cells(const problem *s, const anhyst_cells_state_f64 *st
 {
   const size_t cells = (size_t)s->cells->cells;
   memset(rest, 0, s->count * sizeof *rest);
-  for (int i = count_moving_cells(state); i < s->cells->cells; i++) {
+  for (int i = count_active_cells(state); i < s->cells->cells; i++) {
     const double slope = add_fixed_play_terms(s, i, state->place[i], rest);
     for (size_t t = 0; t < s->count; t++) {
       rest[t] += slope * numbers_t[t * cells + (size_t)i];
@@ -76,7 +76,7 @@ static void differentiate_step(const problem *s, const anhyst_cells_state_f64 *s
 {
   const size_t cells = (size_t)s->cells->cells;
   double slope = state->bend.slope;
-  for (int i = 0; i < count_moving_cells(state); i++) {
+  for (int i = 0; i < count_active_cells(state); i++) {
     const double cell_slope =
         add_fixed_play_terms(s, i, state->x - state->direction * s->cells->threshold[i], m_t);
     slope = state->active == 0 ? cell_slope : slope;

@@ -28,7 +28,7 @@ static double left_side(const path *p, double x, const cell_sum *at)
 }
 
 /* Returns the position at which the next cell becomes active. */
-static double next_cell_start(const path *p)
+static double next_activation(const path *p)
 {
   const int i = p->active;
   if (i >= p->cells->cells) {
@@ -48,7 +48,7 @@ static anhyst_cells_bend_f64 row_derivatives(const cell_sum *at)
 }
 
 /* Makes the next cell active from x on. At x, the present row has the value row_value. */
-static void start_cell(path *p, double x, double row_value)
+static void activate_cell(path *p, double x, double row_value)
 {
   const cell_sum next_row = cell_evaluate_row(p->cells, p->active, x);
   p->rest -= next_row.value - row_value;
@@ -140,7 +140,7 @@ static anhyst_status solve_monotonic(path *p, double steepest,
                                      anhyst_cells_candidate_f64 *candidate)
 {
   for (;;) {
-    const double edge = next_cell_start(p);
+    const double edge = next_activation(p);
     const double guess = p->low + taylor_step(p->residual, p->omega, &p->bend);
     /* Rounding errors, also of the first residual, could move the solution beyond the bound. */
     const double min_slope = 1.0 + p->omega * steepest;
@@ -159,7 +159,7 @@ static anhyst_status solve_monotonic(path *p, double steepest,
       upper_bound = edge < upper_bound ? edge : upper_bound;
       return solve_on_row(p, 0.5 * (p->low + upper_bound), upper_bound, candidate);
     }
-    start_cell(p, edge, at.value);
+    activate_cell(p, edge, at.value);
     p->low = edge > p->low ? edge : p->low;
     p->residual = residual;
   }
@@ -212,7 +212,7 @@ static double find_fold(const path *p, double low, double high)
 static anhyst_status solve_with_jumps(path *p, anhyst_cells_candidate_f64 *candidate)
 {
   while (p->low < p->cells->reach) {
-    const double edge = next_cell_start(p);
+    const double edge = next_activation(p);
     const double node = next_knot(p->cells, p->low);
     const double end = edge < node ? edge : node;
     const cell_sum at = cell_evaluate_row(p->cells, p->active - 1, end);
@@ -231,7 +231,7 @@ static anhyst_status solve_with_jumps(path *p, anhyst_cells_candidate_f64 *candi
     p->residual = residual;
     p->bend = row_derivatives(&at);
     if (edge <= node) {
-      start_cell(p, edge, at.value);
+      activate_cell(p, edge, at.value);
     }
   }
   return ANHYST_OUT_OF_RANGE;
@@ -270,7 +270,7 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
   if (p.is_reversed) {
     p.active = 0;
     p.rest = p.sign * state->m;
-    start_cell(&p, p.from, 0.0);
+    activate_cell(&p, p.from, 0.0);
   } else {
     p.active = state->active;
     p.rest = state->rest;

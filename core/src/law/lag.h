@@ -22,6 +22,6 @@ extern const anhyst_lag anhyst_lag_1986;
 /* Returns the largest slope of a law that is never steeper than the anhysteretic curve. */
 double anhyst_lag_max_slope(const anhyst_operator_f64 *law);
 
-void anhyst_path_find_irreversible_start(anhyst_path_f64 *path);
+void anhyst_path_find_y_start(anhyst_path_f64 *path);
 
 #endif

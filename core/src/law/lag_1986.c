@@ -81,7 +81,7 @@ static double irreversible_m(anhyst_path_f64 *path, double p, double pull, doubl
   (void)pull;
   (void)slope;
   if (!path->departure_known) {
-    anhyst_path_find_irreversible_start(path);
+    anhyst_path_find_y_start(path);
   }
   if (path->sign * (p - path->departure) <= 0.0) {
     return path->from.y;

@@ -20,7 +20,7 @@ static double irreversible_m(anhyst_path_f64 *path, double p, double pull, doubl
   const anhyst_operator_f64 *law = path->law;
   (void)slope;
   if (!path->departure_known) {
-    anhyst_path_find_irreversible_start(path);
+    anhyst_path_find_y_start(path);
     path->lead =
         path->from.y - path->sign * anhyst_branch_at_f64(law->branch, path->sign * path->departure);
   }

@@ -21,7 +21,7 @@ double anhyst_lag_max_slope(const anhyst_operator_f64 *law)
   return 1.0 / 3.0;
 }
 
-void anhyst_path_find_irreversible_start(anhyst_path_f64 *path)
+void anhyst_path_find_y_start(anhyst_path_f64 *path)
 {
   const int is_constant_first = path->sign * (path->pull - path->from.y) < 0.0;
   path->departure = is_constant_first ? anhyst_inverse_langevin_f64(path->from.y) : path->from.p;

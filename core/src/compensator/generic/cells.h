@@ -86,7 +86,7 @@ static inline number solve_segment(const equation *eq, const entry *segment, seg
 
 /* Returns the field at which a cell becomes active, but not less than `low`. For an index after the
    last cell, returns the largest field. */
-static number start_field(const cell_path *path, int cell, number low)
+static number activation_field(const cell_path *path, int cell, number low)
 {
   if (cell > path->cells) {
     return MAX_FIELD;
@@ -169,7 +169,7 @@ static void solve_row(cell_path *path, const equation *eq, const entry *first_en
 
 /* Activates cells that came to rest together at the reversal of this path, up to the target. Finds
    their number by bisection. Returns the field at which the last one becomes active. */
-static number restart_group(cell_path *path, const equation *eq, number low)
+static number reactivate_group(cell_path *path, const equation *eq, number low)
 {
   const table_position reversal = {path->reversal.segment + row_offset(path, path->active - 1),
                                    path->reversal.fraction};
@@ -178,8 +178,8 @@ static number restart_group(cell_path *path, const equation *eq, number low)
   int max_cells = path->prior_active;
   while (min_cells < max_cells) {
     const int cells = (min_cells + max_cells + 1) / 2;
-    const number next_field = start_field(path, cells - 1, low);
-    const entry *row = moving_row(path, cells);
+    const number next_field = activation_field(path, cells - 1, low);
+    const entry *row = active_row(path, cells);
     const number rest = saturate(
         start_m + row_difference(reversal, path->reversal.segment + row_offset(path, cells - 1)));
     if (residual_at(eq, next_field, row_value(locate_field(path, row, next_field)) + rest) <= 0) {
@@ -199,11 +199,11 @@ static number restart_group(cell_path *path, const equation *eq, number low)
    the field at which the next cell becomes active. Returns the segment of path->last_activation.
    The search for cells that came to rest together ends at last_cell, and after the first activation
    at the last cell. For short paths, which end before the second activation, last_cell is 0. */
-static const entry *start_cells(cell_path *path, const equation *eq, table_position position,
-                                int last_cell, number *next_start)
+static const entry *activate_cells(cell_path *path, const equation *eq, table_position position,
+                                   int last_cell, number *next_activation)
 {
   number low = path->x;
-  number next_field = start_field(path, path->active, low);
+  number next_field = activation_field(path, path->active, low);
   int is_ended = 0;
   while (is_ended == 0 && path->active <= path->cells) {
     const table_position next_position = locate_field(path, path->row, next_field);
@@ -218,19 +218,19 @@ static const entry *start_cells(cell_path *path, const equation *eq, table_posit
           saturate(path->resting_m - resting_magnetisation(path, position, last_cell));
       path->active++;
       position.segment += path->stride;
-      next_field = start_field(path, path->active, low);
+      next_field = activation_field(path, path->active, low);
     } while (next_field == low && path->active <= path->cells);
-    path->row = moving_row(path, path->active);
+    path->row = active_row(path, path->active);
     last_cell = path->cells;
     if (path->active < path->prior_active) {
-      low = restart_group(path, eq, low);
+      low = reactivate_group(path, eq, low);
       position = locate_field(path, path->row, low);
-      next_field = start_field(path, path->active, low);
+      next_field = activation_field(path, path->active, low);
       is_ended = path->active < path->prior_active; /* the next cell is after the target */
     }
   }
-  path->last_start = low;
-  *next_start = next_field;
+  path->last_activation = low;
+  *next_activation = next_field;
   return position.segment;
 }
 
@@ -238,24 +238,24 @@ static const entry *start_cells(cell_path *path, const equation *eq, table_posit
    Returns the field at which the next cell becomes active. */
 static number solve_path(cell_path *path, const equation *eq, table_position begin, int last_cell)
 {
-  number next_start;
-  const entry *first_entry = start_cells(path, eq, begin, last_cell, &next_start);
+  number next_activation;
+  const entry *first_entry = activate_cells(path, eq, begin, last_cell, &next_activation);
   if (path->active > path->cells) {
     path->resting_m = 0; /* no cell is at rest */
   }
-  solve_row(path, eq, first_entry, path->last_start, next_start);
-  return next_start;
+  solve_row(path, eq, first_entry, path->last_activation, next_activation);
+  return next_activation;
 }
 
 static void reverse_path(cell_path *path, table_position position)
 {
   const table_position first_position = {position.segment - row_offset(path, path->active - 1),
                                          position.fraction};
-  const number moving_m = row_difference(first_position, position.segment);
-  const uint32_t moving_mask = ((uint32_t)1 << (unsigned)path->active) - 1U;
-  const uint32_t resting_mask = (uint32_t)path->stopped_on_rise & ~moving_mask;
-  path->stopped_on_rise = (int32_t)(path->mirror == 0 ? resting_mask | moving_mask : resting_mask);
-  path->resting_m = mirrored(saturate(path->resting_m + moving_m), -1);
+  const number active_m = row_difference(first_position, position.segment);
+  const uint32_t active_mask = ((uint32_t)1 << (unsigned)path->active) - 1U;
+  const uint32_t resting_mask = (uint32_t)path->stopped_on_rise & ~active_mask;
+  path->stopped_on_rise = (int32_t)(path->mirror == 0 ? resting_mask | active_mask : resting_mask);
+  path->resting_m = mirrored(saturate(path->resting_m + active_m), -1);
   path->x = mirrored(path->x, -1);
   path->mirror = ~path->mirror;
   path->prior_active = path->active;
@@ -289,7 +289,7 @@ static number store_trial(const cell_path *path, const entry *words, candidate *
   trial->memory.cells.rest = mirrored(path->resting_m, path->mirror);
   trial->memory.cells.active = path->mirror == 0 ? path->active : -path->active;
   trial->memory.cells.risen = path->stopped_on_rise;
-  trial->memory.cells.joined = path->last_start;
+  trial->memory.cells.joined = path->last_activation;
   store_segment(words, (int)(path->segment - words), begin, width, path->resting_m, trial);
   const number rise = segment_flux_rise(trial, words[ANHYST_WORD_CELLS_AIR]);
   return mirrored(trial->of.cells.flux + multiply_rise(rise, fraction_at(path->x, begin, width)),
@@ -317,12 +317,12 @@ static number solve_from_memory(const entry *words, const cells_memory *from, co
       begin_path(&path, words, from, plays);
     }
   }
-  path.last_start = path.x;
+  path.last_activation = path.x;
   if (residual > RESIDUAL_DEADBAND) {
     trial->of.cells.joins =
         solve_path(&path, &eq, position, residual > GROUP_SEARCH_RESIDUAL ? path.cells : 0);
   } else {
-    trial->of.cells.joins = start_field(&path, path.active, path.x);
+    trial->of.cells.joins = activation_field(&path, path.active, path.x);
   }
   return store_trial(&path, words, trial);
 }
@@ -474,7 +474,7 @@ static number cells_field_for_flux(compensator *c)
 static void cells_store_plays(compensator *c)
 {
   if (have_reversed(&c->memory.cells, &c->next.memory.cells)) {
-    store_moving_plays(c->words, &c->memory.cells, c->plays);
+    store_active_plays(c->words, &c->memory.cells, c->plays);
   }
 }
 

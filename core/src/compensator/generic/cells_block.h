@@ -15,13 +15,13 @@ static void init_memory(const entry *words, const number *plays, cells_memory *m
 }
 
 /* Stores the plays of the active cells, which come to rest if the path reverses at this state. */
-static void store_moving_plays(const entry *words, const cells_memory *from, number *plays)
+static void store_active_plays(const entry *words, const cells_memory *from, number *plays)
 {
   cell_path path;
   read_row_layout(&path, words);
   const int mirror = from->active < 0 ? -1 : 0;
   const number x = saturate(mirrored(from->x, mirror));
-  const int moving = count_moving_cells(&path, from);
+  const int moving = count_active_cells(&path, from);
   for (int cell = 1; cell < moving; cell++) {
     plays[cell - 1] = mirrored(x - half_width(&path, cell), mirror);
   }
@@ -74,7 +74,7 @@ static number largest_segment_rise(const cell_path *path, int is_narrow)
 {
   number max_rise = 0;
   for (int cells = 1; cells <= path->cells + 1; cells++) {
-    const entry *row = moving_row(path, cells);
+    const entry *row = active_row(path, cells);
     for (int i = 0; i < path->stride - 1; i++) {
       const int is_inner = i >= path->wide_segments && i < path->stride - 1 - path->wide_segments;
       const number rise = segment_rise(row + i);

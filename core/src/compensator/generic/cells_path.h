@@ -22,7 +22,7 @@ typedef struct {
   int32_t stopped_on_rise; /* bit i: cell i came to rest while the field rose */
   number resting_m;        /* magnetisation of the cells at rest */
   int mirror;              /* 0 if the field rises; -1 if it falls: all numbers are mirrored */
-  number last_start;       /* field where the last cell became active, or where the step started */
+  number last_activation;  /* field where the last cell became active, or where the step started */
   number x;                /* effective field */
   const entry *segment;    /* segment of the row that contains x at the end of the path */
 } cell_path;
@@ -36,7 +36,7 @@ static inline number half_width(const cell_path *path, int cell)
 /* Returns the number of entries between a table row and the row for more active cells. */
 static inline int row_offset(const cell_path *path, int cells) { return cells * path->stride; }
 
-static inline const entry *moving_row(const cell_path *path, int cells)
+static inline const entry *active_row(const cell_path *path, int cells)
 {
   return path->rows + row_offset(path, cells - 1);
 }
@@ -114,7 +114,7 @@ static inline int have_reversed(const cells_memory *from, const cells_memory *to
 }
 
 /* Returns the number of active cells of a state, at most the number of all cells; 0: unknown. */
-static inline int count_moving_cells(const cell_path *path, const cells_memory *from)
+static inline int count_active_cells(const cell_path *path, const cells_memory *from)
 {
   const uint32_t size = from->active < 0 ? 0U - (uint32_t)from->active : (uint32_t)from->active;
   return size <= (uint32_t)path->cells ? (int)size : path->cells + 1;
@@ -127,7 +127,7 @@ static number sum_resting_cells(const cell_path *path)
   for (int cell = 1; cell <= path->cells; cell++) {
     const number x = saturate(sum(resting_play(path, cell), half_width(path, cell)));
     total =
-        saturate(total + cell_magnetisation(path, locate_field(path, moving_row(path, cell), x)));
+        saturate(total + cell_magnetisation(path, locate_field(path, active_row(path, cell), x)));
   }
   return total;
 }
@@ -147,7 +147,7 @@ static inline void begin_path(cell_path *path, const entry *words, const cells_m
                               const number *plays)
 {
   init_path(path, words, plays);
-  path->active = count_moving_cells(path, from);
+  path->active = count_active_cells(path, from);
   path->stopped_on_rise = from->risen;
   path->reversal.segment = path->rows;
   path->reversal.fraction = 0;
@@ -161,5 +161,5 @@ static inline void begin_path(cell_path *path, const entry *words, const cells_m
     path->x = saturate(mirrored(from->x, path->mirror));
     path->resting_m = path->active > path->cells ? 0 : saturate(mirrored(from->rest, path->mirror));
   }
-  path->row = moving_row(path, path->active);
+  path->row = active_row(path, path->active);
 }

@@ -103,9 +103,9 @@ static number reset_trial(const entry *words, const cells_memory *memory, const 
 {
   cell_path path;
   begin_path(&path, words, memory, plays);
-  path.last_start = path.x;
+  path.last_activation = path.x;
   path.segment = locate_field(&path, path.row, path.x).segment;
-  trial->of.cells.joins = start_field(&path, path.active, path.x);
+  trial->of.cells.joins = activation_field(&path, path.active, path.x);
   return four_times(store_trial(&path, words, trial));
 }
 
@@ -423,7 +423,7 @@ static void solid_store_state(compensator *c)
   for (int at = memory_count(c->words) - 1; at >= 0; at--) {
     number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
     if (have_reversed(memory_of(c, at), &trial_of(c, at)->memory.cells)) {
-      store_moving_plays(c->words, memory_of(c, at), plays);
+      store_active_plays(c->words, memory_of(c, at), plays);
     }
     if (at > 0) {
       c->deeper[at - 1].memory = c->deeper[at - 1].next.memory;
