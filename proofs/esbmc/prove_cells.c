@@ -203,8 +203,8 @@ static number field_at_segment(const cell_path *path, int segment)
 static int is_candidate(const anhyst_candidate *at);
 
 #ifdef TRAVEL_BY_CONTRACT
-static number solve_from_memory(const entry *words, const cells_memory *from, const number *plays,
-                                const arms_type *arms, number target, candidate *to)
+static number solve_from_state(const entry *words, const cells_memory *from, const number *plays,
+                               const arms_type *arms, number target, candidate *to)
 {
   const equation eq = {words[ANHYST_WORD_CELLS_AIR], arms, target};
   SHOW(is_target(&eq));

@@ -181,7 +181,7 @@ static inline slope irreversible_slope(number above, entry steepness)
   return any_within(-262144, 262144);
 }
 
-static inline slope total_slope(slope y_slope, slope x_slope, entry part)
+static inline slope total_m_slope(slope y_slope, slope x_slope, entry part)
 {
   SHOW(part >= 0 && is_slope(y_slope) && is_slope(x_slope));
   return any_within(0, ANHYST_MAX_SLOPE);

@@ -295,15 +295,15 @@ static inline number outstanding_flux(const entry *words, number residual, numbe
 /* Sets the coefficients of the equation coupling_slope*f + x = field - falls*(f - flux), halved
    until all of them fit into 16 bits. The argument `field` is a result of to_coarse_field. Returns
    the target of the equation, divided by 4. */
-static inline number set_load_line(arms_type *arms, number field, number falls,
+static inline number set_load_line(arms_type *arms, number field, number line_slope,
                                    number coupling_slope, number flux)
 {
-  const uint16_t up = anhyst_headroom(falls > 0 ? falls : 1);
+  const uint16_t up = anhyst_headroom(line_slope > 0 ? line_slope : 1);
   const uint16_t up_field = anhyst_headroom(anhyst_abs_q31(field));
   const uint16_t of_falls = up < 14U ? (uint16_t)(16U - up) : 2U;
   const uint16_t of_field = up_field < 3U ? (uint16_t)(5U - up_field) : 2U;
   const uint16_t halvings = of_falls > of_field ? of_falls : of_field;
-  const int16_t falling = (int16_t)(falls >> halvings);
+  const int16_t falling = (int16_t)(line_slope >> halvings);
   arms->bias = 0;
   arms->flux_arm = (int16_t)(falling + (coupling_slope >> halvings));
   arms->field_arm = (int16_t)(65536 >> halvings);

@@ -106,7 +106,7 @@ static inline number weighted_slope(number air, entry iron, slope m_slope)
   return air + (((int32_t)iron * m_slope) >> 10);
 }
 
-static inline slope total_slope(slope y_slope, slope x_slope, entry reversible)
+static inline slope total_m_slope(slope y_slope, slope x_slope, entry reversible)
 {
   return y_slope + (((x_slope - y_slope) * reversible) >> 15);
 }
@@ -162,13 +162,13 @@ static inline number max_tangent_step(entry steepness)
    relative error below 1.5e-4. */
 static inline number decayed_fraction(int32_t t)
 {
-  const uint16_t whole = (uint16_t)(t >> 26) & 31U; /* t is not negative */
-  const int32_t inverse_error = t & 0x3FFFFFF;
-  const int32_t f = inverse_error >> 11; /* q15 */
+  const uint16_t octaves = (uint16_t)(t >> 26) & 31U; /* t is not negative */
+  const int32_t octave_fraction = t & 0x3FFFFFF;
+  const int32_t f = octave_fraction >> 11; /* q15 */
   int32_t ratio = 1775 - ((241 * f) >> 15);
   ratio = 7863 - ((ratio * f) >> 15);
   ratio = 22713 - ((ratio * f) >> 15);
-  return ONE - ((ONE - anhyst_scale(inverse_error * 8, (int16_t)ratio)) >> whole);
+  return ONE - ((ONE - anhyst_scale(octave_fraction * 8, (int16_t)ratio)) >> octaves);
 }
 
 /* Returns the fraction of the offset that has decayed after this travel of the play. */
@@ -182,7 +182,7 @@ static inline number decayed_fraction_after(decay_rate decay, number travel)
 }
 
 /* Returns the field change in which the history's effect decays to 1/e, at most 1. */
-static inline number decay_field_of(entry steepness)
+static inline number decay_field(entry steepness)
 {
   return steepness > 256 ? ONE / steepness * 256 : ONE;
 }

@@ -44,7 +44,7 @@ static inline size_t columns_of(const map_type *map) { return (size_t)1U << map-
 static inline size_t rows_of(const map_type *map) { return (size_t)1U << map->gap_segments; }
 
 /* Returns the force at a position in the table. */
-static inline number force_at(const map_type *map, table_position at)
+static inline number force_at_position(const map_type *map, table_position at)
 {
   return (number)((uint32_t)at.index << (31U - map->force_segments)) +
          (at.fraction >> map->force_segments);

@@ -42,8 +42,8 @@ static int32_t clamp(int32_t a, int32_t low, int32_t high) { return anhyst_clamp
 
 static int32_t position_to_gap(const anhyst_gap_line_q31 *line, int32_t position)
 {
-  const int32_t part = anhyst_shl_q31(anhyst_factor_product(position, line->factor), 1);
-  return anhyst_add_q31(line->offset, part);
+  const int32_t gap_change = anhyst_shl_q31(anhyst_factor_product(position, line->factor), 1);
+  return anhyst_add_q31(line->offset, gap_change);
 }
 
 static uint32_t current_range(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }

@@ -99,10 +99,10 @@ static inline step_end estimate_end(double y0, double lead, double ahead, double
   const double half = 0.5 * s;
   const double second_order = half + half * s;
   const double denominator = 1.0 + half + second_order;
-  const double moved = ahead * second_order + lead * half;
-  const double stiff = denominator * stiffness + pinned * (ahead * denominator - moved);
+  const double y_change = ahead * second_order + lead * half;
+  const double stiff = denominator * stiffness + pinned * (ahead * denominator - y_change);
   const double inverse = 1.0 / (denominator * stiff);
-  const step_end end = {y0 + moved * (stiff * inverse), denominator * denominator * inverse};
+  const step_end end = {y0 + y_change * (stiff * inverse), denominator * denominator * inverse};
   return end;
 }
 

@@ -169,25 +169,25 @@ static double next_knot(const anhyst_cells_f64 *cells, double x)
 {
   const uint64_t bits = cell_position_bits(cells, x);
   const int shift = cells->shift[cell_octave(bits)];
-  uint64_t piece = bits >> shift;
+  uint64_t segment = bits >> shift;
   double node = x;
   if (x >= 0.0) {
     while (!(node > x)) {
-      piece++;
-      node = (cell_double_of(piece << shift) - 1.0) / cells->per_unit;
+      segment++;
+      node = (cell_double_of(segment << shift) - 1.0) / cells->per_unit;
     }
     return node;
   }
-  const double next_inward = -(cell_double_of(piece << shift) - 1.0) / cells->per_unit;
+  const double next_inward = -(cell_double_of(segment << shift) - 1.0) / cells->per_unit;
   if (next_inward > x) {
     return next_inward;
   }
-  const uint64_t before = (piece << shift) - 1U;
-  if (before < cell_bits_of(1.0)) {
+  const uint64_t previous_bits = (segment << shift) - 1U;
+  if (previous_bits < cell_bits_of(1.0)) {
     return 0.0;
   }
-  const int inner_shift = cells->shift[cell_octave(before)];
-  return -(cell_double_of((before >> inner_shift) << inner_shift) - 1.0) / cells->per_unit;
+  const int inner_shift = cells->shift[cell_octave(previous_bits)];
+  return -(cell_double_of((previous_bits >> inner_shift) << inner_shift) - 1.0) / cells->per_unit;
 }
 
 /* Returns the position of the maximum of the left side. Stops early if it reaches the target. */

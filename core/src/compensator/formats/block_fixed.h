@@ -78,20 +78,20 @@ static inline number convert_unit(number a, const entry *old_words, const entry 
   const int32_t numerator = significand_of(from);
   const int32_t denominator = significand_of(to);
   int16_t shift = (int16_t)((int16_t)(from >> 23) - (int16_t)(to >> 23));
-  int32_t scaled_a;
+  int32_t scaled_number;
   if (from == to) {
     return a;
   }
   if (numerator < denominator) {
-    scaled_a = anhyst_times_fraction(a, anhyst_ratio(numerator, denominator));
+    scaled_number = anhyst_times_fraction(a, anhyst_ratio(numerator, denominator));
   } else {
-    scaled_a = anhyst_times_fraction(a, anhyst_ratio(numerator, 2 * denominator));
+    scaled_number = anhyst_times_fraction(a, anhyst_ratio(numerator, 2 * denominator));
     shift = (int16_t)(shift + 1);
   }
   if (shift >= 0) {
-    return anhyst_shl_q31(scaled_a, (uint16_t)(shift < 31 ? shift : 31));
+    return anhyst_shl_q31(scaled_number, (uint16_t)(shift < 31 ? shift : 31));
   }
-  return scaled_a >> (shift > -31 ? -shift : 31);
+  return scaled_number >> (shift > -31 ? -shift : 31);
 }
 
 #include "../generic/block_checks.h"

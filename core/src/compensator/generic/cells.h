@@ -180,13 +180,13 @@ static number reactivate_group(cell_path *path, const equation *eq, number low)
     const int cells = (min_cells + max_cells + 1) / 2;
     const number next_field = activation_field(path, cells - 1, low);
     const entry *row = active_row(path, cells);
-    const number rest = saturate(
+    const number rest_m = saturate(
         start_m + row_difference(reversal, path->reversal.segment + row_offset(path, cells - 1)));
-    if (residual_at(eq, next_field, row_value(locate_field(path, row, next_field)) + rest) <= 0) {
+    if (residual_at(eq, next_field, row_value(locate_field(path, row, next_field)) + rest_m) <= 0) {
       max_cells = cells - 1;
     } else {
       min_cells = cells;
-      path->resting_m = rest;
+      path->resting_m = rest_m;
       path->row = row;
       low = next_field;
     }
@@ -267,10 +267,10 @@ static void reverse_path(cell_path *path, table_position position)
 /* Stores the segment of a trial step that starts at the field `begin`: the rise of the segment, and
    the flux h*x + m at `begin`, divided by 4. */
 static void store_segment(const entry *words, int segment, number begin, segment_grid width,
-                          number rest, candidate *trial)
+                          number resting_m, candidate *trial)
 {
   set_segment(trial, words, segment, begin, width);
-  trial->of.cells.flux = quarter(unsafe_sum(word_value(words[segment]), rest)) +
+  trial->of.cells.flux = quarter(unsafe_sum(word_value(words[segment]), resting_m)) +
                          scaled(begin, words[ANHYST_WORD_CELLS_AIR]);
 }
 
@@ -298,8 +298,8 @@ static number store_trial(const cell_path *path, const entry *words, candidate *
 
 /* Solves from a stored state. Returns the flux h*x + m of the solution, divided by 4. Rows for
    rising and falling field are not exactly odd: a target between them does not change the field. */
-static number solve_from_memory(const entry *words, const cells_memory *from, const number *plays,
-                                const arms_type *arms, number target, candidate *trial)
+static number solve_from_state(const entry *words, const cells_memory *from, const number *plays,
+                               const arms_type *arms, number target, candidate *trial)
 {
   cell_path path;
   equation eq = {words[ANHYST_WORD_CELLS_AIR], arms, target};
@@ -404,7 +404,7 @@ static number solve_beyond_segment(const entry *words, const cells_memory *from,
        steps_left--) {
     result = solve_on_segment(words, arms, target, trial, &flux);
   }
-  return result == SOLVED ? flux : solve_from_memory(words, from, plays, arms, target, trial);
+  return result == SOLVED ? flux : solve_from_state(words, from, plays, arms, target, trial);
 }
 
 /* Solves for a current without its bias, divided by 4. If the trial step is known, the search
@@ -448,9 +448,9 @@ static number solve_field_beyond_segment(compensator *c, int result)
   const int rises = c->flux > c->flux_applied;
   const number limit =
       internal_current_limit(c->words, rises ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW);
-  const number least = arms->bias + scaled(c->flux, arms->flux_arm) +
-                       scaled(saturate(c->memory.cells.x), arms->field_arm);
-  if (arms->flux_arm >= 0 && (rises ? least > limit : least < limit)) {
+  const number min_current = arms->bias + scaled(c->flux, arms->flux_arm) +
+                             scaled(saturate(c->memory.cells.x), arms->field_arm);
+  if (arms->flux_arm >= 0 && (rises ? min_current > limit : min_current < limit)) {
     (void)cells_flux_for_current(c, limit);
     return rises ? MAX_FIELD : MIN_FIELD;
   }
@@ -480,7 +480,7 @@ static void cells_store_plays(compensator *c)
 
 static void cells_transfer_state(compensator *c, const entry *words, number flux)
 {
-  transfer_memory(c->words, words, flux, &c->memory.cells, c->plays);
+  transfer_state(c->words, words, flux, &c->memory.cells, c->plays);
 }
 
-static void cells_init_state(compensator *c) { init_memory(c->words, c->plays, &c->memory.cells); }
+static void cells_init_state(compensator *c) { init_cells(c->words, c->plays, &c->memory.cells); }

@@ -4,7 +4,7 @@
    generic/cells_path.h is included before. */
 
 /* Sets a state in which only cell 0 is active. */
-static void init_memory(const entry *words, const number *plays, cells_memory *memory)
+static void init_cells(const entry *words, const number *plays, cells_memory *memory)
 {
   cell_path path;
   init_path(&path, words, plays);
@@ -187,8 +187,8 @@ static number interpolate_play(const cell_path *path, const number *all_plays, n
 
 /* Shifts field and plays along the field axis. Returns the residual of h*x + m = flux after the
    shift, divided by 4. The residual rises with the shift. */
-static number shift_memory(cell_path *path, const number *all_plays, number travel, entry air,
-                           number flux, number *plays)
+static number shift_state(cell_path *path, const number *all_plays, number travel, entry air,
+                          number flux, number *plays)
 {
   path->x = saturate(round_to_coarse_grid(sum(all_plays[0], travel)));
   path->plays = plays;
@@ -204,8 +204,8 @@ static number shift_memory(cell_path *path, const number *all_plays, number trav
 /* Transfers a state to another block. Shifts all plays by the same field, so that the iron has the
    given flux under the new block. Then a constant demand does not start a new branch. The play of a
    new threshold is interpolated between the plays of the adjacent thresholds. */
-static void transfer_memory(const entry *old_words, const entry *words, number flux,
-                            cells_memory *memory, number *plays)
+static void transfer_state(const entry *old_words, const entry *words, number flux,
+                           cells_memory *memory, number *plays)
 {
   number old_plays[ANHYST_CELLS + 1];
   number all_plays[ANHYST_CELLS + 1] = {0};
@@ -228,7 +228,7 @@ static void transfer_memory(const entry *old_words, const entry *words, number f
   number high = 2 * MAX_FIELD;
   for (int i = 0; i < TRANSFER_BISECTIONS; i++) {
     const number middle = low / 2 + high / 2;
-    if (shift_memory(&path, all_plays, middle, words[ANHYST_WORD_CELLS_AIR], flux, plays) < 0) {
+    if (shift_state(&path, all_plays, middle, words[ANHYST_WORD_CELLS_AIR], flux, plays) < 0) {
       low = middle;
     } else {
       high = middle;
@@ -236,5 +236,5 @@ static void transfer_memory(const entry *old_words, const entry *words, number f
   }
   *memory = empty;
   memory->x = path.x;
-  init_memory(words, plays, memory);
+  init_cells(words, plays, memory);
 }

@@ -246,15 +246,15 @@ static inline number outstanding_flux(const entry *words, number residual, numbe
 
 /* Sets the coefficients of the equation coupling_slope*f + x = field - falls*(f - flux), scaled to
    at most 1/2 in size. Returns the target of the equation, divided by 4. */
-static inline number set_load_line(arms_type *arms, number field, number falls,
+static inline number set_load_line(arms_type *arms, number field, number line_slope,
                                    number coupling_slope, number flux)
 {
-  const number arm = falls + coupling_slope;
+  const number arm = line_slope + coupling_slope;
   const number scale = (number)0.5 / ((number)1 + absolute(arm));
   arms->bias = 0;
   arms->flux_arm = scale * arm;
   arms->field_arm = scale;
-  return quarter(scale * (field + falls * flux));
+  return quarter(scale * (field + line_slope * flux));
 }
 
 static inline int are_solid_words_valid(const entry *words)

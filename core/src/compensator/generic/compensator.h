@@ -67,7 +67,7 @@ static arms_type current_coefficients(const compensator *c, gap_position positio
   return arms;
 }
 
-static number offset_at(const entry *words, gap_position position)
+static number gap_offset(const entry *words, gap_position position)
 {
   return word_to_signal(interpolate_over_gap(position, words[ANHYST_WORD_GAP_OFFSET]));
 }
@@ -80,7 +80,7 @@ static number demand_to_flux(compensator *c, number demand, gap_position positio
   const number high = word_to_signal(words[ANHYST_WORD_DEMAND_HIGH]);
   const number accepted =
       clamp_and_flag(c, demand, low, high, DEMAND_TOLERANCE, ANHYST_DEMAND_LIMITED);
-  const number above_offset = subtract(accepted, offset_at(words, position));
+  const number above_offset = subtract(accepted, gap_offset(words, position));
   const number limit = flux_limit(words);
   if (above_offset < 0 && words[ANHYST_WORD_POWER] == 2) {
     c->flags |= ANHYST_DEMAND_LIMITED;
@@ -181,7 +181,7 @@ static void commit_current(compensator *c, number applied, number gap)
 static number model_output(const compensator *c)
 {
   const gap_position position = locate_gap(c->words, gap_fraction(c, c->gap));
-  return add(flux_to_output(c->words, c->flux_applied, position), offset_at(c->words, position));
+  return add(flux_to_output(c->words, c->flux_applied, position), gap_offset(c->words, position));
 }
 
 /* Replaces the parameter block. Requires that both blocks have the same scales. */
@@ -191,7 +191,7 @@ static void swap_block(compensator *c, const entry *words)
   const gap_position position = locate_gap(words, gap_fraction(c, c->gap));
   begin_call(c, 0);
   number flux = to_internal_flux(
-      words, output_to_flux(words, subtract(output_before, offset_at(words, position)), position));
+      words, output_to_flux(words, subtract(output_before, gap_offset(words, position)), position));
   if (words[ANHYST_WORD_POWER] == 2 && c->flux_applied < 0) {
     flux = -flux;
   }

@@ -29,7 +29,7 @@
 static inline int16_t direction_sign(mirror_type mirror) { return mirror < 0 ? -1 : 1; }
 
 /* Returns the stored state as a point without slopes. *rise: rise of the anhysteretic segment. */
-static inline path_point point_of_memory(const compensator *c, number *rise)
+static inline path_point point_of_state(const compensator *c, number *rise)
 {
   const full_memory *from = &c->memory.full;
   path_point point = {
@@ -104,7 +104,7 @@ static inline equation current_equation(const compensator *c, number target)
 static number field_for_flux(compensator *c)
 {
   number segment_rise;
-  path_point point = point_of_memory(c, &segment_rise);
+  path_point point = point_of_state(c, &segment_rise);
   equation eq = {c->words[ANHYST_WORD_FULL_AIR], QUARTER_WEIGHT,
                  scaled(to_internal(c->flux), QUARTER_WEIGHT)};
   const number residual = left_side(&eq, point.x, point.m) - eq.target;
@@ -162,7 +162,7 @@ static int solve_from_last_step(compensator *c, number target)
     return 1;
   }
   number segment_rise;
-  const path_point from = point_of_memory(c, &segment_rise);
+  const path_point from = point_of_state(c, &segment_rise);
   if (residual < 0 &&
       mirrored(target - current_at(c, from.x, from.m), mirror) <= RESIDUAL_DEADBAND) {
     return 0;
@@ -180,7 +180,7 @@ static number flux_for_current(compensator *c, number current)
   if (c->stage != ANHYST_STAGE_AHEAD || c->next.of.full.direction == 0 ||
       !solve_from_last_step(c, target)) {
     number segment_rise;
-    path_point point = point_of_memory(c, &segment_rise);
+    path_point point = point_of_state(c, &segment_rise);
     const number residual = target - current_at(c, point.x, point.m);
     if (is_residual(residual)) {
       const mirror_type mirror = mirror_sign(residual < 0);

@@ -13,9 +13,9 @@ static slope steepest_slope(const entry *words)
   for (int32_t i = 0; i < segments; i++) {
     const number y_rise = (number)rising_half[i + 1] - rising_half[i] - SEGMENT_RISE_ROUNDING;
     const number x_rise = (number)curve.entries[i + 1] - curve.entries[i] - SEGMENT_RISE_ROUNDING;
-    const slope found = total_slope(curve_slope(curve, y_rise > 0 ? y_rise : 0),
-                                    curve_slope(curve, x_rise > 0 ? x_rise : 0),
-                                    words[ANHYST_WORD_FULL_REVERSIBLE]);
+    const slope found = total_m_slope(curve_slope(curve, y_rise > 0 ? y_rise : 0),
+                                      curve_slope(curve, x_rise > 0 ? x_rise : 0),
+                                      words[ANHYST_WORD_FULL_REVERSIBLE]);
     max_slope = found > max_slope ? found : max_slope;
   }
   return max_slope;

@@ -40,10 +40,10 @@ typedef struct {
 } path_point;
 
 /* Limits a to -1..1 and to a lower bound in -1..1. */
-static inline number limit_from_below(number a, number least)
+static inline number limit_from_below(number a, number low)
 {
-  const number inside = limit_to_one(a);
-  return inside > least ? inside : least;
+  const number limited = limit_to_one(a);
+  return limited > low ? limited : low;
 }
 
 /* Interpolates the table of an odd function at -1 <= u <= 1. */
@@ -106,7 +106,7 @@ static inline void find_y_start(branch_path *path, const entry *words, const ful
   path->decay = read_decay_rate(words);
   path->steepness = words[ANHYST_WORD_FULL_STEEPNESS];
   path->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
-  path->kappa = decay_field_of(path->steepness);
+  path->kappa = decay_field(path->steepness);
   path->max_evaluations = (int16_t)words[ANHYST_WORD_FULL_ITERATIONS];
   path->reversal_play = to_path_direction(from->turn, mirror);
   path->reversal_y = to_path_direction(from->level, mirror);
@@ -129,12 +129,12 @@ static inline number irreversible_m(const branch_path *path, number p, slope *y_
     return path->y;
   }
   number rise;
-  const number here = branch_value(path, p, &rise);
+  const number branch_y = branch_value(path, p, &rise);
   const number decayed = decayed_fraction_after(path->decay, travel);
   const number y = limit_from_below(
-      here + path->offset + times_quarter_weight(decayed, path->offset_weight), path->y);
-  *y_slope =
-      limit_slope(curve_slope(path->curve, rise) + irreversible_slope(here - y, path->steepness));
+      branch_y + path->offset + times_quarter_weight(decayed, path->offset_weight), path->y);
+  *y_slope = limit_slope(curve_slope(path->curve, rise) +
+                         irreversible_slope(branch_y - y, path->steepness));
   return y;
 }
 
@@ -150,7 +150,7 @@ static inline path_point evaluate_path(const branch_path *path, number x)
     point.y = irreversible_m(path, play_at_x, &point.y_slope);
   }
   point.m = total_m(point.y, anhysteretic, path->reversible);
-  point.m_slope = total_slope(point.y_slope, curve_slope(path->curve, rise), path->reversible);
+  point.m_slope = total_m_slope(point.y_slope, curve_slope(path->curve, rise), path->reversible);
   return point;
 }
 
@@ -164,7 +164,8 @@ static inline void find_start_slopes(const branch_path *path, number x_rise, pat
     const number anhysteretic_m = interpolate_odd(path->curve, path->p, &rise);
     point->y_slope = limit_slope(irreversible_slope(anhysteretic_m - path->y, path->steepness));
   }
-  point->m_slope = total_slope(point->y_slope, curve_slope(path->curve, x_rise), path->reversible);
+  point->m_slope =
+      total_m_slope(point->y_slope, curve_slope(path->curve, x_rise), path->reversible);
 }
 
 /* Moves a point along its tangents towards a field, by at most MAX_EXTRAPOLATION_STEP. */

@@ -84,7 +84,7 @@ static inline number weighted_slope(entry air, entry iron, slope m_slope)
   return air + iron * m_slope;
 }
 
-static inline slope total_slope(slope y_slope, slope x_slope, entry reversible)
+static inline slope total_m_slope(slope y_slope, slope x_slope, entry reversible)
 {
   return y_slope + (x_slope - y_slope) * reversible;
 }
@@ -134,13 +134,13 @@ static inline number decayed_fraction(number t)
   if (t >= (number)31) {
     return ONE;
   }
-  const int32_t whole = (int32_t)t;
-  const number f = t - (number)whole;
+  const int32_t octaves = (int32_t)t;
+  const number f = t - (number)octaves;
   number ratio =
       (number)0.0013299398836141 + f * ((number)-1.488923773820e-4 + f * (number)1.13038439e-5);
   ratio = (number)0.0555039138729150 + f * ((number)-0.0096169507101000 + f * ratio);
   ratio = (number)0.6931471804363274 + f * ((number)-0.2402264948347643 + f * ratio);
-  return ONE - (ONE - f * ratio) / (number)((uint32_t)1 << whole);
+  return ONE - (ONE - f * ratio) / (number)((uint32_t)1 << octaves);
 }
 
 static inline number decayed_fraction_after(decay_rate decay, number travel)
@@ -148,7 +148,7 @@ static inline number decayed_fraction_after(decay_rate decay, number travel)
   return decayed_fraction(travel * decay);
 }
 
-static inline number decay_field_of(entry steepness) { return ONE / steepness; }
+static inline number decay_field(entry steepness) { return ONE / steepness; }
 static inline number multiply_by_decay(number a, number fraction) { return a * fraction; }
 static inline number to_quarter_weight(number a) { return a; }
 static inline number times_quarter_weight(number a, number weight) { return a * weight; }

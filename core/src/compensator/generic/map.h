@@ -74,5 +74,5 @@ static inline number map_force(const map_type *map, number value, number gap)
   } else if (value > low) {
     position.fraction = quotient_below_one(value - low, high - low);
   }
-  return force_at(map, position);
+  return force_at_position(map, position);
 }

@@ -45,7 +45,7 @@ static inline table_position locate_force(const map_type *map, number force)
 static inline size_t columns_of(const map_type *map) { return map->force_segments; }
 static inline size_t rows_of(const map_type *map) { return map->gap_segments; }
 
-static inline number force_at(const map_type *map, table_position at)
+static inline number force_at_position(const map_type *map, table_position at)
 {
   return map->force_low + (map->force_high - map->force_low) *
                               (((number)at.index + at.fraction) / (number)map->force_segments);

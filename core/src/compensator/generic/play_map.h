@@ -121,18 +121,18 @@ static size_t find_column(const play_type *c, const gap_law *slice, size_t below
 
 /* Splits the interval at a corner of the current, where the map value is at an end of the play.
    Requires that the ends of the interval are on different sides of the corner. */
-static void split_at_corner(number edge, number side, number current, search_interval *span,
+static void split_at_corner(number corner_value, number side, number current, search_interval *span,
                             point *corner)
 {
   const point *start = span->start;
   const point *end = span->end;
   const number x =
-      precise_quotient(absolute(edge - start->value), absolute(end->value - start->value));
+      precise_quotient(absolute(corner_value - start->value), absolute(end->value - start->value));
   corner->part = interpolate_between(start->part, end->part, x);
-  corner->value = edge;
+  corner->value = corner_value;
   corner->half = interpolate_between(start->half, end->half, x);
   corner->side = side;
-  corner->current = current_at(edge, corner->half, side);
+  corner->current = current_at(corner_value, corner->half, side);
   if (start->value < end->value ? corner->current < current : corner->current > current) {
     span->start = corner;
   } else {
@@ -238,7 +238,7 @@ static void move_to_current(play_type *c, int is_solved, number current, number 
   const number x = solve_in_interval(&span, current);
   const table_position position = {span.column,
                                    interpolate_between(span.start->part, span.end->part, x)};
-  c->demand = limit_demand(&c->law.map, force_at(&c->law.map, position));
+  c->demand = limit_demand(&c->law.map, force_at_position(&c->law.map, position));
   c->at.value = interpolate_between(span.start->value, span.end->value, x);
 }
 

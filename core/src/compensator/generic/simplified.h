@@ -23,7 +23,7 @@ static number stored_path_start(const entry *words, number state);
 static number state_at_flux(const entry *words, const simplified_memory *path, number flux);
 
 /* Limits all numbers of a state to their ranges, because a stored state may be damaged. */
-static simplified_memory limit_memory(const simplified_memory *memory)
+static simplified_memory limit_state(const simplified_memory *memory)
 {
   const simplified_memory result = {clamp(memory->flux, -ONE, ONE), clamp(memory->u, -ONE, ONE),
                                     clamp(memory->turn, -ONE, ONE), clamp(memory->peak, -ONE, ONE),
@@ -73,8 +73,8 @@ static simplified_memory rising_path(const entry *words, const simplified_memory
 
 /* Advances a state along a path with rising flux. The flux is not below the flux of the state.
    Computes the start of the path when the flux exceeds the peak for the first time. */
-static void advance_memory(const entry *words, const simplified_memory *from,
-                           simplified_memory *path, number flux, simplified_memory *to)
+static void advance_state(const entry *words, const simplified_memory *from,
+                          simplified_memory *path, number flux, simplified_memory *to)
 {
   *to = *from;
   if (flux > path->peak) {
@@ -93,12 +93,12 @@ static void advance_memory(const entry *words, const simplified_memory *from,
 static number simplified_field_for_flux(compensator *c)
 {
   const entry *words = c->words;
-  const simplified_memory now = limit_memory(&c->memory.simplified);
+  const simplified_memory now = limit_state(&c->memory.simplified);
   const int is_falling = c->flux < now.flux;
   const simplified_memory from = to_travel_direction(&now, is_falling);
   simplified_memory path = rising_path(words, &from);
   simplified_memory to;
-  advance_memory(words, &from, &path, is_falling ? -c->flux : c->flux, &to);
+  advance_state(words, &from, &path, is_falling ? -c->flux : c->flux, &to);
   c->next.memory.simplified = to_travel_direction(&to, is_falling);
   return state_at_memory(words, &c->next.memory.simplified);
 }
@@ -121,7 +121,7 @@ static void solve_upwards(const entry *words, const simplified_memory *from,
       break;
     }
     const number flux = sum(to->flux, newton_step(residual, slope));
-    advance_memory(words, from, path, clamp(flux, from->flux, ONE), to);
+    advance_state(words, from, path, clamp(flux, from->flux, ONE), to);
   }
 }
 
@@ -129,7 +129,7 @@ static number simplified_flux_for_current(compensator *c, number current)
 {
   const entry *words = c->words;
   const arms_type *arms = &c->arms;
-  const simplified_memory now = limit_memory(&c->memory.simplified);
+  const simplified_memory now = limit_state(&c->memory.simplified);
   const number target = clamp(difference(current, arms->bias), -MAX_CURRENT, MAX_CURRENT);
   const number residual = difference(target, current_at(words, &now, arms));
   const int is_falling = residual < 0;
@@ -139,7 +139,7 @@ static number simplified_flux_for_current(compensator *c, number current)
     simplified_memory path = rising_path(words, &from);
     const number goal = is_falling ? -target : target;
     if (c->stage == ANHYST_STAGE_AHEAD) {
-      const simplified_memory solved = limit_memory(&c->next.memory.simplified);
+      const simplified_memory solved = limit_state(&c->next.memory.simplified);
       const simplified_memory guess = to_travel_direction(&solved, is_falling);
       if (guess.flux > from.flux &&
           absolute(difference(goal, current_at(words, &guess, arms))) < absolute(residual)) {
@@ -155,7 +155,7 @@ static number simplified_flux_for_current(compensator *c, number current)
 /* Keeps the hysteresis field u, and starts a new path. */
 static void simplified_transfer_state(compensator *c, const entry *words, number flux)
 {
-  const simplified_memory now = limit_memory(&c->memory.simplified);
+  const simplified_memory now = limit_state(&c->memory.simplified);
   const simplified_memory carried = {flux, state_at_memory(c->words, &now), flux, flux, 0};
   (void)words;
   c->memory.simplified = carried;

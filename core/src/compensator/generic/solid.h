@@ -64,17 +64,17 @@ typedef struct {
   number slope; /* decrease of the field over the flux, >= 0 */
 } load_line;
 
-static const cells_memory *memory_of(const compensator *c, int at)
+static const cells_memory *layer_state(const compensator *c, int at)
 {
   return at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
 }
 
-static candidate *trial_of(compensator *c, int at)
+static candidate *layer_trial(compensator *c, int at)
 {
   return at > 0 ? &c->deeper[at - 1].next : &c->next;
 }
 
-static const number *plays_of(const compensator *c, int at)
+static const number *layer_plays(const compensator *c, int at)
 {
   return at > 0 ? c->deeper[at - 1].plays : c->plays;
 }
@@ -82,7 +82,7 @@ static const number *plays_of(const compensator *c, int at)
 /* Returns the number of layers of a block, or 0 for a laminated core. */
 static int layer_count(const entry *words) { return integer_of(words[ANHYST_WORD_SOLID_LAYERS]); }
 
-static int memory_count(const entry *words)
+static int state_count(const entry *words)
 {
   return layer_count(words) + (words[ANHYST_WORD_SOLID_LAMINATED] > 0 ? 1 : 0);
 }
@@ -114,12 +114,12 @@ static void read_trial(solid_tick *tick, int at, number flux)
 {
   tick->flux[at] = flux;
   tick->field[at] =
-      sum(trial_of(tick->c, at)->memory.cells.x, coupling_field(flux, tick->coupling_slope));
+      sum(layer_trial(tick->c, at)->memory.cells.x, coupling_field(flux, tick->coupling_slope));
 }
 
 static number field_slope_of(const solid_tick *tick, int at)
 {
-  const candidate *trial = trial_of(tick->c, at);
+  const candidate *trial = layer_trial(tick->c, at);
   const number rise = segment_flux_rise(trial, tick->c->words[ANHYST_WORD_CELLS_AIR]);
   const number slope = segment_field_slope(width_of(trial_grid(trial)), rise, tick->coupling_slope);
   return at == tick->layers ? slope : divide_slope(slope, tick->area_fraction[at]);
@@ -134,9 +134,9 @@ static number add_layer_flux(const solid_tick *tick, int layer, number deeper)
 static void start_search(solid_tick *tick, int at)
 {
   compensator *c = tick->c;
-  candidate *trial = trial_of(c, at);
+  candidate *trial = layer_trial(c, at);
   if (c->stage == ANHYST_STAGE_UNKNOWN || !has_segment(trial)) {
-    read_trial(tick, at, reset_trial(c->words, memory_of(c, at), plays_of(c, at), trial));
+    read_trial(tick, at, reset_trial(c->words, layer_state(c, at), layer_plays(c, at), trial));
     tick->field_slope[at] = field_slope_of(tick, at);
     return;
   }
@@ -150,7 +150,7 @@ static void start_search(solid_tick *tick, int at)
 }
 
 /* Sets the flux of each section, and the start of each layer's search. */
-static void init_tick(solid_tick *tick, compensator *c)
+static void init_solid_tick(solid_tick *tick, compensator *c)
 {
   const entry *words = c->words;
   const entry surface = words[ANHYST_WORD_SOLID_SURFACE];
@@ -238,14 +238,14 @@ static load_line load_line_at_surface(const solid_tick *tick)
 static load_line load_line_below_layer(const solid_tick *tick, int layer, load_line line)
 {
   const number slope = tick->field_slope[layer];
-  const number here = to_coarse_field(tick->field[layer]);
-  load_line below = {here, slope};
+  const number field = to_coarse_field(tick->field[layer]);
+  load_line below = {field, slope};
   if (layer == 0 && tick->is_flux_given) {
     const number change = difference(tick->target, tick->section_flux[0]);
-    below.field = sum(here, multiply_by_slope(to_coarse_field(change), slope));
+    below.field = sum(field, multiply_by_slope(to_coarse_field(change), slope));
   } else {
     const entry fraction = slope_fraction(slope, line.slope);
-    below.field = sum(here, times_fraction(difference(line.field, here), fraction));
+    below.field = sum(field, times_fraction(difference(line.field, field), fraction));
     below.slope = times_fraction(line.slope, fraction);
   }
   const number change = difference(tick->section_flux[layer + 1], tick->start_flux[layer + 1]);
@@ -270,11 +270,11 @@ static number updated_field_slope(const solid_tick *tick, int at, number flux, n
 static void solve_layer(solid_tick *tick, int at, const arms_type *arms, number target)
 {
   compensator *c = tick->c;
-  candidate *trial = trial_of(c, at);
+  candidate *trial = layer_trial(c, at);
   const int32_t segment = trial->of.cells.segment;
   const number flux = tick->flux[at];
   const number field = tick->field[at];
-  (void)solve_current(c->words, memory_of(c, at), plays_of(c, at), arms, target, trial, 1);
+  (void)solve_current(c->words, layer_state(c, at), layer_plays(c, at), arms, target, trial, 1);
   read_trial(tick, at, flux_of_trial(c->words, trial));
   if (trial->of.cells.segment != segment) {
     tick->field_slope[at] = updated_field_slope(tick, at, flux, field);
@@ -291,11 +291,12 @@ static void solve_layer_for_flux(solid_tick *tick, int at, number flux)
    that the change of the deeper section is subtracted. */
 static void solve_layer_for_load_line(solid_tick *tick, int layer, load_line line, number changed)
 {
-  const number falls = times_fraction(line.slope, tick->area_fraction[layer]);
+  const number line_slope = times_fraction(line.slope, tick->area_fraction[layer]);
   const number field =
       difference(line.field, multiply_by_slope(to_coarse_field(changed), line.slope));
   arms_type arms;
-  const number target = set_load_line(&arms, field, falls, tick->coupling_slope, tick->flux[layer]);
+  const number target =
+      set_load_line(&arms, field, line_slope, tick->coupling_slope, tick->flux[layer]);
   solve_layer(tick, layer, &arms, target);
 }
 
@@ -303,8 +304,8 @@ static void solve_layer_for_load_line(solid_tick *tick, int layer, load_line lin
 static number run_pass(solid_tick *tick)
 {
   const int layers = tick->layers;
-  const number first = tick->section_flux[0];
-  number moved = 0;
+  const number start_flux = tick->section_flux[0];
+  number flux_change = 0;
   load_line line[ANHYST_MEMORIES];
   number deeper = 0;
   number changed = 0;
@@ -320,7 +321,7 @@ static number run_pass(solid_tick *tick)
     solve_layer_for_load_line(tick, j, line[j], changed);
     deeper = add_layer_flux(tick, j, deeper);
     changed = difference(deeper, tick->section_flux[j]);
-    moved = sum(moved, absolute(changed));
+    flux_change = sum(flux_change, absolute(changed));
     tick->section_flux[j] = deeper;
   }
   if (tick->is_flux_given) {
@@ -333,7 +334,7 @@ static number run_pass(solid_tick *tick)
   if (tick->laminated > 0) {
     solve_layer_for_flux(tick, layers, tick->section_flux[0]);
   }
-  return sum(moved, absolute(difference(tick->section_flux[0], first)));
+  return sum(flux_change, absolute(difference(tick->section_flux[0], start_flux)));
 }
 
 /* Returns whether all equations are solved except for rounding errors. Sets the residuals. */
@@ -342,8 +343,8 @@ static int are_equations_solved(solid_tick *tick)
   int result = 1;
   for (int j = 1; j < tick->layers; j++) {
     const number change = difference(tick->section_flux[j], tick->start_flux[j]);
-    const number falls = difference(tick->field[j - 1], tick->field[j]);
-    tick->residual[j] = difference(falls, multiply_by_slope(change, tick->diffusion_slope));
+    const number field_drop = difference(tick->field[j - 1], tick->field[j]);
+    tick->residual[j] = difference(field_drop, multiply_by_slope(change, tick->diffusion_slope));
     if (!is_residual_small(tick->residual[j],
                            sum(tick->field_slope[j - 1], tick->diffusion_slope))) {
       result = 0;
@@ -360,8 +361,8 @@ static void solve_layers(solid_tick *tick)
 {
   for (int i = 0; i < MAX_PASSES; i++) {
     tick->uses_secants = i >= TANGENT_PASSES;
-    const number moved = run_pass(tick);
-    if (are_equations_solved(tick) || moved < MIN_FLUX_CHANGE) { /* or saturated surface */
+    const number flux_change = run_pass(tick);
+    if (are_equations_solved(tick) || flux_change < MIN_FLUX_CHANGE) { /* or saturated surface */
       break;
     }
   }
@@ -369,7 +370,7 @@ static void solve_layers(solid_tick *tick)
     tick->c->deeper[j - 1].next_owed =
         outstanding_flux(tick->c->words, tick->residual[j], MAX_OUTSTANDING_FLUX);
   }
-  for (int j = 1; j < memory_count(tick->c->words); j++) {
+  for (int j = 1; j < state_count(tick->c->words); j++) {
     tick->c->deeper[j - 1].stiffness = tick->field_slope[j];
   }
 }
@@ -379,7 +380,7 @@ static void solve_layers(solid_tick *tick)
 static number solid_field_for_flux(compensator *c)
 {
   solid_tick tick;
-  init_tick(&tick, c);
+  init_solid_tick(&tick, c);
   tick.is_flux_given = 1;
   tick.target = c->flux;
   solve_layers(&tick);
@@ -395,7 +396,7 @@ static number solid_field_for_flux(compensator *c)
 static number solid_flux_for_current(compensator *c, number current)
 {
   solid_tick tick;
-  init_tick(&tick, c);
+  init_solid_tick(&tick, c);
   set_circuit_slopes(&tick);
   tick.is_flux_given = 0;
   tick.target = difference(current, c->arms.bias);
@@ -420,10 +421,10 @@ static void solid_init_state(compensator *c)
 
 static void solid_store_state(compensator *c)
 {
-  for (int at = memory_count(c->words) - 1; at >= 0; at--) {
+  for (int at = state_count(c->words) - 1; at >= 0; at--) {
     number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
-    if (have_reversed(memory_of(c, at), &trial_of(c, at)->memory.cells)) {
-      store_active_plays(c->words, memory_of(c, at), plays);
+    if (have_reversed(layer_state(c, at), &layer_trial(c, at)->memory.cells)) {
+      store_active_plays(c->words, layer_state(c, at), plays);
     }
     if (at > 0) {
       c->deeper[at - 1].memory = c->deeper[at - 1].next.memory;
@@ -436,19 +437,20 @@ static void solid_store_state(compensator *c)
    exist in the old block gets the state of the surface layer. */
 static void solid_transfer_state(compensator *c, const entry *words, number flux)
 {
-  const int old_memories = memory_count(c->words);
+  const int old_memories = state_count(c->words);
   const number change = difference(flux, c->flux_applied);
-  for (int at = memory_count(words) - 1; at >= 0; at--) {
+  for (int at = state_count(words) - 1; at >= 0; at--) {
     const int from = at < old_memories ? at : 0;
     cells_memory *memory = at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
     number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
     candidate trial;
-    const number old_flux = reset_trial(c->words, memory_of(c, from), plays_of(c, from), &trial);
+    const number old_flux =
+        reset_trial(c->words, layer_state(c, from), layer_plays(c, from), &trial);
     for (int cell = 0; cell < ANHYST_CELLS; cell++) {
-      plays[cell] = plays_of(c, from)[cell];
+      plays[cell] = layer_plays(c, from)[cell];
     }
     *memory = trial.memory.cells;
-    transfer_memory(c->words, words, saturate(sum(old_flux, change)), memory, plays);
+    transfer_state(c->words, words, saturate(sum(old_flux, change)), memory, plays);
     if (at > from) {
       c->deeper[at - 1].owed = 0;
     }
@@ -458,5 +460,5 @@ static void solid_transfer_state(compensator *c, const entry *words, number flux
 static int are_solid_layers_valid(const entry *words)
 {
   return is_integer(words[ANHYST_WORD_SOLID_LAYERS], 2, ANHYST_MEMORIES) &&
-         memory_count(words) <= ANHYST_MEMORIES && are_solid_words_valid(words);
+         state_count(words) <= ANHYST_MEMORIES && are_solid_words_valid(words);
 }

@@ -3,11 +3,11 @@
 /* Converts a number to an integer of levitation.h. NaN becomes the lowest integer. */
 static int32_t number_to_code(ANHYST_REAL a, ANHYST_REAL full)
 {
-  const ANHYST_REAL part = a / full;
-  if (!(part > R(-1.0))) {
+  const ANHYST_REAL fraction = a / full;
+  if (!(fraction > R(-1.0))) {
     return ANHYST_Q31_MIN;
   }
-  return part >= R(1.0) ? ANHYST_Q31_MAX : (int32_t)(part * R(2147483648.0));
+  return fraction >= R(1.0) ? ANHYST_Q31_MAX : (int32_t)(fraction * R(2147483648.0));
 }
 
 static ANHYST_REAL code_to_number(int32_t code, ANHYST_REAL full)
