@@ -247,7 +247,7 @@ static inline number secant_slope(number rise, number run)
   return (rise < 0) == (run < 0) && found > 0 ? found : 1;
 }
 
-/* Returns a field divided by 16, so that a load line can have 32 times the largest table field. */
+/* Returns a field divided by 16, so that a load line can reach 32 times the largest table field. */
 static inline number to_coarse_field(number a) { return a >> 4; }
 
 static inline number divide_slope(number slope, entry fraction)
@@ -292,9 +292,9 @@ static inline number outstanding_flux(const entry *words, number residual, numbe
   return anhyst_clamp(flux >> words[ANHYST_WORD_SOLID_HOLD_SHIFT], -most, most);
 }
 
-/* Sets the coefficients of the equation coupling_slope*f + x = field - falls*(f - flux), halved
-   until all of them fit into 16 bits. The argument `field` is a result of to_coarse_field. Returns
-   the target of the equation, divided by 4. */
+/* Sets the coefficients of the equation coupling_slope*f + x = field - line_slope*(f - flux),
+   halved until all of them fit into 16 bits. The argument `field` is a result of to_coarse_field.
+   Returns the target of the equation, divided by 4. */
 static inline number set_load_line(arms_type *arms, number field, number line_slope,
                                    number coupling_slope, number flux)
 {

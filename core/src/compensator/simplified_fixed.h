@@ -39,7 +39,7 @@ static inline number scale_travel(number travel, entry weight, entry shift)
   return anhyst_shl_q31(anhyst_scale(travel, weight), n);
 }
 
-/* Returns the change of u for a travel of the flux, on the line after a reversal (travel >= 0). */
+/* Returns the change of u for a travel >= 0 of the flux, on the straight line after a reversal. */
 static inline number linear_state_change(const entry *words, number travel)
 {
   return scale_travel(travel, words[ANHYST_WORD_SIMPLE_HOLD], words[ANHYST_WORD_SIMPLE_HOLD_SHIFT]);

@@ -157,8 +157,8 @@ static int start_search(const anhyst_wrench_q31 *w, wrench_search *s,
 }
 
 /* Sets the forces limited to their bounds, and the excess of each free unit over its bound. A unit
-   that pulls in one direction has a minimum. If has_maximum is set, all units also have a maximum,
-   and pairs have a maximum in both directions. */
+   that pulls in one direction has a minimum force. If has_maximum is set, all units also have a
+   maximum force, and pairs have one in both directions. */
 static void find_bounds(const anhyst_wrench_q31 *w, const wrench_search *s, int has_maximum,
                         int32_t *bound, int32_t *excess)
 {

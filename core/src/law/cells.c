@@ -190,7 +190,7 @@ static double next_knot(const anhyst_cells_f64 *cells, double x)
   return -(cell_double_of((previous_bits >> inner_shift) << inner_shift) - 1.0) / cells->per_unit;
 }
 
-/* Returns the position of the maximum of the left side. Stops early if it reaches the target. */
+/* Returns the position at which the left side is largest, or at which it reaches the target. */
 static double find_fold(const path *p, double low, double high)
 {
   for (int i = 0; i < 60; i++) {

@@ -160,7 +160,7 @@ static void set_sections(const layer_problem *problem, const double *start, cons
   }
 }
 
-/* Line search: moves along a step until |slope| is at most half of its start value, or to its
+/* Line search: moves along a step until |slope| is at most half of its start value, or to the
    end. */
 static anhyst_status search_along_step(layer_problem *problem, double *section, double *residual,
                                        const double *step)

@@ -44,7 +44,7 @@ anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
                                 const double *eddy, double tol, int most_cycles, int *cycles,
                                 size_t *index)
 {
-  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX] = {{0}}; /* at the last ends of cycles */
+  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX] = {{0}}; /* states at ends of cycles */
   int newest = 0;
   const int count = read_numbers(iron, state, ends[0]);
   for (*cycles = 1; *cycles <= most_cycles; (*cycles)++) {

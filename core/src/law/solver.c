@@ -10,7 +10,7 @@
 typedef struct {
   anhyst_path_f64 path;
   double omega, r;
-  double near; /* start, or a position whose residual has the sign at the start */
+  double near; /* start, or a position whose residual has the start's sign */
   double far;  /* a position whose residual has the opposite sign */
   int evaluations;
 } path_search;
@@ -109,8 +109,8 @@ static double find_fold(path_search *search, double rising, double falling)
 
 /* Follows the path from its start until the residual changes sign. With omega < 0 and dm/dx >= 0,
    the residual changes by at most the distance. Therefore, a step of the size of the residual
-   cannot pass a solution. Near a fold, steps of this size become tiny. Near a fold, a minimum step
-   is used, and a fold within the minimum step is searched for. */
+   cannot pass a solution. Near a fold, where the residual is tiny, a minimum step is used, and a
+   fold within the minimum step is searched for. */
 static anhyst_status find_bracket(path_search *search, double d)
 {
   const double sign = search->path.sign;
@@ -178,7 +178,7 @@ anhyst_status anhyst_solve_f64(const anhyst_operator_f64 *law, const anhyst_stat
     const double end_steepest = state->x + d / min_slope;
     const double end_flat = state->x + d;
     const int is_omega_positive = omega > 0.0;
-    /* The start is a safe bound, because rounding could move the solution to just before it. */
+    /* Uses the start as a safe bound: rounding could move the solution to before a closer bound. */
     search.near = state->x;
     search.far = (is_omega_positive ? end_flat : end_steepest) +
                  sign * DBL_EPSILON * (8.0 * fabs(end_flat) + 1e-30);

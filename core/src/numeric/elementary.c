@@ -26,7 +26,7 @@ static double double_of(uint64_t bits)
   return value;
 }
 
-/* Pairs for 2^(i/64). The second number is relative to the first. */
+/* Table of 2^(i/64) as pairs of numbers. The second number of a pair is relative to the first. */
 static const pair power_table[64] = {
     {0x1.0000000000000p+0, 0.0},         {0x1.02c9a3e778061p+0, -1.5071e-17},
     {0x1.059b0d3158574p+0, 4.9997e-17},  {0x1.0874518759bc8p+0, 7.3578e-18},
@@ -95,9 +95,9 @@ double anhyst_exp_f64(double x)
   return x; /* NaN */
 }
 
-/* Pairs for log(c), c = 1 + i/64; from i = 26 on, for log(c/2). The first number is rounded to a
-   grid that also contains integer multiples of log 2. Both entries next to 1 are exact, so that no
-   digits cancel there. */
+/* Table of log(c) as pairs, for c = 1 + i/64; from i = 26 on, of log(c/2). The first number is
+   rounded to a grid that also contains integer multiples of log 2. Both entries next to 1 are
+   exact, so that no digits cancel there. */
 static const pair log_table[65] = {{0.0, 0.0},
                                    {0x1.fc0a8b0fc0000p-7, 1.727456750e-15},
                                    {0x1.f829b0e780000p-6, 4.529814258e-14},
@@ -197,7 +197,7 @@ double anhyst_log_f64(double x)
   return sum + (rest - series);
 }
 
-/* Pairs for atan(c): c = 0, then the centre c of each eighth of an octave from 1/32 to 64. */
+/* Table of atan(c) as pairs: c = 0, then the centre of each eighth of an octave from 1/32 to 64. */
 const anhyst_pair anhyst_angles[89] = {{0.0, 0.0},
                                        {0x1.0fe66da9b94eep-5, -9.4294e-19},
                                        {0x1.2fdc4e3737dddp-5, -1.9405e-18},

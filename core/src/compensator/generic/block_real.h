@@ -13,7 +13,7 @@
 /* Number of 16-bit halves in a word. */
 #define HALVES_PER_WORD ((uint16_t)(sizeof(entry) / sizeof(uint16_t)))
 
-/* Returns 16 bits of a word: the lowest ones if the argument `half` is 0, for any byte order. */
+/* Returns half of a word: the lowest 16 bits if the argument `half` is 0, for any byte order. */
 static inline uint16_t half_word(entry word, uint16_t half)
 {
   union {

@@ -102,8 +102,8 @@ static int has_same_stop_direction(const cell_path *path, int cell)
   return ((mask >> ((unsigned)cell & 31U)) & 1U) != 0U;
 }
 
-/* Finds all cells that came to rest together with the next cell, on a path in the other direction,
-   up to `last_cell`. Sets the reversal point of this path to their reversal point. */
+/* Finds all cells up to last_cell that came to rest together with the next cell, while the field
+   moved in the other direction. Sets the reversal point of the path to that of these cells. */
 static void find_reversal_group(cell_path *path, int last_cell)
 {
   int cell = path->active;
@@ -167,8 +167,8 @@ static void solve_row(cell_path *path, const equation *eq, const entry *first_en
   path->x = clamped(field_at_fraction(begin, width, limit_fraction(fraction)), low, high);
 }
 
-/* Activates cells that came to rest together at the reversal of this path, up to the target. Finds
-   their number by bisection. Returns the field at which the last one becomes active. */
+/* Activates cells that came to rest together at the reversal of this path, up to the target. A
+   bisection finds the number of cells. Returns the field at which the last cell becomes active. */
 static number reactivate_group(cell_path *path, const equation *eq, number low)
 {
   const table_position reversal = {path->reversal.segment + row_offset(path, path->active - 1),

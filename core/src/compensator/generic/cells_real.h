@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the play-cell law in floating point, for generic/cells.h. cells_fixed.h describes
-   the functions. Fields, plays and magnetisations are fractions on a grid of 2*NUMBER_EPS. Sums and
-   differences of two of them are exact, so that the sum of the resting cells has no errors. */
+   the functions. Fields, plays and magnetisations are fractions on a grid of 2*NUMBER_EPS. The sum
+   or difference of two such fractions is exact, so that the magnetisation of the cells at rest does
+   not drift. */
 
 typedef struct {
   number width; /* width of a segment */
@@ -17,13 +18,13 @@ typedef struct {
 #define NUMBER_STEP ((number)2 * NUMBER_EPS)
 #define MAX_FIELD ((number)1 - NUMBER_STEP)
 #define MIN_FIELD (NUMBER_STEP - (number)1)
-#define WHOLE_SEGMENT ((number)1) /* upper end of a segment, as a fraction of its width */
+#define WHOLE_SEGMENT ((number)1) /* 1.0 as a fraction of a segment */
 
 #define POWER_OF_HALF(n) ((number)1 / (number)(1L << (n)))
 
 #define RESIDUAL_DEADBAND NUMBER_EPS
 
-/* Rounds to the nearest multiple of NUMBER_STEP, the spacing of 2..4. Requires |a| < 1. */
+/* Rounds to a multiple of NUMBER_STEP, the spacing of numbers in 2..4. Requires |a| < 1. */
 static inline number round_to_grid(number a)
 {
   const number shifted = a + (number)3;
@@ -157,7 +158,7 @@ static inline number internal_current_limit(const entry *words, int word) { retu
 #define MIN_THRESHOLD NUMBER_STEP      /* smallest threshold of a play cell */
 /* Rounding error of a weight that is interpolated between two table entries. */
 #define WEIGHT_ROUNDING NUMBER_EPS
-/* Smallest rise of a weighted sum over one segment that exceeds rounding errors. */
+/* Smallest rise of a weighted sum over a segment that is not a rounding error. */
 #define MIN_SEGMENT_RISE ((number)0.5 * NUMBER_EPS)
 #define QUARTER_WEIGHT ((number)0.25)
 
@@ -244,8 +245,8 @@ static inline number outstanding_flux(const entry *words, number residual, numbe
   return clamp(residual / words[ANHYST_WORD_SOLID_HOLD], -most, most);
 }
 
-/* Sets the coefficients of the equation coupling_slope*f + x = field - falls*(f - flux), scaled to
-   at most 1/2 in size. Returns the target of the equation, divided by 4. */
+/* Sets the coefficients of the equation coupling_slope*f + x = field - line_slope*(f - flux),
+   scaled to at most 1/2 in size. Returns the target of the equation, divided by 4. */
 static inline number set_load_line(arms_type *arms, number field, number line_slope,
                                    number coupling_slope, number flux)
 {

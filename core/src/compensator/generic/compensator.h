@@ -38,7 +38,7 @@ static inline void end_call(compensator *c)
 #endif
 }
 
-/* Stores the gap, and sets a flag if it is out of range. Returns its position in the tables. */
+/* Stores the gap, sets a flag if it is out of range, and returns the position in the gap tables. */
 static gap_position store_gap(compensator *c, number gap)
 {
   const number fraction = gap_fraction(c, gap);

@@ -37,7 +37,8 @@ static ANHYST_REAL solve_by_map(anhyst_force_controller_x *c, ANHYST_REAL demand
   return apply_correction(c, anhyst_map_value_x(c->map, c->demand, gap));
 }
 
-/* Returns the force of an applied current that contains a flux correction, `added`. */
+/* Returns the force of an applied current. The argument `added` is the current's flux
+   correction. */
 static ANHYST_REAL force_by_map(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                 ANHYST_REAL added, ANHYST_REAL gap)
 {

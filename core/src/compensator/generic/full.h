@@ -9,7 +9,7 @@
 /* Shortest interval in which the anhysteretic curve gives a better estimate than the midpoint. */
 #define MIN_CURVE_GUESS_INTERVAL (ONE / 16)
 
-/* Shorter Newton steps are accepted without a check. This is about the tables' error, 6e-5. */
+/* Shorter Newton steps are accepted without a check. The limit is about the table error, 6e-5. */
 #define MIN_CHECKED_STEP (ONE / 16384)
 
 /* Number of iterations of the estimate along the anhysteretic curve for a negative iron weight. */
@@ -28,7 +28,7 @@
 
 static inline int16_t direction_sign(mirror_type mirror) { return mirror < 0 ? -1 : 1; }
 
-/* Returns the stored state as a point without slopes. *rise: rise of the anhysteretic segment. */
+/* Returns the stored state as a point without slopes, and the rise of its anhysteretic segment. */
 static inline path_point point_of_state(const compensator *c, number *rise)
 {
   const full_memory *from = &c->memory.full;
@@ -91,7 +91,7 @@ static inline number current_at(const compensator *c, number x, number m)
   return scaled(flux_at(c->words, x, m), c->arms.flux_arm) + scaled(x, c->arms.field_arm);
 }
 
-/* Returns the equation for a current. In fixed point, the weight of its field is rounded. */
+/* Returns the equation for a current. In fixed point, the weight of the field is rounded. */
 static inline equation current_equation(const compensator *c, number target)
 {
   const equation eq = {air_weight_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms),
@@ -139,7 +139,8 @@ static inline equation equation_for_residual(const compensator *c, const path_po
   return eq;
 }
 
-/* Solves for a current from the end of the last solved path. Returns 0 if there is no solution. */
+/* Solves for a current from the end of the last solved path. Returns 0 if the path has no
+   solution. */
 static int solve_from_last_step(compensator *c, number target)
 {
   const candidate *end = &c->next;

@@ -6,7 +6,7 @@
 
    where L is the anhysteretic curve and A the ascending branch without reversible magnetisation,
    both tables. The play p follows the field x within its threshold. The effect of the history only
-   decays. Therefore, the error of a table does not accumulate in y, for a path of any length. */
+   decays. Therefore, the error of a table appears only once in y, for a path of any length. */
 
 typedef struct {
   number x; /* field at the start of the path */

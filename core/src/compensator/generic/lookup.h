@@ -3,7 +3,7 @@
 /* Position of a signal in a table with equal segments. */
 typedef struct {
   uint16_t index;       /* index of the segment */
-  ANHYST_REAL fraction; /* position on the segment, 0..1 */
+  ANHYST_REAL fraction; /* position within the segment, 0..1 */
 } anhyst_table_position_x;
 
 /* Returns the position of a signal that is given in units of the segment width. Outside the table,

@@ -92,7 +92,7 @@ static number solve_demand(play_type *c, number demand, number gap)
 /* Interval of a segment in which a current is searched for. */
 typedef struct {
   size_t column;
-  const point *start; /* ends of the interval; the search starts at the first */
+  const point *start; /* ends of the interval; a search begins at the first */
   const point *end;
   point low; /* storage of the ends: adjacent columns, and corners between them */
   point high;

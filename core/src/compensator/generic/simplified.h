@@ -115,7 +115,7 @@ static void solve_upwards(const entry *words, const simplified_memory *from,
     if (!(absolute(residual) > RESIDUAL_DEADBAND)) {
       break;
     }
-    const number state = to->flux < path->peak ? -ONE : to->u; /* -1 on the straight line */
+    const number state = to->flux < path->peak ? -ONE : to->u; /* negative: straight line */
     const number slope = current_slope(arms, state_slope(words, state));
     if (!(slope > 0)) {
       break;

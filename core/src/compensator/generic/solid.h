@@ -41,8 +41,8 @@ typedef struct {
   int is_flux_given;                    /* whether the flux is given; otherwise the current */
   int uses_secants;                     /* whether slopes are secants between two positions */
   number target;                        /* given flux, or given current without its bias */
-  number diffusion_slope;               /* hold: field between two layers for a flux change */
-  number coupling_slope;                /* own: field of a flux in its own layer, <= 0 */
+  number diffusion_slope;               /* field between two layers for a flux change */
+  number coupling_slope;                /* field of a flux in its own layer, <= 0 */
   number reluctance;                    /* field over flux of the circuit outside of the core */
   number field_per_current;             /* 1/(field coefficient*(1 - laminated)) */
   int layers;                           /* N */

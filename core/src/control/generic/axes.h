@@ -84,7 +84,7 @@ static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
   }
 }
 
-/* Detects failed sensors, and may start a landing. Returns whether the others are valid. */
+/* Detects failed sensors, and may start a landing. Returns whether the other readings are valid. */
 static int detect_lost_sensors(anhyst_axes_x *c, const ANHYST_REAL *head)
 {
   const anhyst_axes_settings_x *settings = c->settings;

@@ -5,7 +5,7 @@
 
 static int magnet_count(const anhyst_position_x *c) { return c->magnet[1] != NULL ? 2 : 1; }
 
-/* Returns the current of the D/A converter that is nearest to zero. */
+/* Returns the current nearest to zero that the D/A converter can produce. */
 static ANHYST_REAL zero_current(const anhyst_position_limits_x *limits)
 {
   return round_to_grid(limits, clamp(0, limits->current_low, limits->current_high));

@@ -44,8 +44,8 @@ static int scale_axes(anhyst_wrench_x *w)
   return 1;
 }
 
-/* Factorises the matrix of all open drives. Returns 0 if the drives cannot produce every wrench.
-   With yields, every wrench has a solution. */
+/* Factorises the matrix of the usable drives. Returns 0 if the drives cannot produce every wrench.
+   If the axes may yield, every wrench has a solution. */
 static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
                      anhyst_wrench_factor_x *result)
 {
@@ -81,8 +81,8 @@ static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
   return 1;
 }
 
-/* Removes a drive from a factorisation. Returns 0 if the other drives cannot produce every wrench.
-   With yields, always returns 1: except for rounding, no pivot is below the yield of its axis. */
+/* Removes a drive from a factorisation. Returns 0 if the others cannot produce every wrench. If
+   axes may yield, returns 1: except for rounding, no pivot is below the yield of its axis. */
 static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yields,
                         anhyst_wrench_factor_x *factor)
 {
@@ -120,7 +120,8 @@ static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yiel
   return 1;
 }
 
-/* Sets the bit masks of the open drives and of the drives without a partner. */
+/* Sets the bit masks of the usable drives (one of each pair) and of the drives without a
+   partner. */
 static void classify_drives(anhyst_wrench_x *w)
 {
   int j;
