@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the Jiles-Atherton law in fixed point, for generic/full.h. Internal numbers are
-   q28. A sum of a few of them fits into 32 bits without saturation. Slopes have a unit of
-   1/1024. */
+   q28. A sum of a few of them needs no saturation in 32 bits. Slopes are in units of 1/1024. */
 #ifndef ANHYST_FULL_FIXED_H
 #define ANHYST_FULL_FIXED_H
 

@@ -14,7 +14,7 @@
 #define MAX_CURRENT (ANHYST_Q30_ONE - 1)
 #define MAX_DISTANCE ANHYST_Q31_MAX
 #define MAX_WEIGHT_SHIFT 12
-#define MAX_STATE_SLOPE ((int32_t)2097152) /* 2048, the limit of a weight */
+#define MAX_STATE_SLOPE ((int32_t)2097152) /* 2048, the limit of a weight with exponent 12 */
 
 /* Largest difference of two currents that rounding errors alone can cause. */
 #define RESIDUAL_DEADBAND 128

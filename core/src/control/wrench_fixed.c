@@ -284,7 +284,7 @@ int anhyst_wrench_share_q31(const anhyst_wrench_q31 *w, const int32_t *wrench, i
   if (is_made && w->lost != 0U) {
     is_made = fix_at_bounds(w, &s, 1, 0);
   }
-  if (!is_made && w->lost != 0U) { /* minimises the missing wrench, weighted by yields */
+  if (!is_made && w->lost != 0U) { /* bounded forces with the smallest weighted missing wrench */
     (void)start_search(w, &s, &w->layout->yields, wrench);
     (void)fix_at_bounds(w, &s, 1, ANHYST_WRENCH_PASSES);
   }

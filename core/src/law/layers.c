@@ -35,7 +35,7 @@ typedef struct {
   double area_fraction[ANHYST_LAYERS_MAX]; /* phi_j */
   double start_flux[ANHYST_LAYERS_MAX];    /* S_j of the initial state */
   anhyst_reaction_f64 *reaction;
-  double field[ANHYST_MEMORIES_MAX];       /* H_j, then H_l */
+  double field[ANHYST_MEMORIES_MAX];       /* fields H_j, then H_l */
   double field_slope[ANHYST_MEMORIES_MAX]; /* dH/dB of each layer and of the laminated part */
 } layer_problem;
 
@@ -160,8 +160,7 @@ static void set_sections(const layer_problem *problem, const double *start, cons
   }
 }
 
-/* Line search: moves along a step until |slope| is at most half of its start value, or to the
-   end. */
+/* Line search: moves along a step until |slope| has at least halved, or to the end of the step. */
 static anhyst_status search_along_step(layer_problem *problem, double *section, double *residual,
                                        const double *step)
 {

@@ -40,7 +40,7 @@ static void store_candidate(const path_search *search, const anhyst_answer_f64 *
 }
 
 /* Newton's method from x, limited to the interval. After a rejected step, divides the interval at
-   the geometric mean of the distances from the start: it may span many orders of magnitude. */
+   the geometric mean of the distances from the start, which can differ by orders of magnitude. */
 static anhyst_status solve_in_bracket(path_search *search, double x,
                                       anhyst_candidate_f64 *candidate)
 {
