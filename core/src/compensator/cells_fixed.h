@@ -120,7 +120,7 @@ static inline number multiply_rise(number rise, number fraction)
 static inline int has_segment(const candidate *at) { return at->of.cells.fineness - 1U < 15U; }
 static inline segment_grid trial_grid(const candidate *trial) { return trial->of.cells.fineness; }
 
-static inline number trial_begin(const candidate *trial, number x)
+static inline number trial_lower_end(const candidate *trial, number x)
 {
   return segment_begin(x, trial->of.cells.fineness);
 }

@@ -72,7 +72,7 @@ static void measure_pose(const anhyst_axes_settings_q31 *settings, anhyst_rows_q
   multiply_matrix(see, (int)settings->layout.axes, (int)settings->heads, head, pose);
 }
 
-static anhyst_rows_q31 rows_from(anhyst_rows_q31 matrix, int row, int columns)
+static anhyst_rows_q31 matrix_from_row(anhyst_rows_q31 matrix, int row, int columns)
 {
   const anhyst_rows_q31 from = {&matrix.number[(ptrdiff_t)row * columns], &matrix.shift[row]};
   return from;

@@ -7,20 +7,21 @@
 #include <stdint.h>
 #include <string.h>
 
-#define PASTE_(a, b) a##b
-#define PASTE(a, b) PASTE_(a, b)
-#define BATCH(name) PASTE(PASTE(anhyst_batch_, name), ANHYST_BATCH_NAME)
+#define PASTE_TOKENS(a, b) a##b
+#define EXPAND_AND_PASTE(a, b) PASTE_TOKENS(a, b)
+#define BATCH_NAME(name) EXPAND_AND_PASTE(EXPAND_AND_PASTE(anhyst_batch_, name), ANHYST_BATCH_NAME)
 
 /* Number of parameter sets that are simulated together. All states fit into the L1 cache. */
 #define BLOCK_SETS 64
 
-anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
-                         const double *drive, double *x, double *y, double *m_out, double *x_out);
-void BATCH(functions)(size_t n, const double *t, double *exp_minus, double *langevin);
+anhyst_status BATCH_NAME(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
+                              const double *drive, double *x, double *y, double *m_out,
+                              double *x_out);
+void BATCH_NAME(functions)(size_t n, const double *t, double *exp_of_negative, double *langevin);
 
 /* Returns exp(-t) for t >= 0, but at least about 1e-300. Adding the magic number rounds t/ln 2 to
    an integer in the low bits, which then become the exponent. */
-static inline double exp_minus(double t)
+static inline double exp_of_negative(double t)
 {
   const double magic = 6755399441055744.0; /* 1.5 * 2^52 */
   const double bounded = t < 690.0 ? t : 690.0;
@@ -117,7 +118,7 @@ static inline double linear_step(double y0, double m0, double m1, double ahead, 
   const double numerator = is_constant_first ? s * ahead : s;
   const double denominator = is_constant_first ? m1 - m0 : 1.0;
   const double inverse = 1.0 / (numerator * denominator + 1e-280);
-  const double e = 1.0 - exp_minus(numerator * numerator * inverse);
+  const double e = 1.0 - exp_of_negative(numerator * numerator * inverse);
   return y0 + lead * e + rise * (1.0 - e * (denominator * denominator * inverse));
 }
 
@@ -185,8 +186,9 @@ static void load_block(block *b, const anhyst_batch_sets *sets, size_t first, co
   }
 }
 
-anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
-                         const double *drive, double *x, double *y, double *m_out, double *x_out)
+anhyst_status BATCH_NAME(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
+                              const double *drive, double *x, double *y, double *m_out,
+                              double *x_out)
 {
   for (size_t first = 0; first < sets->sets; first += BLOCK_SETS) {
     const size_t count = sets->sets - first < BLOCK_SETS ? sets->sets - first : BLOCK_SETS;
@@ -211,11 +213,11 @@ anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, 
   return ANHYST_OK;
 }
 
-void BATCH(functions)(size_t n, const double *t, double *exp_out, double *langevin_out)
+void BATCH_NAME(functions)(size_t n, const double *t, double *exp_out, double *langevin_out)
 {
   for (size_t i = 0; i < n; i++) {
     double slope;
-    exp_out[i] = exp_minus(fabs(t[i]));
+    exp_out[i] = exp_of_negative(fabs(t[i]));
     langevin_out[i] = langevin(t[i], &slope);
   }
 }

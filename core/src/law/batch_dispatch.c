@@ -24,8 +24,8 @@ DECLARE_BATCH_FUNCTIONS(_avx512)
 #define FMA_XSAVE_AVX (1u << 12 | 1u << 27 | 1u << 28)
 #define AVX2 (1u << 5)
 #define AVX512_F_DQ_VL (1u << 16 | 1u << 17 | 1u << 31)
-#define SAVES_256 (3u << 1)
-#define SAVES_512 (SAVES_256 | 7u << 5)
+#define SAVES_256_BIT (3u << 1)
+#define SAVES_512_BIT (SAVES_256_BIT | 7u << 5)
 
 /* Does not use __builtin_cpu_supports: it returns 0 for every feature if zig links the program. */
 anhyst_batch_level anhyst_batch_best(void)
@@ -39,10 +39,10 @@ anhyst_batch_level anhyst_batch_best(void)
   // NOLINTNEXTLINE(portability-no-assembler): the intrinsic would need -mxsave
   __asm__("xgetbv" : "=a"(enabled), "=d"(high) : "c"(0));
   __cpuid_count(7, 0, a, b, c, d);
-  if (!(b & AVX2) || (enabled & SAVES_256) != SAVES_256) {
+  if (!(b & AVX2) || (enabled & SAVES_256_BIT) != SAVES_256_BIT) {
     return ANHYST_BATCH_BASE;
   }
-  return (b & AVX512_F_DQ_VL) == AVX512_F_DQ_VL && (enabled & SAVES_512) == SAVES_512
+  return (b & AVX512_F_DQ_VL) == AVX512_F_DQ_VL && (enabled & SAVES_512_BIT) == SAVES_512_BIT
              ? ANHYST_BATCH_AVX512
              : ANHYST_BATCH_AVX2;
 }

@@ -10,7 +10,7 @@ typedef struct {
   const anhyst_cells_f64 *cells;
   const anhyst_cell_weights_f64 *weights;
   const anhyst_cell_directions_f64 *directions;
-  size_t count; /* number of directions */
+  size_t direction_count; /* number of directions */
 } problem;
 
 /* Adds the derivatives of a cell's contribution at a constant play to a sum, for each direction.
@@ -25,9 +25,9 @@ static double add_fixed_play_terms(const problem *s, int cell, double play, doub
     double z;
     const cell_jet phi = anhyst_cell_curve(w, j, play, &z);
     const double slope_term = w->weight[index] * inverse * phi.f1;
-    const double *weight_t = s->directions->weight_t + index * s->count;
-    const double *width_t = s->directions->width_t + (size_t)j * s->count;
-    for (size_t t = 0; t < s->count; t++) {
+    const double *weight_t = s->directions->weight_t + index * s->direction_count;
+    const double *width_t = s->directions->width_t + (size_t)j * s->direction_count;
+    for (size_t t = 0; t < s->direction_count; t++) {
       sum[t] += weight_t[t] * phi.f - slope_term * z * width_t[t];
     }
     slope += slope_term;
@@ -45,10 +45,10 @@ static void sum_resting_cells(const problem *s, const anhyst_cells_state_f64 *st
                               const double *numbers_t, double *rest)
 {
   const size_t cells = (size_t)s->cells->cells;
-  memset(rest, 0, s->count * sizeof *rest);
+  memset(rest, 0, s->direction_count * sizeof *rest);
   for (int i = count_active_cells(state); i < s->cells->cells; i++) {
     const double slope = add_fixed_play_terms(s, i, state->place[i], rest);
-    for (size_t t = 0; t < s->count; t++) {
+    for (size_t t = 0; t < s->direction_count; t++) {
       rest[t] += slope * numbers_t[t * cells + (size_t)i];
     }
   }
@@ -60,11 +60,11 @@ static void store_play_derivatives(const problem *s, const anhyst_cells_state_f6
                                    double *numbers_t)
 {
   const size_t cells = (size_t)s->cells->cells;
-  for (size_t t = 0; t < s->count; t++) {
+  for (size_t t = 0; t < s->direction_count; t++) {
     for (int i = 1; i < state->active; i++) {
       numbers_t[t * cells + (size_t)i] =
           numbers_t[t * cells] -
-          state->direction * s->directions->threshold_t[(size_t)i * s->count + t];
+          state->direction * s->directions->threshold_t[(size_t)i * s->direction_count + t];
     }
   }
 }
@@ -80,13 +80,13 @@ static void differentiate_step(const problem *s, const anhyst_cells_state_f64 *s
     const double cell_slope =
         add_fixed_play_terms(s, i, state->x - state->direction * s->cells->threshold[i], m_t);
     slope = state->active == 0 ? cell_slope : slope;
-    for (size_t t = 0; i > 0 && t < s->count; t++) {
-      m_t[t] -=
-          cell_slope * state->direction * s->directions->threshold_t[(size_t)i * s->count + t];
+    for (size_t t = 0; i > 0 && t < s->direction_count; t++) {
+      m_t[t] -= cell_slope * state->direction *
+                s->directions->threshold_t[(size_t)i * s->direction_count + t];
     }
   }
   const double inverse = 1.0 / (1.0 + omega * slope);
-  for (size_t t = 0; t < s->count; t++) {
+  for (size_t t = 0; t < s->direction_count; t++) {
     x_t[t] = (r_t[t] - omega_t[t] * state->m - omega * m_t[t]) * inverse;
     m_t[t] += slope * x_t[t];
     numbers_t[t * cells] = x_t[t];

@@ -32,7 +32,7 @@ static double irreversible_slope(const anhyst_path_f64 *path, double p, double y
    sub-steps come first, then the remainder, so that the result is a continuous function of the end.
    If a path is much longer than the decay length of the lag, only its end is integrated. This
    integration starts from the steady-state lag kappa*L'. */
-static double integrate(const anhyst_path_f64 *path, double p)
+static double integrate_lag(const anhyst_path_f64 *path, double p)
 {
   const double eps = path->law->eps;
   const double slope_factor = 1.0 - eps / 3.0;
@@ -86,7 +86,7 @@ static double irreversible_m(anhyst_path_f64 *path, double p, double pull, doubl
   if (path->sign * (p - path->departure) <= 0.0) {
     return path->from.y;
   }
-  const double y = integrate(path, p);
+  const double y = integrate_lag(path, p);
   *y_slope = irreversible_slope(path, p, y);
   return y;
 }

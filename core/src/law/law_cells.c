@@ -39,10 +39,10 @@ static anhyst_status set_state(const void *law, const double *given, anhyst_memo
   return ANHYST_OK;
 }
 
-static void get_state(const void *law, const anhyst_memory_f64 *state, double *found)
+static void read_state_numbers(const void *law, const anhyst_memory_f64 *state, double *found)
 {
   anhyst_cells_numbers_f64(law, &state->cells, found);
 }
 
 const anhyst_law_f64 anhyst_law_cells_f64 = {
-    state_size, solve_step, accept_step, read_field_and_m, set_state, get_state, 0};
+    state_size, solve_step, accept_step, read_field_and_m, set_state, read_state_numbers, 0};

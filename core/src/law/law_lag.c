@@ -44,7 +44,7 @@ static anhyst_status set_state(const void *law, const double *given, anhyst_memo
   return anhyst_state_check_f64(law, &state->lag);
 }
 
-static void get_state(const void *law, const anhyst_memory_f64 *state, double *found)
+static void read_state_numbers(const void *law, const anhyst_memory_f64 *state, double *found)
 {
   (void)law;
   found[0] = state->lag.x;
@@ -70,5 +70,6 @@ static void extrapolate_drift(const void *law, const double *const ends[3],
   }
 }
 
-const anhyst_law_f64 anhyst_law_lag_f64 = {
-    state_size, solve_step, accept_step, read_field_and_m, set_state, get_state, extrapolate_drift};
+const anhyst_law_f64 anhyst_law_lag_f64 = {state_size,       solve_step, accept_step,
+                                           read_field_and_m, set_state,  read_state_numbers,
+                                           extrapolate_drift};

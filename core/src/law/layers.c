@@ -228,7 +228,7 @@ static anhyst_status solve_sections(layer_problem *problem, double *section)
 }
 
 /* Sets the fractions of the cross-section, and starts the search at the fluxes of the state. */
-static void init_problem(layer_problem *problem, double *section)
+static void init_layer_problem(layer_problem *problem, double *section)
 {
   const anhyst_iron_f64 *iron = problem->iron;
   double flux = 0.0;
@@ -252,7 +252,7 @@ anhyst_status anhyst_layers_forward_f64(const anhyst_iron_f64 *iron, const anhys
   if (!are_inputs_finite(circuit, drive)) {
     return ANHYST_OUT_OF_RANGE;
   }
-  init_problem(&problem, section);
+  init_layer_problem(&problem, section);
   const anhyst_status status = solve_sections(&problem, section);
   reaction->drive = drive;
   reaction->flux = section[0];
@@ -270,7 +270,7 @@ anhyst_status anhyst_layers_inverse_f64(const anhyst_iron_f64 *iron, const anhys
   if (!are_inputs_finite(circuit, flux)) {
     return ANHYST_OUT_OF_RANGE;
   }
-  init_problem(&problem, section);
+  init_layer_problem(&problem, section);
   section[0] = flux;
   const anhyst_status status = solve_sections(&problem, section);
   reaction->flux = flux;

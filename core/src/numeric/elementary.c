@@ -12,14 +12,14 @@
 
 typedef anhyst_pair pair;
 
-static uint64_t bits_of(double value)
+static uint64_t double_to_bits(double value)
 {
   uint64_t bits;
   memcpy(&bits, &value, sizeof bits);
   return bits;
 }
 
-static double double_of(uint64_t bits)
+static double bits_to_double(uint64_t bits)
 {
   double value;
   memcpy(&value, &bits, sizeof value);
@@ -68,14 +68,14 @@ static double scaled_exp(double x, uint64_t shift)
   const double magic = 0x1.8p52;
   const double shifted = x * 0x1.71547652b82fep+6 + magic;
   const double steps = shifted - magic;
-  const uint64_t bits = bits_of(shifted);
+  const uint64_t bits = double_to_bits(shifted);
   const pair *at = &power_table[bits & 63U];
   const double r = (x - steps * 0x1.62e42fefc0000p-7) + steps * 0x1.c610ca86c3899p-43;
   const double r2 = r * r;
   /* Fifth order. A Chebyshev polynomial distributes the sixth-order term over the other terms. */
   const double low = 0.49999999999932843 + r * (1.0 / 6.0);
   const double high = 0.041666727751466 + r * (1.0 / 120.0);
-  const double scale = double_of(bits_of(at->value) + (((bits >> 6U) - shift) << 52U));
+  const double scale = bits_to_double(double_to_bits(at->value) + (((bits >> 6U) - shift) << 52U));
   return scale + scale * ((r + at->rest) + (r2 * low + (r2 * r2) * high));
 }
 
@@ -166,7 +166,7 @@ static const pair log_table[65] = {{0.0, 0.0},
 
 double anhyst_log_f64(double x)
 {
-  uint64_t bits = bits_of(x);
+  uint64_t bits = double_to_bits(x);
   double exponent = -1023.0;
   if (!(x > 0.0)) {
     return x < 0.0 ? (double)NAN : isnan(x) ? x : -HUGE_VAL;
@@ -175,15 +175,15 @@ double anhyst_log_f64(double x)
     return x;
   }
   if (x < 0x1p-1022) {
-    bits = bits_of(x * 0x1p54);
+    bits = double_to_bits(x * 0x1p54);
     exponent -= 54.0;
   }
   /* x = m * 2^exponent, and c close to m: log(x) = log(c) + log(1 + r) + exponent*log 2 */
   const uint64_t one = UINT64_C(1023) << 52U;
   const uint64_t digits = bits & 0x000FFFFFFFFFFFFFU;
   const uint64_t i = (digits + (UINT64_C(1) << 45U)) >> 46U;
-  const double m = double_of(digits | one);
-  const double c = double_of(one + (i << 46U));
+  const double m = bits_to_double(digits | one);
+  const double c = bits_to_double(one + (i << 46U));
   const double r = (m - c) / c;
   const pair *at = &log_table[i];
   exponent += (double)(int)((bits >> 52U) + (i >= 26U ? 1U : 0U));

@@ -47,7 +47,7 @@ static inline uint32_t read_double_word(const entry *words, int16_t word)
 #define SINGLE_EXPONENT_STEP ((uint32_t)1 << 23)     /* lowest bit of the exponent */
 
 /* Returns whether a single-precision number in 2^-60..2^60 is stored at this word. */
-static inline int is_single(const entry *words, int16_t word)
+static inline int is_single_float(const entry *words, int16_t word)
 {
   const uint32_t bits = read_double_word(words, word);
   return bits >= MIN_SINGLE_BITS && bits <= MAX_SINGLE_BITS;

@@ -47,7 +47,7 @@ static inline int is_entry_valid(entry word, entry previous)
   return word >= -MAX_ENTRY && word <= MAX_ENTRY;
 }
 
-static inline int is_single(const entry *words, int32_t word)
+static inline int is_single_float(const entry *words, int32_t word)
 {
   return words[word] >= (entry)8.67361738e-19 && words[word] <= (entry)1.152921504606847e18 &&
          words[word + 1] == (entry)0;
@@ -59,9 +59,9 @@ static inline int are_scales_valid(const entry *words)
 {
   const entry low = words[ANHYST_WORD_SCALE_GAP_LOW];
   const entry high = words[ANHYST_WORD_SCALE_GAP_HIGH];
-  return is_single(words, ANHYST_WORD_SCALE_DEMAND) &&
-         is_single(words, ANHYST_WORD_SCALE_CURRENT) && low >= -MAX_ENTRY && high <= MAX_ENTRY &&
-         (low == high || high - low >= (entry)8.67361738e-19);
+  return is_single_float(words, ANHYST_WORD_SCALE_DEMAND) &&
+         is_single_float(words, ANHYST_WORD_SCALE_CURRENT) && low >= -MAX_ENTRY &&
+         high <= MAX_ENTRY && (low == high || high - low >= (entry)8.67361738e-19);
 }
 
 /* Converts a number of the hysteresis state to the unit of another block. The argument `word` is

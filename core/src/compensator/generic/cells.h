@@ -337,7 +337,7 @@ static int move_to_next_segment(const entry *words, candidate *trial)
   const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
   segment_grid width = trial_grid(trial);
   const number end =
-      unsafe_sum(trial_begin(trial, mirrored(trial->memory.cells.x, mirror)), width_of(width));
+      unsafe_sum(trial_lower_end(trial, mirrored(trial->memory.cells.x, mirror)), width_of(width));
   const int32_t next = (int32_t)trial->of.cells.segment + 1;
   if (!(end <= trial->of.cells.joins) || next <= integer_of(words[ANHYST_WORD_CELLS_ROWS]) ||
       next >= integer_of(words[ANHYST_WORD_LENGTH]) - 1) {
@@ -368,7 +368,7 @@ static inline int solve_on_segment(const entry *words, const arms_type *arms, nu
   const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
   const number low = trial->memory.cells.joined;
   const segment_grid width = trial_grid(trial);
-  const number begin = trial_begin(trial, mirrored(trial->memory.cells.x, mirror));
+  const number begin = trial_lower_end(trial, mirrored(trial->memory.cells.x, mirror));
   const number rise = segment_flux_rise(trial, eq.air);
   const number full_rise = left_side(&eq, rise, width_of(width));
   const number residual =

@@ -148,7 +148,7 @@ static int is_cells_block_valid(const entry *words)
     return 0;
   }
   return words[ANHYST_WORD_CELLS_ZONE] <= words[ANHYST_WORD_CELLS_SEGMENTS] &&
-         is_single(words, ANHYST_WORD_UNIT_FIELD) &&
+         is_single_float(words, ANHYST_WORD_UNIT_FIELD) &&
          is_table_rising(words, words[ANHYST_WORD_CELLS_THRESHOLDS],
                          integer_of(words[ANHYST_WORD_CELLS_COUNT]), MIN_THRESHOLD, ENTRY_ONE) &&
          are_rows_valid(words) && does_current_rise_with_field(words) && are_layers_valid(words);

@@ -127,7 +127,7 @@ static inline segment_grid trial_grid(const candidate *trial)
   return width;
 }
 
-static inline number trial_begin(const candidate *trial, number x)
+static inline number trial_lower_end(const candidate *trial, number x)
 {
   (void)x;
   return trial->of.cells.begin;

@@ -57,7 +57,7 @@ static int is_block_valid(const entry *words)
          is_integer(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, MAX_RATE_SHIFT) &&
          is_in_range(words[ANHYST_WORD_FULL_STEEPNESS], MIN_WEIGHT, MAX_ENTRY) &&
          is_integer(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16) &&
-         is_single(words, ANHYST_WORD_UNIT_FIELD) &&
+         is_single_float(words, ANHYST_WORD_UNIT_FIELD) &&
          is_table_rising(words, words[ANHYST_WORD_FULL_CURVE], segments + 1, 0,
                          max_segment_rise((uint16_t)n)) &&
          is_table_rising(words, words[ANHYST_WORD_FULL_BRANCH], 2 * segments + 1, -ENTRY_ONE,

@@ -26,7 +26,7 @@ static uint16_t read_exponent(entry word, uint16_t largest)
 
 /* Returns the number of entries of each table. Returns 0 if header, table sizes, table positions
    and checksum are not consistent. */
-static uint16_t check_layout(const entry *words, uint16_t capacity)
+static uint16_t read_entry_count(const entry *words, uint16_t capacity)
 {
   if (capacity < (uint16_t)ANHYST_BLOCK_LEAST_WORDS) {
     return 0;
@@ -78,7 +78,7 @@ static int are_branches_rising(const law_type *law, uint16_t entries)
 static anhyst_status init_play_map(play_type *c, const entry *words, uint16_t capacity)
 {
   play_type initial = {0};
-  const uint16_t entries = check_layout(words, capacity);
+  const uint16_t entries = read_entry_count(words, capacity);
   if (entries == 0U) {
     return ANHYST_BAD_PARAMETER;
   }

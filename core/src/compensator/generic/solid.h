@@ -93,7 +93,7 @@ static number flux_of_trial(const entry *words, const candidate *trial)
   const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
   const number x = mirrored(trial->memory.cells.x, mirror);
   const number rise = multiply_rise(segment_flux_rise(trial, words[ANHYST_WORD_CELLS_AIR]),
-                                    fraction_at(x, trial_begin(trial, x), trial_grid(trial)));
+                                    fraction_at(x, trial_lower_end(trial, x), trial_grid(trial)));
   return four_times(mirrored(unsafe_sum(trial->of.cells.flux, rise), mirror));
 }
 

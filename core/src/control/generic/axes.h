@@ -187,7 +187,7 @@ static uint16_t compute_wrench(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
     is_plausible = is_plausible && is_number(head[k]);
   }
   if (c->blind) {
-    see = rows_from(settings->without, (int)c->gone * axes, (int)settings->heads);
+    see = matrix_from_row(settings->without, (int)c->gone * axes, (int)settings->heads);
   }
   move_reference(c);
   measure_pose(settings, see, head, sample->target, error);

@@ -85,7 +85,7 @@ static void measure_pose(const anhyst_axes_settings_x *settings, const ANHYST_RE
   }
 }
 
-static const ANHYST_REAL *rows_from(const ANHYST_REAL *matrix, int row, int columns)
+static const ANHYST_REAL *matrix_from_row(const ANHYST_REAL *matrix, int row, int columns)
 {
   return &matrix[(ptrdiff_t)row * columns];
 }
