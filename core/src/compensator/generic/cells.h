@@ -91,8 +91,8 @@ static number activation_field(const cell_path *path, int cell, number low)
   if (cell > path->cells) {
     return MAX_FIELD;
   }
-  const number at = saturate(sum(resting_play(path, cell), half_width(path, cell)));
-  return at > low ? at : low;
+  const number field = saturate(sum(resting_play(path, cell), half_width(path, cell)));
+  return field > low ? field : low;
 }
 
 /* Returns whether a cell came to rest while the field moved in the direction of this path. */

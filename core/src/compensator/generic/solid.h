@@ -64,19 +64,19 @@ typedef struct {
   number slope; /* decrease of the field over the flux, >= 0 */
 } load_line;
 
-static const cells_memory *layer_state(const compensator *c, int at)
+static const cells_memory *layer_state(const compensator *c, int layer)
 {
-  return at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
+  return layer > 0 ? &c->deeper[layer - 1].memory.cells : &c->memory.cells;
 }
 
-static candidate *layer_trial(compensator *c, int at)
+static candidate *layer_trial(compensator *c, int layer)
 {
-  return at > 0 ? &c->deeper[at - 1].next : &c->next;
+  return layer > 0 ? &c->deeper[layer - 1].next : &c->next;
 }
 
-static const number *layer_plays(const compensator *c, int at)
+static const number *layer_plays(const compensator *c, int layer)
 {
-  return at > 0 ? c->deeper[at - 1].plays : c->plays;
+  return layer > 0 ? c->deeper[layer - 1].plays : c->plays;
 }
 
 /* Returns the number of layers of a block, or 0 for a laminated core. */
@@ -110,19 +110,19 @@ static number reset_trial(const entry *words, const cells_memory *memory, const 
 }
 
 /* Stores the flux and the field of a layer at its trial step. */
-static void read_trial(solid_tick *tick, int at, number flux)
+static void read_trial(solid_tick *tick, int layer, number flux)
 {
-  tick->flux[at] = flux;
-  tick->field[at] =
-      sum(layer_trial(tick->c, at)->memory.cells.x, coupling_field(flux, tick->coupling_slope));
+  tick->flux[layer] = flux;
+  tick->field[layer] =
+      sum(layer_trial(tick->c, layer)->memory.cells.x, coupling_field(flux, tick->coupling_slope));
 }
 
-static number field_slope_of(const solid_tick *tick, int at)
+static number field_slope_of(const solid_tick *tick, int layer)
 {
-  const candidate *trial = layer_trial(tick->c, at);
+  const candidate *trial = layer_trial(tick->c, layer);
   const number rise = segment_flux_rise(trial, tick->c->words[ANHYST_WORD_CELLS_AIR]);
   const number slope = segment_field_slope(width_of(trial_grid(trial)), rise, tick->coupling_slope);
-  return at == tick->layers ? slope : divide_slope(slope, tick->area_fraction[at]);
+  return layer == tick->layers ? slope : divide_slope(slope, tick->area_fraction[layer]);
 }
 
 static number add_layer_flux(const solid_tick *tick, int layer, number deeper)
@@ -131,22 +131,23 @@ static number add_layer_flux(const solid_tick *tick, int layer, number deeper)
 }
 
 /* Sets the start of a layer's search: a known trial step, otherwise the stored state. */
-static void start_search(solid_tick *tick, int at)
+static void start_search(solid_tick *tick, int layer)
 {
   compensator *c = tick->c;
-  candidate *trial = layer_trial(c, at);
+  candidate *trial = layer_trial(c, layer);
   if (c->stage == ANHYST_STAGE_UNKNOWN || !has_segment(trial)) {
-    read_trial(tick, at, reset_trial(c->words, layer_state(c, at), layer_plays(c, at), trial));
-    tick->field_slope[at] = field_slope_of(tick, at);
+    read_trial(tick, layer,
+               reset_trial(c->words, layer_state(c, layer), layer_plays(c, layer), trial));
+    tick->field_slope[layer] = field_slope_of(tick, layer);
     return;
   }
   if (c->stage == ANHYST_STAGE_HERE) { /* allows the path to reverse at this state */
     const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
     trial->memory.cells.joined = saturate(mirrored(trial->memory.cells.x, mirror));
   }
-  read_trial(tick, at, flux_of_trial(c->words, trial));
-  const number known_slope = at > 0 ? c->deeper[at - 1].stiffness : 0;
-  tick->field_slope[at] = known_slope > 0 ? known_slope : field_slope_of(tick, at);
+  read_trial(tick, layer, flux_of_trial(c->words, trial));
+  const number known_slope = layer > 0 ? c->deeper[layer - 1].stiffness : 0;
+  tick->field_slope[layer] = known_slope > 0 ? known_slope : field_slope_of(tick, layer);
 }
 
 /* Sets the flux of each section, and the start of each layer's search. */
@@ -256,35 +257,36 @@ static load_line load_line_below_layer(const solid_tick *tick, int layer, load_l
 }
 
 /* Returns the new slope of a layer that has left its segment, from the previous flux and field. */
-static number updated_field_slope(const solid_tick *tick, int at, number flux, number field)
+static number updated_field_slope(const solid_tick *tick, int layer, number flux, number field)
 {
-  const number change = difference(tick->flux[at], flux);
+  const number change = difference(tick->flux[layer], flux);
   if (!tick->uses_secants || absolute(change) < MIN_SECANT_FLUX) {
-    return field_slope_of(tick, at);
+    return field_slope_of(tick, layer);
   }
-  const number slope = secant_slope(difference(tick->field[at], field), change);
-  return at == tick->layers ? slope : divide_slope(slope, tick->area_fraction[at]);
+  const number slope = secant_slope(difference(tick->field[layer], field), change);
+  return layer == tick->layers ? slope : divide_slope(slope, tick->area_fraction[layer]);
 }
 
 /* Solves a layer for a target, divided by 4, with the given coefficients. */
-static void solve_layer(solid_tick *tick, int at, const arms_type *arms, number target)
+static void solve_layer(solid_tick *tick, int layer, const arms_type *arms, number target)
 {
   compensator *c = tick->c;
-  candidate *trial = layer_trial(c, at);
+  candidate *trial = layer_trial(c, layer);
   const int32_t segment = trial->of.cells.segment;
-  const number flux = tick->flux[at];
-  const number field = tick->field[at];
-  (void)solve_current(c->words, layer_state(c, at), layer_plays(c, at), arms, target, trial, 1);
-  read_trial(tick, at, flux_of_trial(c->words, trial));
+  const number flux = tick->flux[layer];
+  const number field = tick->field[layer];
+  (void)solve_current(c->words, layer_state(c, layer), layer_plays(c, layer), arms, target, trial,
+                      1);
+  read_trial(tick, layer, flux_of_trial(c->words, trial));
   if (trial->of.cells.segment != segment) {
-    tick->field_slope[at] = updated_field_slope(tick, at, flux, field);
+    tick->field_slope[layer] = updated_field_slope(tick, layer, flux, field);
   }
 }
 
-static void solve_layer_for_flux(solid_tick *tick, int at, number flux)
+static void solve_layer_for_flux(solid_tick *tick, int layer, number flux)
 {
   const arms_type arms = {0, QUARTER_WEIGHT, 0};
-  solve_layer(tick, at, &arms, quarter(quarter(flux)));
+  solve_layer(tick, layer, &arms, quarter(quarter(flux)));
 }
 
 /* Solves a layer for its load line. The load line refers to the previous flux of the section, so
@@ -421,14 +423,14 @@ static void solid_init_state(compensator *c)
 
 static void solid_store_state(compensator *c)
 {
-  for (int at = state_count(c->words) - 1; at >= 0; at--) {
-    number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
-    if (have_reversed(layer_state(c, at), &layer_trial(c, at)->memory.cells)) {
-      store_active_plays(c->words, layer_state(c, at), plays);
+  for (int layer = state_count(c->words) - 1; layer >= 0; layer--) {
+    number *plays = layer > 0 ? c->deeper[layer - 1].plays : c->plays;
+    if (have_reversed(layer_state(c, layer), &layer_trial(c, layer)->memory.cells)) {
+      store_active_plays(c->words, layer_state(c, layer), plays);
     }
-    if (at > 0) {
-      c->deeper[at - 1].memory = c->deeper[at - 1].next.memory;
-      c->deeper[at - 1].owed = c->deeper[at - 1].next_owed;
+    if (layer > 0) {
+      c->deeper[layer - 1].memory = c->deeper[layer - 1].next.memory;
+      c->deeper[layer - 1].owed = c->deeper[layer - 1].next_owed;
     }
   }
 }
@@ -439,10 +441,10 @@ static void solid_transfer_state(compensator *c, const entry *words, number flux
 {
   const int old_memories = state_count(c->words);
   const number change = difference(flux, c->flux_applied);
-  for (int at = state_count(words) - 1; at >= 0; at--) {
-    const int from = at < old_memories ? at : 0;
-    cells_memory *memory = at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
-    number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
+  for (int layer = state_count(words) - 1; layer >= 0; layer--) {
+    const int from = layer < old_memories ? layer : 0;
+    cells_memory *memory = layer > 0 ? &c->deeper[layer - 1].memory.cells : &c->memory.cells;
+    number *plays = layer > 0 ? c->deeper[layer - 1].plays : c->plays;
     candidate trial;
     const number old_flux =
         reset_trial(c->words, layer_state(c, from), layer_plays(c, from), &trial);
@@ -451,8 +453,8 @@ static void solid_transfer_state(compensator *c, const entry *words, number flux
     }
     *memory = trial.memory.cells;
     transfer_state(c->words, words, saturate(sum(old_flux, change)), memory, plays);
-    if (at > from) {
-      c->deeper[at - 1].owed = 0;
+    if (layer > from) {
+      c->deeper[layer - 1].owed = 0;
     }
   }
 }
