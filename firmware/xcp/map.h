@@ -20,7 +20,7 @@ enum {
   XCP_AREA_SIGNAL = 1, /* signals of the last tick, 4 bytes each */
   XCP_AREA_SETTING = 2, /* settings, 4 bytes each */
   XCP_AREA_INPUT = 3, /* demand, target and command, 4 bytes each */
-  /* parameter block, 2 bytes per word: page 0 is active, page 1 is the next one */
+  /* parameter block, 2 bytes per word: page 0 is the active block, page 1 the next block */
   XCP_AREA_BLOCK = 4,
   XCP_AREA_NAME = 5, /* name of the description file */
   XCP_AREA_EVENT = 6, /* name of the event */

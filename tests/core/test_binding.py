@@ -71,7 +71,7 @@ FREE = {("batch", "drive"), ("batch_functions", "t"), ("langevin", "z")}
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_what_is_accepted_is_accepted(name: str) -> None:
+def test_valid_arguments_are_accepted(name: str) -> None:
     function, given = CALLS[name]
     function(**given)
 
@@ -137,7 +137,7 @@ def test_read_only_input_is_accepted() -> None:
     function(**{**given, "drive": frozen})
 
 
-def test_input_is_left_as_it_was() -> None:
+def test_inputs_are_not_modified() -> None:
     for name, (function, given) in CALLS.items():
         before = {key: value.copy() for key, value in given.items()}
         function(**given)

@@ -85,10 +85,10 @@ SWEEPS = {"test_branch", "test_fixed_q15", "test_operator", "test_play_at_rest",
     "name", [pytest.param(one, marks=[pytest.mark.slow] * (one in SWEEPS)) for one in program_names()]
 )
 def test_claims_of_the_core_hold(programs: Path, name: str) -> None:
-    done = subprocess.run([programs / name], capture_output=True, text=True, check=False, timeout=600)
-    lines = (done.stdout + done.stderr).splitlines()
+    completed = subprocess.run([programs / name], capture_output=True, text=True, check=False, timeout=600)
+    lines = (completed.stdout + completed.stderr).splitlines()
     broken = [line for line in lines if not line.lstrip().startswith("ok ")]
-    assert done.returncode == 0, "\n".join(broken[:40])
+    assert completed.returncode == 0, "\n".join(broken[:40])
 
 
 @pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only"])
@@ -97,11 +97,11 @@ def test_single_precision_refuses_to_be_compiled_without_nan(flag: str, tmp_path
     reads = [f"-I{core / part}" for part in ("include", "src")]
     for source in sorted((core / "src").glob("*/*_f32.c")):
         command = [tool("cc", "gcc"), "-std=c99", "-O1", flag, *reads, "-c", str(source)]
-        done = subprocess.run(
+        completed = subprocess.run(
             [*command, "-o", str(tmp_path / "o")], capture_output=True, text=True, check=False
         )
-        assert done.returncode != 0, source.name
-        assert "-ffast-math and -ffinite-math-only" in done.stderr, source.name
+        assert completed.returncode != 0, source.name
+        assert "-ffast-math and -ffinite-math-only" in completed.stderr, source.name
 
 
 @pytest.mark.slow
@@ -109,8 +109,8 @@ def test_jiles_atherton_does_not_creep_in_ten_million_ticks(programs: Path) -> N
     if "sanitized" in programs.parents[1].name:
         return
     command = [str(programs / "test_full_formats"), "10000000"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
-    assert done.returncode == 0, done.stdout + done.stderr
+    completed = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
+    assert completed.returncode == 0, completed.stdout + completed.stderr
 
 
 # What core and plant may take from a C library: no heap, no input or output, no clock, and only
@@ -128,7 +128,7 @@ def test_core_and_plant_have_no_heap_no_globals_no_clock_and_no_output(programs:
     listing = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     rows = [[field.strip() for field in line.split("|")] for line in listing.splitlines()]
     symbols = [(row[2], row[0], row[6]) for row in rows if len(row) == 7]
-    wanted = {name for kind, name, _ in symbols if kind == "U" and not name.startswith("anhyst_")}
+    expected = {name for kind, name, _ in symbols if kind == "U" and not name.startswith("anhyst_")}
     writable = {
         name
         for kind, name, section in symbols
@@ -136,7 +136,7 @@ def test_core_and_plant_have_no_heap_no_globals_no_clock_and_no_output(programs:
         if kind in set("BbCDdGgSs") and not section.startswith(".data.rel.ro")
     }
     assert symbols
-    assert wanted <= EXACT | COMPILER
+    assert expected <= EXACT | COMPILER
     assert writable == set()
 
 

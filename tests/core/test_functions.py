@@ -101,7 +101,7 @@ def test_implicit_batch_follows_the_scalar_linear_step() -> None:
     np.testing.assert_array_equal(x, x_out[-1])
 
 
-def test_a_level_that_the_processor_lacks_is_refused_and_leaves_the_states() -> None:
+def test_an_unavailable_instruction_set_is_refused_without_changing_states() -> None:
     sets = Sets(5, seed=7, omega=(0.0, 1.0))
     x, y = np.full(5, 0.25), np.full(5, 0.125)
     given = (sets.kappa, sets.c, sets.omega, sets.scale, sets.offset, np.ones(3), x, y)
@@ -163,7 +163,7 @@ def test_a_set_gives_the_same_alone_and_among_others() -> None:
 
 
 @pytest.mark.parametrize(("name", "value"), [("kappa", 0.0), ("c", 1.5), ("omega", -3.0)])
-def test_one_bad_set_refuses_the_batch_and_leaves_the_states(name: str, value: float) -> None:
+def test_one_invalid_set_refuses_the_batch_without_changing_states(name: str, value: float) -> None:
     sets = Sets(5, seed=6, omega=(0.0, 1.0))
     getattr(sets, name)[3] = value
     x, y = np.full(5, 0.25), np.full(5, 0.125)
@@ -251,7 +251,7 @@ def test_sensitivity_runs_the_same_path_and_knows_the_initial_state() -> None:
     np.testing.assert_allclose(found[3][:, 0], difference, rtol=0, atol=1e-7)
 
 
-def test_law_of_1986_has_no_sensitivities_and_says_so() -> None:
+def test_the_law_of_1986_refuses_sensitivities() -> None:
     law = Operator(0.7, 0.2, law="jiles-atherton-1986")
     zeros = np.zeros((2, 1))
     found = law.sensitivity(
@@ -267,7 +267,7 @@ def test_law_of_1986_has_no_sensitivities_and_says_so() -> None:
     omega=st.floats(-2.9, 1e4),
     turns=st.lists(st.floats(-50.0, 50.0), min_size=1, max_size=20),
 )
-def test_any_path_stays_inside_saturation_and_meets_its_equation(
+def test_any_path_stays_below_saturation_and_satisfies_its_equation(
     kappa: float, c: float, omega: float, turns: list[float]
 ) -> None:
     r = np.array(turns) * (1.0 + max(omega, 0.0) / 50.0)

@@ -360,9 +360,9 @@ def passes(core: Path, test: str, folder: Path) -> bool:
     sources = [str(HERE / f"{test}.c"), str(HERE / "truth.c")]
     sources += [str(core / "src" / f"{name}.c") for name in BESIDE.get(test, BLOCKS)]
     subprocess.run([*command, *sources, "-lm", "-o", str(program)], check=True)
-    done = subprocess.run([program], capture_output=True, check=False, timeout=600)
-    assert done.returncode in {0, 1}, "the test crashed instead of answering"
-    return done.returncode == 0
+    completed = subprocess.run([program], capture_output=True, check=False, timeout=600)
+    assert completed.returncode in {0, 1}, "the test crashed instead of answering"
+    return completed.returncode == 0
 
 
 @pytest.mark.slow

@@ -42,8 +42,8 @@ def build_tests(folder: Path, way: str) -> None:
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_claims_of_the_firmware_hold(programs: Path, name: str) -> None:
-    done = subprocess.run([programs / name], capture_output=True, text=True, check=False, timeout=600)
-    assert done.returncode == 0, done.stdout + done.stderr
+    completed = subprocess.run([programs / name], capture_output=True, text=True, check=False, timeout=600)
+    assert completed.returncode == 0, completed.stdout + completed.stderr
 
 
 # Allowed functions of the C library. A small controller may lack all others.

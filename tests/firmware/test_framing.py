@@ -77,7 +77,7 @@ def test_crc_is_that_of_zip(library: ctypes.CDLL) -> None:
     assert halves == binascii.crc32(b"half and half")
 
 
-def test_frames_are_encoded_as_the_definition_says(library: ctypes.CDLL) -> None:
+def test_frames_follow_the_definition(library: ctypes.CDLL) -> None:
     out = (ctypes.c_uint8 * 300)()
     for number, payload in enumerate(payloads()):
         row = (ctypes.c_uint8 * max(len(payload), 1)).from_buffer_copy(payload or b"\0")
@@ -99,12 +99,12 @@ def test_frames_of_the_definition_are_received(library: ctypes.CDLL) -> None:
         assert bytes(frame.payload[: frame.length]) == payload
 
 
-def test_what_is_made_from_the_tables_of_the_contract_is_up_to_date() -> None:
+def test_files_generated_from_the_contract_are_up_to_date() -> None:
     script = ROOT / "tools" / "contract"
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, str(script), "--check"], capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert completed.returncode == 0, completed.stdout + completed.stderr
 
 
 MESSAGES = [
@@ -126,7 +126,7 @@ def test_messages_come_back_as_they_were_packed(kind: type[frames.Message]) -> N
             kind.unpack(message.pack() + b"\0")
 
 
-def test_types_are_different_and_answers_are_there() -> None:
+def test_message_types_are_distinct_and_every_request_has_an_answer() -> None:
     types = [kind.TYPE for kind in MESSAGES]
     assert len(set(types)) == len(types)
     requests = [kind for kind in MESSAGES if kind.TYPE < 0x80]
@@ -134,7 +134,7 @@ def test_types_are_different_and_answers_are_there() -> None:
     assert all(vars(kind)["ANSWER"] in frames.ANSWERS for kind in requests)
 
 
-def test_what_does_not_fit_is_not_packed() -> None:
+def test_values_out_of_range_are_not_packed() -> None:
     with pytest.raises(ValueError, match="DemandRequest"):
         frames.DemandRequest(2**31).pack()
 

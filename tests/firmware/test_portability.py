@@ -29,18 +29,18 @@ def test_sixteen_bit_int_is_enough(tmp_path: Path) -> None:
     # therefore only the other compilers use -Wconversion.
     command = [tool("avr-gcc"), "-mmcu=atmega1284p", "-std=c99", "-Os", "-Wall", "-Wextra"]
     command += ["-Werror", *INCLUDE, "-c", *map(str, {*FIRMWARE, *POSITION})]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    completed = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert completed.returncode == 0, completed.stderr
 
 
 def cortex_m4(source: Path, out: Path) -> None:
     """Compile for a Cortex-M4."""
     command = [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabi"]
     command += ["-mcpu=cortex_m4", "-ffreestanding", "-std=c99", "-Os", *INCLUDE]
-    done = subprocess.run(
+    completed = subprocess.run(
         [*command, "-c", str(source), "-o", str(out)], capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
 
 
 def test_the_page_states_the_memory_that_is_used(tmp_path: Path) -> None:

@@ -16,10 +16,10 @@ from tests.repository import ROOT
 from tools import house
 
 
-def test_imports_go_one_way() -> None:
+def test_imports_follow_the_layers() -> None:
     tool = Path(sys.executable).with_name("lint-imports")
-    done = subprocess.run([tool, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
+    completed = subprocess.run([tool, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert completed.returncode == 0, completed.stdout
 
 
 @pytest.mark.parametrize("folder", ["packages", "core", "tests", "examples", "benchmarks", "tools"])
@@ -51,7 +51,7 @@ def _tests_imported(tree: ast.Module) -> Iterator[str]:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def test_tests_of_a_part_use_only_that_part_and_those_it_needs() -> None:
+def test_tests_of_a_package_use_only_it_and_its_dependencies() -> None:
     parts = ["anhyst", "anhyst-rigs", "anhyst-exchange"]
     folders = {part: ROOT / "packages" / part / "tests" for part in parts}
     rank = {part.replace("-", "_"): at for at, part in enumerate(parts)}
@@ -68,7 +68,7 @@ def test_tests_of_a_part_use_only_that_part_and_those_it_needs() -> None:
     assert found == []
 
 
-def test_no_public_class_name_stands_in_two_modules() -> None:
+def test_public_class_names_are_unique() -> None:
     places: dict[str, list[str]] = defaultdict(list)
     for path in (ROOT / "packages").glob("*/src/**/*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

@@ -58,7 +58,7 @@ def test_only_exported_names_have_sections() -> None:
     assert found == []
 
 
-def test_every_exported_verb_states_what_it_takes_and_gives() -> None:
+def test_every_exported_verb_documents_parameters_and_result() -> None:
     verbs = [getattr(part, name) for part in PARTS for name in part.__all__ if not name.startswith("_")]
     silent = [
         verb.__name__

@@ -34,7 +34,7 @@ def test_a_byte_more_changes_the_hash(name: str, root: Path) -> None:
     assert content_hash(PATHS, root) != before
 
 
-def test_so_does_a_file_that_comes_goes_or_has_another_name(root: Path) -> None:
+def test_an_added_removed_or_renamed_file_changes_the_hash(root: Path) -> None:
     found = [content_hash(PATHS, root)]
     (root / "core" / "src" / "b.c").touch()
     found.append(content_hash(PATHS, root))
@@ -45,7 +45,7 @@ def test_so_does_a_file_that_comes_goes_or_has_another_name(root: Path) -> None:
     assert len(set(found)) == 4
 
 
-def test_what_it_does_not_depend_on_counts_for_nothing(root: Path) -> None:
+def test_unrelated_files_do_not_change_the_hash(root: Path) -> None:
     before = content_hash(PATHS, root)
     (root / "plant" / "a.c").unlink()
     assert content_hash(PATHS, root) == before
@@ -54,7 +54,7 @@ def test_what_it_does_not_depend_on_counts_for_nothing(root: Path) -> None:
 def ran(record: Path, held: str) -> str:
     """Run one quick marked test; return its summary."""
     case = f"{LOOKED_AT}::test_a_seeded_fault_is_found[knee-of-half-the-height]"
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", case],
         cwd=ROOT,
         env=os.environ | {"ANHYST_HELD": held, "ANHYST_HELD_RECORD": str(record), "ANHYST_NO_SKIP": "1"},
@@ -62,12 +62,12 @@ def ran(record: Path, held: str) -> str:
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stdout
-    return done.stdout.splitlines()[-1].partition(" in ")[0]
+    assert completed.returncode == 0, completed.stdout
+    return completed.stdout.splitlines()[-1].partition(" in ")[0]
 
 
 @pytest.mark.slow
-def test_what_passed_is_recorded_and_skipped_until_it_changes(tmp_path: Path) -> None:
+def test_passed_tests_are_recorded_and_skipped_until_a_change(tmp_path: Path) -> None:
     record = tmp_path / "held.toml"
     assert ran(record, "1") == "1 passed"
     assert not record.exists()  # mode 1 writes no record
@@ -81,6 +81,6 @@ def test_what_passed_is_recorded_and_skipped_until_it_changes(tmp_path: Path) ->
     assert ran(record, "1") == "1 passed"
 
 
-def test_a_test_on_record_is_a_case_of_a_file_that_is_there() -> None:
+def test_recorded_tests_are_in_existing_files() -> None:
     recorded = tomllib.loads(RECORD.read_text(encoding="utf-8"))
     assert all((ROOT / case.partition("::")[0]).is_file() for case in recorded)

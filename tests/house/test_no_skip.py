@@ -53,7 +53,7 @@ FILES = {"skipped": SKIPPED, "needs": NEEDS, "module": MODULE_SKIPPED, "measurem
         ("1", 2, "1 failed, 1 skipped, 2 errors in"),
     ],
 )
-def test_skips_fail_where_they_are_forbidden(tmp_path: Path, no_skip: str, workers: int, said: str) -> None:
+def test_forbidden_skips_fail(tmp_path: Path, no_skip: str, workers: int, said: str) -> None:
     """Only tests that lack measurements may be skipped."""
     shutil.copy(ROOT / "conftest.py", tmp_path / "conftest.py")
     (tmp_path / "pytest.ini").write_text(INI, encoding="utf-8")
@@ -61,7 +61,7 @@ def test_skips_fail_where_they_are_forbidden(tmp_path: Path, no_skip: str, worke
         (tmp_path / f"test_{name}.py").write_text(source, encoding="utf-8")
     environment = {**os.environ, "ANHYST_NO_SKIP": no_skip, "ANHYST_DATA": str(tmp_path / "no")}
     environment.pop("ANHYST_HELD", None)
-    done = subprocess.run(
+    completed = subprocess.run(
         [*(sys.executable, "-m", "pytest", "-q", "-n", str(workers)), "--continue-on-collection-errors"],
         cwd=tmp_path,
         env=environment,
@@ -69,5 +69,5 @@ def test_skips_fail_where_they_are_forbidden(tmp_path: Path, no_skip: str, worke
         text=True,
         check=False,
     )
-    assert said in done.stdout.splitlines()[-1]
-    assert (done.returncode == 0) == (no_skip == "")
+    assert said in completed.stdout.splitlines()[-1]
+    assert (completed.returncode == 0) == (no_skip == "")

@@ -89,7 +89,7 @@ def measured(lab: Path) -> Path:
 
 def run(*arguments: object) -> str:
     printer.used_lines, printer.is_verbose = 0, True  # `main` starts with a new line count
-    result = CliRunner().invoke(app, [str(one) for one in arguments])
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
     assert result.exit_code == 0, result.output
     return result.output
 
@@ -117,7 +117,7 @@ def test_the_papers_search_is_for_laws_of_the_core(measured: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_law_is_found_again(found: Path) -> None:
+def test_the_law_is_identified_from_its_loops(found: Path) -> None:
     model = read_model(found)
     assert model.law == "play"
     assert model.fit is not None

@@ -145,7 +145,7 @@ def test_a_package_with_a_fault_disturbs_no_command(points: str, text: str, tmp_
         assert "warning: left out: other: 'other" in found.stderr
 
 
-def test_a_law_that_cannot_be_used_says_why(tmp_path: Path) -> None:
+def test_an_unusable_law_is_reported_with_the_reason(tmp_path: Path) -> None:
     install(tmp_path / "site", "other", *BROKEN["cannot be imported"])
     refused = anhyst(
         *(tmp_path / "site", tmp_path, "identify", str(LOOPS), "--law", "bad", "--out", "m.toml")
@@ -155,7 +155,7 @@ def test_a_law_that_cannot_be_used_says_why(tmp_path: Path) -> None:
     assert refused.stderr.count("\n") == 1
 
 
-def test_a_format_that_cannot_be_used_says_why(tmp_path: Path) -> None:
+def test_an_unusable_format_is_reported_with_the_reason(tmp_path: Path) -> None:
     install(tmp_path / "site", "other", *BROKEN["is no function"])
     (tmp_path / "loops.bad").write_text("I_A,F_N\n0,0\n")
     refused = anhyst(tmp_path / "site", tmp_path, "inspect", "loops.bad")
@@ -180,7 +180,7 @@ def hello(name: str) -> dict:
 '''
 
 
-def test_a_verb_with_a_fault_is_left_out_and_the_others_stay(tmp_path: Path) -> None:
+def test_a_faulty_verb_is_omitted_and_others_remain(tmp_path: Path) -> None:
     site = tmp_path / "site"
     install(site, "other", "[anhyst.verbs]\nother = more.verbs\n", "")
     (site / "more" / "verbs").mkdir(parents=True)
@@ -210,11 +210,11 @@ def test_a_verb_with_a_fault_is_left_out_and_the_others_stay(tmp_path: Path) -> 
     assert run(site, tmp_path, "-c", program).stdout == "True\n"
     assert anhyst(site, tmp_path, "inspect", str(LOOPS)).returncode == 0
     for first in ("more.verbs, anhyst", "anhyst, more.verbs"):
-        done = run(site, tmp_path, "-c", f"import {first}; print(anhyst.hello('me'))")
-        assert done.stdout.endswith("{'hello': 'me'}\n"), done.stderr
+        completed = run(site, tmp_path, "-c", f"import {first}; print(anhyst.hello('me'))")
+        assert completed.stdout.endswith("{'hello': 'me'}\n"), completed.stderr
 
 
-def test_a_fault_in_the_code_of_a_package_is_said_to_be_one_of_that_package(tmp_path: Path) -> None:
+def test_an_error_in_a_package_names_the_package(tmp_path: Path) -> None:
     text = "def open(path, least):\n    return {}[path]"
     install(tmp_path, "other", "[anhyst.formats]\nbad = other:open\n", text)
     (tmp_path / "loops.bad").write_text("1")
@@ -223,7 +223,7 @@ def test_a_fault_in_the_code_of_a_package_is_said_to_be_one_of_that_package(tmp_
     assert "this is a fault of the package other, not of your input" in fault.stderr
 
 
-def test_a_law_whose_iron_mixes_up_its_parameters_is_refused(tmp_path: Path) -> None:
+def test_a_law_with_parameters_in_wrong_order_is_refused(tmp_path: Path) -> None:
     install(tmp_path, "other", *BROKEN["takes its parameters in another order"])
     asked = ("identify", str(LOOPS), "--law", "bad", "--out", "m.toml")
     refused = anhyst(tmp_path, tmp_path, *asked)
@@ -298,7 +298,7 @@ def test_a_package_does_not_replace_a_target(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("init", [True, False])
-def test_what_is_kept_is_computed_anew_where_a_package_has_changed(init: bool, tmp_path: Path) -> None:
+def test_a_changed_package_invalidates_cached_results(init: bool, tmp_path: Path) -> None:
     install(tmp_path, "other", "[anhyst.laws]\nmine = lab.law:LAW\n", "")
     (tmp_path / "lab").mkdir()
     if init:

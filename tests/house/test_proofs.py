@@ -64,13 +64,13 @@ def test_a_line_changes_the_hash_of_the_proofs_that_read_it_and_of_no_other(
         {"control": {"file": "src/compensator/full_fixed.h", "right": "ONE * 4 - 1", "wrong": "ONE"}},
     ],
 )
-def test_what_is_asked_of_a_tool_changes_the_hash(changed: dict[str, object], before: dict[str, str]) -> None:
+def test_arguments_of_a_tool_change_the_hash(changed: dict[str, object], before: dict[str, str]) -> None:
     proof: Proof = replace(LISTED["full: quotient"], **changed)  # type: ignore[arg-type]
     assert content_hash(proof, "1") != before["full: quotient"]
     assert content_hash(LISTED["full: quotient"], "2") != before["full: quotient"]
 
 
-def test_a_record_is_read_as_written_and_stands_for_its_contents_alone(tmp_path: Path) -> None:
+def test_a_record_is_read_as_written_and_valid_only_for_its_contents(tmp_path: Path) -> None:
     entry = entry_of(EVIDENCE, "contents")
     write_record(tmp_path / "proved.toml", {"full: search": entry})
     read = read_record(tmp_path / "proved.toml")
@@ -81,7 +81,7 @@ def test_a_record_is_read_as_written_and_stands_for_its_contents_alone(tmp_path:
 
 
 @pytest.mark.parametrize("words", [{"real": "refuted"}, {"control": "proved"}, {"seconds": 1.0}])
-def test_an_entry_edited_by_hand_stands_for_nothing(words: dict[str, object]) -> None:
+def test_an_entry_edited_by_hand_is_invalid(words: dict[str, object]) -> None:
     edited = replace(entry_of(EVIDENCE, "contents"), **words)  # type: ignore[arg-type]
     assert not is_valid(edited, "contents")
 
@@ -94,12 +94,12 @@ def test_an_entry_edited_by_hand_stands_for_nothing(words: dict[str, object]) ->
         replace(EVIDENCE, control=Outcome("no answer", 2.0, "")),
     ],
 )
-def test_what_did_not_hold_with_its_control_is_not_recorded(evidence: Evidence) -> None:
+def test_a_failed_proof_is_not_recorded(evidence: Evidence) -> None:
     with pytest.raises(ValueError, match="held"):
         entry_of(evidence, "contents")
 
 
-def test_what_is_recorded_is_listed() -> None:
+def test_recorded_proofs_are_listed() -> None:
     record = read_record(PROOFS / "proved.toml")
     assert record
     assert set(record) <= set(LISTED)

@@ -50,7 +50,7 @@ def test_the_wheel_runs_on_the_old_systems_that_its_name_promises(wheel: Path, t
 
 
 @SLOW
-def test_the_wheel_takes_the_instruction_set_that_the_native_build_takes(alone: Path, tmp_path: Path) -> None:
+def test_the_wheel_selects_the_instruction_set_of_the_native_build(alone: Path, tmp_path: Path) -> None:
     script = "from anhyst._core import _native; print(*_native.batch_levels())"
     assert run([str(alone), "-c", script], tmp_path).split() == _native.batch_levels()
 
@@ -68,7 +68,7 @@ def test_the_wheel_finds_the_model_that_the_native_build_finds(alone: Path, tmp_
 
 
 @SLOW
-def test_the_wheel_brings_its_examples_and_what_it_compiles_from(alone: Path, tmp_path: Path) -> None:
+def test_the_wheel_contains_examples_and_core_sources(alone: Path, tmp_path: Path) -> None:
     where = run([str(alone), "-c", "import anhyst; print(anhyst.__file__)"], tmp_path)
     assert Path(where).is_relative_to(alone.parents[1])
     anhyst(alone, "example", "bearing", "--out", "my", cwd=tmp_path)
@@ -126,7 +126,7 @@ no-such-command
 """
 
 
-def test_blocks_of_a_page_run_in_their_order_and_one_that_fails_is_told(tmp_path: Path) -> None:
+def test_blocks_of_a_page_run_in_order_and_a_failure_is_reported(tmp_path: Path) -> None:
     assert run_page(PAGE, HERE, tmp_path) == 2
     with pytest.raises(RuntimeError, match="no-such-command"):
         run_page(PAGE.replace("<!-- not run: there is no such thing -->", ""), HERE, tmp_path)

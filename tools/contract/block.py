@@ -10,8 +10,8 @@ ABOUT = """\
 
    A block is an array of 16-bit words without pointers, so that it can be stored, sent and swapped
    as a whole. Words are signed unless stated otherwise. A 32-bit number is stored as low word, high
-   word. A single is the 32 bits of an IEEE number of single precision; the code never computes with
-   it as a float. The word of a table contains the number of the table's first word in the block.
+   word. A "single" is the 32 bits of a number in single precision; fixed-point code never computes
+   with this number. The word of a table contains the number of the table's first word in the block.
    Interpolated tables have 2^n equal segments and 2^n + 1 entries. Adjacent entries differ by at
    most 32767. All other words are zero. */
 /* clang-format off */

@@ -43,10 +43,10 @@ def page(frames: Entry, signals: Entry, controller: Entry) -> str:
         run = "yes" if s["run"] else "no"
         lines.append(f"| `{s['name']}` | {s['low']} | {s['high']} | {start} | {run} | {s['doc']} |")
     titles = {
-        "phase": "phase of a controller of position",
+        "phase": "phase of a position controller",
         "command": "command",
-        "fault": "reason of a fault",
-        "reason": "reason of a NAK",
+        "fault": "reason for a fault",
+        "reason": "reason for a NAK",
     }
     for entry in [*controller["enum"], *frames["enum"]]:
         if entry["name"] in titles:

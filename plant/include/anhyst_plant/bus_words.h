@@ -9,13 +9,13 @@
 
 /* Plant to controller: the sensor readings at the beginning of a tick. */
 enum {
-  ANHYST_BUS_SAMPLE_TICK, /* counts from 1 */
-  ANHYST_BUS_SAMPLE_GAP, /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
+  ANHYST_BUS_SAMPLE_TICK, /* number of the tick, from 1 on */
+  ANHYST_BUS_SAMPLE_GAP, /* gap, q30: 0 is the smallest gap of the model, 1.0 the largest */
   ANHYST_BUS_SAMPLE_FORCE, /* q30 of the full-scale force */
   ANHYST_BUS_SAMPLE_POSITION, /* q31 of the position controller's full scale */
   ANHYST_BUS_SAMPLE_CURRENT, /* current of the first magnet, q30 of full scale */
   ANHYST_BUS_SAMPLE_CURRENT_2, /* current of the second magnet, q30 of full scale */
-  ANHYST_BUS_SAMPLE_STATUS, /* bits of PORT_... in port/port.h */
+  ANHYST_BUS_SAMPLE_STATUS, /* status bits PORT_... of port/port.h */
   ANHYST_BUS_SAMPLE_WORDS
 };
 
@@ -28,8 +28,8 @@ enum {
   ANHYST_BUS_DRIVE_MODE, /* flags + 65536*phase */
   ANHYST_BUS_DRIVE_DEMAND, /* active demand, q31 of the full-scale force */
   ANHYST_BUS_DRIVE_REFERENCE, /* reference position, q31 of the controller's full scale */
-  ANHYST_BUS_DRIVE_FLUX, /* flux of the first magnet's model after the commit, q30 */
-  ANHYST_BUS_DRIVE_EXPECTED, /* force of this model, q31 */
+  ANHYST_BUS_DRIVE_FLUX, /* flux of the first magnet after the commit, as its model predicts, q30 */
+  ANHYST_BUS_DRIVE_EXPECTED, /* force of the first magnet, as its model predicts, q31 */
   ANHYST_BUS_DRIVE_WORDS
 };
 

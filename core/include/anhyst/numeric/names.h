@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Names that exist once for each number format. A name that ends in _x is the name of the format
-   whose header was included last: anhyst_map_x is anhyst_map_f32 after f32.h. */
+/* Macros for names that exist once for each number format. A name that ends in _x becomes the name
+   in the format whose header was included last: anhyst_map_x becomes anhyst_map_f32 after f32.h. */
 #ifndef ANHYST_NAMES_H
 #define ANHYST_NAMES_H
 

@@ -54,6 +54,6 @@ def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
         "-o",
         str(program),
     )
-    done = subprocess.run([program], capture_output=True, text=True, check=False, timeout=600)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("ok ") == 41
+    completed = subprocess.run([program], capture_output=True, text=True, check=False, timeout=600)
+    assert completed.returncode == 0, completed.stdout + completed.stderr
+    assert completed.stdout.count("ok ") == 41

@@ -33,7 +33,7 @@ def test_an_example_is_copied_as_it_is(tmp_path: Path, name: str) -> None:
     assert (tmp_path / command[2]).is_file()
 
 
-def test_an_unknown_example_is_refused_with_those_there_are(tmp_path: Path) -> None:
+def test_an_unknown_example_is_refused_with_the_list_of_examples(tmp_path: Path) -> None:
     message = refused("example", "motor", "--out", "my", cwd=tmp_path)
     known = ("bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels")
     assert "'motor' is not one of " + ", ".join(f"'{name}'" for name in known) in message
@@ -42,7 +42,7 @@ def test_an_unknown_example_is_refused_with_those_there_are(tmp_path: Path) -> N
         example_files("motor")
 
 
-def test_a_file_that_is_there_is_not_replaced(tmp_path: Path) -> None:
+def test_an_existing_file_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "loops.csv").write_text("mine")
     message = refused("example", "bearing", "--out", ".", cwd=tmp_path)
     assert says(message, "exists-already: loops.csv")

@@ -149,7 +149,7 @@ def subject(folder: Path, html: str) -> ModelSubject:
     return gather_subject(magnet(folder), folder)
 
 
-def test_sections_stand_in_the_order_an_engineer_reads(page: Page) -> None:
+def test_sections_are_in_reading_order(page: Page) -> None:
     assert page.sections() == [
         "loops",
         "residuals",
@@ -184,7 +184,7 @@ def test_the_page_is_well_formed_and_small(html: str, page: Page) -> None:
     assert len(html.encode()) < 1_500_000
 
 
-def test_every_figure_says_in_words_what_it_shows(page: Page) -> None:
+def test_every_figure_has_a_text_description(page: Page) -> None:
     reported = [given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"]
     pictures = [given for tag, given in page.tags if tag == "svg"]
     assert len(reported) == len(pictures) == 8
@@ -208,7 +208,7 @@ def test_hysteresis_is_drawn_by_itself(subject: ModelSubject) -> None:
     assert dots.min() < 0.0 < dots.max()
 
 
-def test_the_head_reports_figures_verdict_and_acceptance(page: Page) -> None:
+def test_the_headline_reports_metrics_verdict_and_acceptance(page: Page) -> None:
     assert "Worth it. The mean error of the modelled force is" in page.text
     assert "Acceptance test passed. At every drive the output rises as the gap closes" in page.text
     assert "Best single-valued curve" in page.text
@@ -227,7 +227,7 @@ def test_the_page_reports_reduction_uncertainty_and_origin(page: Page, folder: P
         assert source.sha256 in page.text
 
 
-def test_what_comes_from_files_is_escaped(html: str, page: Page) -> None:
+def test_text_from_files_is_escaped(html: str, page: Page) -> None:
     assert "<b>full" not in html
     assert "<img" not in html
     assert "<loops>" not in html
@@ -293,7 +293,7 @@ def test_measurements_that_have_changed_are_not_used(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_model_that_fails_over_the_gap_says_so_loudly(tmp_path: Path) -> None:
+def test_a_model_that_fails_over_the_gap_is_reported_prominently(tmp_path: Path) -> None:
     wild = {**IRON, "c_H": (1500.0, 950.0, 1150.0)}
     model = magnet(tmp_path, parameters=wild, fit=None)
     text, warnings = report_of(model, tmp_path)
@@ -317,7 +317,7 @@ def test_a_gap_that_cannot_be_computed_is_marked(subject: ModelSubject) -> None:
     assert "no root" in make_headline(replace(subject, acceptance=Acceptance(stuck, None))).notes[0].text
 
 
-def test_figures_of_an_edited_model_are_computed_again(subject: ModelSubject, folder: Path) -> None:
+def test_metrics_of_an_edited_model_are_recomputed(subject: ModelSubject, folder: Path) -> None:
     model = subject.model
     edited = replace(model, parameters={**model.parameters, "c_out": 70.0})
     fresh = gather_subject(edited, folder)
@@ -328,7 +328,7 @@ def test_figures_of_an_edited_model_are_computed_again(subject: ModelSubject, fo
     assert subject.warnings == ()
 
 
-def test_a_model_worse_than_a_curve_without_memory_says_so(subject: ModelSubject, folder: Path) -> None:
+def test_a_model_worse_than_a_single_valued_curve_is_reported(subject: ModelSubject, folder: Path) -> None:
     poor = replace(subject.model, parameters={**subject.model.parameters, "c_out": 90.0})
     head = make_headline(gather_subject(poor, folder))
     assert head.notes[0].tone == "bad"
@@ -393,7 +393,7 @@ def test_a_bare_model_can_be_reported(tmp_path: Path) -> None:
     assert "does not list its measurements" in warnings[0]
 
 
-def test_left_out_errors_that_are_not_finite_are_reported_in_words(subject: ModelSubject) -> None:
+def test_infinite_withheld_errors_are_reported_in_words(subject: ModelSubject) -> None:
     assert subject.model.fit is not None
     fit = replace(subject.model.fit, left_out={"scaling": 0.004, "free": float("inf")})
     section = section_gap_map(replace(subject, model=replace(subject.model, fit=fit)))
@@ -401,7 +401,7 @@ def test_left_out_errors_that_are_not_finite_are_reported_in_words(subject: Mode
     assert "cannot be computed" in str(section)
 
 
-def test_a_report_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+def test_a_report_that_cannot_be_written_leaves_no_file(tmp_path: Path) -> None:
     write_model(bare_model(), tmp_path / "model.toml")
     with refused("cannot-be-written ENOENT"):
         write_report(tmp_path / "model.toml", tmp_path / "nowhere" / "report.html")
@@ -420,7 +420,7 @@ def test_plots_are_written_as_pictures(subject: ModelSubject, tmp_path: Path) ->
     assert (tmp_path / "again.png").read_bytes() == found[1].read_bytes()
 
 
-def test_fit_figures_of_a_perfect_model_do_not_divide_by_zero(subject: ModelSubject) -> None:
+def test_fit_metrics_of_a_perfect_model_do_not_divide_by_zero(subject: ModelSubject) -> None:
     none = FitFigures(0.0, 0.0, 0.0, 0.0)
     head = make_headline(replace(subject, fit=none, evidence=None))
     assert [tile.value for tile in head.tiles] == ["0\xa0N"] * 3

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Two controllers on one chip, the Cortex-M3 of an Arm MPS2 (AN385) as QEMU models it: their links
-   are UART0 and UART1. For each a tick passes with every byte that arrives on its own line, so that
-   what it answers does not depend on when the bytes arrive, nor on the other one. Its magnet
-   follows the current at once. */
+/* Two controllers on one chip, the Cortex-M3 of an Arm MPS2 (AN385) as QEMU models it.
+ *
+ * The links are UART0 and UART1. Each controller runs one tick per byte received on its UART. Its
+ * answers therefore depend neither on the time of arrival nor on the other controller. The
+ * simulated magnet follows the current without delay. */
 #include <stdint.h>
 
 #include "lockstep.h"
