@@ -56,8 +56,8 @@ static inline number four_times(number a) { return anhyst_shl_q31(a, 2); }
 static inline number word_value(entry word) { return (number)word * 32768; }
 static inline number row_value(table_position position) { return anhyst_table_value(position); }
 
-/* Returns the value of the table row `other` minus the value of the row of `position`. Requires
-   that the two rows differ by less than 1. */
+/* Returns the row `other` minus the row of `position`, at this position. Requires that the two rows
+   differ by less than 1. */
 static inline number row_difference(table_position position, const entry *other)
 {
   const int32_t low = (int32_t)other[0] - position.segment[0];

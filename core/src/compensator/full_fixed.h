@@ -157,8 +157,7 @@ static inline number max_tangent_step(entry steepness)
 }
 
 /* Returns 1 - 2^(-t) for t octaves; t is q26, the result q28. Below one octave, uses a cubic
-   polynomial for (1 - 2^-f)/f. Whole octaves are shifts. The absolute error is below 7e-5, and the
-   relative error below 1.5e-4. */
+   polynomial for (1 - 2^-f)/f. Whole octaves are shifts. Error below 7e-5, 1.5e-4 of the result. */
 static inline number decayed_fraction(int32_t t)
 {
   const uint16_t octaves = (uint16_t)(t >> 26) & 31U; /* t is not negative */

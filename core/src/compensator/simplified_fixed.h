@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the simplified law and of Euler's form in fixed point, for generic/simplified.h and
-   generic/closed_form.h. Flux, hysteresis field u and current are q30, distances q27, slopes in
-   units of 1/1024. */
+   generic/closed_form.h. Flux, hysteresis field and current are q30, distances q27, slopes q10. */
 #ifndef ANHYST_SIMPLIFIED_FIXED_H
 #define ANHYST_SIMPLIFIED_FIXED_H
 

@@ -121,8 +121,7 @@ static int fix_unit(const anhyst_wrench_q31 *w, wrench_search *s, int j, int32_t
   return 1;
 }
 
-/* Sets least-squares forces of the drives that are not lost. Returns 0 if some wrench is
-   impossible. */
+/* Sets least-squares forces of all usable drives. Returns 0 if some wrench is impossible. */
 static int start_search(const anhyst_wrench_q31 *w, wrench_search *s,
                         const anhyst_wrench_way_q31 *way, const int32_t *wrench)
 {

@@ -130,8 +130,7 @@ static jet read_kappa_derivative(const integrator *w)
   return point;
 }
 
-/* Converts derivatives with respect to x to derivatives with respect to t, the position on a
-   segment with the map x(t). */
+/* Converts derivatives over x to derivatives over the position t on a segment with the map x(t). */
 static jet to_segment_derivatives(jet point, double x1, double x2)
 {
   jet scaled;

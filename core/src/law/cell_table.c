@@ -174,8 +174,7 @@ static void evaluate_rows(const anhyst_cell_weights_f64 *w, double x, cell_jet *
   }
 }
 
-/* Fits the polynomial of a segment of length h, in the direction away from zero field. The argument
-   `direction` is -1 for negative fields. */
+/* Fits the polynomial of a segment of length h, away from zero; `direction` is -1 for x < 0. */
 static void fit_segment(double *c, const cell_jet *from, const cell_jet *to, double h,
                         double direction)
 {

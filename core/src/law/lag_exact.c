@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The effective-field law, exact for any step length. The irreversible magnetisation y is the
-   steady-state branch plus a deviation. The deviation decays exponentially from the point where y
-   starts to change. */
+   steady-state branch plus a deviation, which decays exponentially from the start of its change. */
 #include <math.h>
 
 #include "anhyst/numeric/elementary.h"

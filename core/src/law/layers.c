@@ -23,7 +23,7 @@ enum { MAX_STEPS = 200, MAX_BISECTIONS = 30 };
 /* Largest relative residual that is accepted if it no longer decreases. */
 #define MAX_RESIDUAL 1e-10
 /* Smallest scale of a flux density, as a fraction of the law's scale. A law rounds relative to its
-   own scale, which would dominate tiny drives. */
+   own scale, and this rounding would dominate tiny drives. */
 #define MIN_FLUX_SCALE 1e-2
 
 typedef struct {

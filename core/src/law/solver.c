@@ -71,8 +71,8 @@ static anhyst_status solve_in_bracket(path_search *search, double x,
       return ANHYST_OK;
     }
     if (is_inside && fabs(step) <= longest) {
-      /* Each step must be at most half of the last step. Newton's method could otherwise oscillate
-         across the two bends of the curve. */
+      /* Steps must halve, because Newton's method can oscillate across the two bends of the curve.
+       */
       longest = 0.5 * fabs(step);
       x = next;
       continue;

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Each function reduces its argument to a small remainder by a table, and evaluates a polynomial of
-   the remainder. A table entry or a constant is a pair: the nearest floating-point number, and the
-   exact value minus that number. */
+   the remainder. Entries and constants are pairs: the nearest double, and the remaining error. */
 #include "anhyst/numeric/elementary.h"
 
 #include <math.h>

@@ -66,10 +66,9 @@ static inline int32_t significand_of(uint32_t single)
   return (int32_t)((single & (SINGLE_EXPONENT_STEP - 1U)) | SINGLE_EXPONENT_STEP);
 }
 
-/* Converts a number of the hysteresis state to the unit of another block. The argument `word` is
-   the index of the unit in both blocks. Requires valid blocks and |a| <= 2^30. Saturates. Returns a
-   itself if the units are equal. Otherwise, the error is below 2^-22 of the result plus 8 LSB of
-   the larger of the two numbers. */
+/* Converts a number of the hysteresis state to the unit of another block. `word` is the index of
+   the unit in both blocks. Requires valid blocks and |a| <= 2^30. Saturates. Returns a for equal
+   units. Otherwise, the error is below 2^-22 of the result plus 8 LSB of the larger number. */
 static inline number convert_unit(number a, const entry *old_words, const entry *new_words,
                                   int16_t word)
 {

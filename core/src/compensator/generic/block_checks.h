@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template: checks of the words of a parameter block, for every number format. A law includes
-   ../formats/block_fixed.h or block_real.h, which define the operations on a word. Every check
-   returns 0 if the word is NaN. */
+   ../formats/block_fixed.h or block_real.h with operations on a word. Checks return 0 for NaN. */
 
 /* Returns the length of a block in words. Requires a valid header. */
 static inline int32_t block_length(const entry *words)

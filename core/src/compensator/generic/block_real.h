@@ -53,8 +53,7 @@ static inline int is_single_float(const entry *words, int32_t word)
          words[word + 1] == (entry)0;
 }
 
-/* Returns whether the scales of the signals are valid for computations. The range of the gap may be
-   empty if nothing depends on the gap. */
+/* Returns whether all scales are valid. The gap has an empty range if nothing depends on it. */
 static inline int are_scales_valid(const entry *words)
 {
   const entry low = words[ANHYST_WORD_SCALE_GAP_LOW];

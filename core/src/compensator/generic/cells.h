@@ -84,8 +84,8 @@ static inline number solve_segment(const equation *eq, const entry *segment, seg
   return residual > 0 ? divide_to_fraction(residual, rise) : 0;
 }
 
-/* Returns the field at which a cell becomes active, but not less than `low`. For an index after the
-   last cell, returns the largest field. */
+/* Returns the field, at least `low`, at which a cell becomes active. After the last cell, returns
+   the largest field. */
 static number activation_field(const cell_path *path, int cell, number low)
 {
   if (cell > path->cells) {
@@ -359,8 +359,7 @@ static int move_to_next_segment(const entry *words, candidate *trial)
 /* Moves a trial step to the target on its segment. The field stays at or above the field where the
    step started or the last cell became active, and at or below the field where the next cell
    becomes active. Stores the flux h*x + m of the solution, divided by 4, in *flux. A target that is
-   lower only by rounding counts as solved. Returns BEYOND_SEGMENT if the target is on one of the
-   next segments. */
+   lower only by rounding counts as solved. BEYOND_SEGMENT: the target is on a later segment. */
 static inline int solve_on_segment(const entry *words, const arms_type *arms, number target,
                                    candidate *trial, number *flux)
 {

@@ -84,8 +84,7 @@ static number largest_segment_rise(const cell_path *path, int is_narrow)
   return max_rise;
 }
 
-/* Returns whether flux_arm*flux + field_arm*field rises with the field on every segment, by more
-   than the rounding of both coefficients. */
+/* Returns whether flux_arm*flux + field_arm*field rises on every segment by more than rounding. */
 static int does_sum_rise_with_field(const entry *words, entry flux_arm, entry field_arm)
 {
   cell_path path;

@@ -64,8 +64,7 @@ static inline table_position locate_field(const cell_path *path, const entry *ro
   return locate_from_zero(row, x, width);
 }
 
-/* Returns the magnetisation of the next cell to become active: the value of the next table row
-   minus the value of the present row. */
+/* Returns the magnetisation of the next cell to become active: next row minus present row. */
 static inline number cell_magnetisation(const cell_path *path, table_position position)
 {
   return row_difference(position, position.segment + path->stride);

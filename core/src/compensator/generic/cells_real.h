@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the play-cell law in floating point, for generic/cells.h. cells_fixed.h describes
    the functions. Fields, plays and magnetisations are fractions on a grid of 2*NUMBER_EPS. The sum
-   or difference of two such fractions is exact, so that the magnetisation of the cells at rest does
-   not drift. */
+   or difference of two such fractions is exact: the sum of the cells at rest does not drift. */
 
 typedef struct {
   number width; /* width of a segment */

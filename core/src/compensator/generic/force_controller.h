@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Template: the methods of the force controller, for every number format. The operations that
-   depend on the format are included before: ../force_controller.c for q31, force_controller_real.h
-   for floating point. */
+/* Template: methods of the force controller, for every number format. The operations of a format
+   are included before: ../force_controller.c for q31, force_controller_real.h for real numbers. */
 
 static int are_current_limits_valid(ANHYST_REAL low, ANHYST_REAL high)
 {
@@ -37,8 +36,7 @@ static ANHYST_REAL solve_by_map(anhyst_force_controller_x *c, ANHYST_REAL demand
   return apply_correction(c, anhyst_map_value_x(c->map, c->demand, gap));
 }
 
-/* Returns the force of an applied current. The argument `added` is the current's flux
-   correction. */
+/* Returns the force of an applied current. The argument `added` is a flux correction in it. */
 static ANHYST_REAL force_by_map(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                 ANHYST_REAL added, ANHYST_REAL gap)
 {

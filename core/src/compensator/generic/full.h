@@ -139,8 +139,7 @@ static inline equation equation_for_residual(const compensator *c, const path_po
   return eq;
 }
 
-/* Solves for a current from the end of the last solved path. Returns 0 if the path has no
-   solution. */
+/* Solves for a current from the end of the last solved path. Returns 0 if there is no solution. */
 static int solve_from_last_step(compensator *c, number target)
 {
   const candidate *end = &c->next;

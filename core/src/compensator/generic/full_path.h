@@ -93,9 +93,8 @@ static inline void init_branch_path(branch_path *path, const entry *words, const
 
 /* Finds the last reversal of the play, the play at which y starts to change, and the offset of y
    from the ascending branch. The play reverses at the start of this path if it moved in the other
-   direction before, or if it has not moved yet. The value of y is constant until the anhysteretic
-   curve has crossed y. A small error of the crossing has almost no effect, because y starts to
-   change with slope zero. */
+   direction before, or if it has not moved yet. y is constant until the anhysteretic curve has
+   crossed it. An error of the crossing has almost no effect, because y starts with slope zero. */
 static inline void find_y_start(branch_path *path, const entry *words, const full_memory *from,
                                 mirror_type mirror)
 {

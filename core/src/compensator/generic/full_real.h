@@ -128,8 +128,7 @@ static inline number max_tangent_step(entry steepness)
 }
 
 /* Returns 1 - 2^(-t) for t >= 0 octaves. Below one octave, uses a polynomial for (1 - 2^-f)/f.
-   Whole octaves are exact powers of two. The error before rounding is below 1e-9, for small t
-   1e-9*t. */
+   Whole octaves are exact powers of two. Error before rounding below 1e-9 (for small t, 1e-9*t). */
 static inline number decayed_fraction(number t)
 {
   if (t >= (number)31) {

@@ -51,8 +51,7 @@ static uint16_t read_entry_count(const entry *words, uint16_t capacity)
   return is_valid ? entries : 0U;
 }
 
-/* Returns whether no half-width of the loop is negative, and neither branch falls with rising force
-   or leaves the number format. */
+/* Returns whether half-widths are not negative, and both branches rise and stay in the format. */
 static int are_branches_rising(const law_type *law, uint16_t entries)
 {
   const size_t last_column = columns_of(&law->map);

@@ -39,8 +39,7 @@ static inline number current_at(number value, number half, number side)
   return side == -ONE ? value - half : value + times_fraction(side, half);
 }
 
-/* Sets a point to a column of the map. The argument `part` is 0 at the start of the searched
-   segment, and 1 at its end. */
+/* Sets a point to a column. The argument `part` is 0 or 1: start or end of the searched segment. */
 static void set_point_to_column(point *at, const play_type *c, const gap_law *slice, size_t column,
                                 number part)
 {
@@ -99,9 +98,8 @@ typedef struct {
   point corners[2];
 } search_interval;
 
-/* Returns the column at the start of the segment that contains a current, in a range of columns. If
-   the current is outside of the range, returns the first or the last segment. Tries two given
-   columns first, then bisects. */
+/* Returns the column at the start of the segment that contains a current, in a range of columns, or
+   the first or last segment for a current outside. Tries two columns first, then bisects. */
 static size_t find_column(const play_type *c, const gap_law *slice, size_t below, size_t above,
                           size_t probe, size_t second, number current)
 {

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Operations in floating point for the templates play_block.h and play_map.h. ../play_map.c
-   describes the functions. map_real.h, the types law_type, point and play_type, and the constant
-   MACHINE_EPSILON come before. */
+/* Operations in floating point for the templates play_block.h and play_map.h; see ../play_map.c.
+   map_real.h, the types law_type, point and play_type, and MACHINE_EPSILON come before. */
 
 #define MAX_NEWTON_STEPS 12 /* more than in fixed point because of the higher precision */
 

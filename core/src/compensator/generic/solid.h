@@ -234,8 +234,7 @@ static load_line load_line_at_surface(const solid_tick *tick)
   return line;
 }
 
-/* Returns the load line inside a layer from the load line outside it. At the surface, a given flux
-   replaces the outer load line. */
+/* Returns the load line inside a layer, from that outside or from a given flux at the surface. */
 static load_line load_line_below_layer(const solid_tick *tick, int layer, load_line line)
 {
   const number slope = tick->field_slope[layer];

@@ -120,8 +120,7 @@ static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yiel
   return 1;
 }
 
-/* Sets the bit masks of the usable drives (one of each pair) and of the drives without a
-   partner. */
+/* Sets the bit masks of usable drives (one of each pair) and of drives without a partner. */
 static void classify_drives(anhyst_wrench_x *w)
 {
   int j;
@@ -245,7 +244,7 @@ static int solve_wrench(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, for
   }
 }
 
-/* Fixes drives at the bounds that their forces exceed. Returns the number of fixed drives. The net
+/* Fixes drives at bounds that their forces exceed. Returns the number of these drives. The net
    force of a pair is bounded in both directions. */
 static int fix_at_bounds(const anhyst_wrench_x *w, force_search *s)
 {
