@@ -116,7 +116,7 @@ static int detect_lost_sensors(anhyst_axes_x *c, const ANHYST_REAL *head)
   return are_readings_valid;
 }
 
-/* Moves the reference relative to the target in states LAND and LIFT. In REST, resets the PIDs. */
+/* Moves the reference relative to the target in LAND and LIFT. Resets the PIDs in state REST. */
 static void move_reference(anhyst_axes_x *c)
 {
   const anhyst_axes_settings_x *settings = c->settings;
