@@ -32,7 +32,7 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_full;
 
 #ifndef TABLE
 /* Returns any result, because a solver cannot handle the products of this function. */
-static int does_current_rise(const int16_t *words)
+static int does_current_rise_with_field(const int16_t *words)
 {
   (void)words;
   return nondet_i16() != 0;
@@ -62,7 +62,7 @@ int main(void)
 {
   int16_t before[2]; /* any */
   int16_t words[2];
-  ASSUME(is_single(before, 0) && is_single(words, 0));
+  ASSUME(is_single_float(before, 0) && is_single_float(words, 0));
   (void)convert_unit(any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), before, words, 0);
   return 0;
 }

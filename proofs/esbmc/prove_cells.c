@@ -54,7 +54,7 @@ static void any_block(int16_t *words)
     words[ANHYST_BLOCK_LEAST_WORDS + i] = (int16_t)any_within(1, ANHYST_Q15_MAX);
   }
   cell_path path;
-  read_rows(&path, words);
+  read_row_layout(&path, words);
   const int32_t end = words[ANHYST_WORD_CELLS_ROWS] + (count + 1) * path.stride;
   words[ANHYST_WORD_LENGTH] = (int16_t)any_within(end, ANHYST_BLOCK_MOST_WORDS);
   SHOW(path.stride >= 9 && path.wide_segments >= 0 && path.stride > 2 * path.wide_segments);
@@ -68,46 +68,48 @@ static int32_t index_on_rows(const cell_path *path, const int16_t *at)
 }
 
 /* Returns whether a position is on a row, before its last entry. */
-static int is_on_row(const cell_path *path, anhyst_spot spot, int32_t row)
+static int is_on_row(const cell_path *path, anhyst_table_position table_position, int32_t row)
 {
-  const int32_t segment = index_on_rows(path, spot.at) - row * path->stride;
-  return segment >= 0 && segment <= path->stride - 2 && spot.part >= 0 && spot.part <= 0x7FFF;
+  const int32_t segment = index_on_rows(path, table_position.segment) - row * path->stride;
+  return segment >= 0 && segment <= path->stride - 2 && table_position.fraction >= 0 &&
+         table_position.fraction <= 0x7FFF;
 }
 
 static int is_path(const cell_path *path)
 {
   return path->active >= 1 && path->active <= path->cells + 1 && path->prior_active >= 0 &&
          path->prior_active <= path->cells + 1 && is_in_unit_range(path->x) &&
-         is_in_unit_range(path->rest) && is_in_unit_range(path->last_join) &&
+         is_in_unit_range(path->resting_m) && is_in_unit_range(path->last_activation) &&
          (path->mirror == 0 || path->mirror == -1) &&
          index_on_rows(path, path->row) == (path->active - 1) * path->stride &&
          is_on_row(path, path->reversal, 0);
 }
 
 /* Returns any position on a row that starts here. */
-static anhyst_spot any_row_position(const cell_path *path, const int16_t *row)
+static anhyst_table_position any_row_position(const cell_path *path, const int16_t *row)
 {
-  const anhyst_spot spot = {row + any_within(0, path->stride - 2), any_within(0, 0x7FFF)};
-  return spot;
+  const anhyst_table_position table_position = {row + any_within(0, path->stride - 2),
+                                                any_within(0, 0x7FFF)};
+  return table_position;
 }
 
 static cell_path any_path(void)
 {
   cell_path path;
   any_block(block_words);
-  read_rows(&path, block_words);
+  read_row_layout(&path, block_words);
   for (int16_t i = 0; i < ANHYST_CELLS; i++) {
     rested[i] = nondet_i32();
   }
   path.plays = rested;
   path.active = (int16_t)any_within(1, path.cells + 1);
   path.prior_active = (int16_t)any_within(0, path.cells + 1);
-  path.row = row_of(&path, path.active);
+  path.row = active_row(&path, path.active);
   path.reversal = any_row_position(&path, path.rows);
-  path.risen = nondet_i32();
-  path.rest = any_within(-ONE, ONE - 1);
+  path.stopped_on_rise = nondet_i32();
+  path.resting_m = any_within(-ONE, ONE - 1);
   path.x = any_within(-ONE, ONE - 1);
-  path.last_join = any_within(-ONE, ONE - 1);
+  path.last_activation = any_within(-ONE, ONE - 1);
   path.mirror = nondet_i16() != 0 ? -1 : 0;
   path.segment = path.row;
   SHOW(is_path(&path));
@@ -142,21 +144,21 @@ static equation any_equation(const anhyst_arms *arms)
 /* ---- contracts ---- */
 
 #ifdef VALUE_BY_CONTRACT
-static inline int32_t anhyst_value_at(anhyst_spot spot)
+static inline int32_t anhyst_table_value(anhyst_table_position table_position)
 {
-  SHOW(spot.part >= 0 && spot.part <= 0x7FFF);
+  SHOW(table_position.fraction >= 0 && table_position.fraction <= 0x7FFF);
   return any_within(-ANHYST_Q15_MAX * 32768, ANHYST_Q15_MAX * 32768);
 }
 
-static inline number between(spot position, const entry *other)
+static inline number row_difference(table_position position, const entry *other)
 {
-  SHOW(position.part >= 0 && position.part <= 0x7FFF);
+  SHOW(position.fraction >= 0 && position.fraction <= 0x7FFF);
   return any_within(-ANHYST_Q15_MAX * 32768, ANHYST_Q15_MAX * 32768);
 }
 #endif
 
 #ifdef SPOT_BY_CONTRACT
-static inline spot locate(const cell_path *path, const entry *row, number x)
+static inline table_position locate_field(const cell_path *path, const entry *row, number x)
 {
   SHOW(is_in_unit_range(x));
   SHOW(index_on_rows(path, row) >= 0 && index_on_rows(path, row) <= path->cells * path->stride);
@@ -172,7 +174,7 @@ static inline number residual_at(const equation *eq, number x, number m)
   return any_within(-MAX_SHOWN_RESIDUAL, MAX_SHOWN_RESIDUAL);
 }
 
-static inline number solve_segment(const equation *eq, const entry *segment, grid width,
+static inline number solve_segment(const equation *eq, const entry *segment, segment_grid width,
                                    number residual)
 {
   (void)segment;
@@ -183,7 +185,7 @@ static inline number solve_segment(const equation *eq, const entry *segment, gri
 #endif
 
 #ifdef PART_BY_CONTRACT
-static inline number divide_to_part(number residual, number rise)
+static inline number divide_to_fraction(number residual, number rise)
 {
   SHOW(residual >= 0 && residual < rise);
   return any_within(0, 0x7FFF);
@@ -191,7 +193,7 @@ static inline number divide_to_part(number residual, number rise)
 #endif
 
 #ifdef NODE_BY_CONTRACT
-static number segment_field(const cell_path *path, int segment)
+static number field_at_segment(const cell_path *path, int segment)
 {
   SHOW(segment >= 0 && segment <= path->stride - 2);
   return any_within(-ONE, ONE - 1);
@@ -201,8 +203,8 @@ static number segment_field(const cell_path *path, int segment)
 static int is_candidate(const anhyst_candidate *at);
 
 #ifdef TRAVEL_BY_CONTRACT
-static number solve_from_memory(const entry *words, const cells_memory *from, const number *plays,
-                                const arms_type *arms, number target, candidate *to)
+static number solve_from_state(const entry *words, const cells_memory *from, const number *plays,
+                               const arms_type *arms, number target, candidate *to)
 {
   const equation eq = {words[ANHYST_WORD_CELLS_AIR], arms, target};
   SHOW(is_target(&eq));
@@ -233,11 +235,11 @@ static number solve_beyond_segment(const entry *words, const cells_memory *from,
 #endif
 
 #ifdef DESCRIBE_BY_CONTRACT
-static void describe_segment(const entry *words, int segment, number begin, grid width, number rest,
-                             candidate *at)
+static void store_segment(const entry *words, int segment, number begin, segment_grid width,
+                          number rest, candidate *at)
 {
   cell_path path;
-  read_rows(&path, words);
+  read_row_layout(&path, words);
   SHOW(is_in_unit_range(begin) && is_in_unit_range(rest) && width >= 2U && width <= 13U);
   SHOW(segment >= words[ANHYST_WORD_CELLS_ROWS]);
   SHOW(segment <= words[ANHYST_WORD_CELLS_ROWS] + (path.cells + 1) * path.stride - 2);
@@ -255,20 +257,20 @@ static void prove_rows(void)
 {
   const cell_path path = any_path();
   const int32_t x = any_within(-ONE, ONE - 1);
-  const anhyst_spot spot = locate(&path, path.row, x);
-  SHOW(is_on_row(&path, spot, path.active - 1));
-  const grid width = grid_at_field(&path, x);
+  const anhyst_table_position table_position = locate_field(&path, path.row, x);
+  SHOW(is_on_row(&path, table_position, path.active - 1));
+  const segment_grid width = grid_at_field(&path, x);
   const int32_t begin = segment_begin(x, width);
   SHOW(is_in_unit_range(begin) && begin <= x && x - begin < width_of(width));
-  SHOW(begin + width_of(width) <= ONE && part_at(x, begin, width) == spot.part);
+  SHOW(begin + width_of(width) <= ONE && fraction_at(x, begin, width) == table_position.fraction);
   const int16_t segment = (int16_t)any_within(0, path.stride - 2);
-  SHOW(is_in_unit_range(segment_field(&path, segment)));
+  SHOW(is_in_unit_range(field_at_segment(&path, segment)));
 }
 
 static void prove_divide_to_part(void)
 {
   const int32_t d = any_within(1, ANHYST_Q31_MAX);
-  const int32_t found = divide_to_part(any_within(0, d - 1), d);
+  const int32_t found = divide_to_fraction(any_within(0, d - 1), d);
   SHOW(found >= 0 && found <= 0x7FFF);
 }
 
@@ -278,12 +280,13 @@ static void prove_residual(void)
   const anhyst_arms arms = any_arms();
   const equation eq = any_equation(&arms);
   const int32_t x = any_within(-ONE, ONE - 1);
-  const anhyst_spot spot = any_row_position(&path, path.row);
-  ASSUME(spot.at[1] >= spot.at[0] && spot.at[1] - spot.at[0] <= ANHYST_Q15_MAX);
-  const int32_t residual = residual_at(&eq, x, value_at(spot) + path.rest);
+  const anhyst_table_position table_position = any_row_position(&path, path.row);
+  ASSUME(table_position.segment[1] >= table_position.segment[0] &&
+         table_position.segment[1] - table_position.segment[0] <= ANHYST_Q15_MAX);
+  const int32_t residual = residual_at(&eq, x, row_value(table_position) + path.resting_m);
   SHOW(residual >= -MAX_SHOWN_RESIDUAL && residual <= MAX_SHOWN_RESIDUAL);
   const int32_t left = any_within(-MAX_SHOWN_RESIDUAL, ANHYST_Q31_MAX);
-  const int32_t part = solve_segment(&eq, spot.at, grid_at_field(&path, x), left);
+  const int32_t part = solve_segment(&eq, table_position.segment, grid_at_field(&path, x), left);
   SHOW(part >= 0 && part <= 0x8000);
 }
 
@@ -292,11 +295,11 @@ static void prove_join_field(void)
   cell_path path = any_path();
   const int32_t low = any_within(-ONE, ONE - 1);
   const int16_t cell = (int16_t)any_within(1, path.cells + 1);
-  const int32_t at = join_field(&path, cell, low);
+  const int32_t at = activation_field(&path, cell, low);
   SHOW(at >= low && at < ONE);
   ASSUME(cell <= path.cells);
   path.active = cell;
-  path.row = row_of(&path, cell);
+  path.row = active_row(&path, cell);
   const int32_t with = resting_magnetisation(&path, any_row_position(&path, path.row), path.cells);
   SHOW(with > -ONE && with < ONE);
 }
@@ -317,7 +320,7 @@ static void prove_rejoin_group(void)
   const equation eq = any_equation(&arms);
   const int32_t low = any_within(-ONE, ONE - 1);
   ASSUME(path.active < path.prior_active);
-  const int32_t last = rejoin_group(&path, &eq, low);
+  const int32_t last = reactivate_group(&path, &eq, low);
   SHOW(is_path(&path) && is_in_unit_range(last));
 }
 
@@ -335,7 +338,7 @@ static void prove_solve_row(void)
   const equation eq = any_equation(&arms);
   const int32_t low = any_within(-ONE, ONE - 1);
   const int32_t high = any_within(low, ONE - 1);
-  solve_row(&path, &eq, any_row_position(&path, path.row).at, low, high);
+  solve_row(&path, &eq, any_row_position(&path, path.row).segment, low, high);
   SHOW(is_path(&path) && path.x >= low && path.x <= high);
 }
 
@@ -367,15 +370,16 @@ static void prove_solve_on_segment(void)
   const anhyst_arms arms = any_arms();
   const equation eq = any_equation(&arms);
   anhyst_compensator c;
-  const anhyst_cells_memory memory = {
-      mirrored(path.x, path.mirror), mirrored(path.rest, path.mirror),
-      path.mirror == 0 ? path.active : -path.active, path.risen, any_within(-ONE, ONE - 1)};
+  const anhyst_cells_memory memory = {mirrored(path.x, path.mirror),
+                                      mirrored(path.resting_m, path.mirror),
+                                      path.mirror == 0 ? path.active : -path.active,
+                                      path.stopped_on_rise, any_within(-ONE, ONE - 1)};
   anhyst_candidate *at = &c.next;
   c.words = block_words;
   at->memory.cells = memory;
   at->of.cells.joins = any_within(path.x, ONE - 1);
   at->of.cells.flux = any_within(-ONE, ONE);
-  at->of.cells.segment = (int16_t)(locate(&path, path.row, path.x).at - block_words);
+  at->of.cells.segment = (int16_t)(locate_field(&path, path.row, path.x).segment - block_words);
   at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
   at->of.cells.fineness = (uint16_t)grid_at_field(&path, path.x);
   int32_t flux = 0;
@@ -398,15 +402,15 @@ static void prove_field(void)
   c.arms = any_arms();
   c.flux = any_within(-ONE, ONE);
   c.stage = (uint16_t)any_within(ANHYST_STAGE_UNKNOWN, ANHYST_STAGE_HERE);
-  (void)cells_field(&c);
-  (void)cells_flux(&c, nondet_i32());
+  (void)cells_field_for_flux(&c);
+  (void)cells_flux_for_current(&c, nondet_i32());
 }
 
 static void prove_store_plays(void)
 {
   (void)any_path();
   const anhyst_cells_memory from = any_memory();
-  store_plays(block_words, &from, rested);
+  store_active_plays(block_words, &from, rested);
 }
 
 int main(void)

@@ -11,7 +11,7 @@
 #else
 #include "compensator/simplified_fixed.h"
 
-static int32_t path_start(const int16_t *words, int32_t state)
+static int32_t stored_path_start(const int16_t *words, int32_t state)
 {
   SHOW(IS_WITHIN_ONE(state));
   return any_within(-ANHYST_Q30_ONE, ANHYST_Q31_MAX);
@@ -54,10 +54,10 @@ static inline int32_t anhyst_quotient(int32_t numerator, int32_t denominator)
 #endif
 
 #ifdef SLOPE_BY_CONTRACT
-static inline number lag_slope(const entry *words, number state)
+static inline number state_slope(const entry *words, number state)
 {
   SHOW(IS_WITHIN_ONE(state));
-  return any_within(0, MAX_LAG_SLOPE);
+  return any_within(0, MAX_STATE_SLOPE);
 }
 #endif
 
@@ -81,8 +81,8 @@ static void prove_lag_slope(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   assume_valid(words);
-  const int32_t slope = lag_slope(words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
-  SHOW(slope >= 0 && slope <= MAX_LAG_SLOPE);
+  const int32_t slope = state_slope(words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
+  SHOW(slope >= 0 && slope <= MAX_STATE_SLOPE);
 }
 
 static void prove_field(void)
@@ -93,7 +93,7 @@ static void prove_field(void)
   c.words = words;
   c.memory.simplified = any_memory();
   c.flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  SHOW(IS_WITHIN_ONE(simplified_field(&c)));
+  SHOW(IS_WITHIN_ONE(simplified_field_for_flux(&c)));
   SHOW(is_memory(&c.next.memory.simplified));
 }
 
@@ -111,7 +111,7 @@ static void prove_flux(void)
   c.arms = arms;
   c.stage = nondet_u16();
   ASSUME(words[ANHYST_WORD_SIMPLE_ITERATIONS] <= 3);
-  SHOW(IS_WITHIN_ONE(simplified_flux(&c, nondet_i32())));
+  SHOW(IS_WITHIN_ONE(simplified_flux_for_current(&c, nondet_i32())));
   SHOW(is_memory(&c.next.memory.simplified));
 }
 
@@ -122,7 +122,7 @@ static void prove_transfer(void)
   assume_valid(words);
   c.words = words;
   c.memory.simplified = any_memory();
-  simplified_carry(&c, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
+  simplified_transfer_state(&c, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
   SHOW(is_memory(&c.memory.simplified));
 }
 

@@ -12,13 +12,13 @@
    and END_ANY_ITERATION at the start and the end of an iteration: they show the invariant and
    forget everything else, so that one iteration represents all. */
 #define INVARIANT                                                                                  \
-  (path->x <= within.low && within.low <= next && next <= within.high && within.high < UNIT &&     \
+  (path->x <= bracket.low && bracket.low <= next && next <= bracket.high && bracket.high < ONE &&  \
    last_step >= 0)
 #define BEGIN_ANY_ITERATION                                                                        \
   SHOW(INVARIANT);                                                                                 \
   evaluations_left = any_within(1, 16);                                                            \
-  within.low = nondet_i32();                                                                       \
-  within.high = nondet_i32();                                                                      \
+  bracket.low = nondet_i32();                                                                      \
+  bracket.high = nondet_i32();                                                                     \
   last_step = nondet_i32();                                                                        \
   next = nondet_i32();                                                                             \
   was_rejected = nondet_i16();                                                                     \
@@ -30,7 +30,7 @@
   SHOW(INVARIANT);                                                                                 \
   ASSUME(0);
 
-#define is_in_unit_range(a) ((a) >= -UNIT && (a) < UNIT)
+#define is_in_unit_range(a) ((a) >= -ONE && (a) < ONE)
 
 /* Range of the iron weight in the search: either sign, or only negative if the control fault
    appears only there. */
@@ -83,51 +83,51 @@ static anhyst_full_memory any_memory(void)
 static int has_begun(const branch_path *path)
 {
   return is_in_unit_range(path->x) && is_in_unit_range(path->y) && is_in_unit_range(path->p) &&
-         path->play >= 0 && path->play <= UNIT && path->tangent_step >= 0 &&
+         path->threshold >= 0 && path->threshold <= ONE && path->tangent_step >= 0 &&
          path->tangent_step <= MAX_TANGENT_STEP;
 }
 
 static int has_departed(const branch_path *path)
 {
-  return is_in_unit_range(path->departure) && path->offset > -2 * UNIT && path->offset < 2 * UNIT;
+  return is_in_unit_range(path->y_start) && path->offset > -2 * ONE && path->offset < 2 * ONE;
 }
 
-/* Returns any path after find_departure(). */
+/* A path after find_y_start(). */
 static branch_path any_path(void)
 {
   branch_path path;
   path.x = nondet_i32();
   path.y = nondet_i32();
   path.p = nondet_i32();
-  path.play = nondet_i32();
+  path.threshold = nondet_i32();
   path.tangent_step = nondet_i32();
-  path.curve.at = curve_words;
-  path.curve.n = (uint16_t)any_within(3, 9);
-  path.branch.at = branch_words;
-  path.branch.n = (uint16_t)(path.curve.n + 1U);
-  path.inverse.at = inverse_words;
-  path.inverse.n = (uint16_t)any_within(3, 9);
+  path.curve.entries = curve_words;
+  path.curve.log2_segments = (uint16_t)any_within(3, 9);
+  path.branch.entries = branch_words;
+  path.branch.log2_segments = (uint16_t)(path.curve.log2_segments + 1U);
+  path.inverse.entries = inverse_words;
+  path.inverse.log2_segments = (uint16_t)any_within(3, 9);
   path.decay.rate = (int16_t)any_within(1, ANHYST_Q15_MAX);
   path.decay.shift = (uint16_t)any_within(0, 12);
-  path.turn = any_within(-UNIT, UNIT - 1);
-  path.level = any_within(-UNIT, UNIT - 1);
-  path.departure = nondet_i32();
+  path.reversal_play = any_within(-ONE, ONE - 1);
+  path.reversal_y = any_within(-ONE, ONE - 1);
+  path.y_start = nondet_i32();
   path.offset = nondet_i32();
-  path.kappa = any_within(0, UNIT);
-  path.lead = nondet_i16();
+  path.kappa = any_within(0, ONE);
+  path.offset_weight = nondet_i16();
   path.steepness = (int16_t)any_within(1, ANHYST_Q15_MAX);
   path.reversible = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  path.evaluations = (int16_t)any_within(2, 16);
+  path.max_evaluations = (int16_t)any_within(2, 16);
   ASSUME(has_begun(&path) && has_departed(&path));
   return path;
 }
 
-static int is_slope(int32_t slope) { return slope >= 0 && slope <= ANHYST_SLOPE_MAX; }
+static int is_slope(int32_t slope) { return slope >= 0 && slope <= ANHYST_MAX_SLOPE; }
 
 static int is_answer(const branch_path *path, const path_point *point)
 {
   return is_in_unit_range(point->x) && is_in_unit_range(point->p) && point->p >= path->p &&
-         point->y >= path->y && point->y < UNIT && is_in_unit_range(point->m) &&
+         point->y >= path->y && point->y < ONE && is_in_unit_range(point->m) &&
          is_slope(point->y_slope) && is_slope(point->m_slope);
 }
 
@@ -148,7 +148,7 @@ static equation any_equation(void)
 {
   const equation eq = {(int16_t)any_within(1, ANHYST_Q15_MAX),
                        (int16_t)any_within(-ANHYST_Q15_MAX, MAX_IRON_WEIGHT),
-                       any_within(-UNIT, UNIT - 1)};
+                       any_within(-ONE, ONE - 1)};
   return eq;
 }
 
@@ -157,43 +157,43 @@ static equation any_equation(void)
 #ifdef VALUE_BY_CONTRACT
 static inline number interpolate(table t, number u, number *rise)
 {
-  SHOW(u >= 0 && u < UNIT);
-  const int32_t least = t.at == branch_words ? -ANHYST_Q15_MAX : 0;
-  const uint16_t n = t.at == branch_words ? (uint16_t)(t.n - 1U) : t.n;
-  *rise = any_within(0, t.at == inverse_words ? ANHYST_Q15_MAX : steepest(n));
+  SHOW(u >= 0 && u < ONE);
+  const int32_t least = t.entries == branch_words ? -ANHYST_Q15_MAX : 0;
+  const uint16_t n = t.entries == branch_words ? (uint16_t)(t.log2_segments - 1U) : t.log2_segments;
+  *rise = any_within(0, t.entries == inverse_words ? ANHYST_Q15_MAX : steepest(n));
   return any_within(least * 8192, ANHYST_Q15_MAX * 8192);
 }
 #endif
 
 #ifdef SMALL_BY_CONTRACT
-static inline number decayed_share(int32_t t)
+static inline number decayed_fraction(int32_t t)
 {
   SHOW(t >= 0);
-  return any_within(0, UNIT);
+  return any_within(0, ONE);
 }
 
-static inline slope slope_of(table curve, number rise)
+static inline slope curve_slope(table curve, number rise)
 {
-  SHOW(rise >= 0 && rise <= steepest(curve.n));
-  return any_within(0, ANHYST_SLOPE_MAX);
+  SHOW(rise >= 0 && rise <= steepest(curve.log2_segments));
+  return any_within(0, ANHYST_MAX_SLOPE);
 }
 
 static inline slope irreversible_slope(number above, entry steepness)
 {
-  SHOW(steepness > 0 && above >= -2 * UNIT && above <= 2 * UNIT);
+  SHOW(steepness > 0 && above >= -2 * ONE && above <= 2 * ONE);
   return any_within(-262144, 262144);
 }
 
-static inline slope mixed_slope(slope y_slope, slope x_slope, entry part)
+static inline slope total_m_slope(slope y_slope, slope x_slope, entry part)
 {
   SHOW(part >= 0 && is_slope(y_slope) && is_slope(x_slope));
-  return any_within(0, ANHYST_SLOPE_MAX);
+  return any_within(0, ANHYST_MAX_SLOPE);
 }
 
 static inline number quotient(number n, number d)
 {
   SHOW(d > 0 && n >= 0);
-  return any_within(0, 4 * UNIT - 1);
+  return any_within(0, 4 * ONE - 1);
 }
 #endif
 
@@ -201,13 +201,13 @@ static inline number quotient(number n, number d)
 static number guess_along_curve(const branch_path *path, const equation *eq, number x,
                                 number residual)
 {
-  SHOW(is_in_unit_range(x) && is_equation(eq) && residual > -2 * UNIT && residual < 2 * UNIT);
-  return any_within(-UNIT, UNIT - 1);
+  SHOW(is_in_unit_range(x) && is_equation(eq) && residual > -2 * ONE && residual < 2 * ONE);
+  return any_within(-ONE, ONE - 1);
 }
 #endif
 
 #ifdef STEPS_BY_CONTRACT
-static inline path_point evaluate(const branch_path *path, number x)
+static inline path_point evaluate_path(const branch_path *path, number x)
 {
   SHOW(is_in_unit_range(x) && has_departed(path));
   path_point point = any_answer(path);
@@ -215,26 +215,26 @@ static inline path_point evaluate(const branch_path *path, number x)
   return point;
 }
 
-static number guess_after_hold(const branch_path *path, const equation *eq, number end,
-                               interval *within)
+static number guess_after_constant_y(const branch_path *path, const equation *eq, number end,
+                                     interval *bracket)
 {
-  SHOW(is_in_unit_range(end) && is_equation(eq) && within->low <= end && end <= within->high);
+  SHOW(is_in_unit_range(end) && is_equation(eq) && bracket->low <= end && end <= bracket->high);
   if (nondet_i16() != 0) {
-    within->low = end;
+    bracket->low = end;
   } else {
-    within->high = end;
+    bracket->high = end;
   }
-  return any_within(within->low, within->high);
+  return any_within(bracket->low, bracket->high);
 }
 
 static number guess_after_rejection(const branch_path *path, const equation *eq,
-                                    const interval *within, number x, number residual,
+                                    const interval *bracket, number x, number residual,
                                     int was_rejected)
 {
-  SHOW(is_in_unit_range(x) && is_equation(eq) && residual > -2 * UNIT && residual < 2 * UNIT);
-  SHOW(within->low <= within->high && is_in_unit_range(within->low) &&
-       is_in_unit_range(within->high));
-  return any_within(within->low, within->high);
+  SHOW(is_in_unit_range(x) && is_equation(eq) && residual > -2 * ONE && residual < 2 * ONE);
+  SHOW(bracket->low <= bracket->high && is_in_unit_range(bracket->low) &&
+       is_in_unit_range(bracket->high));
+  return any_within(bracket->low, bracket->high);
 }
 
 static inline void follow_tangent(const branch_path *path, number goal, path_point *point)
@@ -264,18 +264,18 @@ static inline void store_step(compensator *c, const branch_path *path, mirror_ty
        is_in_unit_range(point->m));
   SHOW(is_slope(point->y_slope) && is_slope(point->m_slope));
   c->next.memory.full = any_memory();
-  c->next.memory.full.x = any_within(-UNIT, UNIT - 1) * 4;
-  c->next.of.full.m = any_within(-UNIT, UNIT - 1);
+  c->next.memory.full.x = any_within(-ONE, ONE - 1) * 4;
+  c->next.of.full.m = any_within(-ONE, ONE - 1);
 }
 #endif
 
 #ifdef END_BY_CONTRACT
 static int solve_from_last_step(compensator *c, number target)
 {
-  SHOW(target >= -3 * UNIT && target <= 3 * UNIT);
+  SHOW(target >= -3 * ONE && target <= 3 * ONE);
   c->next.memory.full = any_memory();
-  c->next.memory.full.x = any_within(-UNIT, UNIT - 1) * 4;
-  c->next.of.full.m = any_within(-UNIT, UNIT - 1);
+  c->next.memory.full.x = any_within(-ONE, ONE - 1) * 4;
+  c->next.of.full.m = any_within(-ONE, ONE - 1);
   return nondet_i16();
 }
 #endif
@@ -296,11 +296,11 @@ static number shift_state(branch_path *path, const entry *words, const old_state
 {
   SHOW(is_in_unit_range(from->x) && is_in_unit_range(from->p) &&
        is_in_unit_range(from->anhysteretic_field));
-  SHOW(from->inverse_error > -2 * UNIT && from->inverse_error < 2 * UNIT && shift >= -2 * UNIT &&
-       shift <= 2 * UNIT);
-  path->x = any_within(1 - UNIT, UNIT - 1);
-  path->y = any_within(1 - UNIT, UNIT - 1);
-  path->p = any_within(1 - UNIT, UNIT - 1);
+  SHOW(from->inverse_error > -2 * ONE && from->inverse_error < 2 * ONE && shift >= -2 * ONE &&
+       shift <= 2 * ONE);
+  path->x = any_within(1 - ONE, ONE - 1);
+  path->y = any_within(1 - ONE, ONE - 1);
+  path->p = any_within(1 - ONE, ONE - 1);
   return nondet_i32();
 }
 #endif
@@ -315,7 +315,7 @@ static void prove_interpolate(void)
   const int32_t first = any_within(ANHYST_BLOCK_LEAST_WORDS, ANHYST_BLOCK_MOST_WORDS);
   ASSUME(first + (1 << n) + 1 <= ANHYST_BLOCK_MOST_WORDS);
   const table t = {words + first, (uint16_t)n};
-  const int32_t u = any_within(0, UNIT - 1);
+  const int32_t u = any_within(0, ONE - 1);
   const int32_t i = first + (u >> (28 - n));
   int32_t rise;
   ASSUME(words[i] >= -ANHYST_Q15_MAX && words[i] <= words[i + 1]);
@@ -326,31 +326,30 @@ static void prove_interpolate(void)
 
 static void prove_decayed_share(void)
 {
-  const int32_t decayed = decayed_share(any_within(0, ANHYST_Q31_MAX));
-  SHOW(decayed >= 0 && decayed <= UNIT);
+  const int32_t decayed = decayed_fraction(any_within(0, ANHYST_Q31_MAX));
+  SHOW(decayed >= 0 && decayed <= ONE);
 }
 
 static void prove_slopes(void)
 {
   const branch_path path = any_path();
-  const int32_t rise = any_within(0, steepest(path.curve.n));
-  SHOW(is_slope(slope_of(path.curve, rise)));
-  const int32_t anhysteretic_m =
-      irreversible_slope(any_within(-2 * UNIT, 2 * UNIT), path.steepness);
+  const int32_t rise = any_within(0, steepest(path.curve.log2_segments));
+  SHOW(is_slope(curve_slope(path.curve, rise)));
+  const int32_t anhysteretic_m = irreversible_slope(any_within(-2 * ONE, 2 * ONE), path.steepness);
   SHOW(anhysteretic_m >= -262144 && anhysteretic_m <= 262144);
 }
 
 static void prove_quotient(void)
 {
   const int32_t found = quotient(any_within(0, ANHYST_Q31_MAX), any_within(1, ANHYST_Q31_MAX));
-  SHOW(found >= 0 && found < 4 * UNIT);
+  SHOW(found >= 0 && found < 4 * ONE);
 }
 
 static void prove_evaluate(void)
 {
   const branch_path path = any_path();
-  const int32_t x = any_within(-UNIT, UNIT - 1);
-  const path_point point = evaluate(&path, x);
+  const int32_t x = any_within(-ONE, ONE - 1);
+  const path_point point = evaluate_path(&path, x);
   SHOW(point.x == x);
   SHOW(is_answer(&path, &point));
 }
@@ -360,13 +359,13 @@ static void prove_find_departure(void)
   const anhyst_full_memory from = any_memory();
   const mirror_type mirror = nondet_i16() != 0 ? -1 : 0;
   branch_path path;
-  path_point point = {0, 0, 0, any_within(-UNIT, UNIT - 1), 0, 0};
+  path_point point = {0, 0, 0, any_within(-ONE, ONE - 1), 0, 0};
   fill_words(block_words);
   init_branch_path(&path, block_words, &from, mirror);
   SHOW(has_begun(&path));
-  find_departure(&path, block_words, &from, mirror);
-  SHOW(has_departed(&path) && path.kappa >= 0 && path.kappa <= UNIT);
-  find_start_slopes(&path, any_within(0, steepest(path.curve.n)), &point);
+  find_y_start(&path, block_words, &from, mirror);
+  SHOW(has_departed(&path) && path.kappa >= 0 && path.kappa <= ONE);
+  find_start_slopes(&path, any_within(0, steepest(path.curve.log2_segments)), &point);
   SHOW(is_slope(point.y_slope) && is_slope(point.m_slope));
 }
 
@@ -376,10 +375,10 @@ static void prove_newton_step(void)
   path_point point = any_answer(&path);
   const equation eq = any_equation();
   const int32_t residual = left_side(&eq, point.x, point.m) - eq.target;
-  SHOW(residual > -2 * UNIT && residual < 2 * UNIT);
-  const int32_t step = step_against(residual, left_side_slope(&eq, point.m_slope));
-  SHOW(step > -4 * UNIT && step < 4 * UNIT);
-  follow_tangent(&path, any_within(-UNIT, UNIT - 1), &point);
+  SHOW(residual > -2 * ONE && residual < 2 * ONE);
+  const int32_t step = newton_step(residual, left_side_slope(&eq, point.m_slope));
+  SHOW(step > -4 * ONE && step < 4 * ONE);
+  follow_tangent(&path, any_within(-ONE, ONE - 1), &point);
   SHOW(is_answer(&path, &point));
 }
 
@@ -387,23 +386,23 @@ static void prove_guess_along_curve(void)
 {
   const branch_path path = any_path();
   const equation eq = any_equation();
-  const int32_t x = any_within(-UNIT, UNIT - 1);
-  SHOW(is_in_unit_range(guess_along_curve(&path, &eq, x, any_within(1 - 2 * UNIT, 2 * UNIT - 1))));
+  const int32_t x = any_within(-ONE, ONE - 1);
+  SHOW(is_in_unit_range(guess_along_curve(&path, &eq, x, any_within(1 - 2 * ONE, 2 * ONE - 1))));
 }
 
 static void prove_other_guesses(void)
 {
   const branch_path path = any_path();
   const equation eq = any_equation();
-  const int32_t end = any_within(-UNIT, UNIT - 1);
-  interval within = {any_within(-UNIT, end), any_within(end, UNIT - 1)};
-  const interval before = within;
-  const int32_t first = guess_after_hold(&path, &eq, end, &within);
-  SHOW((within.low == end && within.high == before.high) ||
-       (within.low == before.low && within.high == end));
-  SHOW(first >= within.low && first <= within.high);
-  const int32_t other = guess_after_rejection(&path, &eq, &before, any_within(-UNIT, UNIT - 1),
-                                              any_within(1 - 2 * UNIT, 2 * UNIT - 1), nondet_i16());
+  const int32_t end = any_within(-ONE, ONE - 1);
+  interval bracket = {any_within(-ONE, end), any_within(end, ONE - 1)};
+  const interval before = bracket;
+  const int32_t first = guess_after_constant_y(&path, &eq, end, &bracket);
+  SHOW((bracket.low == end && bracket.high == before.high) ||
+       (bracket.low == before.low && bracket.high == end));
+  SHOW(first >= bracket.low && first <= bracket.high);
+  const int32_t other = guess_after_rejection(&path, &eq, &before, any_within(-ONE, ONE - 1),
+                                              any_within(1 - 2 * ONE, 2 * ONE - 1), nondet_i16());
   SHOW(other >= before.low && other <= before.high);
 }
 
@@ -439,13 +438,13 @@ static void prove_store_step(void)
 static void prove_shift_state(void)
 {
   branch_path path = any_path();
-  const old_state from = {any_within(1 - UNIT, UNIT - 1), any_within(1 - UNIT, UNIT - 1),
-                          any_within(1 - UNIT, UNIT - 1), any_within(1 - 2 * UNIT, 2 * UNIT - 1)};
+  const old_state from = {any_within(1 - ONE, ONE - 1), any_within(1 - ONE, ONE - 1),
+                          any_within(1 - ONE, ONE - 1), any_within(1 - 2 * ONE, 2 * ONE - 1)};
   fill_words(block_words);
-  (void)shift_state(&path, block_words, &from, any_within(-2 * UNIT, 2 * UNIT),
+  (void)shift_state(&path, block_words, &from, any_within(-2 * ONE, 2 * ONE),
                     any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
   SHOW(is_in_unit_range(path.x) && is_in_unit_range(path.y) && is_in_unit_range(path.p));
-  SHOW(path.x - path.p <= path.play && path.p - path.x <= path.play);
+  SHOW(path.x - path.p <= path.threshold && path.p - path.x <= path.threshold);
 }
 
 static void prove_transfer_state(void)
@@ -483,7 +482,7 @@ static anhyst_compensator any_compensator(void)
 static void prove_solve_from_last_step(void)
 {
   anhyst_compensator c = any_compensator();
-  (void)solve_from_last_step(&c, any_within(-3 * UNIT, 3 * UNIT));
+  (void)solve_from_last_step(&c, any_within(-3 * ONE, 3 * ONE));
 }
 
 static void prove_field(void)

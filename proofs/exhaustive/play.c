@@ -14,8 +14,8 @@ int main(void)
       words[ANHYST_WORD_PLAY_STEEPNESS] = (int16_t)steepness;
       words[ANHYST_WORD_PLAY_SHIFT] = shift;
       wrong += !read_scales(&law, words) || law.radius < 2097152;
-      wrong += side_from_distance(&law, law.radius - 1) < 0 ||
-               side_from_distance(&law, 1 - law.radius) > 0;
+      wrong += branch_position_from_distance(&law, law.radius - 1) < 0 ||
+               branch_position_from_distance(&law, 1 - law.radius) > 0;
     }
   }
   return wrong == 0 ? 0 : 1;

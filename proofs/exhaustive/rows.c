@@ -13,8 +13,8 @@ static int is_within(int32_t a) { return a >= -MAX_VALUE && a <= MAX_VALUE; }
 static int value_is_within(int32_t low, int32_t rise, int32_t part)
 {
   const int16_t entries[2] = {(int16_t)low, (int16_t)(low + rise)};
-  const anhyst_spot spot = {entries, part};
-  return is_within(anhyst_value_at(spot));
+  const anhyst_table_position table_position = {entries, part};
+  return is_within(anhyst_table_value(table_position));
 }
 
 /* Checks two rows with a difference at one entry, and a change of the difference up to the next
@@ -25,8 +25,8 @@ static int difference_is_within(int32_t low, int32_t change, int32_t part)
   const int32_t next = (low + change) / 2;
   const int16_t of[2] = {(int16_t)-half, (int16_t)-next};
   const int16_t other[2] = {(int16_t)(low - half), (int16_t)(low + change - next)};
-  const anhyst_spot spot = {of, part};
-  return is_within(between(spot, other));
+  const anhyst_table_position table_position = {of, part};
+  return is_within(row_difference(table_position, other));
 }
 
 int main(void)

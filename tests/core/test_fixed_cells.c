@@ -53,14 +53,14 @@ static anhyst_compensator demagnetised(void)
 static int32_t solve_field_for(anhyst_compensator *c, int32_t flux)
 {
   c->flux = flux;
-  const int32_t x = cells_field(c);
+  const int32_t x = cells_field_for_flux(c);
   c->stage = ANHYST_STAGE_AHEAD;
   return x;
 }
 
 static void commit_step(anhyst_compensator *c)
 {
-  cells_keep(c);
+  cells_store_plays(c);
   c->memory = c->next.memory;
   c->stage = ANHYST_STAGE_HERE;
 }
@@ -98,7 +98,7 @@ static void current_gives_a_consistent_state(void)
     const double beside = (double)(random_bits(&seed) % 2000U) * 1e-6 - 1e-3;
     const double applied = i % 5 == 0 ? -0.8 * solved : solved + beside;
     const int32_t current = (int32_t)(applied * (double)ANHYST_Q30_ONE);
-    const int32_t came = cells_flux(&c, current);
+    const int32_t came = cells_flux_for_current(&c, current);
     commit_step(&c);
     const double m_and_air = follow_field(as_number(c.memory.cells.x));
     keep_largest(&worst, fabs(m_and_air - as_number(came)));
@@ -129,7 +129,7 @@ static void unreachable_flux_gives_a_current_limit(void)
     const double solved = arm * flux + field_arm * x;
     const double current = fmin(fmax(solved, low), high);
     at_once += fabs(x) > 0.999;
-    c.flux_applied = cells_flux(&c, (int32_t)(current * (double)ANHYST_Q30_ONE));
+    c.flux_applied = cells_flux_for_current(&c, (int32_t)(current * (double)ANHYST_Q30_ONE));
     commit_step(&c);
     const double m_and_air = follow_field(as_number(c.memory.cells.x));
     keep_largest(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.cells.x) - current));

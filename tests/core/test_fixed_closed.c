@@ -153,7 +153,7 @@ static void slope_matches_the_equation(void)
         const double p = k / 300.0;
         const double v = 1.0 - p;
         const double exact = (p < 0.0 ? hold : rate * v / (1.0 - NUS[i] * v)) * 1024.0;
-        const double found = (double)lag_slope(words, (int32_t)lrint(p * FULL_Q30));
+        const double found = (double)state_slope(words, (int32_t)lrint(p * FULL_Q30));
         keep_largest(&worst, (fabs(found - exact) - 2.0) / (exact + 1.0));
       }
     }

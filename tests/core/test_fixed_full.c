@@ -33,7 +33,7 @@ static void tables_are_linear_between_entries(void)
     const table t = {entries, n};
     fill_entries(entries, count, &seed);
     for (int i = 0; i < 50000; i++) {
-      const int32_t u = (int32_t)(random_bits(&seed) % (uint64_t)UNIT);
+      const int32_t u = (int32_t)(random_bits(&seed) % (uint64_t)ONE);
       const double place = (double)u / FULL_Q28 * count;
       const int segment = (int)place;
       const double step = (double)entries[segment + 1] - entries[segment];
@@ -46,7 +46,7 @@ static void tables_are_linear_between_entries(void)
     }
     for (int i = 0; i < count; i++) {
       int32_t rise;
-      CHECK(interpolate(t, i * (UNIT >> n), &rise) == entries[i] * 8192);
+      CHECK(interpolate(t, i * (ONE >> n), &rise) == entries[i] * 8192);
     }
   }
   CHECK_BELOW("table, units in the last place over the rise of a segment", worst, 1.0);
@@ -61,12 +61,12 @@ static void decay_is_exponential(void)
   for (int64_t way = 0; way <= ANHYST_Q31_MAX; way += way < 4096 ? 1 : 1009) {
     const double octaves = (double)way / FULL_Q26;
     const double exact = -expm1(-octaves * log(2.0));
-    const int32_t found = decayed_share((int32_t)way);
+    const int32_t found = decayed_fraction((int32_t)way);
     keep_largest(&worst, fabs((double)found / FULL_Q28 - exact));
     if (way > 0 && octaves < 1.0) {
       keep_largest(&relative, (fabs((double)found - exact * FULL_Q28) - 1.0) / (exact * FULL_Q28));
     }
-    CHECK(found >= 0 && found <= UNIT);
+    CHECK(found >= 0 && found <= ONE);
     keep_largest(&fall, (double)(before - found) / FULL_Q28);
     before = found;
   }
@@ -99,8 +99,8 @@ static void path_errors(double kappa, double c, double *error_y, double *error_m
     from.turn = from.x;
     from.level = from.y;
     init_branch_path(&path, words, &from, 0);
-    find_departure(&path, words, &from, 0);
-    const path_point point = evaluate(&path, (int32_t)lrint(x1 / REACH * FULL_Q28));
+    find_y_start(&path, words, &from, 0);
+    const path_point point = evaluate_path(&path, (int32_t)lrint(x1 / REACH * FULL_Q28));
     const double y1 = irreversible_part(kappa, x0, y0, x1);
     const double m1 = (1.0 - c) * y1 + c * langevin(x1);
     keep_largest(error_y, fabs((double)point.y / FULL_Q28 - y1));
@@ -193,12 +193,12 @@ static void falling_current_is_refused(void)
   for (int gap = 0; gap < 2; gap++) {
     words[first] = words[first + 1] = 5000;
     words[first + 2] = words[first + 3] = 20000;
-    CHECK(does_current_rise(words));
+    CHECK(does_current_rise_with_field(words));
     const double most = 20000.0 / (steepest_slope + 4.0 * 300.0 / 65536.0);
     words[first + gap] = (int16_t)-lrint(0.98 * most);
-    CHECK(does_current_rise(words));
+    CHECK(does_current_rise_with_field(words));
     words[first + gap] = (int16_t)-lrint(1.02 * most);
-    CHECK(!does_current_rise(words));
+    CHECK(!does_current_rise_with_field(words));
   }
 }
 

@@ -14,7 +14,7 @@ from tests.docs.blocks import blocks, commands
 from tests.repository import ROOT
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
-STRAIGHT = ["inspect", "identify", "report", "compile", "verify", "simulate", "live"]
+STRAIGHT = ["inspect", "identify", "report", "compile", "verify", "init", "simulate", "live"]
 ROWS = [
     [cell.strip() for cell in line.strip("| ").split(" | ")]
     for line in TEXT.split("## How good is it")[1].split("\n## ")[0].splitlines()

@@ -59,9 +59,9 @@ def test_a_line_changes_the_hash_of_the_proofs_that_read_it_and_of_no_other(
         {"defines": ["PART=prove_decayed_share"]},
         {"functions": ["quotient"], "tool": "frama-c"},
         {"harness": PROOFS / "esbmc" / "prove_closed.c"},
-        {"contracts": ["src/compensator/full_fixed.h:decayed_share"]},
+        {"contracts": ["src/compensator/full_fixed.h:decayed_fraction"]},
         {"facts": [["src/compensator/full_fixed.h", "static inline number quotient(", "/* more */ "]]},
-        {"control": {"file": "src/compensator/full_fixed.h", "right": "UNIT * 4 - 1", "wrong": "UNIT"}},
+        {"control": {"file": "src/compensator/full_fixed.h", "right": "ONE * 4 - 1", "wrong": "ONE"}},
     ],
 )
 def test_arguments_of_a_tool_change_the_hash(changed: dict[str, object], before: dict[str, str]) -> None:

@@ -29,7 +29,7 @@ public:
     loop_ = {body, plant.state(), controller.handle(), current_loops_.data(), room_.data(), 0};
   }
 
-  // Returns signal, unit and number of its magnet, head or coordinate for each column.
+  // Returns, for each column, signal, unit, and number of the magnet, head or coordinate.
   nb::list signals() const
   {
     const anhyst_plant_body *body = loop_.body;
