@@ -92,7 +92,7 @@ static int has_departed(const branch_path *path)
   return is_in_unit_range(path->y_start) && path->offset > -2 * ONE && path->offset < 2 * ONE;
 }
 
-/* A path after find_y_start(). */
+/* Returns any path after find_y_start(). */
 static branch_path any_path(void)
 {
   branch_path path;
