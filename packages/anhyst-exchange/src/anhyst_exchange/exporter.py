@@ -94,27 +94,27 @@ def compile_all(
 
     def compile_one(platform: str) -> bytes:
         target = PLATFORMS[platform]
-        binary = sources.with_name(f"{platform}-{name}") / f"{name}{target.suffix}"
-        binary.parent.mkdir()
+        binary_path = sources.with_name(f"{platform}-{name}") / f"{name}{target.suffix}"
+        binary_path.parent.mkdir()
         options = ["-target", target.target, "-std=c99", "-O2", *REPRODUCIBLE_OPTIONS, "-I.", "-Iinclude"]
         if (
             target.link_options is _WINDOWS_LINK_OPTIONS
         ):  # without the start-up code, zig does not find its headers
             options += ["-isystem", str(_windows_headers())]
-        options += ["-shared", "-fPIC", "-s", "-nostdlib", "-o", str(binary)]
+        options += ["-shared", "-fPIC", "-s", "-nostdlib", "-o", str(binary_path)]
         command = [*compiler, *options, *files, *target.link_options]
-        result = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
-        if result.returncode != 0:
-            raise RuntimeError(f"{target.target}: {result.stderr.strip()[-500:]}")
-        return binary.read_bytes()
+        compiler_run = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
+        if compiler_run.returncode != 0:
+            raise RuntimeError(f"{target.target}: {compiler_run.stderr.strip()[-500:]}")
+        return binary_path.read_bytes()
 
     binaries = {}
-    with ThreadPoolExecutor(core_count()) as pool:
-        jobs: dict[Future[bytes], str] = {
-            pool.submit(compile_one, platform): platform for platform in platforms
+    with ThreadPoolExecutor(core_count()) as thread_pool:
+        platform_by_future: dict[Future[bytes], str] = {
+            thread_pool.submit(compile_one, platform): platform for platform in platforms
         }
-        for count, ready in enumerate(as_completed(jobs), start=1):
-            binaries[jobs[ready]] = ready.result()
+        for count, finished_future in enumerate(as_completed(platform_by_future), start=1):
+            binaries[platform_by_future[finished_future]] = finished_future.result()
             if progress is not None:
                 progress(count, len(platforms))
     return {platform: binaries[platform] for platform in platforms}
@@ -242,14 +242,14 @@ def _binaries(
     sources: Mapping[str, bytes], fmi: FmiVersion, platforms: Sequence[str], progress: Progress | None
 ) -> dict[str, bytes]:
     """Compile the sources for each platform; return the binaries by their paths in the FMU."""
-    with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as scratch:
-        root = Path(scratch) / "sources"
+    with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as temporary_folder:
+        source_folder = Path(temporary_folder) / "sources"
         for name, text in sources.items():
-            (root / name).parent.mkdir(parents=True, exist_ok=True)
-            (root / name).write_bytes(text)
-        compiled = compile_all(root, MODEL_IDENTIFIER, platforms, progress)
+            (source_folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (source_folder / name).write_bytes(text)
+        binary_by_platform = compile_all(source_folder, MODEL_IDENTIFIER, platforms, progress)
     binaries = {}
-    for platform, content in compiled.items():
+    for platform, content in binary_by_platform.items():
         target = PLATFORMS[platform]
         folder = target.fmi2_folder if fmi == "2.0" else platform
         binaries[f"binaries/{folder}/{MODEL_IDENTIFIER}{target.suffix}"] = content
@@ -286,12 +286,12 @@ def export_sfunction(
 
 def _build_script(block: str, part: Part, sources: list[str]) -> str:
     """Return the MATLAB function that compiles the sources."""
-    ports = [
+    port_comments = [
         f"%   {kind} {index}: {variable.name} ({variable.unit or '1'}), {variable.text}"
         for kind in ("input", "output")
         for index, variable in enumerate(part.variables_with_causality(kind), start=1)
     ]
-    timed = (
+    time_comments = (
         f"%   It samples {part.rate:g} times a second."
         if part.rate > 0.0
         else "%   The parameter of the block is its sample time, s."
@@ -303,8 +303,8 @@ def _build_script(block: str, part: Part, sources: list[str]) -> str:
             f"%BUILD_{block.upper()} Compile the S-function '{block}'; written by anhyst "
             f"{running_version()}.",
             f"%   {part.text}",
-            *ports,
-            timed,
+            *port_comments,
+            time_comments,
             "here = fileparts(mfilename('fullpath'));",
             "names = {",
             f"{files}}};",
@@ -357,9 +357,9 @@ def export_tables(model: Model, out: PathLike) -> Path:
         write_csv(path, {head: values.ravel() for head, values in columns.items()})
         return path
     content = {head: values.tolist() for head, values in branches.items()}
-    about = {"format": "anhyst-tables", "model": model.name}
+    table_head = {"format": "anhyst-tables", "model": model.name}
     with atomic_writer(path) as stream:
-        stream.write(json_text(about | {"axes": {k: v.tolist() for k, v in axes.items()}} | content))
+        stream.write(json_text(table_head | {"axes": {k: v.tolist() for k, v in axes.items()}} | content))
     return path
 
 

@@ -57,8 +57,8 @@ class Part:
 
     def add_wrapper(self, wrapper: Iterable[str]) -> tuple[str, dict[str, bytes]]:
         """Return the token that identifies this component, and all files to compile."""
-        common = ("part.h", "component.h", "component.c", *wrapper)
-        files = dict(self.sources) | {name: (WRAPPER_FOLDER / name).read_bytes() for name in common}
+        common_files = ("part.h", "component.h", "component.c", *wrapper)
+        files = dict(self.sources) | {name: (WRAPPER_FOLDER / name).read_bytes() for name in common_files}
         content = b"".join(files[name] for name in sorted(files))
         token = hashlib.sha256(content + repr(self.variables).encode()).hexdigest()[:32]
         files["part_values.h"] = self._values_header(token).encode()
@@ -100,9 +100,9 @@ def kernel_expression(kernel: str, words: str) -> str:
 
 def header_text(name: str, macros: Mapping[str, object], first_lines: str = "") -> str:
     """Return a C header: some lines, then macros."""
-    guard = f"{name.upper()}_H"
+    guard_macro = f"{name.upper()}_H"
     lines = "".join(f"#define {key} {value}\n" for key, value in macros.items())
-    return f"/* Generated. */\n#ifndef {guard}\n#define {guard}\n\n{first_lines}{lines}\n#endif\n"
+    return f"/* Generated. */\n#ifndef {guard_macro}\n#define {guard_macro}\n\n{first_lines}{lines}\n#endif\n"
 
 
 FmiVersion = Literal["2.0", "3.0"]
@@ -144,7 +144,7 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
     )
     state_flag = "canGetAndSetFMUstate" if is_fmi2 else "canGetAndSetFMUState"
     serialise_flag = "canSerializeFMUstate" if is_fmi2 else "canSerializeFMUState"
-    simulation = Xml.SubElement(
+    simulation_element = Xml.SubElement(
         root,
         "CoSimulation",
         {
@@ -155,14 +155,14 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
         },
     )
     if is_fmi2:
-        files = Xml.SubElement(simulation, "SourceFiles")
+        files = Xml.SubElement(simulation_element, "SourceFiles")
         for name in sources:
             Xml.SubElement(files, "File", {"name": name})
     _add_units(root, [variable.unit for variable in part.variables if variable.unit is not None])
-    experiment = {"startTime": "0.0"}
+    experiment_attributes = {"startTime": "0.0"}
     if part.rate > 0.0:  # the step of the controller
-        experiment["stepSize"] = repr(1.0 / part.rate)
-    Xml.SubElement(root, "DefaultExperiment", experiment)
+        experiment_attributes["stepSize"] = repr(1.0 / part.rate)
+    Xml.SubElement(root, "DefaultExperiment", experiment_attributes)
     if is_fmi2:
         _add_variables_fmi2(root, part.variables)
     else:
@@ -195,35 +195,37 @@ def _add_units(root: Xml.Element, symbols: Sequence[str]) -> None:
 
 
 def _common_attributes(variable: Variable, reference: int) -> dict[str, str]:
-    constant = variable.causality == "constant"
+    is_constant = variable.causality == "constant"
     return {
         "name": variable.name,
         "valueReference": str(reference),
-        "causality": "local" if constant else variable.causality,
-        "variability": "constant" if constant else "discrete",
+        "causality": "local" if is_constant else variable.causality,
+        "variability": "constant" if is_constant else "discrete",
         "description": variable.text,
     }
 
 
 def _value_attributes(variable: Variable) -> dict[str, str]:
-    numbers = {"unit": variable.unit} if variable.unit is not None else {}
+    attributes = {"unit": variable.unit} if variable.unit is not None else {}
     if variable.low is not None and variable.high is not None:
-        numbers |= {"min": repr(variable.low), "max": repr(variable.high)}
-    return numbers | ({"start": repr(variable.start)} if variable.causality != "output" else {})
+        attributes |= {"min": repr(variable.low), "max": repr(variable.high)}
+    return attributes | ({"start": repr(variable.start)} if variable.causality != "output" else {})
 
 
 def _add_variables_fmi2(root: Xml.Element, variables: Sequence[Variable]) -> None:
     variables_element = Xml.SubElement(root, "ModelVariables")
     outputs = []
     for index, variable in enumerate(variables, start=1):
-        scalar = Xml.SubElement(variables_element, "ScalarVariable", _common_attributes(variable, index))
-        Xml.SubElement(scalar, "Real", _value_attributes(variable))
+        scalar_element = Xml.SubElement(
+            variables_element, "ScalarVariable", _common_attributes(variable, index)
+        )
+        Xml.SubElement(scalar_element, "Real", _value_attributes(variable))
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Outputs", "InitialUnknowns"):
-        parent = Xml.SubElement(structure, tag)
+        list_element = Xml.SubElement(structure, tag)
         for index in outputs:
-            Xml.SubElement(parent, "Unknown", {"index": str(index), "dependencies": ""})
+            Xml.SubElement(list_element, "Unknown", {"index": str(index), "dependencies": ""})
 
 
 def _add_variables_fmi3(root: Xml.Element, variables: Sequence[Variable]) -> None:
@@ -325,14 +327,14 @@ def _circuit_macros(model: Model) -> tuple[dict[str, object], str]:
         curve = model.curves.get(spec.name)
         if curve is None or curve.nodes.size < 2:
             value = model.interpolate_parameter(spec.name, [0.0])
-            coordinate, parts = "PLAIN", (value, value, value, value)
+            coordinate, arrays = "PLAIN", (value, value, value, value)
         else:
-            curve_heights, slopes = curve.straight()
+            curve_heights, node_slopes = curve.straight()
             coordinate = spec.coordinate.upper()
-            parts = (curve.nodes, curve.values, curve_heights, slopes)
-        names = [f"{spec.name}_{part}" for part in ("nodes", "values", "heights", "slopes")]
-        rows += [c_array_definition(name, part) for name, part in zip(names, parts, strict=True)]
-        curves.append(f"{{{len(parts[0])}, ANHYST_CURVE_{coordinate}, {', '.join(names)}}}")
+            arrays = (curve.nodes, curve.values, curve_heights, node_slopes)
+        names = [f"{spec.name}_{array_name}" for array_name in ("nodes", "values", "heights", "slopes")]
+        rows += [c_array_definition(name, array_name) for name, array_name in zip(names, arrays, strict=True)]
+        curves.append(f"{{{len(arrays[0])}, ANHYST_CURVE_{coordinate}, {', '.join(names)}}}")
     return {
         "ACTUATOR_POWER": model.power,
         "ACTUATOR_HAS_SCHEDULE": int(model.schedule is not None),
@@ -360,17 +362,17 @@ def _layer_macros(model: Model) -> dict[str, object]:
     }
 
 
-def _actuator_variables(model: Model, middle: float) -> list[Variable]:
+def _actuator_variables(model: Model, initial_schedule: float) -> list[Variable]:
     low, high = model.valid.input if model.valid else (None, None)
-    start = 0.0 if low is None or high is None else min(max(0.0, low), high)
+    initial_drive = 0.0 if low is None or high is None else min(max(0.0, low), high)
     text = "drive, from the beginning of a step"
-    variables = [Variable(model.input.name, "input", model.input.unit, text, start, low, high)]
+    variables = [Variable(model.input.name, "input", model.input.unit, text, initial_drive, low, high)]
     if model.schedule is not None:
         schedule_range = model.valid.schedule if model.valid else None
         low, high = schedule_range or (None, None)
         text = "scheduling variable; the curves of the model are straight lines outside its nodes"
         name, unit = model.schedule.name, model.schedule.unit
-        variables.append(Variable(name, "input", unit, text, middle, low, high))
+        variables.append(Variable(name, "input", unit, text, initial_schedule, low, high))
     text = "output at the end of a step"
     variables.append(Variable(model.output.name, "output", model.output.unit, text))
     variables.append(

@@ -96,9 +96,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as fault:
         if "ANHYST_TRACE" in os.environ:
             raise
-        culprit = f"the package {package}" if (package := package_at_fault(fault)) else "anhyst"
+        faulty_package = f"the package {package}" if (package := package_at_fault(fault)) else "anhyst"
         print_error(
-            f"{type(fault).__name__}: {fault}; this is a fault of {culprit}, not of your input: run "
+            f"{type(fault).__name__}: {fault}; this is a fault of {faulty_package}, not of your input: run "
             "again with ANHYST_TRACE=1 and report what it prints"
         )
         return EXIT_FAULT
@@ -139,9 +139,9 @@ def _run_verb(arguments: Sequence[str] | None) -> int:
     except BrokenPipeError:
         raise
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
+        location = f"{error.filename}: " if error.filename else ""
         advice = "; free some space" if error.errno == errno.ENOSPC else ""
-        text = f"{where}{error.strerror or error}{advice}"
+        text = f"{location}{error.strerror or error}{advice}"
     print_error(text)
     return EXIT_BAD_INPUT
 

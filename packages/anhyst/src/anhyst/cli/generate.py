@@ -70,8 +70,8 @@ class Verb:
     @property
     def function(self) -> Callable[..., Any]:
         """The function that does the work."""
-        found: Callable[..., Any] = getattr(self.module, self.name)
-        return found
+        function: Callable[..., Any] = getattr(self.module, self.name)
+        return function
 
     @property
     def place(self) -> tuple[int, str]:
@@ -81,18 +81,18 @@ class Verb:
 
     def hook(self, name: str, default: Callable[..., Any]) -> Callable[..., Any]:
         """Return a function of the module, or the default if the module does not define it."""
-        found: Callable[..., Any] = getattr(self.module, name, default)
-        return found
+        function: Callable[..., Any] = getattr(self.module, name, default)
+        return function
 
     @cached_property
     def parameters(self) -> dict[str, inspect.Parameter]:
         """Parameters of the function that become options or arguments of the command."""
-        shown = dict(inspect.signature(self.function).parameters)
-        described = self.docstring.parameters.items()
-        hidden = {name for name, parameter in described if "only in Python" in parameter.type_text}
-        if shown.pop("reading", None) is not None and "**reading" not in hidden:
-            shown |= _READING_PARAMETERS
-        return {name: one for name, one in shown.items() if name not in hidden | _CALLBACK_NAMES}
+        parameters = dict(inspect.signature(self.function).parameters)
+        docs = self.docstring.parameters.items()
+        hidden = {name for name, parameter in docs if "only in Python" in parameter.type_text}
+        if parameters.pop("reading", None) is not None and "**reading" not in hidden:
+            parameters |= _READING_PARAMETERS
+        return {name: value for name, value in parameters.items() if name not in hidden | _CALLBACK_NAMES}
 
     @cached_property
     def docstring(self) -> Docstring:
@@ -110,7 +110,7 @@ def load_verbs() -> list[Verb]:
 
     A command of another author's package that cannot be used is left out with a warning.
     """
-    found = []
+    usable_verbs = []
     for fault in verbs.faults():
         print_warning(f"left out: {fault}")
     project_verbs = verbs.modules(is_project_only=True)
@@ -121,12 +121,12 @@ def load_verbs() -> list[Verb]:
             if list(map(type, verb.place)) != [int, str]:
                 raise TypeError("PLACE must be a rank and the name of a panel")
             inspect.Signature(_command_parameters(verb))
-            found.append(verb)
+            usable_verbs.append(verb)
         except (Exception, SystemExit) as error:
             if name in project_verbs:
                 raise
             print_warning(f"left out: the verb {name} of {module_name}: {error}; update its package")
-    return sorted(found, key=lambda verb: (verb.place, verb.name))
+    return sorted(usable_verbs, key=lambda verb: (verb.place, verb.name))
 
 
 def add_command(app: typer.Typer, verb: Verb) -> None:
@@ -137,11 +137,11 @@ def add_command(app: typer.Typer, verb: Verb) -> None:
 
     run.__signature__ = inspect.Signature(_command_parameters(verb))  # type: ignore[attr-defined]
     run.__annotations__ = {option.name: option.annotation for option in _command_parameters(verb)}
-    about = [use_option_names(verb.docstring.summary, _option_names(verb))]
-    about += [f"Example: {example}" for example in verb.docstring.examples]
-    app.command(verb.command, help="\n\n".join(about), no_args_is_help=True, rich_help_panel=verb.place[1])(
-        run
-    )
+    help_texts = [use_option_names(verb.docstring.summary, _option_names(verb))]
+    help_texts += [f"Example: {example}" for example in verb.docstring.examples]
+    app.command(
+        verb.command, help="\n\n".join(help_texts), no_args_is_help=True, rich_help_panel=verb.place[1]
+    )(run)
 
 
 def add_missing_command(app: typer.Typer, name: str, package: str) -> None:
@@ -153,15 +153,15 @@ def add_missing_command(app: typer.Typer, name: str, package: str) -> None:
             f"{command} is in the package {package}: pip install {package}", code="not-installed"
         )
 
-    takes_all = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
-    app.command(command, hidden=True, context_settings=takes_all)(refuse)
+    settings = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
+    app.command(command, hidden=True, context_settings=settings)(refuse)
 
 
 def _option_names(verb: Verb) -> dict[str, str]:
     """Return the option of each parameter."""
-    described = verb.docstring.parameters
+    descriptions = verb.docstring.parameters
     return {
-        name: (name in described and described[name].flag) or f"--{name.strip('_').replace('_', '-')}"
+        name: (name in descriptions and descriptions[name].flag) or f"--{name.strip('_').replace('_', '-')}"
         for name in verb.parameters
     }
 
@@ -169,28 +169,28 @@ def _option_names(verb: Verb) -> dict[str, str]:
 @cache
 def _command_parameters(verb: Verb) -> list[inspect.Parameter]:
     """Return the parameters of a command in the form that typer needs."""
-    flags, shared = _option_names(verb), read_docstring(read_options).parameters
+    flags, reading_parameters = _option_names(verb), read_docstring(read_options).parameters
     checked_annotation = ""  # annotation of the arguments whose file kind is checked
     options: list[tuple[str, Any, Any]] = []
     for name, parameter in verb.parameters.items():
-        described = verb.docstring.parameters.get(name) or shared.get(name) or ParameterDoc()
-        described = shared[name] if _SHARED_TEXT_MARK in described.type_text else described
-        is_required = "required on the command line" in described.type_text
+        description = verb.docstring.parameters.get(name) or reading_parameters.get(name) or ParameterDoc()
+        description = reading_parameters[name] if _SHARED_TEXT_MARK in description.type_text else description
+        is_required = "required on the command line" in description.type_text
         is_required = is_required or parameter.default is parameter.empty
         kind = _option_type(parameter, verb.module)
-        settings = _typer_settings(described, flags)
-        if "argument" in described.type_text or (is_required and name != "out"):
+        settings = _typer_settings(description, flags)
+        if "argument" in description.type_text or (is_required and name != "out"):
             checked_annotation = checked_annotation or parameter.annotation
             if parameter.annotation == checked_annotation and name != "out":
                 settings["callback"] = check_file_kind
-            info = typer.Argument(**{"metavar": name.upper()} | settings)
+            argument_or_option = typer.Argument(**{"metavar": name.upper()} | settings)
         else:
             spellings = (flags[name], *(["-o"] if name == "out" else []))
-            info = typer.Option(*spellings if parameter.default is not True else (), **settings)
+            argument_or_option = typer.Option(*spellings if parameter.default is not True else (), **settings)
         default = inspect.Parameter.empty if is_required else parameter.default
         default = Path(default) if kind is Path and isinstance(default, str) else default
         kind = kind if default is not None else kind | None
-        options.append((name, Annotated[kind, info], default))
+        options.append((name, Annotated[kind, argument_or_option], default))
     if not verb.is_endless:
         options += [("as_json", AsJson, False), ("_verbose", Verbose, False)]
     return [
@@ -199,13 +199,13 @@ def _command_parameters(verb: Verb) -> list[inspect.Parameter]:
     ]
 
 
-def _typer_settings(described: ParameterDoc, flags: Mapping[str, str]) -> dict[str, Any]:
+def _typer_settings(description: ParameterDoc, flags: Mapping[str, str]) -> dict[str, Any]:
     """Return the settings of a typer option or argument, except its type."""
     settings = {
-        "help": use_option_names(described.text, flags),
-        "metavar": described.metavar,
-        "min": described.minimum,
-        "max": described.maximum,
+        "help": use_option_names(description.text, flags),
+        "metavar": description.metavar,
+        "min": description.minimum,
+        "max": description.maximum,
     }
     return {name: value for name, value in settings.items() if value is not None}
 
@@ -295,6 +295,6 @@ def _result_as_json(result: Any, _: Arguments) -> Mapping[str, Any]:
 
 def _show_result(result: Any, arguments: Arguments) -> Iterable[OutputPart]:
     """Return the terminal output for a module without ``show``: the facts and the output file."""
-    facts = result if isinstance(result, Mapping) else getattr(result, "facts", dict)()
-    written = [f"written: {arguments['out']}"] if arguments.get("out") is not None else []
-    return [*(f"{name}: {text}" for name, text in facts.items()), *written]
+    fact_lines = result if isinstance(result, Mapping) else getattr(result, "facts", dict)()
+    output_line = [f"written: {arguments['out']}"] if arguments.get("out") is not None else []
+    return [*(f"{name}: {text}" for name, text in fact_lines.items()), *output_line]

@@ -50,21 +50,24 @@ class TerminalTable:
             _Column(name, [row[index] for row in self.rows], is_first=index == 0)
             for index, name in enumerate(self.head)
         ]
-        first, rest = columns[0], columns[1:]
+        label_column, others = columns[0], columns[1:]
         blocks: list[list[_Column]] = []
-        while rest or not blocks:
-            fitting = [first]
-            while rest and sum(c.width + len(_COLUMN_GAP) for c in (*fitting, rest[0])) <= width + 2:
-                fitting.append(rest.pop(0))
-            if len(fitting) == 1 and rest:
-                fitting.append(rest.pop(0))
-            blocks.append(fitting)
+        while others or not blocks:
+            block_columns = [label_column]
+            while (
+                others
+                and sum(one.width + len(_COLUMN_GAP) for one in (*block_columns, others[0])) <= width + 2
+            ):
+                block_columns.append(others.pop(0))
+            if len(block_columns) == 1 and others:
+                block_columns.append(others.pop(0))
+            blocks.append(block_columns)
         text = wrap_sentence(self.title, width) if self.title else []
         for block in blocks if is_verbose else blocks[:1]:
             text += _table_lines(block)
-        hidden = [column.name for block in blocks[1:] for column in block[1:] if column.name]
-        if hidden and not is_verbose:
-            text += wrap_sentence(f"more columns with --verbose: {', '.join(hidden)}", width)
+        hidden_names = [column.name for block in blocks[1:] for column in block[1:] if column.name]
+        if hidden_names and not is_verbose:
+            text += wrap_sentence(f"more columns with --verbose: {', '.join(hidden_names)}", width)
         return text
 
 
@@ -77,8 +80,8 @@ class _Column:
         self.cells = [textwrap.wrap(cell, MAX_CELL) or [""] for cell in cells]
         lines = [line for cell in (self.head, *self.cells) for line in cell]
         self.width = max(map(len, lines))
-        filled = [cell[0] for cell in self.cells if cell[0]]
-        has_numbers = sum(map(bool, map(_NUMBER_PATTERN.match, filled))) > len(filled) // 2
+        first_lines = [cell[0] for cell in self.cells if cell[0]]
+        has_numbers = sum(map(bool, map(_NUMBER_PATTERN.match, first_lines))) > len(first_lines) // 2
         self.is_right = has_numbers and not is_first
 
     def pad(self, text: str) -> str:
@@ -88,13 +91,13 @@ class _Column:
 def _table_lines(columns: Sequence[_Column]) -> list[str]:
     """Return the heading and the rows of columns next to each other."""
     lines = []
-    for cells in zip(*([c.head, *c.cells] for c in columns), strict=True):
+    for cells in zip(*([table_column.head, *table_column.cells] for table_column in columns), strict=True):
         for index in range(max(map(len, cells))):
-            parts = (
+            padded_cells = (
                 column.pad(cell[index] if index < len(cell) else "")
                 for column, cell in zip(columns, cells, strict=True)
             )
-            lines.append(_COLUMN_GAP.join(parts).rstrip())
+            lines.append(_COLUMN_GAP.join(padded_cells).rstrip())
     return lines
 
 
@@ -102,11 +105,11 @@ def wrap_sentence(text: str, width: int) -> list[str]:
     """Wrap a sentence between words; a path and a command to paste stay in one piece."""
     if text.lstrip().startswith("anhyst "):
         return [text]
-    start = text[: len(text) - len(text.lstrip())]
+    indent = text[: len(text) - len(text.lstrip())]
     lines = textwrap.wrap(
         _VALUE_WITH_UNIT_PATTERN.sub("\\1\N{NO-BREAK SPACE}\\2", text),
         width,
-        subsequent_indent=start + _INDENT,
+        subsequent_indent=indent + _INDENT,
         break_long_words=False,
         break_on_hyphens=False,
     )
@@ -124,8 +127,8 @@ class Printer:
 
     def reserve(self, texts: Iterable[str]) -> None:
         """Reserve lines for warnings."""
-        needed = sum(-(-len(text) // WIDTH) for text in texts)
-        self.max_lines = max(MIN_LINES, MAX_LINES - needed)
+        needed_lines = sum(-(-len(text) // WIDTH) for text in texts)
+        self.max_lines = max(MIN_LINES, MAX_LINES - needed_lines)
 
     def print(self, parts: Iterable[str | TerminalTable]) -> None:
         """Print tables and sentences while there are lines left, and keep the others for `finish`.
@@ -137,16 +140,16 @@ class Printer:
         for part in parts:
             if isinstance(part, TerminalTable):
                 lines = part.lines(width, is_verbose=self.is_verbose)
-                fitting = len(lines) if self.is_verbose else self.max_lines - 1 - self.used_lines
+                lines_that_fit = len(lines) if self.is_verbose else self.max_lines - 1 - self.used_lines
             else:
                 lines = [line for text in part.split("\n") for line in wrap_sentence(text, width)]
                 has_room = self.is_verbose or self.used_lines + len(lines) < self.max_lines
-                fitting = len(lines) if has_room else 0
-            fitting = 0 if self.pending else max(fitting, 0)
-            for index, line in enumerate(lines[:fitting]):
+                lines_that_fit = len(lines) if has_room else 0
+            lines_that_fit = 0 if self.pending else max(lines_that_fit, 0)
+            for index, line in enumerate(lines[:lines_that_fit]):
                 _print_line(line, is_bold=isinstance(part, TerminalTable) and index == 0)
-            self.used_lines += len(lines[:fitting])
-            self.pending += lines[fitting:]
+            self.used_lines += len(lines[:lines_that_fit])
+            self.pending += lines[lines_that_fit:]
 
     def finish(self) -> None:
         """Print the pending lines if there is room, or else their number."""

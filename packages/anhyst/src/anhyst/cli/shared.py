@@ -28,9 +28,9 @@ def check_file_kind(context: typer.Context, value: Any) -> Any:
 
     verb = str(context.info_name)
     paths = value if isinstance(value, list) else [value] if value else []
-    accepted = accepted_kinds(verb)
-    for path in paths if accepted else []:
-        require_kind(path, accepted, verb)
+    kinds = accepted_kinds(verb)
+    for path in paths if kinds else []:
+        require_kind(path, kinds, verb)
     return value
 
 
@@ -64,8 +64,8 @@ def print_warning(text: str) -> None:
 
 def fold_to_line(text: str) -> str:
     """Fold a text into one line, and replace control characters by question marks."""
-    folded = " ".join(text.split())
-    return "".join(sign if sign.isprintable() else "?" for sign in folded)
+    folded_text = " ".join(text.split())
+    return "".join(character if character.isprintable() else "?" for character in folded_text)
 
 
 OutputPart = Union[str, TerminalTable, "PageTable"]
@@ -79,8 +79,8 @@ def print_parts(*parts: OutputPart) -> None:
             printer.print([part])
         else:  # a table of a page, and its caption
             rows = [[cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in row] for row in part.rows]
-            drawn = TerminalTable(part.title, part.head, rows)
-            printer.print([drawn, part.caption] if part.caption else [drawn])
+            drawn_parts = TerminalTable(part.title, part.head, rows)
+            printer.print([drawn_parts, part.caption] if part.caption else [drawn_parts])
 
 
 def print_with_warnings(warnings: Sequence[str], *parts: OutputPart) -> None:
@@ -163,10 +163,10 @@ def _show_bar(title: str) -> Iterator[Progress]:
 @contextmanager
 def _print_lines(title: str) -> Iterator[Progress]:
     estimate = ProgressEstimate()
-    finished = Event()
+    has_finished = Event()
 
     def print_progress() -> None:
-        while not finished.wait(PROGRESS_INTERVAL_S):
+        while not has_finished.wait(PROGRESS_INTERVAL_S):
             print(f"anhyst: {title}: {estimate}", file=sys.stderr, flush=True)
 
     # A separate thread, because a step of the work can take longer than a minute.
@@ -175,5 +175,5 @@ def _print_lines(title: str) -> Iterator[Progress]:
     try:
         yield estimate.update
     finally:
-        finished.set()
+        has_finished.set()
         printer_thread.join()

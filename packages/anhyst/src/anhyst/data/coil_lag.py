@@ -44,10 +44,10 @@ def describe_coil_lag(loopset: Loops) -> str:
     for loop in loops:
         if (lag_estimate := _estimate_lag(loop, scale)) is not None:
             lag, explained_fraction = lag_estimate
-            size = f"{lag:.2g} samples" if loop.time is None else f"{1e3 * lag:.2g} ms"
+            lag_text = f"{lag:.2g} samples" if loop.time is None else f"{1e3 * lag:.2g} ms"
             return (
                 f"{'most' if explained_fraction > 0.5 else 'a part'} of the loop looks like a lag of about "
-                f"{size} of the {loopset.output.name.replace('_', ' ')} after the voltage (L/R of "
+                f"{lag_text} of the {loopset.output.name.replace('_', ' ')} after the voltage (L/R of "
                 "a coil), not like hysteresis; record the current instead (a shunt), or measure at "
                 "a tenth of the speed"
             )
@@ -77,8 +77,8 @@ def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
     play_rms = static_fit_rms(record.drive, record.output)
     if lag_rms <= MAX_LAG_ONLY_RATIO * play_rms:
         return lag, 1.0 - lag_rms / curve_rms
-    shorter = lag * np.linspace(0.15, 1.2, _LAG_COUNT_WITH_PLAYS)
-    lag_and_play_rms, lag = _find_best_lag(record, shorter, with_plays=True)
+    shorter_lags = lag * np.linspace(0.15, 1.2, _LAG_COUNT_WITH_PLAYS)
+    lag_and_play_rms, lag = _find_best_lag(record, shorter_lags, with_plays=True)
     if lag_and_play_rms > MAX_LAG_WITH_PLAYS_RATIO * play_rms:
         return None
     same_lag_rms = static_fit_rms(_apply_lag(record, lag), record.output, with_plays=False)
@@ -98,10 +98,10 @@ def _find_best_lag(
 def _apply_lag(record: EvenRecord, lag: float) -> FloatArray:
     """Return a piecewise linear input after a first-order lag."""
     decay = float(np.exp(-record.step / lag))
-    mean = (1.0 - decay) * lag / record.step
+    mean_decay = (1.0 - decay) * lag / record.step
     start = record.drive[0]
     drive = record.drive - start
-    source = (1.0 - mean) * drive
-    source[1:] += (mean - decay) * drive[:-1]
+    source = (1.0 - mean_decay) * drive
+    source[1:] += (mean_decay - decay) * drive[:-1]
     lagged_input: FloatArray = start + recursive_sum(source, decay)
     return lagged_input

@@ -66,13 +66,13 @@ def _put_on_one_clock(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[st
         values_read = file.read([*table.clocks, *file.channels])
         notes: tuple[str, ...] = ()
     else:
-        texts = [n + time_columns for n, channel in enumerate(file.channels) if channel.is_text]
-        numbers = [n for n in range(len(table.header)) if n not in texts]
-        raw = table.read(numbers, texts)
-        columns: dict[int, Any] = {n: np.array(text.as_list()) for n, text in raw.texts.items()}
-        columns |= raw.numbers
+        text_columns = [n + time_columns for n, channel in enumerate(file.channels) if channel.is_text]
+        number_columns = [n for n in range(len(table.header)) if n not in text_columns]
+        raw_columns = table.read(number_columns, text_columns)
+        columns: dict[int, Any] = {n: np.array(text.as_list()) for n, text in raw_columns.texts.items()}
+        columns |= raw_columns.numbers
         values_read = [columns[column] for column in range(len(table.header))]
-        notes = raw.notes[len(file.notes) :]
+        notes = raw_columns.notes[len(file.notes) :]
     all_series = [
         Series(name, unit, values)
         for name, unit, values in zip(table.header, table.units, values_read, strict=True)
@@ -106,16 +106,16 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     file = table.file if isinstance(table, ChannelTable) else _as_channel_file(source, progress)
     notes = [*file.notes]
     if out.suffix.lower() in ONE_CLOCK_FORMATS:
-        groups, remarks = _put_on_one_clock(ChannelTable(file))
-        notes += remarks
+        groups, clock_notes = _put_on_one_clock(ChannelTable(file))
+        notes += clock_notes
     else:
         groups = read_groups(file)
     groups, complex_notes = _drop_complex(groups)
-    lengths = [len(signal.values) for part in groups for signal in part.series]
-    if not lengths:
+    signal_lengths = [len(signal.values) for group in groups for signal in group.series]
+    if not signal_lengths:
         raise InputError(
             f"{source}: contains nothing that can be written; {'; '.join(complex_notes)}",
             code="nothing-to-write",
         )
     notes += [*complex_notes, *write_channel_groups(out, groups)]
-    return Conversion(str(out), len(lengths), max(lengths), tuple(notes))
+    return Conversion(str(out), len(signal_lengths), max(signal_lengths), tuple(notes))

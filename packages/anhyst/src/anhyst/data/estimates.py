@@ -21,14 +21,14 @@ def estimate_noise(values: FloatArray) -> float:
     """
     if values.size < 12:
         return 0.0
-    deviations = []
+    sigmas = []
     difference = np.diff(values)
-    gain = 2.0
+    noise_gain = 2.0
     for order in range(2, 6):
         difference = np.diff(difference)
-        gain *= (4 * order - 2) / order  # sum of the squared binomial coefficients
-        deviations.append(MAD_TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
-    return float(min(deviations))
+        noise_gain *= (4 * order - 2) / order  # sum of the squared binomial coefficients
+        sigmas.append(MAD_TO_SIGMA * float(np.median(np.abs(difference))) / noise_gain**0.5)
+    return float(min(sigmas))
 
 
 _MAX_DRIFT_SHARE = 0.05
@@ -52,22 +52,22 @@ def estimate_drift(loop: Loop) -> float | None:
     clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
     slopes, errors = [], []
     for first_branch, second_branch in find_repeats(loop.input, _settled_branches(loop)):
-        distance, error = _branch_distance(loop, first_branch, second_branch)
+        output_distance, error = _branch_distance(loop, first_branch, second_branch)
         elapsed_time = (
             clock[second_branch.start : second_branch.stop].mean()
             - clock[first_branch.start : first_branch.stop].mean()
         )
-        slopes.append(distance / elapsed_time)
+        slopes.append(output_distance / elapsed_time)
         errors.append(error / elapsed_time)
     if slopes:
-        middle, span = float(np.median(slopes)), float(clock[-1] - clock[0])
-        cut = len(slopes) // 10
-        mean = float(np.mean(np.sort(slopes)[cut : len(slopes) - cut]))
+        median_slope, duration = float(np.median(slopes)), float(clock[-1] - clock[0])
+        trimmed_count = len(slopes) // 10
+        mean_slope = float(np.mean(np.sort(slopes)[trimmed_count : len(slopes) - trimmed_count]))
         # A drift is common to all repeats. Two alternating kinds of cycles only look like a drift.
-        if abs(mean - middle) > 0.5 * abs(middle) + estimate_noise(loop.output) / span:
+        if abs(mean_slope - median_slope) > 0.5 * abs(median_slope) + estimate_noise(loop.output) / duration:
             return None
         error = float(np.median(errors)) / len(slopes) ** 0.5
-        return middle * span if abs(middle) > _MIN_DRIFT_SIGMAS * error else 0.0
+        return median_slope * duration if abs(median_slope) > _MIN_DRIFT_SIGMAS * error else 0.0
     closing_error = closure_error(loop)
     if closing_error is None:
         return None
@@ -82,50 +82,50 @@ def closure_error(loop: Loop) -> float | None:
     Both outputs are at the same input. ``None`` if no state recurs. The start is the first sample
     if the history is `settled`, otherwise one of the first two reversals.
     """
-    parts = _settled_branches(loop)
-    starts = parts[:1] if loop.history.kind == "settled" else parts[1::-1]
-    errors = (_return_error(loop, parts, first_branch) for first_branch in starts)
+    branches = _settled_branches(loop)
+    starts = branches[:1] if loop.history.kind == "settled" else branches[1::-1]
+    errors = (_return_error(loop, branches, first_branch) for first_branch in starts)
     return next((value for value in errors if value is not None), None)
 
 
 def _settled_branches(loop: Loop) -> list[Branch]:
     """Return the branches of a loop, without the first one unless the history is `settled`."""
-    parts = find_branches(loop.input)
-    return parts if loop.history.kind == "settled" else parts[1:]
+    branches = find_branches(loop.input)
+    return branches if loop.history.kind == "settled" else branches[1:]
 
 
-def _return_error(loop: Loop, parts: list[Branch], first_branch: Branch) -> float | None:
+def _return_error(loop: Loop, branches: list[Branch], first_branch: Branch) -> float | None:
     """Return the last output in the state at the start of a branch minus the first output there."""
-    if parts[-1] is first_branch:
+    if branches[-1] is first_branch:
         return None
     inputs, outputs = loop.input[first_branch.start :], loop.output[first_branch.start :]
     later_rows = slice(first_branch.stop - 1 - first_branch.start, None)
-    level = float(inputs[0])
-    outputs_again = find_crossings(
-        inputs[later_rows], outputs[later_rows], level, rising=first_branch.is_rising
+    start_input = float(inputs[0])
+    outputs_at_return = find_crossings(
+        inputs[later_rows], outputs[later_rows], start_input, rising=first_branch.is_rising
     )
-    if outputs_again.size:
-        return float(outputs_again[-1] - outputs[0])
-    if abs(inputs[-1] - level) <= 0.02 * float(np.ptp(inputs)):
+    if outputs_at_return.size:
+        return float(outputs_at_return[-1] - outputs[0])
+    if abs(inputs[-1] - start_input) <= 0.02 * float(np.ptp(inputs)):
         # A cycle often ends one sample before its start, so both ends are extrapolated to the same
         # input.
-        end = _fit_output_at(inputs[-_END_SAMPLES:], outputs[-_END_SAMPLES:], level)
-        return end - _fit_output_at(inputs[:_END_SAMPLES], outputs[:_END_SAMPLES], level)
+        end_output = _fit_output_at(inputs[-_END_SAMPLES:], outputs[-_END_SAMPLES:], start_input)
+        return end_output - _fit_output_at(inputs[:_END_SAMPLES], outputs[:_END_SAMPLES], start_input)
     return None
 
 
 def _fit_output_at(inputs: FloatArray, outputs: FloatArray, level: float) -> float:
     """Return the output at an input level from a straight line through some samples."""
-    span = float(np.ptp(inputs))
-    if span == 0.0:
+    input_range = float(np.ptp(inputs))
+    if input_range == 0.0:
         return float(outputs.mean())
     # Relative to the span, because squares of the smallest numbers would become zero.
-    relative_inputs = (inputs - level) / span
-    middle, mean = float(relative_inputs.mean()), float(outputs.mean())
-    slope = float((relative_inputs - middle) @ (outputs - mean)) / float(
-        np.sum((relative_inputs - middle) ** 2)
+    relative_inputs = (inputs - level) / input_range
+    mean_input, mean_output = float(relative_inputs.mean()), float(outputs.mean())
+    slope = float((relative_inputs - mean_input) @ (outputs - mean_output)) / float(
+        np.sum((relative_inputs - mean_input) ** 2)
     )
-    return mean - slope * middle
+    return mean_output - slope * mean_input
 
 
 def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
@@ -136,19 +136,21 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
     """
     if not is_bipolar(loop.input) or not loop.reverses:
         return None
-    shift_in = shift_out = 0.0
+    input_shift = output_shift = 0.0
     for _ in range(4):
-        drive, output = loop.input - shift_in, loop.output - shift_out
-        size = min(-float(drive.min()), float(drive.max()))
-        if max(-float(drive.min()), float(drive.max())) > (1.0 + _MAX_TIP_ASYMMETRY) * size:
+        drive, output = loop.input - input_shift, loop.output - output_shift
+        extreme = min(-float(drive.min()), float(drive.max()))
+        if max(-float(drive.min()), float(drive.max())) > (1.0 + _MAX_TIP_ASYMMETRY) * extreme:
             return None
-        tips = [_tip_output(drive, output, sign * 0.98 * size) for sign in (1.0, -1.0)]
-        shift_out += 0.5 * (tips[0] + tips[1])
-        zero_inputs = [find_crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)]
+        tips = [_tip_output(drive, output, sign * 0.98 * extreme) for sign in (1.0, -1.0)]
+        output_shift += 0.5 * (tips[0] + tips[1])
+        zero_inputs = [
+            find_crossings(loop.output - output_shift, drive, 0.0, rising=rising) for rising in (True, False)
+        ]
         if not zero_inputs[0].size or not zero_inputs[1].size:
             return None
-        shift_in += 0.5 * float(np.median(zero_inputs[0]) + np.median(zero_inputs[1]))
-    return shift_in, shift_out
+        input_shift += 0.5 * float(np.median(zero_inputs[0]) + np.median(zero_inputs[1]))
+    return input_shift, output_shift
 
 
 def slope_ratio_at_tip(loop: Loop) -> float | None:
@@ -175,17 +177,17 @@ def _branch_distance(loop: Loop, first_branch: Branch, second_branch: Branch) ->
     grid = np.linspace(low, high, 51)
     distances = np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
     middle = float(np.median(distances))
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(distances - middle)))
-    return middle, 1.25 * spread / min(grid.size, first_branch.size, second_branch.size) ** 0.5
+    sigma = MAD_TO_SIGMA * float(np.median(np.abs(distances - middle)))
+    return middle, 1.25 * sigma / min(grid.size, first_branch.size, second_branch.size) ** 0.5
 
 
 def _tip_output(drive: FloatArray, output: FloatArray, level: float) -> float:
     """Return the mean output where the input crosses a level near its tip, in both directions."""
-    up = find_crossings(drive, output, level, rising=True)
-    down = find_crossings(drive, output, level, rising=False)
-    medians = [float(np.median(values)) for values in (up, down) if values.size]
-    if medians:
-        return float(np.mean(medians))
+    rising_outputs = find_crossings(drive, output, level, rising=True)
+    falling_outputs = find_crossings(drive, output, level, rising=False)
+    median_outputs = [float(np.median(values)) for values in (rising_outputs, falling_outputs) if values.size]
+    if median_outputs:
+        return float(np.mean(median_outputs))
     return float(output[int(np.argmax(drive * np.sign(level)))])
 
 
@@ -194,5 +196,5 @@ def measure_sampling(loop: Loop) -> tuple[float | None, float | None]:
     if loop.time is None:
         return None, None
     steps = np.diff(loop.time)
-    middle = float(np.median(steps))
-    return middle, float(np.max(np.abs(steps - middle))) / middle if middle > 0.0 else None
+    median = float(np.median(steps))
+    return median, float(np.max(np.abs(steps - median))) / median if median > 0.0 else None

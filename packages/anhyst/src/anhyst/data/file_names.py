@@ -117,10 +117,10 @@ def _find_gap_in_name(stem: str) -> float | None:
             return None
     if len(matches) != 1:
         return None
-    number, unit = matches[0]["number"], find_unit(matches[0]["unit"].lower())
-    if unit is None or re.fullmatch(r"0\d+", number):
+    number_text, unit = matches[0]["number"], find_unit(matches[0]["unit"].lower())
+    if unit is None or re.fullmatch(r"0\d+", number_text):
         return None  # 05 may be 5 or 0.5
-    gap = unit.value_to_si(float(re.sub(r"[,p_-]", ".", number.lower())))
+    gap = unit.value_to_si(float(re.sub(r"[,p_-]", ".", number_text.lower())))
     return gap if gap <= _MAX_GAP_M or _GAP_PATTERN.search(stem) else None
 
 

@@ -178,10 +178,10 @@ def inspect(loops: Loops) -> Inspection:
     residuals = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
     centred, even = recentre(loops)
     proposals = correct_histories_of_fast_loops(loops.loops, propose_histories(centred.loops, even=even))
-    widths = [loop_width_and_height(loop, even=even) for loop in centred.loops]
+    widths_and_heights = [loop_width_and_height(loop, even=even) for loop in centred.loops]
     figures = tuple(
-        _inspect_loop(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)
-        for loop, proposal, width in zip(loops.loops, proposals, widths, strict=True)
+        _inspect_loop(loop, np.abs(residuals[id(loop)]), proposal, width_and_height, even=even)
+        for loop, proposal, width_and_height in zip(loops.loops, proposals, widths_and_heights, strict=True)
     )
     bias_text = describe_bias(loops)
     warnings += _warnings(loops, figures)
@@ -292,11 +292,11 @@ def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:
     loop_axes.set_title("measured", loc="left", fontsize="medium")
     has_moving_schedule = any(loop.schedule_value is None for loop in loopset.loops)
     colours = schedule_colours(loopset.schedule_values, has_moving=has_moving_schedule)
-    size = largest_output(loopset)
+    reference = largest_output(loopset)
     for loop, residual in single_valued_residuals(loopset):
         shown_rows = thinning_slice(loop.n)
-        share = 100.0 * residual[shown_rows] / size
-        residual_axes.plot(loop.input[shown_rows], share, color=colours[loop.schedule_value], lw=0.9)
+        percent = 100.0 * residual[shown_rows] / reference
+        residual_axes.plot(loop.input[shown_rows], percent, color=colours[loop.schedule_value], lw=0.9)
     noise = 100.0 * inspection.verdict.noise_relative
     residual_axes.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
     residual_axes.set_xlabel(loopset.input.label)

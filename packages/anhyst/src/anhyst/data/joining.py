@@ -109,9 +109,9 @@ def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
         if entry.is_identifiable:
             entries_by_label[entry.loop.label, entry.schedule_value].append(entry)
     paths = {entry.part.source_name: PurePath(entry.part.source_name) for entry in entries}
-    stems = Counter(path.stem for path in paths.values())
+    stem_counts = Counter(path.stem for path in paths.values())
     names = {
-        name: path.stem if stems[path.stem] == 1 else str(path.with_suffix(""))
+        name: path.stem if stem_counts[path.stem] == 1 else str(path.with_suffix(""))
         for name, path in paths.items()
     }
     labels = {
@@ -169,8 +169,8 @@ def _find_twin(entry: _Entry, earlier_entry: _Entry) -> str | None:
 
 def _fingerprint(loop: Loop) -> tuple[float, ...]:
     """Return the length and four samples of a loop as a key for quick comparison."""
-    ends = [0, loop.n // 3, loop.n // 2, loop.n - 1]
-    return (float(loop.n), *loop.input[ends].tolist(), *loop.output[ends].tolist())
+    sample_rows = [0, loop.n // 3, loop.n // 2, loop.n - 1]
+    return (float(loop.n), *loop.input[sample_rows].tolist(), *loop.output[sample_rows].tolist())
 
 
 NESTED_LOOPS_NOTE = (
@@ -197,7 +197,7 @@ def add_earlier_loops(loops: Sequence[Loop], *, across_gaps: bool = False) -> li
     larger loop. If no loop shares an end, or if a branch deviates, no history is added.
     """
     order = _run_order(loops)
-    earlier = {
+    predecessors = {
         index: tuple(
             loops[other]
             for other in order[:later]
@@ -206,13 +206,13 @@ def add_earlier_loops(loops: Sequence[Loop], *, across_gaps: bool = False) -> li
         for later, index in enumerate(order)
     }
     verdicts = [_is_on_larger_loop(loop, other) for index, loop in enumerate(loops)
-                for other in earlier.get(index, ())
+                for other in predecessors.get(index, ())
                 if other.schedule_value == loop.schedule_value]  # fmt: skip
     known_verdicts = [verdict for verdict in verdicts if verdict is not None]
     if not known_verdicts or not all(known_verdicts):
         return list(loops)
     return [
-        replace(loop, history=_history_after(earlier[index], loop)) if earlier[index] else loop
+        replace(loop, history=_history_after(predecessors[index], loop)) if predecessors[index] else loop
         for index, loop in enumerate(loops)
     ]
 
@@ -265,8 +265,8 @@ def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
         distance = float(np.mean(outputs - np.interp(inputs, *outer_branch)))
         height = abs(float(np.mean(np.interp(inputs, *opposite_branch) - np.interp(inputs, *outer_branch))))
         slope = float(np.ptp(outputs) / np.ptp(inputs))
-        scatter = np.hypot(estimate_noise(loop.output), slope * estimate_noise(loop.input))
-        error = float(scatter) * (2.0 / inputs.size) ** 0.5
+        output_sigma = np.hypot(estimate_noise(loop.output), slope * estimate_noise(loop.input))
+        error = float(output_sigma) * (2.0 / inputs.size) ** 0.5
         verdicts.append(abs(distance) <= max(_MIN_DIFFERENCE_SIGMAS * error, _MAX_DISTANCE_SHARE * height))
     return all(verdicts) if verdicts else None
 

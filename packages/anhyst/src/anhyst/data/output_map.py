@@ -72,18 +72,18 @@ def full_scale(output: Quantity, records: Iterable[FloatArray]) -> float:
     full scale is the largest range of a record.
     """
     has_zero = output_map(output).has_natural_zero
-    sizes = (float(np.max(np.abs(each)) if has_zero else np.ptp(each)) for each in records)
-    return max(sizes, default=0.0)
+    magnitudes = (float(np.max(np.abs(record)) if has_zero else np.ptp(record)) for record in records)
+    return max(magnitudes, default=0.0)
 
 
 def name_full_scale(output: Quantity, size: float | None = None) -> str:
     """Return the name of a full scale, with its value if given: ``the largest force (24 N)``."""
     name = output.name.replace("_", " ")
-    words = f"the largest {name}" if output_map(output).has_natural_zero else f"the range of the {name}"
+    scale_name = f"the largest {name}" if output_map(output).has_natural_zero else f"the range of the {name}"
     if size is None:
-        return words
+        return scale_name
     unit, scale = choose_display_unit(output, size)
-    return f"{words} ({scale * size:.5g} {unit})"
+    return f"{scale_name} ({scale * size:.5g} {unit})"
 
 
 def measured_quantity(drive: Quantity, output: Quantity) -> Quantity:

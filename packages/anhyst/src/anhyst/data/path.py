@@ -28,8 +28,8 @@ MAX_MEASURED_VALUE = 1e50
 
 def find_runs(mask: NDArray[np.bool_]) -> list[slice]:
     """Return the stretches of rows where a mask is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    bounds = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
+    return [slice(int(a), int(b)) for a, b in zip(bounds[::2], bounds[1::2], strict=True)]
 
 
 def move_plays(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> FloatArray:
@@ -37,8 +37,8 @@ def move_plays(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> 
 
     ``drive`` has shape (drives, n), and the result has shape (n, drives, plays).
     """
-    along = drive.T[:, :, None]
-    low, high = along - thresholds, along + thresholds
+    columns = drive.T[:, :, None]
+    low, high = columns - thresholds, columns + thresholds
     states = np.empty_like(low)
     current = start
     for i, state in enumerate(states):
@@ -55,23 +55,23 @@ def find_turning_points(values: FloatArray, threshold: float | None = None) -> N
     [0, 3, 5]
     """
     threshold = MIN_REVERSAL_SHARE * float(np.ptp(values)) if threshold is None else threshold
-    extremes = _find_local_extremes(values)
-    heights = values[extremes].tolist()
+    extreme_rows = _find_local_extremes(values)
+    extreme_values = values[extreme_rows].tolist()
     reversals = [0]
     lowest_row = highest_row = direction = 0
-    for index, height in enumerate(heights):
-        if direction <= 0 and height < heights[lowest_row]:
+    for index, extreme_value in enumerate(extreme_values):
+        if direction <= 0 and extreme_value < extreme_values[lowest_row]:
             lowest_row = index
-        if direction >= 0 and height > heights[highest_row]:
+        if direction >= 0 and extreme_value > extreme_values[highest_row]:
             highest_row = index
-        if direction <= 0 and height - heights[lowest_row] > threshold:
+        if direction <= 0 and extreme_value - extreme_values[lowest_row] > threshold:
             reversals.append(lowest_row)
             direction, highest_row = 1, index
-        elif direction >= 0 and heights[highest_row] - height > threshold:
+        elif direction >= 0 and extreme_values[highest_row] - extreme_value > threshold:
             reversals.append(highest_row)
             direction, lowest_row = -1, index
-    selected_rows = np.unique(np.array([*reversals, len(heights) - 1], dtype=np.intp))
-    return extremes[selected_rows]
+    selected_rows = np.unique(np.array([*reversals, len(extreme_values) - 1], dtype=np.intp))
+    return extreme_rows[selected_rows]
 
 
 def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
@@ -79,12 +79,12 @@ def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
     return max(0, find_turning_points(values, threshold).size - 2)
 
 
-def find_crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bool) -> FloatArray:
+def find_crossings(values: FloatArray, other_values: FloatArray, level: float, *, rising: bool) -> FloatArray:
     """Interpolate ``other`` where ``values`` crosses a level in one direction."""
     is_before = values < level if rising else values > level
     rows = np.flatnonzero(is_before[:-1] & ~is_before[1:])
     share = (level - values[rows]) / (values[rows + 1] - values[rows])
-    return other[rows] + share * (other[rows + 1] - other[rows])
+    return other_values[rows] + share * (other_values[rows + 1] - other_values[rows])
 
 
 def are_measured(values: FloatArray) -> NDArray[np.bool_]:
@@ -121,12 +121,12 @@ def find_overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
         other_values = measured_values[~is_mark]
         if other_values.size < _MIN_OTHER_SAMPLES or count > _MAX_MARK_SHARE * measured_values.size:
             continue
-        span = float(np.ptp(other_values))
+        value_range = float(np.ptp(other_values))
         distance = float(np.min(np.abs(other_values - mark)))
         is_known = _KNOWN_MARK.fullmatch(_significant_digits(mark)) is not None
-        if span > 0.0 and (
-            (is_output and count > 1 and distance > _MIN_MARK_DISTANCE * span)
-            or (is_known and distance > _MIN_KNOWN_MARK_DISTANCE * span)
+        if value_range > 0.0 and (
+            (is_output and count > 1 and distance > _MIN_MARK_DISTANCE * value_range)
+            or (is_known and distance > _MIN_KNOWN_MARK_DISTANCE * value_range)
         ):
             return mark
     return None
@@ -165,8 +165,8 @@ def refuse_missing(
 
 def find_time_reversal(time: FloatArray) -> int | None:
     """Return the index of the first sample that is earlier than the previous one, or ``None``."""
-    back = np.flatnonzero(np.diff(time) < 0.0)
-    return int(back[0]) + 1 if back.size else None
+    backward_steps = np.flatnonzero(np.diff(time) < 0.0)
+    return int(backward_steps[0]) + 1 if backward_steps.size else None
 
 
 def _find_local_extremes(values: FloatArray) -> NDArray[np.intp]:
@@ -198,11 +198,11 @@ def thin_rows(drive: FloatArray, max_samples: int, output: FloatArray | None = N
     if output is None or steps.max() <= _MAX_STEP_SHARE * np.ptp(output):
         return rows
     step_parts, output_travel = np.ceil(steps / steps.mean()).astype(np.intp), _travel(output)
-    between = [
-        rows[place] + _spread_evenly(output_travel[rows[place] : rows[place + 1] + 1], step_parts[place] + 1)
-        for place in np.flatnonzero(step_parts > 1)
+    extra_rows = [
+        rows[index] + _spread_evenly(output_travel[rows[index] : rows[index + 1] + 1], step_parts[index] + 1)
+        for index in np.flatnonzero(step_parts > 1)
     ]
-    return np.unique(np.concatenate([rows, *between]))
+    return np.unique(np.concatenate([rows, *extra_rows]))
 
 
 def _travel(values: FloatArray) -> FloatArray:
@@ -242,36 +242,36 @@ class Branch:
 
 def find_branches(drive: FloatArray) -> list[Branch]:
     """Cut a record into branches at its reversals; neighbours share the turning point."""
-    wobble = _MIN_BRANCH_SHARE * float(np.ptp(drive))
-    turning_points = find_turning_points(drive, wobble).tolist()
+    min_size = _MIN_BRANCH_SHARE * float(np.ptp(drive))
+    turning_points = find_turning_points(drive, min_size).tolist()
     # Wobble before the drive starts or after it has returned is not a branch.
-    while len(turning_points) > 2 and abs(drive[turning_points[1]] - drive[0]) <= wobble:
+    while len(turning_points) > 2 and abs(drive[turning_points[1]] - drive[0]) <= min_size:
         del turning_points[1]
-    while len(turning_points) > 2 and abs(drive[turning_points[-2]] - drive[-1]) <= wobble:
+    while len(turning_points) > 2 and abs(drive[turning_points[-2]] - drive[-1]) <= min_size:
         del turning_points[-2]
     return [Branch(a, b + 1, bool(drive[b] > drive[a])) for a, b in itertools.pairwise(turning_points)]
 
 
-def find_repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
+def find_repeats(drive: FloatArray, branches: list[Branch]) -> list[tuple[Branch, Branch]]:
     """Return pairs of branches, one cycle apart, that start and end at the same input."""
     max_distance = _MAX_REPEAT_DISTANCE * float(np.ptp(drive))
     return [
-        (first, second)
-        for first, second in zip(parts, parts[2:], strict=False)
-        if abs(drive[first.start] - drive[second.start]) <= max_distance
-        and abs(drive[first.stop - 1] - drive[second.stop - 1]) <= max_distance
+        (first_branch, second_branch)
+        for first_branch, second_branch in zip(branches, branches[2:], strict=False)
+        if abs(drive[first_branch.start] - drive[second_branch.start]) <= max_distance
+        and abs(drive[first_branch.stop - 1] - drive[second_branch.stop - 1]) <= max_distance
     ]
 
 
 def average_in_bins(drive: FloatArray, output: FloatArray, bins: int = 100) -> tuple[FloatArray, FloatArray]:
     """Return the means of input and output in equal bins of the input."""
-    low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
+    low, input_range = float(drive.min()), float(np.ptp(drive)) or 1.0
     count = min(bins, drive.size)
-    bin_of = np.minimum(((drive - low) / span * count).astype(np.intp), count - 1)
-    number = np.bincount(bin_of, minlength=count)
-    is_filled = number > 0
-    x = np.bincount(bin_of, weights=drive, minlength=count)[is_filled] / number[is_filled]
-    y = np.bincount(bin_of, weights=output, minlength=count)[is_filled] / number[is_filled]
+    bin_indices = np.minimum(((drive - low) / input_range * count).astype(np.intp), count - 1)
+    sample_counts = np.bincount(bin_indices, minlength=count)
+    is_filled = sample_counts > 0
+    x = np.bincount(bin_indices, weights=drive, minlength=count)[is_filled] / sample_counts[is_filled]
+    y = np.bincount(bin_indices, weights=output, minlength=count)[is_filled] / sample_counts[is_filled]
     return x, y
 
 
@@ -296,14 +296,16 @@ def branch_separation(
     The difference is positive if the loop loses energy. ``None`` if the branches have no common
     input.
     """
-    up, down = (first_branch, second_branch) if first_branch.is_rising else (second_branch, first_branch)
-    x1, y1 = average_in_bins(drive[up.rows], output[up.rows])
-    x2, y2 = average_in_bins(drive[down.rows], output[down.rows])
+    rising, falling = (
+        (first_branch, second_branch) if first_branch.is_rising else (second_branch, first_branch)
+    )
+    x1, y1 = average_in_bins(drive[rising.rows], output[rising.rows])
+    x2, y2 = average_in_bins(drive[falling.rows], output[falling.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
     if high <= low:
         return None
-    grid = np.linspace(low, high, 101)
-    return grid, np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
+    inputs = np.linspace(low, high, 101)
+    return inputs, np.interp(inputs, x2, y2) - np.interp(inputs, x1, y1)
 
 
 def is_bipolar(drive: FloatArray) -> bool:
@@ -319,9 +321,9 @@ def is_negative(drive: FloatArray) -> bool:
 
 def correlation(x: FloatArray, y: FloatArray) -> float:
     """Return the correlation coefficient of two signals; 0 if one is constant."""
-    a, b = x - x.mean(), y - y.mean()
-    scale = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
-    return float(np.sum(a * b)) / scale if scale > 0.0 else 0.0
+    x_deviation, y_deviation = x - x.mean(), y - y.mean()
+    scale = float(np.sqrt(np.sum(x_deviation * x_deviation) * np.sum(y_deviation * y_deviation)))
+    return float(np.sum(x_deviation * y_deviation)) / scale if scale > 0.0 else 0.0
 
 
 HistoryKind = Literal["demagnetised", "settled", "conditioned"]

@@ -55,12 +55,12 @@ class _Plateau:
 
 def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> Plateaus | None:
     """Return the plateaus of a noisy scheduling variable; ``None`` if it is exact or changes."""
-    bounds = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [values.size]))
-    is_exact = bounds.size == 2 or int(np.diff(bounds).min()) >= _MIN_RUN_SAMPLES
+    run_bounds = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [values.size]))
+    is_exact = run_bounds.size == 2 or int(np.diff(run_bounds).min()) >= _MIN_RUN_SAMPLES
     if values.size < 4 * _MIN_WINDOW_SAMPLES or is_exact:
         return None
-    long_runs = np.flatnonzero(np.diff(bounds) >= _MIN_RUN_SAMPLES)
-    runs = [slice(int(bounds[index]), int(bounds[index + 1])) for index in long_runs]
+    long_runs = np.flatnonzero(np.diff(run_bounds) >= _MIN_RUN_SAMPLES)
+    runs = [slice(int(run_bounds[index]), int(run_bounds[index + 1])) for index in long_runs]
     exact_plateaus = [
         _Plateau(rows, float(values[rows.start]), 0.0) for rows in runs if has_loop(drive, rows)
     ]
@@ -127,8 +127,8 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
             continue
         plateau_values = values[rows]
         mean, sigma = float(np.mean(plateau_values)), float(np.std(plateau_values))
-        swing = float(np.ptp(smooth_values[rows]))
-        if swing > 2.0 * max_change:
+        drift_range = float(np.ptp(smooth_values[rows]))
+        if drift_range > 2.0 * max_change:
             return []
         plateaus.append(_Plateau(rows, mean, sigma))
     return plateaus
@@ -163,9 +163,9 @@ def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.int
         rows = slice(start, stop)
         distance = np.abs(values[rows] - plateau.mean)
         is_near = distance <= _MAX_DISTANCE_SIGMAS * plateau.sigma
-        for neighbour in (index - 1, index + 1):
-            if 0 <= neighbour < len(plateaus):
-                is_near &= distance <= np.abs(values[rows] - plateaus[neighbour].mean)
+        for neighbour_index in (index - 1, index + 1):
+            if 0 <= neighbour_index < len(plateaus):
+                is_near &= distance <= np.abs(values[rows] - plateaus[neighbour_index].mean)
         plateau_of_row[rows][is_near] = index
         plateau_of_row[plateau.rows] = index
     return plateau_of_row
@@ -175,9 +175,9 @@ def _describe(plateaus: list[_Plateau], levels: list[float], lost_count: int, qu
     scatter = max(plateau.sigma for plateau in plateaus)
     texts = (quantity.show(level).removeprefix(quantity.name) for level in levels)
     value_texts = list(dict.fromkeys(texts))
-    size = f"{scatter * 1e6:.2g} µm" if quantity.unit == "m" else f"{scatter:.2g} {quantity.unit}"
+    scatter_text = f"{scatter * 1e6:.2g} µm" if quantity.unit == "m" else f"{scatter:.2g} {quantity.unit}"
     name = quantity.name.replace("_", " ")
     count_text = f"{len(value_texts)} plateaus" if len(value_texts) > 1 else "one plateau"
     text = f"{name} has {count_text}:{','.join(value_texts)}"
-    text += f" (scatter {size})" if scatter != 0.0 else ""
+    text += f" (scatter {scatter_text})" if scatter != 0.0 else ""
     return text + (f"; {lost_count} samples between them left out" if lost_count else "")

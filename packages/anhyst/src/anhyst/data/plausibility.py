@@ -121,10 +121,10 @@ def _check_schedule(loopset: Loops) -> list[str]:
             f"gaps up to {1e3 * values[-1]:.4g} mm are smaller than the flatness of surfaces; if the "
             "numbers of the file are m, name the column 'gap_m'"
         )
-    for lower, upper in itertools.pairwise(values):
-        if upper - lower < _MIN_RELATIVE_DIFFERENCE * max(abs(lower), abs(upper)):
+    for lower_value, upper_value in itertools.pairwise(values):
+        if upper_value - lower_value < _MIN_RELATIVE_DIFFERENCE * max(abs(lower_value), abs(upper_value)):
             warnings.append(
-                f"{quantity.name} {lower:.9g} and {upper:.9g} {quantity.unit} are almost equal; if "
+                f"{quantity.name} {lower_value:.9g} and {upper_value:.9g} {quantity.unit} are almost equal; if "
                 "they are the same, write one value for both"
             )
     return warnings
@@ -260,17 +260,17 @@ def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, even: bool) 
         return []
     inputs, output = fold_input(loop, even=even)
     height = float(np.ptp(output))
-    total = weight = variance = 0.0
+    weighted_width = total_span = variance = 0.0
     for branch, next_branch in itertools.pairwise(find_branches(inputs)):
         width = branch_separation(inputs, output, branch, next_branch)
         if width is not None:
-            share = float(np.ptp(width[0]))
-            total += share * float(np.mean(width[1]))
-            weight += share
-            samples = min(part.size for part in (branch, next_branch))
-            variance += 2.0 * (share * estimate_noise(output)) ** 2 / samples
+            common_span = float(np.ptp(width[0]))
+            weighted_width += common_span * float(np.mean(width[1]))
+            total_span += common_span
+            samples = min(one_branch.size for one_branch in (branch, next_branch))
+            variance += 2.0 * (common_span * estimate_noise(output)) ** 2 / samples
     # Noise of the sensor can explain the sign of a narrow loop.
-    if total < -max(0.005 * height * weight, _MIN_SIGMAS * float(np.sqrt(variance))):
+    if weighted_width < -max(0.005 * height * total_span, _MIN_SIGMAS * float(np.sqrt(variance))):
         return [
             f"{name}: the loop has the wrong direction (it would gain energy): a delay between channels, "
             "samples in reverse order, or a reversed sign"

@@ -153,44 +153,44 @@ def read_loops(
             )
         )
     files = expand_folders(paths)
-    described = {
+    descriptions = {
         path: description.with_defaults(shared_sidecar if shared_sidecar is not None else find_sidecar(path))
         for path in files
     }
-    gaps = _find_name_gaps(described)
-    parts = []
+    gaps = _find_name_gaps(descriptions)
+    source_loops = []
     for path in files:
-        file_description = add_constants_of_name(path, described[path])
+        file_description = add_constants_of_name(path, descriptions[path])
         if gaps:
             file_description = replace(
                 file_description, constants={**file_description.constants, "gap_m": gaps[path]}
             )
         name = _DEFAULT_LABEL if len(files) == 1 else path.stem
-        parts.append(_read_table(open_table(path), name, file_description, progress))
-        if parts[-1].schedule == QUANTITIES["gap"] and file_description.schedule is None:
-            refuse_contradicting_gap(path, [loop.schedule_value for loop in parts[-1].loops])
-    loops = join_loops(_fill_in_histories(apply_stated_gaps(parts)))
+        source_loops.append(_read_table(open_table(path), name, file_description, progress))
+        if source_loops[-1].schedule == QUANTITIES["gap"] and file_description.schedule is None:
+            refuse_contradicting_gap(path, [loop.schedule_value for loop in source_loops[-1].loops])
+    loops = join_loops(_fill_in_histories(apply_stated_gaps(source_loops)))
     loops = replace(loops, notes=(*note_skipped_files(paths, files), *loops.notes))
     if gaps:
         return replace(loops, notes=(describe_name_gaps(gaps), *loops.notes))
-    if all(one.schedule is None for one in described.values()):
-        refuse_different_loops(loops, has_blocks=any(part.has_blocks for part in parts))
+    if all(one_description.schedule is None for one_description in descriptions.values()):
+        refuse_different_loops(loops, has_blocks=any(one_source.has_blocks for one_source in source_loops))
     return loops
 
 
-def _find_name_gaps(described: Mapping[Path, FileDescription]) -> dict[Path, float]:
+def _find_name_gaps(descriptions: Mapping[Path, FileDescription]) -> dict[Path, float]:
     """Return the gap in each file name, m; empty if the files or the user state another schedule."""
-    gaps = find_gaps_in_names(list(described))
+    gaps = find_gaps_in_names(list(descriptions))
     for path in gaps:
-        reading = described[path]
-        constant_quantities = {header.quantity for header in map(parse_header, reading.constants)}
+        description = descriptions[path]
+        constant_quantities = {header.quantity for header in map(parse_header, description.constants)}
         if (
-            reading.schedule not in (None, "gap")
-            or reading.file_name
+            description.schedule not in (None, "gap")
+            or description.file_name
             or QUANTITIES["gap"] in constant_quantities
         ):
             return {}
-        headers = map_headers(open_table(path), reading.columns, reading.scale, reading.flip)
+        headers = map_headers(open_table(path), description.columns, description.scale, description.flip)
         names = {header.quantity.name for header in headers if header.quantity is not None}
         if "gap" in names or "field" in names or names.isdisjoint(_GAP_DEPENDENT_OUTPUTS):
             return {}
@@ -421,14 +421,14 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
     loops = [loop for part in parts for loop in part.loops]
     is_unstated = [index in part.without_history for part in parts for index in range(len(part.loops))]
     loops_without_history = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
-    proposed = iter(
+    remaining = iter(
         propose_histories(loops_without_history, even=are_even(loops_without_history, parts[0].output))
     )
-    initial = [
-        next(proposed) if is_unknown else (loop.history, "stated")
+    candidates = [
+        next(remaining) if is_unknown else (loop.history, "stated")
         for loop, is_unknown in zip(loops, is_unstated, strict=True)
     ]
-    corrected_proposals = zip(correct_histories_of_fast_loops(loops, initial), is_unstated, strict=True)
+    corrected_proposals = zip(correct_histories_of_fast_loops(loops, candidates), is_unstated, strict=True)
     proposals = (proposal for proposal, is_unknown in corrected_proposals if is_unknown)
     completed_loops = []
     for part in parts:
@@ -438,15 +438,15 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
             history, reason = next(proposals)
             part_loops[index] = replace(loop, history=history)
             value = loop.schedule_value
-            at = f" at {part.schedule.show(value)}" if part.schedule and value is not None else ""
+            schedule_text = f" at {part.schedule.show(value)}" if part.schedule and value is not None else ""
             notes.append(
-                f"{part.source_name}: history of loop '{loop.label}'{at} taken as {history}: {reason}"
+                f"{part.source_name}: history of loop '{loop.label}'{schedule_text} taken as {history}: {reason}"
             )
         is_gap = part.schedule is not None and part.schedule.name == "gap"
-        ordered = add_earlier_loops(part_loops, across_gaps=is_gap)
-        if any(loop.history.kind == "settled" and loop.history.turning_points for loop in ordered):
+        linked_loops = add_earlier_loops(part_loops, across_gaps=is_gap)
+        if any(loop.history.kind == "settled" and loop.history.turning_points for loop in linked_loops):
             notes.append(f"{part.source_name}: {NESTED_LOOPS_NOTE}")
-        completed_loops.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
+        completed_loops.append(replace(part, loops=tuple(linked_loops), notes=tuple(notes)))
     return completed_loops
 
 
@@ -509,9 +509,9 @@ def _make_loop(columns: _Columns, rows: Rows) -> Loop:
     index = slice(start, stop) if stop - start == rows.size else rows
 
     def select(values: FloatArray) -> FloatArray:
-        selected = values[index]
-        selected.flags.writeable = False
-        return selected
+        selected_values = values[index]
+        selected_values.flags.writeable = False
+        return selected_values
 
     time = None if columns.time is None else select(columns.time)
     schedule = None if columns.schedule is None else select(columns.schedule)

@@ -79,8 +79,8 @@ def recentre(loopset: Loops) -> tuple[Loops, bool]:
         return loopset.with_loops(shifted_loops), True
     is_falling = [correlation(loop.input, loop.output) < 0.0 for loop in _bipolar_loops(loopset)]
     if output_map(loopset.output).is_even and not even and is_falling and all(is_falling):
-        turned = (replace(loop, input=-loop.input) for loop in loopset.loops)
-        return loopset.with_loops(turned), even
+        reversed_loops = (replace(loop, input=-loop.input) for loop in loopset.loops)
+        return loopset.with_loops(reversed_loops), even
     return loopset, even
 
 

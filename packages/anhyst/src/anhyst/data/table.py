@@ -57,7 +57,7 @@ class DataTable:
 
     def get(self, name: str) -> FloatArray | None:
         """Return the SI values of a quantity by name (``current``, ``gap``, ...), or ``None``."""
-        indices = [index for index, other in enumerate(self.names) if other == name]
+        indices = [index for index, entry in enumerate(self.names) if entry == name]
         usable_indices = [index for index in indices if self.headers[index].problem is None]
         usable_indices = [
             index for index in usable_indices if self.headers[index].is_certain
@@ -106,9 +106,9 @@ class DataTable:
         """Return the SI values of a required quantity; the error advises the header ``example``."""
         values = self.get(name)
         if values is None:
-            have = ", ".join(header.text for header in self.headers)
+            header_text = ", ".join(header.text for header in self.headers)
             raise InputError(
-                f"{self.path}: has no column of {name.replace('_', ' ')} (columns: {have}); "
+                f"{self.path}: has no column of {name.replace('_', ' ')} (columns: {header_text}); "
                 f"name it '{example}'{self.advise_mapping(name)}",
                 code="column-missing",
                 key=name,
@@ -176,8 +176,8 @@ def read_columns(
     for values in raw.numbers.values():
         values.flags.writeable = False
     columns_by_index: dict[int, FloatArray | Texts] = {**raw.texts, **raw.numbers}
-    held = tuple(columns_by_index[index] for index in range(len(headers)))
-    return DataTable(table.source_name, raw.sha256, headers, held, raw.notes, table)
+    ordered_columns = tuple(columns_by_index[index] for index in range(len(headers)))
+    return DataTable(table.source_name, raw.sha256, headers, ordered_columns, raw.notes, table)
 
 
 FRAME_NAME = "data frame"
@@ -295,8 +295,10 @@ def list_channels(path: PathLike) -> list[ChannelFigures]:
     for column, (name, unit) in enumerate(zip(table.header, units, strict=True)):
         values = None if column in texts else _read_numbers(table, column)
         samples, rate = _channel_rate(table, column)
-        finite = values[np.isfinite(values)] if values is not None else np.empty(0)
-        low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
+        finite_values = values[np.isfinite(values)] if values is not None else np.empty(0)
+        low, high = (
+            (float(finite_values.min()), float(finite_values.max())) if finite_values.size else (None, None)
+        )
         count = samples if samples is not None else (0 if values is None else values.size)
         channels.append(ChannelFigures(name, unit, count, rate, low, high, roles.get(column, "")))
     return channels
@@ -363,14 +365,14 @@ def _guess_quantities(headers: Sequence[Header], texts: Sequence[int]) -> dict[i
 
 def check_format(path: PathLike) -> None:
     """Raise an error for a file name without a format for writing, or without its package."""
-    named = Path(path)
-    suffix = named.suffix.lower()
+    target = Path(path)
+    suffix = target.suffix.lower()
     if suffix not in WRITERS:
         raise InputError(
             f"{path}: no format has this suffix; use one of {', '.join(WRITERS)}", code="wrong-ending"
         )
     if suffix in WRITER_PACKAGES:
-        require_package(named, WRITER_PACKAGES[suffix])
+        require_package(target, WRITER_PACKAGES[suffix])
 
 
 def check_recording(path: PathLike, reads: Iterable[PathLike] = ()) -> None:

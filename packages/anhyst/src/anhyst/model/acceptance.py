@@ -69,8 +69,8 @@ class GapCheck:
         if self.failure:
             return f"the model cannot be computed at a gap of {gap_text}: {self.failure}"
         if self.passed:
-            span = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
-            return f"at every drive the output rises as the gap closes ({span}, both branches)"
+            gap_range_text = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
+            return f"at every drive the output rises as the gap closes ({gap_range_text}, both branches)"
         return (
             f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest, at "
             f"{gap_text} and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
@@ -116,20 +116,20 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
     if not output_map(model.output).is_even or model.valid is None:
         return None
     largest_drive = _largest_drive(model)
-    start = _rest_drive(model, MAX_SENSOR_OFFSET)
-    ascending_drive = np.linspace(start, largest_drive, DRIVES_PER_BRANCH)
-    states = {
+    rest_drive = _rest_drive(model, MAX_SENSOR_OFFSET)
+    ascending_drive = np.linspace(rest_drive, largest_drive, DRIVES_PER_BRANCH)
+    start_by_history = {
         "demagnetised": "from the demagnetised state",
-        f"conditioned:{start!r},{largest_drive!r},{start!r}": "from remanence",
+        f"conditioned:{rest_drive!r},{largest_drive!r},{rest_drive!r}": "from remanence",
     }
-    worst_check = DriveCheck(0.0, start, "")
+    worst_check = DriveCheck(0.0, rest_drive, "")
     largest_output = max(map(abs, model.valid.output))
     gaps: list[float | None] = [None]
     if model.needs_schedule:
         nodes = np.array(model.nodes)
         gaps = [*np.sort([*nodes, *(0.5 * (nodes[1:] + nodes[:-1]))]).tolist()]
     for gap in gaps:
-        for history, start_text in states.items():
+        for history, start_text in start_by_history.items():
             start_description = start_text
             if gap is not None and model.schedule is not None:
                 start_description = f"at {model.schedule.show(gap)} {start_text}"
@@ -137,7 +137,7 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
                 time = slow_times(ascending_drive.size)
                 output = run_record(model, "drive", ascending_drive, gap, time, history).output
             except (InputError, NegativeResult) as error:
-                return DriveCheck(np.inf, start, start_description, str(error))
+                return DriveCheck(np.inf, rest_drive, start_description, str(error))
             output_falls = np.maximum.accumulate(output) - output
             row = int(np.argmax(output_falls))
             largest_fall = float(output_falls[row]) / max(largest_output, np.finfo(np.float64).tiny)
@@ -203,10 +203,10 @@ def check_over_gap(model: ModelData, at: Callable[[float], ModelData] | None = N
                 model.parameters["out_0"]
             )
             largest_drive = _largest_drive(model)
-            shares = np.atleast_1d(model.parameters["in_0"]) / largest_drive
-            share = model_at_gap.interpolate_parameter("in_0", gap)[0] / largest_drive
+            ratios = np.atleast_1d(model.parameters["in_0"]) / largest_drive
+            ratio = model_at_gap.interpolate_parameter("in_0", gap)[0] / largest_drive
             applied_drive = drive - largest_drive * float(
-                np.clip(shares.max() - share, 0.0, MAX_SENSOR_OFFSET)
+                np.clip(ratios.max() - ratio, 0.0, MAX_SENSOR_OFFSET)
             )
             time = slow_times(drive.size)
             output[index] = run_record(model_at_gap, "drive", applied_drive, schedule, time, "settled").output
@@ -217,9 +217,9 @@ def check_over_gap(model: ModelData, at: Callable[[float], ModelData] | None = N
         return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", sign, failure)
     relative_fall = _falls_as_gap_closes(sign * output, sign * offset)
     gap_index, sample = np.unravel_index(int(np.argmax(relative_fall)), relative_fall.shape)
-    worst_place = float(relative_fall[gap_index, sample]), float(gaps[gap_index]), float(drive[sample])
+    worst_point = (float(relative_fall[gap_index, sample]), float(gaps[gap_index]), float(drive[sample]))
     branch = "rising" if sample < DRIVES_PER_BRANCH else "falling"
-    return GapCheck(gaps, drive, output, offset, *worst_place, branch, sign)
+    return GapCheck(gaps, drive, output, offset, *worst_point, branch, sign)
 
 
 _NEGATIVE_END_RATIO = 1.05
@@ -233,15 +233,15 @@ def _largest_drive(model: ModelData) -> float:
     the positive end is returned, so that sensor noise does not decide.
     """
     low, high = model.valid_range.input
-    bias = float(np.mean(model.parameters["in_0"]))
-    return low if abs(low - bias) > _NEGATIVE_END_RATIO * abs(high - bias) else high
+    offset = float(np.mean(model.parameters["in_0"]))
+    return low if abs(low - offset) > _NEGATIVE_END_RATIO * abs(high - offset) else high
 
 
 def _rest_drive(model: ModelData, max_share: float = 0.5) -> float:
     """Return the smallest drive that is nowhere negative, at most `max_share` of the largest drive."""
     largest_drive = _largest_drive(model)
-    shares = np.atleast_1d(model.parameters["in_0"]) / largest_drive
-    return largest_drive * float(np.clip(shares.max(), 0.0, max_share))
+    offset_ratios = np.atleast_1d(model.parameters["in_0"]) / largest_drive
+    return largest_drive * float(np.clip(offset_ratios.max(), 0.0, max_share))
 
 
 def _falls_as_gap_closes(output: FloatArray, offset: FloatArray) -> FloatArray:
@@ -249,6 +249,6 @@ def _falls_as_gap_closes(output: FloatArray, offset: FloatArray) -> FloatArray:
     smallest_output = np.finfo(np.float64).tiny
     largest_output = float(np.fmax.reduce(np.abs(output), axis=None, initial=smallest_output))
     max_offset = MAX_SENSOR_OFFSET * largest_output
-    closing = (output - np.clip(offset, -max_offset, max_offset)[:, None])[::-1]
-    running_maximum = np.fmax.accumulate(closing, axis=0)
-    return (running_maximum - closing)[::-1] / largest_output
+    closing_order = (output - np.clip(offset, -max_offset, max_offset)[:, None])[::-1]
+    running_maximum = np.fmax.accumulate(closing_order, axis=0)
+    return (running_maximum - closing_order)[::-1] / largest_output

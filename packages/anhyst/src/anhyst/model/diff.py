@@ -108,18 +108,18 @@ class ModelDiff(Result):
 def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     """Compare two models of the same kind: `anhyst.diff`."""
     first, second = resolve_model(first, "diff", "first"), resolve_model(second, "diff", "second")
-    for role in ("input", "output"):
-        first_quantity, second_quantity = getattr(first, role), getattr(second, role)
+    for quantity_role in ("input", "output"):
+        first_quantity, second_quantity = getattr(first, quantity_role), getattr(second, quantity_role)
         if first_quantity != second_quantity:
             raise InputError(
-                f"the models cannot be compared: the {role} of one is {first_quantity.column}, of the other "
+                f"the models cannot be compared: the {quantity_role} of one is {first_quantity.column}, of the other "
                 f"{second_quantity.column}",
                 code="quantities-differ",
             )
     settings = _find_changes(_settings(first), _settings(second))
     parameters = _find_changes(first.parameters, second.parameters)
     try:
-        drive = _common_range([m.valid.input for m in (first, second) if m.valid])
+        drive = _common_range([model.valid.input for model in (first, second) if model.valid])
         gaps = _common_schedule(first, second)
     except InputError as error:
         return ModelDiff(settings, parameters, None, (), None, None, str(error))
@@ -129,10 +129,10 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
 
 
 def _find_changes(first: Mapping[str, Value], second: Mapping[str, Value]) -> tuple[Change, ...]:
-    pairs = ((name, first.get(name), second.get(name)) for name in {**first, **second})
+    named_pairs = ((name, first.get(name), second.get(name)) for name in {**first, **second})
     return tuple(
         Change(name, first_value, second_value)
-        for name, first_value, second_value in pairs
+        for name, first_value, second_value in named_pairs
         if first_value != second_value
     )
 
@@ -171,9 +171,9 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     nodes = np.unique([*first.nodes, *second.nodes])
     if not nodes.size:
         return [None]
-    ranges = [m.valid.schedule for m in (first, second) if m.valid and m.valid.schedule]
-    spans = ranges or [(m.nodes[0], m.nodes[-1]) for m in (first, second) if m.nodes]
-    low, high = max(low for low, _ in spans), min(high for _, high in spans)
+    ranges = [model.valid.schedule for model in (first, second) if model.valid and model.valid.schedule]
+    limits = ranges or [(model.nodes[0], model.nodes[-1]) for model in (first, second) if model.nodes]
+    low, high = max(low for low, _ in limits), min(high for _, high in limits)
     common_nodes = nodes[(nodes >= low) & (nodes <= high)]
     if not common_nodes.size:
         text = "the valid ranges of the schedule do not overlap: no loops compared"

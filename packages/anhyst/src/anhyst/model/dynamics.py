@@ -49,8 +49,8 @@ class Dynamics:
     fastest: float = 0.0
 
     def __post_init__(self) -> None:
-        numbers = (self.lag, self.fastest, *self.times, *self.shares)
-        if not all(math.isfinite(number) and number >= 0.0 for number in numbers):
+        values = (self.lag, self.fastest, *self.times, *self.shares)
+        if not all(math.isfinite(value) and value >= 0.0 for value in values):
             text = "model dynamics: lag, times, shares and rate must be finite and not negative"
             raise InputError(text, code="out-of-range")
         if len(self.times) != len(self.shares):
@@ -65,9 +65,9 @@ class Dynamics:
         """Whether a run needs the times of its samples."""
         return self.lag > 0.0 or bool(self.times)
 
-    def advance(self, flux: float, slow_parts: FloatArray, step: float) -> FloatArray:
+    def advance(self, flux: float, slow_parts: FloatArray, time_step: float) -> FloatArray:
         """Return the slow parts after a flux density was constant for a time, s."""
-        return np.asarray(flux + np.exp(-step / np.array(self.times)) * (slow_parts - flux))
+        return np.asarray(flux + np.exp(-time_step / np.array(self.times)) * (slow_parts - flux))
 
     def apply_creep(
         self, inputs: FloatArray, time: FloatArray, slow_parts: FloatArray, *, is_flux_known: bool
@@ -93,15 +93,15 @@ class Dynamics:
 
     def settled_slow_parts(self, inputs: FloatArray, time: FloatArray, *, is_flux_known: bool) -> FloatArray:
         """Return the slow parts at the start of a cycle in its steady state."""
-        step = float(np.median(np.diff(time)))
+        time_step = float(np.median(np.diff(time)))
 
         def run_cycle(slow_parts: FloatArray) -> FloatArray:
-            _, end, last_flux = self.apply_creep(inputs, time, slow_parts, is_flux_known=is_flux_known)
-            return self.advance(last_flux, end, step)
+            _, end_parts, last_flux = self.apply_creep(inputs, time, slow_parts, is_flux_known=is_flux_known)
+            return self.advance(last_flux, end_parts, time_step)
 
-        offset = run_cycle(np.zeros(len(self.times)))
-        matrix = np.stack([run_cycle(unit) - offset for unit in np.eye(len(self.times))], axis=1)
-        return np.asarray(np.linalg.solve(np.eye(len(self.times)) - matrix, offset))
+        forced_parts = run_cycle(np.zeros(len(self.times)))
+        cycle_matrix = np.stack([run_cycle(unit) - forced_parts for unit in np.eye(len(self.times))], axis=1)
+        return np.asarray(np.linalg.solve(np.eye(len(self.times)) - cycle_matrix, forced_parts))
 
     def delayed(self, values: FloatArray, time: FloatArray) -> FloatArray:
         """Return a record delayed by the lag, with its first value before its start."""
@@ -115,8 +115,8 @@ def _follow_known_flux(inputs: FloatArray, decay: FloatArray, start: float) -> F
     """
     slow_part, flux_before = float(start), 0.0
     slow_values: list[float] = []
-    for factor, value in zip(decay.tolist(), inputs.tolist(), strict=True):
-        slow_part = flux_before + factor * (slow_part - flux_before) if slow_values else slow_part
+    for step_decay, value in zip(decay.tolist(), inputs.tolist(), strict=True):
+        slow_part = flux_before + step_decay * (slow_part - flux_before) if slow_values else slow_part
         slow_values.append(slow_part)
         flux_before = value
     return np.array(slow_values)
@@ -134,13 +134,13 @@ class Layers:
     laminated: float = 0.0  # share of the path in sheets, 0 or above and below 1
 
     def __post_init__(self) -> None:
-        for key, is_wrong, allowed in (
+        for key, is_wrong, range_text in (
             ("count", not 2 <= self.count <= MAX_LAYERS, f"from 2 to {MAX_LAYERS}"),
             ("surface", not 0.0 < self.surface < 1.0, "above 0 and below 1"),
             ("laminated", not 0.0 <= self.laminated < 1.0, "from 0 to below 1"),
         ):
             if is_wrong:
-                text = f"model layers: {key} is {getattr(self, key):g}; give a number {allowed}"
+                text = f"model layers: {key} is {getattr(self, key):g}; give a number {range_text}"
                 raise InputError(text, code="out-of-range", key=key)
 
     @property

@@ -156,7 +156,7 @@ class ModelData:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by value: caches and the read-only view of the parameters cannot be pickled."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         return partial(type(self), **values | {"parameters": dict(self.parameters)}), ()
 
     @cached_property
@@ -270,12 +270,12 @@ class ModelData:
             for name in self.varying
         }
 
-    def interpolate_parameter(self, name: str, at: ArrayLike) -> FloatArray:
+    def interpolate_parameter(self, name: str, schedule: ArrayLike) -> FloatArray:
         """Return a parameter of :attr:`specs` at scheduling values; all in SI, shape (n,).
 
         If the parameter leaves its range too far beyond the nodes, `InputError` is raised.
         """
-        query = np.atleast_1d(np.asarray(at, dtype=np.float64))
+        query = np.atleast_1d(np.asarray(schedule, dtype=np.float64))
         if name in self.curves and query.size:
             values = self.curves[name](query)
             for extreme_value in (values.min(), values.max()):

@@ -74,8 +74,8 @@ def find_problems(
     if gap_map not in GAP_MAPS:
         text = f"is {gap_map!r}; use one of {', '.join(GAP_MAPS)}"
         return [Problem("gap_map", text, code="unknown-choice")]
-    steps = np.diff(np.asarray(nodes, dtype=np.float64))
-    if not np.isfinite(steps).all() or (steps <= 0.0).any():
+    node_steps = np.diff(np.asarray(nodes, dtype=np.float64))
+    if not np.isfinite(node_steps).all() or (node_steps <= 0.0).any():
         text = "must be finite and ascend, without repeats"
         problems.append(Problem("nodes", text, code="not-ascending"))
     specs = parameter_specs(law)
@@ -160,10 +160,10 @@ class Curve:
     coordinate: Coordinate = "plain"  # coordinate of the interpolation
 
     def __post_init__(self) -> None:
-        for field in ("nodes", "values"):
-            array = np.array(getattr(self, field), dtype=np.float64)
+        for field_name in ("nodes", "values"):
+            array = np.array(getattr(self, field_name), dtype=np.float64)
             array.setflags(write=False)
-            object.__setattr__(self, field, array)
+            object.__setattr__(self, field_name, array)
         if self.nodes.ndim != 1 or self.nodes.shape != self.values.shape or not self.nodes.size:
             raise wrong_key(
                 self.name,
@@ -190,14 +190,14 @@ class Curve:
     def _evaluate(self, query: FloatArray) -> FloatArray:
         interpolant, slopes = self._interpolant
         low, high = self.nodes[0], self.nodes[-1]
-        straight = interpolant(np.minimum(np.maximum(query, low), high))
+        linear_values = interpolant(np.minimum(np.maximum(query, low), high))
         with np.errstate(over="ignore"):  # a parameter that is not finite is rejected by name
-            straight += slopes[0] * np.minimum(query - low, 0.0)
-            straight += slopes[-1] * np.maximum(query - high, 0.0)
-        result = self._from_linear(straight)
+            linear_values += slopes[0] * np.minimum(query - low, 0.0)
+            linear_values += slopes[-1] * np.maximum(query - high, 0.0)
+        parameter_values = self._from_linear(linear_values)
         # The logarithm and its inverse lose the last digit, but the value at a node is known.
         segment = np.minimum(np.searchsorted(self.nodes, query), self.nodes.size - 1)
-        return np.where(self.nodes[segment] == query, self.values[segment], result)
+        return np.where(self.nodes[segment] == query, self.values[segment], parameter_values)
 
     @cached_property
     def _interpolant(self) -> tuple[Callable[[FloatArray], FloatArray], FloatArray]:

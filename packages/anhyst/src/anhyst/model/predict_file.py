@@ -115,9 +115,9 @@ class RunSummary(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the summary values, without the columns."""
-        fields_ = asdict(replace(self, columns={}))
-        del fields_["columns"]
-        return fields_
+        summary_values = asdict(replace(self, columns={}))
+        del summary_values["columns"]
+        return summary_values
 
     def save(self, path: PathLike) -> Path:
         """Write the columns to a CSV file, completely or not at all."""
@@ -181,8 +181,8 @@ def _compute_runs(
     model: Model, direction: Direction, table: DataTable, history: str
 ) -> tuple[FloatArray, NDArray[np.bool_], list[Rows], tuple[str, ...]]:
     """Compute all runs of a table: results, their validity, the runs, and the warnings."""
-    forward, kind = direction == "predict", INPUT_KINDS[direction]
-    quantity = model.input if forward else model.output
+    is_prediction, kind = direction == "predict", INPUT_KINDS[direction]
+    quantity = model.input if is_prediction else model.output
     values = table.require(_column_name(table, quantity), quantity.column)
     schedule = None if model.schedule is None else table.get(model.schedule.name)
     if schedule is None and model.schedule is not None:
@@ -201,7 +201,7 @@ def _compute_runs(
     computed_values, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
     for rows, history_before in zip(runs, histories, strict=True):
-        run_schedule, clock = (None if c is None else c[rows] for c in (schedule, time))
+        run_schedule, clock = (None if column is None else column[rows] for column in (schedule, time))
         try:
             result = run_record(model, kind, values[rows], run_schedule, clock, history_before)
         except SampleError as error:
@@ -213,17 +213,19 @@ def _compute_runs(
         except (InputError, NegativeResult) as error:
             location = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
             raise error.with_location(f"{table.path}{location}") from error
-        computed_values[rows] = result.output if forward else result.drive
+        computed_values[rows] = result.output if is_prediction else result.drive
         reachable[rows] = result.reachable
         notes.update(result.notes)
-    drive, output = (values, computed_values) if forward else (computed_values, values)
+    drive, output = (values, computed_values) if is_prediction else (computed_values, values)
     valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
     count = len(runs)
-    lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
-    lines += (
+    note_lines = [
+        text if count == 1 else f"{text} ({affected} of {count} runs)" for text, affected in notes.items()
+    ]
+    note_lines += (
         [NESTED_LOOPS_NOTE] if any(history_before != histories[0] for history_before in histories) else []
     )
-    return computed_values, valid, runs, (*flags, *lines)
+    return computed_values, valid, runs, (*flags, *note_lines)
 
 
 def _find_histories(
@@ -263,8 +265,8 @@ def _column_name(table: DataTable, quantity: Quantity) -> str:
     names = {quantity.name} | {
         name for name, kind in OUTPUT_MAPS.items() if kind.magnetised_name == quantity.name
     }
-    present = {header.quantity.name for header in table.headers if header.quantity is not None}
-    return next((name for name in sorted(names) if name in present), quantity.name)
+    table_quantities = {header.quantity.name for header in table.headers if header.quantity is not None}
+    return next((name for name in sorted(names) if name in table_quantities), quantity.name)
 
 
 def _read_measured(table: DataTable, name: str) -> FloatArray | None:
@@ -298,16 +300,16 @@ def _add_computed_columns(
 ) -> tuple[str, dict[str, Any]]:
     """Return the header of the computed column, and all columns with the computed ones."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
-    name, flag = quantity.column, "valid"
+    name, flag_name = quantity.column, "valid"
     if name in columns:  # keep the measured column for comparison
         name = f"{quantity.symbol}_model{quantity.column.removeprefix(quantity.symbol)}"
-    if flag in columns:
-        flag = "valid_model"
-    if name in columns or flag in columns:
-        duplicate_name = name if name in columns else flag
+    if flag_name in columns:
+        flag_name = "valid_model"
+    if name in columns or flag_name in columns:
+        duplicate_name = name if name in columns else flag_name
         text = f"{table.path}: already has a column '{duplicate_name}'; rename it in the file"
         raise InputError(text, code="exists-already", key=duplicate_name)
-    return name, columns | {name: computed_quantity, flag: valid}
+    return name, columns | {name: computed_quantity, flag_name: valid}
 
 
 def _deviation(
@@ -319,5 +321,5 @@ def _deviation(
     differences = np.abs(predicted_values - measured_values)
     largest_value = full_scale(quantity, (measured_values[rows] for rows in runs))
     mean, rms = float(differences.mean()), float(np.sqrt(np.square(differences).mean()))
-    of = name_full_scale(quantity, largest_value)
-    return Deviation(mean, rms, float(differences.max()), largest_value, of)
+    scale_name = name_full_scale(quantity, largest_value)
+    return Deviation(mean, rms, float(differences.max()), largest_value, scale_name)

@@ -103,16 +103,16 @@ def describe_far_value(
     return ""
 
 
-def likely_unit(quantity: Quantity, times: float) -> str:
+def likely_unit(quantity: Quantity, factor: float) -> str:
     """Return the unit, a thousandth or millionth of SI, that explains a factor; else empty."""
     dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
     small_units = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
     nearest_unit = min(
         (unit for unit in small_units if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
-        key=lambda unit: abs(math.log(unit.scale * times)),
+        key=lambda unit: abs(math.log(unit.scale * factor)),
         default=None,
     )
-    if nearest_unit is None or not 1.0 / 32.0 < nearest_unit.scale * times < 32.0:
+    if nearest_unit is None or not 1.0 / 32.0 < nearest_unit.scale * factor < 32.0:
         return ""
     return nearest_unit.symbol
 
@@ -220,7 +220,7 @@ class Prediction(Result):
         """Draw output over drive."""
         drive, output_quantity = self.quantities
         scale, label = length_scale(output_quantity)
-        plotted = thinning_slice(self.drive.size)
-        ax.plot(self.drive[plotted], scale * self.output[plotted], lw=1.1)
+        drawn_samples = thinning_slice(self.drive.size)
+        ax.plot(self.drive[drawn_samples], scale * self.output[drawn_samples], lw=1.1)
         ax.set_xlabel(drive.label)
         ax.set_ylabel(label)

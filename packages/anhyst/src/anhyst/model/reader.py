@@ -97,10 +97,10 @@ class _Reader:
             )
             self.file.add_problem(self._file_path(("cells", "weights")), text, code="wrong-shape")
             self._raise_if_problems()
-        thresholds, widths, weights = map(np.array, (table.thresholds, table.widths, table.weights))
-        centres, cells = None if table.centres is None else np.array(table.centres), None
+        thresholds, curve_widths, weights = map(np.array, (table.thresholds, table.widths, table.weights))
+        curve_centres, cells = None if table.centres is None else np.array(table.centres), None
         with self._collect_table_error("cells"):
-            cells = CellWeights(thresholds, widths, weights, table.shape, centres)
+            cells = CellWeights(thresholds, curve_widths, weights, table.shape, curve_centres)
         self._raise_if_problems()
         return cells
 
@@ -143,27 +143,27 @@ class _Reader:
             self.file.add_problem((key, "unit"), text, code="unit-not-si")
         return quantity
 
-    def _strip_units(self, table: Any, at: KeyPath) -> None:
+    def _strip_units(self, table: Any, path: KeyPath) -> None:
         """Rename keys with units to fields, in place; report keys without their unit."""
         if isinstance(table, list):
             for index, item in enumerate(table):
-                self._strip_units(item, (*at, index))
+                self._strip_units(item, (*path, index))
         if not isinstance(table, dict):
             return
-        names = self._names_in(at)
+        names = self._names_in(path)
         fields = {key: field for field, (_, key) in names.items()}
         for key in list(table):
             if key in fields:
                 table[fields[key]] = table.pop(key)
             elif field := schema.find_field(key, names):
                 text = f"the key must contain its unit; write {names[field][1]}"
-                self.file.add_problem((*at, key), text, code="unit-missing")
+                self.file.add_problem((*path, key), text, code="unit-missing")
                 table[field] = table.pop(key)
         for key, value in table.items():
-            self._strip_units(value, (*at, key))
+            self._strip_units(value, (*path, key))
 
-    def _collect(self, error: ValidationError, at: tuple[str, ...] = ()) -> None:
-        self.file.add_findings(error, self._advice, lambda location: self._file_path((*at, *location)))
+    def _collect(self, error: ValidationError, path: tuple[str, ...] = ()) -> None:
+        self.file.add_findings(error, self._advice, lambda location: self._file_path((*path, *location)))
 
     def _advice(self, path: KeyPath, finding: Any) -> Advice:
         advice = explain_finding(finding)
@@ -199,8 +199,8 @@ class _Reader:
         for problem in find_problems(law, values, nodes, content["gap_map"]):
             key_path = key_paths.get(problem.key, ("parameters", problem.key))
             self.file.add_problem(self._file_path(key_path), problem.text, code=problem.code)
-        for key, pair in content.get("valid", {}).items():
-            if pair[0] > pair[1]:
+        for key, limits in content.get("valid", {}).items():
+            if limits[0] > limits[1]:
                 text = "the first must not exceed the second"
                 self.file.add_problem(self._file_path(("valid", key)), text, code="range-reversed")
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
@@ -212,12 +212,12 @@ class _Reader:
     def _check_lengths(self, uncertainty_table: dict[str, Any]) -> None:
         count = len(uncertainty_table["names"])
         matrix = uncertainty_table.get("correlation", [])
-        for key, sizes in (
+        for key, lengths in (
             ("values", [len(uncertainty_table["values"])]),
             ("std", [len(uncertainty_table["std"])]),
             ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
         ):
-            if set(sizes) != {count}:
+            if set(lengths) != {count}:
                 text = f"must have one entry for each of {count} names"
                 self.file.add_problem(("uncertainty", key), text, code="length-differs")
 

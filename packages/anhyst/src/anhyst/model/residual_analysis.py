@@ -112,18 +112,16 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
         return ResidualAnalysis(rms, rms)
     outlier = _find_outlier(records, rms, span)
     if outlier is not None:
-        limit = MAX_NOISE_PEAK_RATIO * rms * span
+        outlier_limit = MAX_NOISE_PEAK_RATIO * rms * span
         without_outliers = [
-            replace(record_, deviation=np.where(np.abs(record_.deviation) < limit, record_.deviation, 0.0))
-            for record_ in records
+            replace(entry, deviation=np.where(np.abs(entry.deviation) < outlier_limit, entry.deviation, 0.0))
+            for entry in records
         ]
         return replace(analyse_residual(without_outliers, span), rms=rms, outlier=outlier)
     # A white residual may still be too large: a resonance with a random input leaves white
     # residuals.
     noise_rms = float(
-        np.mean(
-            [min(estimate_noise(record_.measured), estimate_noise(record_.deviation)) for record_ in records]
-        )
+        np.mean([min(estimate_noise(entry.measured), estimate_noise(entry.deviation)) for entry in records])
     )
     max_noise = noise_rms * (_MAX_NOISE_RATIO if rms <= MAX_UNEXPLAINED else _MAX_CERTAIN_NOISE_RATIO)
     if rms * span <= max_noise and _is_white([record.deviation for record in records]):
@@ -138,14 +136,14 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
 def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
     """Return the largest deviation; None if noise of this rms may reach it."""
     worst_samples = [int(np.argmax(np.abs(record.deviation))) for record in records]
-    sizes = [abs(float(item.deviation[row])) for item, row in zip(records, worst_samples, strict=True)]
-    index = int(np.argmax(sizes))
-    size, drive, sample = sizes[index] / span, records[index].drive, worst_samples[index]
-    if size < max(MAX_NOISE_PEAK_RATIO * rms, MIN_OUTLIER_DEVIATION):
+    deviations = [abs(float(entry.deviation[row])) for entry, row in zip(records, worst_samples, strict=True)]
+    index = int(np.argmax(deviations))
+    deviation, drive, sample = deviations[index] / span, records[index].drive, worst_samples[index]
+    if deviation < max(MAX_NOISE_PEAK_RATIO * rms, MIN_OUTLIER_DEVIATION):
         return None
     steps = np.abs(np.diff(drive[max(sample - _MAX_LAG_SAMPLES, 0) : sample + _MAX_LAG_SAMPLES]))
     is_at_jump = float(steps.max(initial=0.0)) > _MIN_JUMP_SHARE * float(np.ptp(drive))
-    return Outlier(size, index, sample, is_at_jump)
+    return Outlier(deviation, index, sample, is_at_jump)
 
 
 def _quantisation_step(values: FloatArray) -> float:
@@ -168,13 +166,13 @@ def _is_white(deviations: Sequence[FloatArray]) -> bool:
     equal_signs = sum(int(np.sum(sign[1:] == sign[:-1])) for sign in signs)
     if pairs and equal_signs - 0.5 * pairs > _MAX_WHITE_SIGMAS * 0.5 * math.sqrt(pairs):
         return False
-    power = sum(float(deviation @ deviation) for deviation in deviations)
+    square_sum = sum(float(deviation @ deviation) for deviation in deviations)
     samples = sum(deviation.size for deviation in deviations)
     for lag in range(1, _MAX_LAG_SAMPLES + 1):
         product_sum = sum(
             float(deviation[lag:] @ deviation[:-lag]) for deviation in deviations if deviation.size > lag
         )
-        if product_sum > _MAX_WHITE_SIGMAS * power / math.sqrt(samples):
+        if product_sum > _MAX_WHITE_SIGMAS * square_sum / math.sqrt(samples):
             return False
     return True
 
@@ -199,12 +197,12 @@ def _attribute_to_shapes(
     """Find the shapes of the residual that noise cannot explain."""
     noise_rms, max_noise = noise_limits
     deviation = np.concatenate([record.deviation for record in records])
-    bases = [
+    shape_bases = [
         (name, orthonormal_basis(variant))
         for name, entry in shape_columns(records).items()
         for variant in entry
     ]
-    all_shapes = orthonormal_basis(np.hstack([variant for _, variant in bases]))
+    all_shapes = orthonormal_basis(np.hstack([variant for _, variant in shape_bases]))
     sizes = [record.deviation.size for record in records]
     noise_model = estimate_coloured_noise(deviation, all_shapes, sizes)
     # too large for filtered noise: any smooth curve counts
@@ -214,17 +212,17 @@ def _attribute_to_shapes(
             tuple(sizes), white_variance, 0.0, float(max(deviation.size - all_shapes.shape[1], 2))
         )
     variants = [
-        _ShapeVariant(name, variant, noise_model.expected_squares(variant)) for name, variant in bases
+        _ShapeVariant(name, variant, noise_model.expected_squares(variant)) for name, variant in shape_bases
     ]
     attributed_shapes: list[tuple[Shape, float]] = []
     remaining, start_samples = deviation, 0
     while variants:
         # Select the shape that explains most, or one with fewer parameters that explains almost as
         # much.
-        excesses = [entry.excess_squares(remaining) for entry in variants]
-        min_excess = max(excesses) - (1.0 - _EQUAL_WORTH_SHARE) * abs(max(excesses))
+        all_excesses = [entry.excess_squares(remaining) for entry in variants]
+        min_excess = max(all_excesses) - (1.0 - _EQUAL_WORTH_SHARE) * abs(max(all_excesses))
         good_variants = [
-            entry for entry, excess in zip(variants, excesses, strict=True) if excess >= min_excess
+            entry for entry, excess in zip(variants, all_excesses, strict=True) if excess >= min_excess
         ]
         variant = min(good_variants, key=lambda entry: entry.columns.shape[1])
         excess, size = variant.excess_squares(remaining), variant.columns.shape[1]
@@ -238,7 +236,7 @@ def _attribute_to_shapes(
             else start_samples
         )
         remaining = remaining - explained
-        variants = [other for other in variants if other.shape != variant.shape]
+        variants = [other_variant for other_variant in variants if other_variant.shape != variant.shape]
     remaining_rms = float(np.sqrt(np.mean(remaining**2)))
     if remaining_rms <= max(max_noise, NEGLIGIBLE_DEVIATION * span):
         noise_rms = remaining_rms
@@ -246,8 +244,10 @@ def _attribute_to_shapes(
     beyond_noise = math.sqrt(rms**2 - noise_rms**2)
     if beyond_noise < NEGLIGIBLE_DEVIATION or not (attributed_shapes or noise_rms < remaining_rms / span):
         return ResidualAnalysis(rms, rms)
-    shares = tuple((name, min(size / (beyond_noise * span) ** 2, 1.0)) for name, size in attributed_shapes)
-    return ResidualAnalysis(rms, noise_rms, beyond_noise, shares, start_samples)
+    shape_fractions = tuple(
+        (name, min(size / (beyond_noise * span) ** 2, 1.0)) for name, size in attributed_shapes
+    )
+    return ResidualAnalysis(rms, noise_rms, beyond_noise, shape_fractions, start_samples)
 
 
 def _count_start_samples(records: Sequence[Residual], explained: FloatArray, variance: float) -> int:
@@ -266,10 +266,10 @@ _MIN_SECOND_SHARE = 0.2
 """Share of the residual beyond the noise above which a second shape is named."""
 
 
-def analyse_loops(loopset: Loops, fitted: Sequence[FloatArray]) -> ResidualAnalysis:
+def analyse_loops(loopset: Loops, modelled_outputs: Sequence[FloatArray]) -> ResidualAnalysis:
     """Analyse the residual of a model on measured loops."""
     records = []
-    for loop, output in zip(loopset.loops, fitted, strict=True):
+    for loop, output in zip(loopset.loops, modelled_outputs, strict=True):
         values, schedule_value = loopset.schedule_values, loop.schedule_value
         gap = values.index(schedule_value) if schedule_value in values else 0
         deviation, is_cycle = output - loop.output, loop.history.kind == "settled"
@@ -303,13 +303,13 @@ def describe_residual(residual: ResidualAnalysis, loopset: Loops, model: Model) 
     if outlier is None:
         return text
     loop = loopset.loops[outlier.record]
-    time = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
-    cause = "a spike or a disturbance; check the record there"
+    time_text = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
+    cause_text = "a spike or a disturbance; check the record there"
     if outlier.is_at_jump:
-        cause = "the input jumps there and the output responds late"
+        cause_text = "the input jumps there and the output responds late"
     return (
         f"{text}; the worst deviation, {100.0 * outlier.size:.3g} %, is at sample "
-        f"{outlier.sample + 1}{time} of {loopset.describe(loop)}: {cause}"
+        f"{outlier.sample + 1}{time_text} of {loopset.describe(loop)}: {cause_text}"
     )
 
 
@@ -328,20 +328,20 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
             "or a sensor that lags; inspect the record"
         )
     schedule_name = loopset.schedule.name if loopset.schedule is not None else "gap"
-    main_shape, share = residual.shapes[0]
-    text += f"{100.0 * share:.0f} % of its square " if share < 1.0 - _MIN_SECOND_SHARE else ""
+    main_shape, fraction = residual.shapes[0]
+    text += f"{100.0 * fraction:.0f} % of its square " if fraction < 1.0 - _MIN_SECOND_SHARE else ""
     text += _SHAPE_TEXTS[main_shape].what.format(
         drive=loopset.input.name, at=schedule_name, first=residual.start_samples
     )
     if len(residual.shapes) > 1 and residual.shapes[1][1] >= _MIN_SECOND_SHARE:
-        second_shape, share = residual.shapes[1]
-        text += f" ({100.0 * share:.0f} %: {_SHAPE_TEXTS[second_shape].short.format(at=schedule_name)})"
+        second_shape, fraction = residual.shapes[1]
+        text += f" ({100.0 * fraction:.0f} %: {_SHAPE_TEXTS[second_shape].short.format(at=schedule_name)})"
     if main_shape == "gap":
         remedy = f"measure another {schedule_name}"
         remedy += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""
         return f"{text}: the gap map '{model.gap_map}' cannot follow; {remedy}"
-    is_named = model.provenance.settings.get("law_wanted", "auto") != "auto"
-    other_law = "; try --law auto" if is_named else ", and neither can the other laws that were compared"
+    is_law_given = model.provenance.settings.get("law_wanted", "auto") != "auto"
+    other_law = "; try --law auto" if is_law_given else ", and neither can the other laws that were compared"
     return f"{text}: {_SHAPE_TEXTS[main_shape].advice.format(other=other_law)}"
 
 

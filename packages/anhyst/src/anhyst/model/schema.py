@@ -43,8 +43,12 @@ Unbounded = Annotated[tuple[Annotated[float, Strict()], ...], TUPLE_FROM_LIST]
 
 def output_fields(record: type[FileRecord]) -> list[str]:
     """Return the fields of a record that are in units of the output."""
-    hints = get_type_hints(record, include_extras=True)
-    return [name for name, hint in hints.items() if OUTPUT_UNIT_MARK in getattr(hint, "__metadata__", ())]
+    types = get_type_hints(record, include_extras=True)
+    return [
+        name
+        for name, type_hint in types.items()
+        if OUTPUT_UNIT_MARK in getattr(type_hint, "__metadata__", ())
+    ]
 
 
 def is_number(value: object) -> bool:
@@ -121,13 +125,13 @@ class CandidateFit(FileRecord):
 
     def text(self) -> str:
         """Return the candidate as one line."""
-        note = f" ({self.note})" if self.note else ""
-        error = "" if self.left_out is None else f", withheld {100.0 * self.left_out:.3g} %"
+        note_text = f" ({self.note})" if self.note else ""
+        error_text = "" if self.left_out is None else f", withheld {100.0 * self.left_out:.3g} %"
         if self.rms is None:
-            return f"{self.law}, {self.gap_map}{note}"
+            return f"{self.law}, {self.gap_map}{note_text}"
         return (
             f"{self.law}, {self.gap_map}: {self.numbers} parameters, rms {100.0 * self.rms:.3g} %"
-            f"{error}{note}"
+            f"{error_text}{note_text}"
         )
 
 

@@ -144,45 +144,45 @@ class Stepper:
     def follow(self, applied: FloatArray, schedule: FloatArray) -> FloatArray:
         """Advance the state along a row of drives, as repeated calls of :meth:`commit`."""
         drive = as_samples(applied, "applied drive")
-        at = as_samples(schedule, "schedule", drive.size)
-        if self._dynamics is not None or np.any(self.model.interpolate_parameter("gamma", at) > 0.0):
+        schedules = as_samples(schedule, "schedule", drive.size)
+        if self._dynamics is not None or np.any(self.model.interpolate_parameter("gamma", schedules) > 0.0):
             reason = "creeps ([dynamics])" if self._dynamics else "has eddy currents (gamma)"
             raise InputError(
                 f"the model {reason}; commit each sample with dt", code="time-missing", key="t_s"
             )
-        for end in (at.min(), at.max()):
+        for end in (schedules.min(), schedules.max()):
             self._at(float(end))
-        circuit = self.model.circuit(at, np.zeros(drive.size))
+        circuit = self.model.circuit(schedules, np.zeros(drive.size))
         flux, _, state, status, index = self._iron.forward(
             circuit.magnetomotive(drive), circuit.rho, circuit.eddy, self._state
         )
         check_status(status, "applied drive", index, drive)
         output = circuit.output(flux)
-        self._state, self._schedule, self._output = state, float(at[-1]), float(output[-1])
+        self._state, self._schedule, self._output = state, float(schedules[-1]), float(output[-1])
         return output
 
     def _at(self, schedule: float | None) -> float:
         if schedule is None:
             return self._schedule
-        at = float(as_samples([schedule], "schedule")[0])
-        if self.model.needs_fixed_gap and at != self._schedule:
+        value = float(as_samples([schedule], "schedule")[0])
+        if self.model.needs_fixed_gap and value != self._schedule:
             raise InputError(
                 "the schedule moved, but in this model (gap map 'free') the iron itself varies "
                 "with it; start another stepper, or identify with the gap map scaling or reluctance",
                 code="schedule-moves",
             )
-        return at
+        return value
 
-    def _circuit(self, at: float, dt: float | None) -> Circuit:
+    def _circuit(self, schedule: float, dt: float | None) -> Circuit:
         if dt is not None and not dt > 0.0:
             raise wrong_key("dt", f"is {dt:g} s; give a time above 0", code="not-above-zero")
         is_started = self._output is not None  # the first commit has no time step
-        if self._circuit_cache is not None and self._circuit_cache[:3] == (at, dt, is_started):
+        if self._circuit_cache is not None and self._circuit_cache[:3] == (schedule, dt, is_started):
             return self._circuit_cache[3]  # at a constant gap, the cache is used in every step
-        if dt is None and is_started and np.any(self.model.interpolate_parameter("gamma", [at]) > 0.0):
+        if dt is None and is_started and np.any(self.model.interpolate_parameter("gamma", [schedule]) > 0.0):
             text = "the model has eddy currents (gamma); give the time step dt"
             raise wrong_key("dt", text, code="time-missing")
         rate = 0.0 if dt is None else 1.0 / dt
-        circuit = self.model.circuit(np.array([at]), np.array([rate]))
-        self._circuit_cache = at, dt, is_started, circuit
+        circuit = self.model.circuit(np.array([schedule]), np.array([rate]))
+        self._circuit_cache = schedule, dt, is_started, circuit
         return circuit

@@ -115,8 +115,8 @@ def model_text(model: ModelData) -> str:
         table = {"lag_s": float(dynamics.lag), "creep_times_s": times, "creep_shares": shares}
         sections.append(f"{DYNAMICS}[dynamics]\n" + _keys(table | {"fastest_Hz": float(dynamics.fastest)}))
     if layers := model.layers:
-        surface, laminated = float(layers.surface), float(layers.laminated)
-        table = {"count": layers.count, "surface": surface, "laminated": laminated}
+        surface_share, laminated_share = float(layers.surface), float(layers.laminated)
+        table = {"count": layers.count, "surface": surface_share, "laminated": laminated_share}
         sections.append(f"{LAYERS}[layers]\n" + _keys(table))
     if model.valid:
         sections.append(f"{VALID}[valid]\n" + _record(model.valid, names["valid",]))
@@ -188,7 +188,7 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
     Deviations get a comment with their share of the largest output. A scheduling variable has a
     name only if the model has one.
     """
-    hints = get_type_hints(type(record), include_extras=True)
+    annotations = get_type_hints(type(record), include_extras=True)
     largest_output: float = getattr(record, "largest_output", 0.0)
     text = ""
     for field in fields(cast("Any", record)):
@@ -197,14 +197,14 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
             continue
         if field.name == "schedule" and field.name not in names:
             continue
-        value_text = toml_value(_plain(value, is_whole=hints[field.name] is schema.Whole))
-        share = (
+        value_text = toml_value(_plain(value, is_whole=annotations[field.name] is schema.Whole))
+        has_percentage = (
             field.name in schema.output_fields(type(record))
             and field.name != "largest_output"
             and largest_output
         )
         text += f"{toml_key(key)} = {value_text}"
-        text += f"  # {100.0 * value / largest_output:.3g} %\n" if share else "\n"
+        text += f"  # {100.0 * value / largest_output:.3g} %\n" if has_percentage else "\n"
     return text
 
 

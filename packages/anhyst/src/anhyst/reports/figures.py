@@ -82,15 +82,15 @@ def group_by_schedule(loopset: Loops) -> list[Group]:
 
 def find_small_loops(loopset: Loops) -> list[Group]:
     """Return the loops that are too small to be visible in their panel, one group each."""
-    groups = []
+    small_loops = []
     for group in group_by_schedule(loopset):
-        spans = {index: float(np.ptp(loopset.loops[index].input)) for index in group.indices}
-        groups += [
+        input_ranges = {index: float(np.ptp(loopset.loops[index].input)) for index in group.indices}
+        small_loops += [
             Group(", ".join(filter(None, (group.title, _loop_name(loopset.loops[index])))), (index,))
-            for index, span in spans.items()
-            if span < SMALL_LOOP_SHARE * max(spans.values())
+            for index, input_range in input_ranges.items()
+            if input_range < SMALL_LOOP_SHARE * max(input_ranges.values())
         ]
-    return groups
+    return small_loops
 
 
 def _loop_name(loop: Loop) -> str:
@@ -117,8 +117,8 @@ def figure_speeds(loopset: Loops, fitted: Fitted, speeds: SpeedGroups) -> Figure
 def speed_text(group: Sequence[Loop]) -> str:
     """Return the frequency of loops as text: ``50 Hz``, or a range."""
     rates = [cycle_rate(loop.input, loop.time) for loop in group]
-    limits = list(dict.fromkeys(f"{rate:.3g}" for rate in (min(rates), max(rates))))
-    return f"{' to '.join(limits)}{NBSP}Hz"
+    limit_texts = list(dict.fromkeys(f"{rate:.3g}" for rate in (min(rates), max(rates))))
+    return f"{' to '.join(limit_texts)}{NBSP}Hz"
 
 
 @use_report_style
@@ -209,7 +209,9 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     y_scale = quantity_scale(loopset.output, largest_residuals)
     for ax, group in axes.items():
         loops = [loopset.loops[index] for index in group.indices]
-        sigma = np.average([estimate_noise(loop.output) for loop in loops], weights=[o.n for o in loops])
+        sigma = np.average(
+            [estimate_noise(loop.output) for loop in loops], weights=[entry.n for entry in loops]
+        )
         ax.axhspan(-2.0 * y_scale.factor * sigma, 2.0 * y_scale.factor * sigma, color=FAINT_COLOUR, lw=0.0)
         ax.axhline(0.0, color="#555555", lw=0.7)
         _draw_residuals(ax, loopset, residuals, group, x_scale, y_scale)
@@ -227,8 +229,8 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
 def mask_rising_samples(loop: Loop) -> NDArray[np.bool_]:
     """Return which samples are on ascending branches of the input, shape (n,)."""
     is_rising = np.zeros(loop.n, dtype=np.bool_)
-    for part in find_branches(loop.input):
-        is_rising[part.rows] = part.is_rising
+    for branch in find_branches(loop.input):
+        is_rising[branch.rows] = branch.is_rising
     return is_rising
 
 
@@ -245,8 +247,8 @@ def _draw_residuals(
             x.append(x_scale.factor * loop.input[rows])
             y.append(y_scale.factor * residual[rows])
         drawn_points = np.concatenate(x), np.concatenate(y)
-        dots = _dot_style(colour, 2.4 if drawn_points[0].size < 2000 else 1.4)
-        ax.plot(*drawn_points, rasterized=True, alpha=0.7, **dots)
+        dot_style = _dot_style(colour, 2.4 if drawn_points[0].size < 2000 else 1.4)
+        ax.plot(*drawn_points, rasterized=True, alpha=0.7, **dot_style)
 
 
 @use_report_style
@@ -319,26 +321,28 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
     height = 0.9 + (0.3 if shows_numbers else 0.19) * count
     figure = new_figure(height, width=min(9.6, 4.2 + 0.42 * count))
     ax = figure.subplots()
-    mesh = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
+    colour_mesh = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
     if shows_numbers:
         for row, column in np.argwhere(np.isfinite(matrix)).tolist():
             value = float(matrix[row, column])
-            ink = "white" if abs(value) > 0.6 else "#222222"
+            text_colour = "white" if abs(value) > 0.6 else "#222222"
             text = f"{value:.2f}".replace("-", "\N{MINUS SIGN}")
-            middle = (column + 0.5, row + 0.5)
-            ax.annotate(text, middle, ha="center", va="center", fontsize=7.0, color=ink)
+            cell_centre = (column + 0.5, row + 0.5)
+            ax.annotate(text, cell_centre, ha="center", va="center", fontsize=7.0, color=text_colour)
     numbers = [str(index + 1) for index in range(count)]
-    labels = [f"{typeset(name)}{2 * NBSP}{n}" for n, name in zip(numbers, uncertainty.names, strict=True)]
+    row_labels = [
+        f"{typeset(name)}{2 * NBSP}{label}" for label, name in zip(numbers, uncertainty.names, strict=True)
+    ]
     tick_step = 1 + count // 20
-    ax.set_yticks(np.arange(count) + 0.5, labels, fontsize=9.0 if shows_numbers else 7.5)
+    ax.set_yticks(np.arange(count) + 0.5, row_labels, fontsize=9.0 if shows_numbers else 7.5)
     ax.set_xticks(np.arange(0, count, tick_step) + 0.5, numbers[::tick_step])
     ax.xaxis.tick_top()
     ax.invert_yaxis()
     ax.grid(visible=False)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
-    bar = figure.colorbar(mesh, ax=ax, shrink=0.8, ticks=[-1, -0.5, 0, 0.5, 1])
-    bar.outline.set_visible(False)
+    colour_bar = figure.colorbar(colour_mesh, ax=ax, shrink=0.8, ticks=[-1, -0.5, 0, 0.5, 1])
+    colour_bar.outline.set_visible(False)
     return figure
 
 
@@ -379,9 +383,9 @@ def _label_axes(
     is_at_right = (index + 1) % columns == 0 or index + 1 == len(axes)
     if y_text and is_at_right and full_scale > 0.0:
         axis_conversions = (lambda y: 100.0 * y / full_scale, lambda y: 0.01 * y * full_scale)
-        axis = ax.secondary_yaxis("right", functions=axis_conversions)
-        axis.set_ylabel("% of full scale")
-        axis.spines["right"].set_visible(True)
+        percent_axis = ax.secondary_yaxis("right", functions=axis_conversions)
+        percent_axis.set_ylabel("% of full scale")
+        percent_axis.spines["right"].set_visible(True)
 
 
 def _axis_scales(loopset: Loops, indices: Sequence[int]) -> tuple[Scale, Scale]:

@@ -87,9 +87,9 @@ def figure_parameters(model: Model) -> Figure | None:
         ax.plot(
             x_scale.factor * np.array(model.nodes), y_scale.factor * nodes, "o", color=MODEL_COLOUR, ms=5.5
         )
-        base, _, index = model.file_keys[name][0].partition("_")
+        base_symbol, _, index = model.file_keys[name][0].partition("_")
         index = rf"_{{{index}}}" if index else ""
-        ax.set_ylabel(y_scale.heading(f"${GREEK_LETTERS.get(base, base)}{index}$"))
+        ax.set_ylabel(y_scale.heading(f"${GREEK_LETTERS.get(base_symbol, base_symbol)}{index}$"))
         ax.set_xlabel(axis_label(model.schedule, x_scale))
         ax.margins(y=0.12)
     return figure
@@ -129,7 +129,9 @@ def nodes_and_midpoints(model: Model) -> list[tuple[float, bool]]:
     if nodes.size > (MAX_LOOPS + 1) // 2:
         nodes = nodes[np.unique(np.linspace(0, nodes.size - 1, 8).round().astype(int))]
     midpoints = 0.5 * (nodes[1:] + nodes[:-1])
-    return sorted([(node, True) for node in nodes.tolist()] + [(m, False) for m in midpoints.tolist()])
+    return sorted(
+        [(node, True) for node in nodes.tolist()] + [(value, False) for value in midpoints.tolist()]
+    )
 
 
 @use_report_style
@@ -152,14 +154,14 @@ def _draw_loops(ax: Axes, model: Model, input_scale: Scale, output_scale: Scale)
     drive = np.concatenate([ascending_drive, ascending_drive[-2::-1]])
     schedule_values = nodes_and_midpoints(model)
     schedule_scale = quantity_scale(model.schedule, model.nodes)
-    for (at, is_node), colour in zip(schedule_values, _ordered_colours(len(schedule_values)), strict=True):
-        output = steady_state_loop(model, drive, at)
+    for (value, is_node), colour in zip(schedule_values, _ordered_colours(len(schedule_values)), strict=True):
+        output = steady_state_loop(model, drive, value)
         if output is None:
             continue
-        name = schedule_scale.format_with_unit(at, 4, short=True) + ("" if is_node else " (between)")
-        dashes = "-" if is_node else (0, (4, 1.6))
+        name = schedule_scale.format_with_unit(value, 4, short=True) + ("" if is_node else " (between)")
+        line_style = "-" if is_node else (0, (4, 1.6))
         x, y = input_scale.factor * drive, output_scale.factor * output
-        ax.plot(x, y, color=colour, ls=dashes, lw=1.2, label=name)
+        ax.plot(x, y, color=colour, ls=line_style, lw=1.2, label=name)
     ax.set_xlabel(axis_label(model.input, input_scale))
     ax.set_ylabel(axis_label(model.output, output_scale))
     ax.set_title("steady-state loops at and between the nodes")
@@ -174,8 +176,8 @@ def _draw_over_schedule(
     schedule_scale = quantity_scale(model.schedule, model.nodes)
     x, is_node = schedule_scale.factor * schedule, np.isin(schedule, model.nodes)
     handles = []
-    for share, colour in zip(DRIVE_SHARES, _ordered_colours(len(DRIVE_SHARES)), strict=True):
-        row = round(share * (drive.size // 2))
+    for drive_fraction, colour in zip(DRIVE_SHARES, _ordered_colours(len(DRIVE_SHARES)), strict=True):
+        row = round(drive_fraction * (drive.size // 2))
         ax.plot(x, output_scale.factor * output[:, row], color=colour, lw=1.2)
         ax.plot(x, output_scale.factor * output[:, -1 - row], color=colour, lw=1.2, ls=(0, (1, 1.5)))
         ax.plot(x[is_node], output_scale.factor * output[is_node, row], "o", color=colour, ms=3.5)
@@ -196,13 +198,13 @@ def _mark_failure(
     ax: Axes, check: GapCheck, schedule_scale: Scale, input_scale: Scale, output_scale: Scale
 ) -> Line2D:
     """Mark the point at which the acceptance test failed, and draw its curve."""
-    at = schedule_scale.factor * check.gap
+    failure_position = schedule_scale.factor * check.gap
     if check.failure:
-        ax.axvline(at, color=ALARM_COLOUR, lw=2.0)
+        ax.axvline(failure_position, color=ALARM_COLOUR, lw=2.0)
         return Line2D([], [], color=ALARM_COLOUR, lw=2.0, label="cannot be computed")
     is_rising = check.branch == "rising"
-    half_size = check.drive.size // 2 + 1
-    drive_distance = np.abs(check.drive[:half_size] - check.at_drive)
+    branch_size = check.drive.size // 2 + 1
+    drive_distance = np.abs(check.drive[:branch_size] - check.at_drive)
     index = int(np.argmin(drive_distance)) if is_rising else -1 - int(np.argmin(drive_distance))
     curve = output_scale.factor * check.output[:, index]
     row = int(np.argmin(np.abs(check.gaps - check.gap)))
@@ -210,7 +212,7 @@ def _mark_failure(
         f"FAILED at {format_number(input_scale.factor * check.at_drive)} {input_scale.unit}, {check.branch}"
     )
     ax.plot(schedule_scale.factor * check.gaps, curve, color=ALARM_COLOUR, lw=1.6)
-    ax.plot(at, curve[row], "o", mfc="none", mec=ALARM_COLOUR, ms=12.0, mew=2.0)
+    ax.plot(failure_position, curve[row], "o", mfc="none", mec=ALARM_COLOUR, ms=12.0, mew=2.0)
     return Line2D([], [], color=ALARM_COLOUR, lw=1.6, marker="o", mfc="none", label=name)
 
 

@@ -60,18 +60,18 @@ def make_headline(subject: ModelSubject) -> Headline:
         )
         notes.append(Note("warn", "Without measurements", text))
     all_notes = (*verdict_notes(subject), acceptance_note(subject), *notes)
-    basis, loops = "", subject.fit.loops if subject.fit else ()
+    basis_text, loops = "", subject.fit.loops if subject.fit else ()
     if loops:
         schedule_values = {loop.schedule for loop in loops if loop.schedule is not None}
         schedule_plural = {"gap": "gaps"}.get(subject.schedule_name, f"values of the {subject.schedule_name}")
         schedule_text = f" at {len(schedule_values)} {schedule_plural}" if len(schedule_values) > 1 else ""
         count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
-        samples = sum(loop.samples for loop in loops)
-        basis = f"Identified from {count}{schedule_text}, {samples} samples."
+        sample_count = sum(loop.samples for loop in loops)
+        basis_text = f"Identified from {count}{schedule_text}, {sample_count} samples."
     return Headline(
         title=model.name,
         description=description,
-        basis=basis,
+        basis=basis_text,
         notes=tuple(sorted(all_notes, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
         comparison=_comparison_table(subject),
@@ -120,11 +120,11 @@ def _tiles(subject: ModelSubject) -> tuple[Tile, ...]:
     fit, scale = subject.fit, subject.deviation_scale
     if fit is None:
         return ()
-    figures = {"mean deviation": fit.mean_abs, "rms deviation": fit.rms, "worst point": fit.worst}
-    reference = f"of {subject.full_scale_text}"
+    errors = {"mean deviation": fit.mean_abs, "rms deviation": fit.rms, "worst point": fit.worst}
+    basis = f"of {subject.full_scale_text}"
     tiles = [
-        Tile(scale.format_with_unit(v), name, f"{subject.percent_of_largest(v)} {reference}")
-        for name, v in figures.items()
+        Tile(scale.format_with_unit(error), name, f"{subject.percent_of_largest(error)} {basis}")
+        for name, error in errors.items()
     ]
     if subject.evidence is not None and subject.evidence.verdict.single_mean > 0.0:
         ratio = fit.mean_abs / subject.evidence.verdict.single_mean
@@ -150,12 +150,12 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
         worst_text = format_number(float("nan")) if worst is None else format_with_percent(worst)
         return [name, Cell(format_with_percent(mean), bar=bar), format_with_percent(rms), worst_text]
 
-    single_rms, noise = rms(np.concatenate(evidence.baseline)), assessment.noise_mean
+    single_rms, noise_mean = rms(np.concatenate(evidence.baseline)), assessment.noise_mean
     largest_mean = max(assessment.single_mean, fit.mean_abs)
     cells = [
         row(Cell("Best single-valued curve"), assessment.single_mean, single_rms, assessment.single_worst),
         row(Cell("This model", strong=True), fit.mean_abs, fit.rms, fit.worst),
-        row(Cell("Noise alone (no model can be better)"), noise, _RMS_PER_MEAN_ABS * noise, None),
+        row(Cell("Noise alone (no model can be better)"), noise_mean, _RMS_PER_MEAN_ABS * noise_mean, None),
     ]
     largest_output_text = subject.output_scale.format_with_unit(fit.largest_output, 4)
     head = ["", "mean", "rms", "worst"]
@@ -175,7 +175,7 @@ def _validity_text(subject: ModelSubject) -> str:
     model = subject.model
     if model.valid is None:
         return "The model file does not state a valid range."
-    parts = [
+    range_texts = [
         f"{subject.input_name} {subject.input_scale.format_range(*model.valid.input)}",
         f"{subject.output_name} {subject.output_scale.format_range(*model.valid.output)}",
     ]
@@ -183,8 +183,8 @@ def _validity_text(subject: ModelSubject) -> str:
         low, high = model.valid.schedule
         scale = subject.schedule_scale
         text = scale.format_range(low, high) if low < high else f"{scale.format_with_unit(low)} only"
-        parts.append(f"{display_name(model.schedule)} {text}")
-    return f"Valid range: {'; '.join(parts)}. Results outside this range are computed and flagged."
+        range_texts.append(f"{display_name(model.schedule)} {text}")
+    return f"Valid range: {'; '.join(range_texts)}. Results outside this range are computed and flagged."
 
 
 def write_report(model: Model | PathLike, out: PathLike = "report.html") -> tuple[str, ...]:
@@ -253,7 +253,7 @@ def write_plots(
     model: Model, loopset: Loops, fitted: Sequence[FloatArray | None], folder: PathLike
 ) -> tuple[Path, ...]:
     """Write the figures of a model as PNG files."""
-    target = Path(folder)
+    plot_folder = Path(folder)
     figures = {
         "loops": figure_loops(loopset, fitted),
         "residuals": figure_residuals(loopset, fitted),
@@ -261,10 +261,10 @@ def write_plots(
         "between_gaps": figure_between_gaps(model, model.check_over_gap()),
         "reduction": figure_reduction(model.reduction) if model.reduction else None,
     }
-    target.mkdir(parents=True, exist_ok=True)
+    plot_folder.mkdir(parents=True, exist_ok=True)
     written_paths = []
     for name, figure in figures.items():
         if figure is not None:
-            write_png(figure, target / f"{name}.png")
-            written_paths.append(target / f"{name}.png")
+            write_png(figure, plot_folder / f"{name}.png")
+            written_paths.append(plot_folder / f"{name}.png")
     return tuple(written_paths)

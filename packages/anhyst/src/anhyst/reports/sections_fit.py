@@ -116,9 +116,9 @@ def section_rate(subject: ModelSubject) -> Section | None:
 
 
 def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop]) -> list[Cell]:
-    chosen, scale = {id(loop) for loop in group}, subject.deviation_scale
-    pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
-    residuals = [output - loop.output for loop, output in pairs if output is not None and id(loop) in chosen]
+    ids, scale = {id(loop) for loop in group}, subject.deviation_scale
+    entries = zip(evidence.loops.loops, evidence.fitted, strict=True)
+    residuals = [output - loop.output for loop, output in entries if output is not None and id(loop) in ids]
     cells = [Cell(figures.speed_text(group)), Cell(str(len(group)))]
     if not residuals:
         return [*cells, *[Cell("")] * 4]
@@ -160,26 +160,26 @@ def rate_corner(model: Model) -> float | None:
     if model.valid is None or model.dynamics is None or not model.dynamics.fastest:
         return None
     low, high = model.valid.input
-    shape = 1.0 - np.abs(np.linspace(-1.0, 1.0, _CYCLE_SAMPLES, endpoint=False))
-    drive, node = low + (high - low) * shape, model.first_node
-    rates, heights = model.dynamics.fastest * _SPEED_RATIOS, []
+    cycle_shape = 1.0 - np.abs(np.linspace(-1.0, 1.0, _CYCLE_SAMPLES, endpoint=False))
+    drive, node = low + (high - low) * cycle_shape, model.first_node
+    rates, relative_heights = model.dynamics.fastest * _SPEED_RATIOS, []
     for rate in rates.tolist():
         time = np.arange(_CYCLE_SAMPLES) / (_CYCLE_SAMPLES * rate)
         output = model.predict(drive, node, time, "settled").output
         descending_output = np.append(output[_CYCLE_SAMPLES // 2 :], output[0])[::-1]
-        heights.append(
+        relative_heights.append(
             float(np.max(descending_output - output[: _CYCLE_SAMPLES // 2 + 1])) / float(np.ptp(output))
         )
-    increase = np.array(heights) - heights[0]
-    visible_indices = np.flatnonzero(increase >= VISIBLE_HEIGHT_SHARE)
+    height_increase = np.array(relative_heights) - relative_heights[0]
+    visible_indices = np.flatnonzero(height_increase >= VISIBLE_HEIGHT_SHARE)
     if not visible_indices.size:
         return None
     first_visible = int(visible_indices[0])
-    increases, logs = (
-        increase[first_visible - 1 : first_visible + 1],
+    bracket_increases, bracket_logs = (
+        height_increase[first_visible - 1 : first_visible + 1],
         np.log(rates[first_visible - 1 : first_visible + 1]),
     )
-    return float(np.exp(np.interp(VISIBLE_HEIGHT_SHARE, increases, logs)))
+    return float(np.exp(np.interp(VISIBLE_HEIGHT_SHARE, bracket_increases, bracket_logs)))
 
 
 def _panels_text(subject: ModelSubject, evidence: Evidence) -> str:
@@ -199,7 +199,7 @@ def section_residuals(subject: ModelSubject) -> Section | None:
     evidence = subject.evidence
     if evidence is not None and any(output is not None for output in evidence.fitted):
         index = _worst_point_text(subject, evidence)
-        noise = subject.deviation_scale.format_with_unit(evidence.verdict.noise_mean)
+        noise_text = subject.deviation_scale.format_with_unit(evidence.verdict.noise_mean)
         figure = figures.figure_residuals(evidence.loops, evidence.fitted)
         panels = _panels_text(subject, evidence)
         alt = (
@@ -208,11 +208,11 @@ def section_residuals(subject: ModelSubject) -> Section | None:
         )
         caption = (
             f"Model minus measurement. The grey band contains {format_percent(0.95)} of the noise of the "
-            f"{subject.output_name} (mean size {noise}); residuals outside it are not noise."
+            f"{subject.output_name} (mean size {noise_text}); residuals outside it are not noise."
         )
         if subject.fit is not None and subject.fit.left_over:
-            line = subject.fit.left_over
-            caption += f" {line[0].upper()}{line[1:]}."
+            residual_text = subject.fit.left_over
+            caption += f" {residual_text[0].upper()}{residual_text[1:]}."
         blocks += [Text(index), subject.picture(figure, alt, caption + _omitted_panels_text(evidence))]
         blocks += _group_table(subject, evidence)
     if subject.fit is not None and subject.fit.loops:
@@ -223,23 +223,23 @@ def section_residuals(subject: ModelSubject) -> Section | None:
 def _worst_point_text(subject: ModelSubject, evidence: Evidence) -> str:
     """Return a sentence about the largest deviation of the model."""
     worst_point: tuple[float, int, int] = (-1.0, 0, 0)
-    pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
-    for index, (loop, output) in enumerate(pairs):
+    loops_and_outputs = zip(evidence.loops.loops, evidence.fitted, strict=True)
+    for index, (loop, output) in enumerate(loops_and_outputs):
         if output is None:
             continue
         residual = np.abs(output - loop.output)
         worst_point = max(worst_point, (float(residual.max()), index, int(np.argmax(residual))))
-    size, index, sample = worst_point
+    deviation, index, sample = worst_point
     loop = evidence.loops.loops[index]
     branch = "rising" if figures.mask_rising_samples(loop)[sample] else "falling"
     schedule_value = loop.schedule_value
-    place = "" if schedule_value is None or evidence.loops.schedule is None else (
+    schedule_part = "" if schedule_value is None or evidence.loops.schedule is None else (
         f", {schedule_text(evidence.loops.schedule, schedule_value)}"
     )  # fmt: skip
     drive = subject.input_scale.format_with_unit(float(loop.input[sample]))
     return (
-        f"The largest deviation, {subject.deviation_scale.format_with_unit(size)}, is at {drive} on the {branch} "
-        f"branch of loop “{loop.label}”{place}."
+        f"The largest deviation, {subject.deviation_scale.format_with_unit(deviation)}, is at {drive} on the {branch} "
+        f"branch of loop “{loop.label}”{schedule_part}."
     )
 
 
@@ -310,8 +310,10 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
         "the largest of that loop."
     )
     if subject.evidence:
-        curves = zip(loops, subject.evidence.baseline, strict=False)
-        single_valued_means = {id(entry): float(np.mean(np.abs(curve))) for entry, curve in curves}
+        entries = zip(loops, subject.evidence.baseline, strict=False)
+        single_valued_means = {
+            id(entry): float(np.mean(np.abs(curve_residual))) for entry, curve_residual in entries
+        }
         columns.append(
             (scale.heading("single-valued"), lambda entry: scale.format(single_valued_means[id(entry)]))
         )
@@ -376,7 +378,7 @@ def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable
     if any(loop.step is not None for loop in loops):
         columns.append(("step [ms]", lambda entry: format_number(1e3 * (entry.step or 0.0), short=True)))
     columns.append(("history", lambda entry: str(entry.history)))
-    return _table_by_loop(subject, inspection.loops, columns, "Recorded loops", unknown="moves")
+    return _table_by_loop(subject, inspection.loops, columns, "Recorded loops", fallback="moves")
 
 
 def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
@@ -404,7 +406,7 @@ def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
         "output after the input, in samples. Saturation: slope at the tip over the steepest slope."
     )
     title = "Loop widths and data quality"
-    return _table_by_loop(subject, inspection.loops, columns, title, caption, unknown="moves")
+    return _table_by_loop(subject, inspection.loops, columns, title, caption, fallback="moves")
 
 
 def _table_by_loop(
@@ -413,13 +415,13 @@ def _table_by_loop(
     columns: Sequence[Column],
     title: str,
     caption: str = "",
-    unknown: str = UNKNOWN_TEXT,
+    fallback: str = UNKNOWN_TEXT,
 ) -> PageTable:
     """Return a table with a row per loop, sorted by scheduling value; loops without one last."""
     scale, schedule = subject.schedule_scale, subject.model.schedule
     rows = []
     for loop in sorted(loops, key=lambda o: math.inf if o.schedule is None else o.schedule):
-        schedule_text = unknown if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
+        schedule_text = fallback if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
         row = [loop.label, *([] if schedule is None else [schedule_text])]
         rows.append([*row, *(text(loop) for _, text in columns)])
     schedule_heading = [] if schedule is None else [scale.heading(schedule.symbol)]

@@ -121,13 +121,13 @@ def gather_evidence(model: Model, folder: PathLike) -> Evidence:
         except (InputError, NegativeResult) as error:
             fitted_outputs.append(None)
             warnings.append(f"the model cannot be computed on {loops.describe(loop)}: {error}")
-    baseline = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
+    residual_by_loop = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
     return Evidence(
         loops=loops,
         fitted=tuple(fitted_outputs),
         inspection=inspection,
         verdict=assess_loops(loops),
-        baseline=tuple(baseline[id(loop)] for loop in loops.loops),
+        baseline=tuple(residual_by_loop[id(loop)] for loop in loops.loops),
         warnings=tuple(warnings),
     )
 
@@ -152,21 +152,21 @@ def current_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None
     if len(fitted_outputs) < len(evidence.fitted):
         return model.fit, ""
     residual = analyse_loops(evidence.loops, fitted_outputs)
-    recomputed = replace(
+    unchanged_figures = replace(
         fit_figures(evidence.loops, fitted_outputs),
         not_noise=residual.unexplained,
         left_over=describe_residual(residual, evidence.loops, model),
     )
     if model.fit is None:
-        return recomputed, ""
+        return unchanged_figures, ""
     figures = replace(
-        recomputed,
+        unchanged_figures,
         left_out=model.fit.left_out,
         monotone=model.fit.monotone,
         cross_validation=model.fit.cross_validation,
     )
-    if abs(recomputed.mean_abs - model.fit.mean_abs) <= STALE_RELATIVE_DIFFERENCE * max(
-        recomputed.mean_abs, model.fit.mean_abs
+    if abs(unchanged_figures.mean_abs - model.fit.mean_abs) <= STALE_RELATIVE_DIFFERENCE * max(
+        unchanged_figures.mean_abs, model.fit.mean_abs
     ):
         return figures, ""
     return figures, (

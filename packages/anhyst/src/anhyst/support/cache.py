@@ -47,14 +47,14 @@ removed."""
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
-def cached_result(kind: str, make: Callable[[], T], *inputs: object) -> T:
+def cached_result(kind: str, compute: Callable[[], T], *inputs: object) -> T:
     """Return the result of `make` for these inputs, from the cache if possible."""
     digest = hashlib.sha256(code_digest())
     _update_digest(digest, inputs)
     path = cache_folder(kind) / digest.hexdigest()
     value: T | None = load_cached(path)
     if value is None:
-        value = make()
+        value = compute()
         with suppress(OSError, InputError):  # without a cache, it is computed each time
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             write_bytes(path, pickle_with_digest(value))
@@ -168,14 +168,14 @@ class ResultsFile:
 
     def _parse(self, row: bytes, number: int) -> dict[str, Any]:
         try:
-            entry = json.loads(row)
+            parsed = json.loads(row)
         except ValueError:
-            entry = None
-        if not isinstance(entry, dict):
+            parsed = None
+        if not isinstance(parsed, dict):
             raise InputError(
                 f"{self.path}: line {number}: cannot be read; {_OTHER_FILE_ADVICE}", code="damaged-results"
             )
-        return entry
+        return parsed
 
     def _check_header(self, stored_settings: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
         for name, value in settings.items():
@@ -238,16 +238,19 @@ def compile_and_link(
     `include_options` are macros and folders. They enter the key of the cache only through the
     preprocessed text. `link_options` follow the objects on the command line of the linker.
     """
-    program = shutil.which(compiler[0])
-    if program is None or compiler[0] == sys.executable:  # zig, which has its own cache
+    executable = shutil.which(compiler[0])
+    if executable is None or compiler[0] == sys.executable:  # zig, which has its own cache
         return [run([*compiler, *options, *include_options, *map(str, sources), *link_options])]
-    program_stat = Path(program).stat()
-    identity = f"{Path(program).resolve()} {program_stat.st_size} {program_stat.st_mtime_ns}"
+    program_stat = Path(executable).stat()
+    identity = f"{Path(executable).resolve()} {program_stat.st_size} {program_stat.st_mtime_ns}"
     compile_command = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
     command, key = [*compile_command, *include_options], "\0".join([identity, *compile_command])
-    with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch, ThreadPoolExecutor(core_count()) as pool:
-        objects = [Path(scratch, f"{number}.o") for number in range(len(sources))]
-        messages = list(pool.map(partial(_compile, command, key, run), sources, objects))
+    with (
+        tempfile.TemporaryDirectory(prefix="anhyst-") as folder,
+        ThreadPoolExecutor(core_count()) as thread_pool,
+    ):
+        objects = [Path(folder, f"{number}.o") for number in range(len(sources))]
+        messages = list(thread_pool.map(partial(_compile, command, key, run), sources, objects))
         return [*messages, run([*compiler, *options, *map(str, objects), *link_options])]
 
 

@@ -57,7 +57,7 @@ def wrong_key(key: str, text: str, *, code: str) -> InputError:
     return InputError(f"{key}: {text}", code=code, key=key)
 
 
-def wrong_type(argument: str, expected: str, value: object, *, is_in_list: bool = False) -> InputError:
+def wrong_type(argument: str, expected_type: str, value: object, *, is_in_list: bool = False) -> InputError:
     """Return the error of an argument of the wrong type, such as ``"identify: loops"``."""
     given_type = type(value).__name__ if value is not None else "None"
     for name in ("loops", "model"):
@@ -65,7 +65,7 @@ def wrong_type(argument: str, expected: str, value: object, *, is_in_list: bool 
             given_type += f"; give its {name}"
     prefix = "a list with " if is_in_list else ""
     return InputError(
-        f"{argument} must be {expected}, not {prefix}{given_type}", code="wrong-type", key=argument
+        f"{argument} must be {expected_type}, not {prefix}{given_type}", code="wrong-type", key=argument
     )
 
 

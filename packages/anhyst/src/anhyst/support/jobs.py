@@ -62,9 +62,9 @@ def map_unordered(
         results = _in_processes(work, inputs, count)
     else:
         results = ((index, work(item)) for index, item in enumerate(inputs))
-    for done, result in enumerate(results, start=1):
+    for done_count, result in enumerate(results, start=1):
         if progress is not None:
-            progress(done, len(inputs))
+            progress(done_count, len(inputs))
         yield result
 
 
@@ -103,10 +103,10 @@ def _in_processes(work: Callable[[A], B], inputs: Sequence[A], count: int) -> It
     from concurrent.futures import ProcessPoolExecutor, as_completed  # slow to import
 
     with ProcessPoolExecutor(count, initializer=_ignore_interrupts) as pool:
-        order: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
+        index_by_future: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
         try:
-            for finished_future in as_completed(order):
-                yield order[finished_future], finished_future.result()
+            for finished_future in as_completed(index_by_future):
+                yield index_by_future[finished_future], finished_future.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 

@@ -52,14 +52,14 @@ class FileKind:
 
     def refuse_options(self, verb: str, given: Mapping[str, object]) -> None:
         """Raise an error if an option is given (not None) that this kind does not support."""
-        refused = [
+        unsupported = [
             name for name, value in given.items() if value is not None and not self.has_option(verb, name)
         ]
-        if refused:
+        if unsupported:
             raise InputError(
-                f"{self.title} has no {' or '.join(refused)}; leave it out",
+                f"{self.title} has no {' or '.join(unsupported)}; leave it out",
                 code="option-not-for-this",
-                key=refused[0],
+                key=unsupported[0],
             )
 
 

@@ -94,11 +94,11 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     def _plugins(self) -> tuple[dict[str, Entry], dict[str, str]]:
         """Usable plug-ins by name, and the reason for each unusable one."""
         added_entries: dict[str, Entry] = {}
-        owner: dict[str, str] = {}
+        packages: dict[str, str] = {}
         reasons_by_name: dict[str, str] = {}
         for point in entry_points_in(self._group):
             name, package = f"{self._prefix}{point.name}", package_name(point)
-            if name in self._reserved or owner.get(name) in PROJECT_PACKAGES:
+            if name in self._reserved or packages.get(name) in PROJECT_PACKAGES:
                 continue
             try:
                 entry = load_entry_point(point)
@@ -108,11 +108,11 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
             if fault := self._find_fault(entry, point.name):
                 reasons_by_name[name] = f"{package} adds it, {fault}; update it"
             elif name in added_entries and added_entries[name] is not entry:
-                reasons_by_name[name] = f"{owner[name]} and {package} both add it; remove one of them"
+                reasons_by_name[name] = f"{packages[name]} and {package} both add it; remove one of them"
             else:
-                added_entries[name], owner[name] = cast(Entry, entry), package
+                added_entries[name], packages[name] = cast(Entry, entry), package
         return {
-            name: usable for name, usable in added_entries.items() if name not in reasons_by_name
+            name: plugin for name, plugin in added_entries.items() if name not in reasons_by_name
         }, reasons_by_name
 
     @property
@@ -143,12 +143,12 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 def package_at_fault(error: BaseException) -> str:
     """Return the package of another author whose code raised an error; empty if there is none."""
     package_of_module = {_top_module(point): package_name(point) for point in _all_entry_points()}
-    culprit, frame = "", error.__traceback__
+    package, frame = "", error.__traceback__
     while frame is not None:
         module = str(frame.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
-        culprit = package_of_module.get(module, "" if module == "anhyst" else culprit)
+        package = package_of_module.get(module, "" if module == "anhyst" else package)
         frame = frame.tb_next
-    return "" if culprit in PROJECT_PACKAGES else culprit
+    return "" if package in PROJECT_PACKAGES else package
 
 
 def _top_module(point: EntryPoint) -> str:

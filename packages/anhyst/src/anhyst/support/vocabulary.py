@@ -136,8 +136,8 @@ def fold(text: str) -> str:
     >>> fold("Intensité")
     'intensite'
     """
-    signs = unicodedata.normalize("NFKD", text)
-    return "".join(sign for sign in signs if not unicodedata.combining(sign)).casefold()
+    decomposed = unicodedata.normalize("NFKD", text)
+    return "".join(letter for letter in decomposed if not unicodedata.combining(letter)).casefold()
 
 
 def symbol_of_word(text: str) -> str | None:
@@ -171,16 +171,16 @@ def is_drive(name: str) -> bool:
     """Whether all words of a name fit a voltage that drives an actuator."""
     all_words = split_words(name)
     words = [word for word in all_words if word not in QUANTITY_WORDS["voltage"]]
-    heads = [next((word.removesuffix(end) for end in _COMPOUND_ENDINGS if word.endswith(end)), word)
+    word_stems = [next((word.removesuffix(ending) for ending in _COMPOUND_ENDINGS if word.endswith(ending)), word)
              for word in words]  # fmt: skip
-    return bool(all_words) and _DRIVE_WORDS.issuperset(heads)
+    return bool(all_words) and _DRIVE_WORDS.issuperset(word_stems)
 
 
 def _word_parts(name: str) -> set[str]:
     """Return the words of a name, the parts of compounds, and ``max`` of ``Imax``."""
     words = set(split_words(name))
-    words |= {part for word in words for end in _COMPOUND_ENDINGS if end in word
-              for part in word.split(end)}  # fmt: skip
+    words |= {part for word in words for ending in _COMPOUND_ENDINGS if ending in word
+              for part in word.split(ending)}  # fmt: skip
     return words | {word[1:] for word in words if len(word) > 3 and word[0] in "ifubhx"}
 
 

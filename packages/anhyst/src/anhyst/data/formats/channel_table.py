@@ -63,11 +63,13 @@ def find_shared_clock(
 ) -> tuple[Clock, tuple[str, ...]]:
     """Return the finest clock of some channels, limited to their common time range, and notes."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
-    unclocked = [channel for channel in channels if channel.clock is None and channel.length != 1]
-    channel_by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
-    if len(channel_by_length) > 1 or (unclocked and len(clocks) > 1):
+    without_clock = [channel for channel in channels if channel.clock is None and channel.length != 1]
+    channel_by_length = {channel.length: channel for channel in (*without_clock, *clocks[:1])}
+    if len(channel_by_length) > 1 or (without_clock and len(clocks) > 1):
         first_channel, second_channel = (
-            list(channel_by_length.values())[:2] if len(channel_by_length) > 1 else (unclocked[0], clocks[1])
+            list(channel_by_length.values())[:2]
+            if len(channel_by_length) > 1
+            else (without_clock[0], clocks[1])
         )
         raise InputError(
             f"{source}: channels '{first_channel.full_name}' ({first_channel.length} samples) and "
@@ -79,7 +81,7 @@ def find_shared_clock(
     if not clocks:
         return Clock(None, max(channel_by_length, default=1), None), ()
     times = [seconds(clock) for clock in clocks]
-    if all(np.array_equal(times[0], other) for other in times[1:]):
+    if all(np.array_equal(times[0], other_times) for other_times in times[1:]):
         return Clock(clocks[0], clocks[0].length, times[0]), ()
     steps = [_clock_step(source, clock, ticks) for clock, ticks in zip(clocks, times, strict=True)]
     finest_index = int(np.argmin(steps))
@@ -206,14 +208,14 @@ class ChannelTable:
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the first samples of each channel as text, each on its own clock."""
-        heads = self.file.read(self.file.channels, count)
+        columns = self.file.read(self.file.channels, count)
         if self._time_header:
-            heads.insert(0, self.file.read(self.clocks[:1], count)[0])
+            columns.insert(0, self.file.read(self.clocks[:1], count)[0])
         # Logicals are numbers.
-        numbers = [head.astype(np.uint8) if head.dtype.kind == "b" else head for head in heads]
-        texts = [[str(value) for value in head] for head in numbers]
+        numbers = [column.astype(np.uint8) if column.dtype.kind == "b" else column for column in columns]
+        texts = [[str(value) for value in column] for column in numbers]
         rows = max(map(len, texts), default=0)
-        return [[head[row] if row < len(head) else "" for head in texts] for row in range(rows)]
+        return [[column[row] if row < len(column) else "" for column in texts] for row in range(rows)]
 
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
@@ -326,8 +328,8 @@ def opener(*packages: str) -> Callable[[Callable[[Path], ChannelFile]], Callable
             try_in_subprocess(path, open_file)
             with report_damage(path):
                 table = ChannelTable(find(path))
-            numeric = sum(not channel.is_text for channel in table.file.channels)
-            if (count := numeric + len(table.clocks[:1])) < min_columns:
+            numeric_count = sum(not channel.is_text for channel in table.file.channels)
+            if (count := numeric_count + len(table.clocks[:1])) < min_columns:
                 raise InputError(
                     f"{path}: contains {count} numeric channels with samples; at least {min_columns} are "
                     "needed",
@@ -369,8 +371,8 @@ def try_in_subprocess(path: Path, opener: Callable[[Path, int], ChannelTable]) -
         return
     file_status = path.stat()
     name = f"{opener.__module__}:{opener.__name__}"
-    if (refusal := _subprocess_refusal(path, name, file_status.st_mtime_ns, file_status.st_size)) is not None:
-        text, code, key = refusal
+    if (fault := _subprocess_refusal(path, name, file_status.st_mtime_ns, file_status.st_size)) is not None:
+        text, code, key = fault
         raise InputError(text, code=code, key=key)
 
 
@@ -412,12 +414,12 @@ def read_in_this_process() -> None:
     """Read the file in the command line within limits, and exit with a code for the result."""
     path, opener, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
     limit_resources(seconds, path.stat().st_size)
-    pipe = os.dup(1)
+    result_pipe = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print messages
     code, text = 0, ""
-    module, _, name = opener.partition(":")
+    module_name, _, name = opener.partition(":")
     try:
-        table = getattr(import_module(module), name)(path, 1)
+        table = getattr(import_module(module_name), name)(path, 1)
         for channel in [*table.clocks, *table.file.channels]:
             table.file.read([channel])
         gc.collect()  # finds memory that a library has overwritten
@@ -427,7 +429,7 @@ def read_in_this_process() -> None:
         code, text = _EXIT_REFUSED, json.dumps([str(error), error.code, error.key])
     except Exception:  # a fault of this package, which appears again in the calling process
         pass
-    os.write(pipe, text.encode())
+    os.write(result_pipe, text.encode())
     # Exit without finalising the interpreter, which may crash after errors in a library.
     os._exit(code)
 

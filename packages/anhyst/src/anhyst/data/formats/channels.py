@@ -130,17 +130,17 @@ def read_groups(file: ChannelFile) -> list[ChannelGroup]:
 def number_repeats(names: Sequence[str]) -> list[str]:
     """Return names with a number added to repeated ones: ``x``, ``x#2``, ..."""
     counts = Counter[str]()
-    numbered = []
+    numbered_names = []
     for name in names:
         counts[name] += 1
-        numbered.append(name if counts[name] == 1 else f"{name}#{counts[name]}")
-    return numbered
+        numbered_names.append(name if counts[name] == 1 else f"{name}#{counts[name]}")
+    return numbered_names
 
 
 def _unused_name(group: str, name: str, used_names: Container[tuple[str, str]]) -> str:
     """Return a name that is unique in a group: ``x``, ``x#2``, ..."""
     names = (name if n == 1 else f"{name}#{n}" for n in itertools.count(1))
-    return next(free for free in names if (group, free) not in used_names)
+    return next(unused_name for unused_name in names if (group, unused_name) not in used_names)
 
 
 def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
@@ -156,16 +156,18 @@ def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         if channel.clock is None and not channel.is_text and is_time:
             times.setdefault((channel.group, channel.length), []).append(channel)
     clocks = {index: candidates[0] for index, candidates in times.items() if len(candidates) == 1}
-    clocked = []
+    new_channels = []
     for channel in channels:
         clock = clocks.get((channel.group, channel.length))
         if clock is None or channel.clock is not None:
-            clocked.append(channel)
+            new_channels.append(channel)
         elif channel is not clock:
-            clocked.append(replace(channel, clock=clock))
+            new_channels.append(replace(channel, clock=clock))
     # A clock without channels is an ordinary channel.
-    unused_clocks = [clock for clock in clocks.values() if all(other.clock is not clock for other in clocked)]
-    return (*unused_clocks, *clocked)
+    unused_clocks = [
+        clock for clock in clocks.values() if all(other.clock is not clock for other in new_channels)
+    ]
+    return (*unused_clocks, *new_channels)
 
 
 def decode_texts(values: Values, encoding: str = "utf-8") -> Values:
@@ -249,8 +251,8 @@ class Texts:
     @classmethod
     def from_rows(cls, rows: Sequence[str]) -> Texts:
         """Return a column from the texts of all rows; values are in order of appearance."""
-        order = {text: code for code, text in enumerate(dict.fromkeys(rows))}
-        return cls(tuple(order), np.array([order[text] for text in rows], np.int32))
+        code_by_text = {text: code for code, text in enumerate(dict.fromkeys(rows))}
+        return cls(tuple(code_by_text), np.array([code_by_text[text] for text in rows], np.int32))
 
     def __len__(self) -> int:
         return self.codes.size
@@ -381,8 +383,8 @@ class MemoryTable:
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the first rows as text."""
-        heads = [[str(value) for value in column[:count]] for column in self.columns]
-        return [list(row) for row in zip(*heads, strict=True)]
+        first_texts = [[str(value) for value in column[:count]] for column in self.columns]
+        return [list(row) for row in zip(*first_texts, strict=True)]
 
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
@@ -397,8 +399,8 @@ class MemoryTable:
                 raise TextInNumbersError(
                     text, column=index, code="text-in-numbers", key=self.header[index]
                 ) from None
-        words = {n: Texts.from_rows([str(value) for value in self.columns[n]]) for n in texts}
-        return RawColumns(self.sha256, columns, words, ())
+        texts_by_column = {n: Texts.from_rows([str(value) for value in self.columns[n]]) for n in texts}
+        return RawColumns(self.sha256, columns, texts_by_column, ())
 
     def locate_row(self, row: int) -> str:
         """Return the location of a row in its file as text."""

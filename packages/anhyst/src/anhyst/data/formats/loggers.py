@@ -46,14 +46,14 @@ def _recognise_rigol(path: Path, lines: Lines, first_line: int) -> TextColumns |
     header = split_line(lines[first_line][0], ",")
     fields_below = split_line(lines[first_line + 1][0], ",") if first_line + 1 < len(lines) else []
     words = [_normalise(field) for field in header]
-    timing: dict[str, str] = {}
+    time_settings: dict[str, str] = {}
     for index, (field, word) in enumerate(zip(header, words, strict=True)):
         for name, pattern in (("start", _RIGOL_START), ("increment", _RIGOL_STEP)):
             if match := pattern.fullmatch(field):
-                timing[name] = match[1]
+                time_settings[name] = match[1]
             elif word == name and index < len(fields_below):
-                timing[name] = fields_below[index]
-    if set(timing) != {"start", "increment"} or not all(map(is_number, timing.values())):
+                time_settings[name] = fields_below[index]
+    if set(time_settings) != {"start", "increment"} or not all(map(is_number, time_settings.values())):
         return None
     units = fields_below if "start" in words else []
     data = first_line + 1 + bool(units)
@@ -62,7 +62,7 @@ def _recognise_rigol(path: Path, lines: Lines, first_line: int) -> TextColumns |
     row = split_line(lines[data][0], ",")
     columns = [Column("t", "s", None)]
     for index, (field, word) in enumerate(zip(header, words, strict=True)):
-        if _RIGOL_START.fullmatch(field) or _RIGOL_STEP.fullmatch(field) or word in {"", *timing}:
+        if _RIGOL_START.fullmatch(field) or _RIGOL_STEP.fullmatch(field) or word in {"", *time_settings}:
             continue
         if word == "x":
             columns = [Column("t", "s", index, is_counter=True)]
@@ -74,7 +74,7 @@ def _recognise_rigol(path: Path, lines: Lines, first_line: int) -> TextColumns |
         match = _CHANNEL_NAME.fullmatch(field)
         name, unit = (match[1], match[2] or "") if match else (field, "")
         columns.append(Column(name, normalise_unit(units[index]) if units else unit, index))
-    clock = (parse_number(timing["start"]), parse_number(timing["increment"]))
+    clock = (parse_number(time_settings["start"]), parse_number(time_settings["increment"]))
     return TextColumns(data, ",", len(row), tuple(columns), clock)
 
 
@@ -214,7 +214,7 @@ def _recognise_tektronix(path: Path, lines: Lines, first_line: int) -> TextColum
                 code="different-times",
             )
         names = [settings.get("source") or f"CH{number}"]
-        names += [f"{names[0]}_{extra}" for extra in range(2, len(block))]
+        names += [f"{names[0]}_{extra_number}" for extra_number in range(2, len(block))]
         unit = normalise_unit(settings.get("vertical units", ""))
         columns += [Column(name, unit, position) for name, position in zip(names, block[1:], strict=True)]
         block_start = block[-1] + 1

@@ -120,13 +120,13 @@ def _structure_channels(name: str, node: MatTree, group: str, path: str) -> list
 
 def _control_desk_channels(node: MatTree) -> list[Channel]:
     """Return the channels in Y; an index or the name of the raster gives the clock in X."""
-    clocks, rasters = [], {}
+    clocks, clock_by_raster = [], {}
     for axis in _as_structures(node["X"]):
         times: Any = axis.get("Data")
         name, unit, clock = (_as_text(axis.get("Name")) or "t", _as_text(axis.get("Unit")) or "s", None)
         if _is_array(times):
             (clock,) = _array_channels(name, times, unit=unit)
-            rasters[_as_text(axis.get("Raster"))] = clock
+            clock_by_raster[_as_text(axis.get("Raster"))] = clock
         clocks.append(clock)
     channels: list[Channel] = []
     for axis in _as_structures(node["Y"]):
@@ -141,7 +141,7 @@ def _control_desk_channels(node: MatTree) -> list[Channel]:
         if index is not None:
             clock = clocks[index - 1] if 1 <= index <= len(clocks) else None
         elif "Raster" in axis:
-            clock = rasters.get(_as_text(axis["Raster"]))
+            clock = clock_by_raster.get(_as_text(axis["Raster"]))
         elif len(clocks) == 1:
             clock = clocks[0]
         channels += _array_channels(name, data, _as_text(axis.get("Path")), _as_text(axis.get("Unit")), clock)
@@ -182,8 +182,8 @@ def _time_series_channels(
     """
 
     def unit(key: str) -> str:
-        info = node.get(key_by_lower_case.get(key, ""))
-        text = info.get("Units", info.get("units")) if isinstance(info, Mapping) else info
+        unit_info = node.get(key_by_lower_case.get(key, ""))
+        text = unit_info.get("Units", unit_info.get("units")) if isinstance(unit_info, Mapping) else unit_info
         return _as_text(text)
 
     times = node[key_by_lower_case["time"]]
@@ -192,16 +192,16 @@ def _time_series_channels(
         seconds = {"": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}
         stated_unit = unit("timeinfo")
         (clock,) = _array_channels("time", times, group, seconds.get(stated_unit, stated_unit))
-    title = _as_text(node.get(key_by_lower_case.get("name", ""))) or name
+    channel_name = _as_text(node.get(key_by_lower_case.get("name", ""))) or name
     units = unit("datainfo") or unit("units") or unit("unit")
-    return _array_channels(title, node[key_by_lower_case["data"]], group, units, clock)
+    return _array_channels(channel_name, node[key_by_lower_case["data"]], group, units, clock)
 
 
 def _array_channels(
     name: str, array: MatArray, group: str = "", unit: str = "", clock: Channel | None = None
 ) -> list[Channel]:
     """Return the channels of an array; samples are along the clock's axis or the longest axis."""
-    shape = [side for side in array.shape if side != 1]
+    shape = [side_length for side_length in array.shape if side_length != 1]
     count = int(np.prod(array.shape))
     if count == 0 or len(shape) > 3:
         return []
@@ -212,13 +212,13 @@ def _array_channels(
         axis = (
             len(shape) - 1 - shape[::-1].index(clock.length) if len(shape) > 2 else shape.index(clock.length)
         )
-    length, width = shape[axis], count // shape[axis]
+    length, channel_count = shape[axis], count // shape[axis]
     return [
         Channel(
             f"{name}_{column + 1}", length, _Column(array, axis, column), unit, group, clock,
             array.is_text,
         )
-        for column in range(width)
+        for column in range(channel_count)
     ]  # fmt: skip
 
 
@@ -330,16 +330,17 @@ def _is_structure_array_field(item: Any) -> bool:
 
 def _as_structure_list(fields: dict[str, Any]) -> list[dict[str, Any]]:
     """Convert fields, each a list of members, to a list of structures."""
-    lists = [
-        field if isinstance(field, list) else [str(x) for x in field.values] for field in fields.values()
+    columns = [
+        field if isinstance(field, list) else [str(text) for text in field.values]
+        for field in fields.values()
     ]
-    return [dict(zip(fields, row, strict=True)) for row in zip(*lists, strict=False)]
+    return [dict(zip(fields, row, strict=True)) for row in zip(*columns, strict=False)]
 
 
 def _decode_utf16(item: Any) -> Any:
     """Return the texts of UTF-16 codes: each row of a MATLAB array is a column here."""
-    codes = np.atleast_2d(np.asarray(item[()], dtype=np.uint16))
-    rows = [row.tobytes().decode("utf-16-le", "replace") for row in np.ascontiguousarray(codes.T)]
+    character_codes = np.atleast_2d(np.asarray(item[()], dtype=np.uint16))
+    rows = [row.tobytes().decode("utf-16-le", "replace") for row in np.ascontiguousarray(character_codes.T)]
     return rows[0] if len(rows) == 1 else ArrayInMemory(np.array(rows))
 
 

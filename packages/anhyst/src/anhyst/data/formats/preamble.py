@@ -149,24 +149,24 @@ def _read_rows_below_names(
     """
     comments, data = skip_comments(lines, row)
     units = None
-    remarks, begin = list(comments), data
+    remarks, data_line = list(comments), data
     for _ in range(_MAX_ROWS_ABOVE):
-        if begin == len(lines):
+        if data_line == len(lines):
             break
-        fields = split_line(lines[begin][0], delimiter)
+        fields = split_line(lines[data_line][0], delimiter)
         if FACTOR_FIELD.fullmatch(fields[0]):
-            return remarks, begin, units
-        unit_row = parse_unit_row(lines[begin][0], delimiter, names) if units is None else None
-        stamp = TIME_STAMP.fullmatch(fields[0])
-        is_dated = stamp is not None and stamp["date"] is not None
+            return remarks, data_line, units
+        unit_row = parse_unit_row(lines[data_line][0], delimiter, names) if units is None else None
+        stamp_match = TIME_STAMP.fullmatch(fields[0])
+        is_dated = stamp_match is not None and stamp_match["date"] is not None
         if not unit_row and (is_dated or any(is_number_or_mark(field) for field in fields)):
-            return remarks, begin, units
-        remarks += [] if unit_row else [lines[begin][0].strip()]
+            return remarks, data_line, units
+        remarks += [] if unit_row else [lines[data_line][0].strip()]
         units = units or unit_row
-        more_comments, begin = skip_comments(lines, begin + 1)
+        more_comments, data_line = skip_comments(lines, data_line + 1)
         remarks += more_comments
         if unit_row:
-            comments, data = list(remarks), begin
+            comments, data = list(remarks), data_line
     return comments, data, units
 
 
@@ -277,10 +277,10 @@ def find_run(lines: Lines, first_line: int, delimiter: str | None, min_columns: 
         stamps = [TIME_STAMP.fullmatch(field) is not None for field in fields]
         is_row = bool(fields) and (stamps[0] or is_number_or_mark(fields[0]))
         numbers = {n for n, field in enumerate(fields) if is_number_or_mark(field) or (is_row and stamps[n])}
-        common = numbers & run.numeric_columns if len(fields) == run.width else set()
-        if not _is_table(common, run.used_columns, min_columns):
-            run, common = NumberRun(line, len(fields), numbers), numbers
-        run.numeric_columns = common
+        common_columns = numbers & run.numeric_columns if len(fields) == run.width else set()
+        if not _is_table(common_columns, run.used_columns, min_columns):
+            run, common_columns = NumberRun(line, len(fields), numbers), numbers
+        run.numeric_columns = common_columns
         run.used_columns = max(
             run.used_columns, *(index + 1 for index, field in enumerate(fields) if field), 0
         )
@@ -318,10 +318,10 @@ def split_header_line(line: str, delimiter: str | None) -> list[str]:
 
 def drop_empty_tail(fields: list[str]) -> list[str]:
     """Return the fields without empty ones at the end."""
-    kept = list(fields)
-    while len(kept) > 1 and not kept[-1]:
-        kept.pop()
-    return kept
+    kept_fields = list(fields)
+    while len(kept_fields) > 1 and not kept_fields[-1]:
+        kept_fields.pop()
+    return kept_fields
 
 
 def read_header_comment(path: Path, lines: Lines, first_line: int, row: list[str]) -> list[str]:
@@ -330,8 +330,8 @@ def read_header_comment(path: Path, lines: Lines, first_line: int, row: list[str
     if comments:
         text = comments[-1].strip().lstrip(_COMMENT_SIGNS)
         whole_comment = comments[-1].strip()  # a row number may be called '#'
-        choices = [split_header_line(line, detect_delimiter(line)) for line in (text, whole_comment)]
-        for fields in (*choices, re.split(r"\s{2,}|\t", text)):
+        field_choices = [split_header_line(line, detect_delimiter(line)) for line in (text, whole_comment)]
+        for fields in (*field_choices, re.split(r"\s{2,}|\t", text)):
             if len(fields) == len(row) and not any(is_number(field) for field in fields):
                 return fields
     raise InputError(
