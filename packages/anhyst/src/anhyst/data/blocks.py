@@ -29,7 +29,7 @@ _MIN_BLOCK_ROWS = 6
 _MAX_CLOSURE_SHARE = 0.05
 """Maximum distance between start and end of a closed loop, as a fraction of its input range."""
 _MIN_JUMP_STEPS = 5.0
-"""Minimum jump of the input between two blocks, in units of the largest step before it."""
+"""Minimum jump of the input between two blocks, relative to the largest step before it."""
 _STATED_VALUE = re.compile(
     r"(?P<name>[^\W\d_][\w -]*?)\s*(?:[\[(](?P<inner>[^\])]{1,10})[\])])?\s*(?:[=:;,]|\s|\bis\b)+"
     r"(?P<number>\d+(?:[.,]\d+)?)[\s;,]*[\[(]?(?P<unit>[^\W\d]+)?"
@@ -121,16 +121,14 @@ def _label_blocks(starts: Sequence[int], rows: int, name: str, gaps: Sequence[fl
     return Blocks(labels, np.repeat(np.array(gaps), block_sizes), note)
 
 
-def _are_loops(block_inputs: Sequence[FloatArray]) -> bool:
+def _are_loops(blocks: Sequence[FloatArray]) -> bool:
     """Whether the input reverses in each block, and all blocks close or all begin with a jump."""
-    if any(inputs.size < _MIN_BLOCK_ROWS or np.ptp(inputs) == 0.0 for inputs in block_inputs):
+    if any(block.size < _MIN_BLOCK_ROWS or np.ptp(block) == 0.0 for block in blocks):
         return False
-    if not all(map(reversal_count, block_inputs)):
+    if not all(map(reversal_count, blocks)):
         return False
-    are_closed = all(
-        abs(inputs[-1] - inputs[0]) <= _MAX_CLOSURE_SHARE * np.ptp(inputs) for inputs in block_inputs
-    )
-    pairs = pairwise(block_inputs)
+    are_closed = all(abs(block[-1] - block[0]) <= _MAX_CLOSURE_SHARE * np.ptp(block) for block in blocks)
+    pairs = pairwise(blocks)
     return are_closed or all(_has_jump_between(first, second) for first, second in pairs)
 
 
@@ -141,7 +139,7 @@ def _has_jump_between(block: FloatArray, next_block: FloatArray) -> bool:
 
 
 def _refuse_rows_below_data(source: str, block_inputs: Sequence[FloatArray]) -> None:
-    """Raise an error if some last rows do not continue the samples, such as means or extremes."""
+    """Raise an error if the last rows do not continue the samples, such as a row of means."""
     last_block, rows_above = block_inputs[-1], np.concatenate(block_inputs[:-1])
     if (
         last_block.size < _MIN_BLOCK_ROWS
@@ -157,7 +155,7 @@ def _refuse_rows_below_data(source: str, block_inputs: Sequence[FloatArray]) -> 
 
 
 def apply_stated_gaps(sources: list[SourceLoops]) -> list[SourceLoops]:
-    """Use the gaps in the headers of several files if each states one and they are not equal."""
+    """Use the gaps in the headers of several files if each states a gap and the gaps differ."""
     gaps = {source.source_name: source.stated_gap[0] for source in sources if source.stated_gap is not None}
     known_gaps = {name: gap for name, gap in gaps.items() if gap is not None}
     if len(known_gaps) == len(sources) and len(set(known_gaps.values())) > 1:

@@ -88,7 +88,7 @@ def drop_repeated_samples(loopset: Loops) -> Loops:
 
 
 def drop_spikes(loopset: Loops) -> Loops:
-    """Drop single output samples that deviate from the median of five, except near reversals."""
+    """Drop single output samples that deviate from the median of five, but not at reversals."""
     keep_masks = []
     for loop in loopset.loops:
         padded_output = np.pad(loop.output, 2, mode="edge")
@@ -146,7 +146,7 @@ def remove_drift(loopset: Loops) -> Loops:
 
 
 def remove_offset(loopset: Loops) -> Loops:
-    """Centre symmetric loops of an odd output, with a common input offset and own output offsets."""
+    """Centre symmetric loops of an odd output: one common input offset, one output offset each."""
     if is_even(loopset):
         return loopset
     offsets = [estimates.estimate_offsets(loop) for loop in loopset.loops]
@@ -277,7 +277,7 @@ def _keep_samples(
 
 
 def _join_first(texts: Sequence[str]) -> str:
-    """Join texts with commas; of more than four, join three and state the number of the others."""
+    """Join texts with commas; of more than four texts, show three and the number of the others."""
     if len(texts) <= 4:
         return ", ".join(texts)
     return ", ".join(texts[:3]) + f" and {len(texts) - 3} more"
@@ -291,14 +291,14 @@ SETTING_PREFIX = "read_"
 class ReadOptions:
     """Options for reading measurements that their headers and sidecar files do not state."""
 
-    columns: Mapping[str, str] = field(default_factory=dict)  # our column by column of the file
-    constants: Mapping[str, float | str] = field(default_factory=dict)  # value by our column
+    columns: Mapping[str, str] = field(default_factory=dict)  # standard name, by name in the file
+    constants: Mapping[str, float | str] = field(default_factory=dict)  # value, by standard name
     schedule: str | None = None  # scheduling variable
     loop: str | None = None  # column that distinguishes loops
     history: str | None = None  # history before the first sample
     sidecar: str | None = None  # TOML file that describes all files
     clean: tuple[str, ...] = DEFAULT_STEPS  # cleaning steps in order
-    scale: Mapping[str, str] = field(default_factory=dict)  # factor by column, our unit per file's
+    scale: Mapping[str, str] = field(default_factory=dict)  # factor: our unit per unit of the file
     flip: tuple[str, ...] = ()  # columns whose sign is reversed
     drop: str | None = None  # "invalid": omit samples without a measured value
 

@@ -19,12 +19,12 @@ from anhyst.data.static_fit import EvenRecord, resample_evenly, static_fit_rms
 from anhyst.support.numeric import FloatArray, recursive_sum
 
 MIN_LOOP_SHARE = 0.003
-"""Minimum rms residual of curves of the input for a search, as a fraction of the full scale."""
+"""Minimum rms residual of curves of the input for a search, as a fraction of full scale."""
 MIN_LOOP_NOISE_RATIO = 1.3
 MAX_LAG_ONLY_RATIO = 1.15
-"""Maximum residual of a lag that explains the loop, relative to that of play operators."""
+"""Maximum residual of curves with a lag that explains the loop, relative to play operators."""
 MAX_LAG_WITH_PLAYS_RATIO = 0.8
-"""Maximum residual of play operators with a lag that explains a part, relative to without a lag."""
+"""Maximum residual of play operators with a lag that explains a part, relative to no lag."""
 _MAX_SAMPLES = 4096
 _MAX_LOOPS = 2
 _MIN_LAG_SHARE = 1.0 / 300.0
@@ -35,7 +35,7 @@ _LAG_COUNT_WITH_PLAYS = 8
 
 
 def describe_coil_lag(loopset: Loops) -> str:
-    """Return a sentence about the lag of a coil's flux after its voltage; empty without one."""
+    """Return a sentence about the lag of a coil's flux after its voltage; empty without a lag."""
     output = output_map(loopset.output)
     if loopset.input.name != "voltage" or not output.is_flux_based:
         return ""
@@ -55,7 +55,7 @@ def describe_coil_lag(loopset: Loops) -> str:
 
 
 def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
-    """Return the lag and the fraction of the loop that it explains; ``None`` without a lag.
+    """Return the lag and the fraction of the loop that it explains; ``None`` if there is no lag.
 
     The lag is in s, or in samples if the loop has no time.
     """
@@ -88,7 +88,7 @@ def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
 def _find_best_lag(
     record: EvenRecord, lags: Sequence[float] | FloatArray, *, with_plays: bool
 ) -> tuple[float, float]:
-    """Return the smallest rms residual of some lags, and its lag."""
+    """Return the smallest rms residual among several lags, and the lag that gives it."""
     return min(
         (static_fit_rms(_apply_lag(record, float(lag)), record.output, with_plays=with_plays), float(lag))
         for lag in lags

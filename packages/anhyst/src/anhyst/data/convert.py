@@ -34,9 +34,10 @@ from anhyst.support.units import split_header
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """Summary of a conversion: number of channels without clocks, samples of the longest channel.
+    """Summary of a conversion.
 
-    ``notes`` list what the format cannot store.
+    ``channels`` is the number of channels, not counting clocks, and ``samples`` the length of the
+    longest channel. ``notes`` list what the format cannot store.
     """
 
     out: str
@@ -46,7 +47,7 @@ class Conversion:
 
 
 def _as_channel_file(source: Path, progress: Progress | None) -> ChannelFile:
-    """Return the columns of a table without channels as a file of channels."""
+    """Return a file of channels with the columns of a table, such as a CSV file."""
     table = read_columns(source, progress=progress)
     units = table.source_table.units or ("",) * len(table.columns)
     channels = []
@@ -96,7 +97,7 @@ def _drop_complex(groups: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], l
 
 
 def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -> Conversion:
-    """Write a measurement in the format of the output file's suffix: `anhyst.convert`."""
+    """Write a measurement in the format that the suffix of the file names: `anhyst.convert`."""
     check_path(source, "convert: source", "the path of a measurement")
     check_path(out, "convert: out")
     require_kind(source, [MEASUREMENT_FILE], "convert")

@@ -32,7 +32,7 @@ _MAX_DELAY_SHARE = 0.25
 _MAX_FINE_DELAY_SAMPLES = 5
 """Maximum correction of the delay in each finer search, in samples of that search."""
 _MAX_STEP_DEVIATION = 0.2
-"""Largest range of the time steps, as a fraction of the median step, without resampling."""
+"""Largest range of the time steps without resampling, as a fraction of the median step."""
 _MAX_TIPS = 16
 _MIN_WINDOW_SAMPLES = 4
 _MAX_WINDOW_SAMPLES = 60
@@ -51,18 +51,15 @@ _MAX_EDGE_WEIGHT = 0.01
 _MIN_DELAY_SIGMAS = 4.0
 """Number of standard errors above which a delay is not noise."""
 _MIN_DELAY_SAMPLES = 0.4
-"""Minimum delay that is reported; a converter that samples channels in turn causes a smaller one.
-"""
+"""Minimum delay that is reported; converters that sample channels in turn cause smaller delays."""
 _MIN_DELAY_SHARE = 0.002
-"""Minimum delay that is reported, as a fraction of a branch; noise matters more than a smaller one.
-"""
+"""Minimum delay that is reported, as a fraction of a branch; noise hides smaller ones."""
 _MAX_ESTIMATE_DEVIATION = 0.25
 """Maximum deviation of the second estimate, as a fraction of the first."""
 _MAX_EXCESS_SHARE = 0.03
-"""Allowed excess of the second estimate, as a fraction of a branch: it can replace play operators.
-"""
+"""Allowed excess of the second estimate over the first, as a fraction of the length of a branch."""
 _MAX_ZERO_DELAY_SHARE = 0.02
-"""Detectable delay that is required for the result zero, as a fraction of a branch."""
+"""A delay of zero is reported only if a delay of this fraction of a branch would be detected."""
 
 _THRESHOLDS = 0.5 * np.array([0.0, 0.004, 0.01, 0.02, 0.035, 0.06, 0.1, 0.16, 0.25, 0.4])
 """Thresholds of the play operators of the second estimate, in ranges of the input."""
@@ -76,7 +73,7 @@ class _Tip:
     row: int
     width: int  # window, samples on each side
     input_sign: float  # +1 for a maximum of the input, -1 for a minimum
-    output_sign: float  # the same for the output
+    output_sign: float  # +1 for a maximum of the output, -1 for a minimum
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +201,7 @@ def _candidate_delays(drive: FloatArray, output: FloatArray, max_delay: int) -> 
 def _estimate_in_windows(
     drive: FloatArray, output: FloatArray, delays: NDArray[np.intp], min_error: float
 ) -> _Estimate | None:
-    """Return the delay on which two windows agree; ``None`` if one finds none in the range."""
+    """Return the delay on which two windows agree; ``None`` if a window has none in its range."""
     estimates = []
     for divisor in _WINDOW_DIVISORS:
         tips = [

@@ -16,8 +16,8 @@ def estimate_noise(values: FloatArray) -> float:
     """Estimate the standard deviation of white noise on a smooth signal, in units of the signal.
 
     A difference of any order contains the noise and a remainder of the signal. Therefore, the
-    smallest estimate of the orders 2 to 5 is the most accurate. The median makes it robust against
-    spikes and steps. The result is 0 for fewer than 12 values.
+    smallest estimate of the orders 2 to 5 is the most accurate. The median makes the estimate
+    robust against spikes and steps. The result is 0 for fewer than 12 values.
     """
     if values.size < 12:
         return 0.0
@@ -32,8 +32,7 @@ def estimate_noise(values: FloatArray) -> float:
 
 
 _MAX_DRIFT_SHARE = 0.05
-"""Maximum closure error that counts as drift, as a fraction of the height; otherwise it is history.
-"""
+"""Maximum closure error that counts as drift, as a fraction of the loop height."""
 _MIN_DRIFT_SIGMAS = 4.0
 """Number of standard errors above which a drift is not noise."""
 _MAX_TIP_ASYMMETRY = 0.1
@@ -95,7 +94,7 @@ def _settled_branches(loop: Loop) -> list[Branch]:
 
 
 def _return_error(loop: Loop, branches: list[Branch], first_branch: Branch) -> float | None:
-    """Return the last output in the state at the start of a branch minus the first output there."""
+    """Return the output at the last return to the start of a branch, minus the output there."""
     if branches[-1] is first_branch:
         return None
     inputs, outputs = loop.input[first_branch.start :], loop.output[first_branch.start :]
@@ -136,25 +135,23 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
     """
     if not is_bipolar(loop.input) or not loop.reverses:
         return None
-    input_shift = output_shift = 0.0
+    shift_in = shift_out = 0.0
     for _ in range(4):
-        drive, output = loop.input - input_shift, loop.output - output_shift
+        drive, output = loop.input - shift_in, loop.output - shift_out
         extreme = min(-float(drive.min()), float(drive.max()))
         if max(-float(drive.min()), float(drive.max())) > (1.0 + _MAX_TIP_ASYMMETRY) * extreme:
             return None
         tips = [_tip_output(drive, output, sign * 0.98 * extreme) for sign in (1.0, -1.0)]
-        output_shift += 0.5 * (tips[0] + tips[1])
-        zero_inputs = [
-            find_crossings(loop.output - output_shift, drive, 0.0, rising=rising) for rising in (True, False)
-        ]
+        shift_out += 0.5 * (tips[0] + tips[1])
+        zero_inputs = [find_crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)]
         if not zero_inputs[0].size or not zero_inputs[1].size:
             return None
-        input_shift += 0.5 * float(np.median(zero_inputs[0]) + np.median(zero_inputs[1]))
-    return input_shift, output_shift
+        shift_in += 0.5 * float(np.median(zero_inputs[0]) + np.median(zero_inputs[1]))
+    return shift_in, shift_out
 
 
 def slope_ratio_at_tip(loop: Loop) -> float | None:
-    """Return the slope of the output at the largest input over the largest slope of its branch.
+    """Return the ratio of the slope at the largest input to the largest slope of its branch.
 
     The ratio is 1 if the curve is steepest at its tip, and almost 0 in saturation. ``None`` for
     short records.
@@ -182,7 +179,7 @@ def _branch_distance(loop: Loop, first_branch: Branch, second_branch: Branch) ->
 
 
 def _tip_output(drive: FloatArray, output: FloatArray, level: float) -> float:
-    """Return the mean output where the input crosses a level near its tip, in both directions."""
+    """Return the mean output where the input crosses a level near its tip, on both branches."""
     rising_outputs = find_crossings(drive, output, level, rising=True)
     falling_outputs = find_crossings(drive, output, level, rising=False)
     median_outputs = [float(np.median(values)) for values in (rising_outputs, falling_outputs) if values.size]

@@ -56,13 +56,13 @@ _OTHER_LENGTH_WORDS = re.compile(
 )
 """Words before a length that is not a gap, and type designations such as ``EM12mm``."""
 _MAX_GAP_M = 0.02
-"""Longest gap that is accepted without a word for it, m."""
+"""Largest gap that is accepted without a word such as *gap* before it, m."""
 _MAX_GAP_DIFFERENCE = 0.3
 """Maximum relative difference between the gap column and the gap in the file name."""
 
 
 def find_gaps_in_names(paths: Sequence[Path]) -> dict[Path, float]:
-    """Return the gap in each file name, m; empty unless each name contains one.
+    """Return the gap in each file name, m; empty unless each name contains a gap.
 
     If a name has no word for a gap, the names must contain several gaps and may otherwise differ
     only in numbers.

@@ -1,9 +1,9 @@
 """Remove amplifier ripple and white noise from the input.
 
-Both would move play operators and shift the reversals. A ripple is a steady line in the spectrum of
-the input, at a frequency far above that of the cycles. All channels are averaged twice over whole
-periods of it, without delay. White noise is removed from the input only, by local parabolas that do
-not cross a reversal.
+Both would move play operators and shift the reversals. A ripple is a steady spectral line of the
+input, at a frequency far above that of the cycles. All channels are averaged twice over whole
+periods of the ripple, without delay. White noise is removed from the input only, by local parabolas
+that do not cross a reversal.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from anhyst.support.wording import count_text
 _MIN_RIPPLE_SHARE = 0.002
 """Minimum amplitude of a ripple, as a fraction of the input range; a smaller one is noise."""
 _MAX_RIPPLE_SHARE = 0.2
-"""Maximum amplitude of a ripple, as a fraction of the input range; a larger one is intended."""
+"""Maximum amplitude of a ripple, as a fraction of the input range; a larger one is on purpose."""
 _MIN_PERIODS = 120
 _MIN_PERIODS_PER_BRANCH = 40
 """Minimum number of ripple periods in a branch; fewer periods are intended minor loops."""
 _MIN_LINE_RATIO = 20.0
 """Minimum ratio of a spectral line to the median of its surroundings."""
 _MIN_KNOWN_LINE_RATIO = 5.0
-"""The same for the output at this frequency: noise exceeds it once in 10 million records."""
+"""Minimum ratio for the output at the ripple frequency; noise exceeds it in 1 of 10^7 records."""
 _MAX_STEP_DEVIATION = 0.2
 """Maximum relative deviation of a time step from the median."""
 _SEGMENT_COUNT = 12
@@ -141,7 +141,7 @@ def _find_ripple(loop: Loop) -> _Ripple | None:
 
 
 def _spectrum(values: FloatArray) -> FloatArray:
-    """Return the amplitude spectrum of a signal, with 0 for the slow cycles."""
+    """Return the amplitude spectrum of a signal, with the lines of the slow cycles set to zero."""
     window = np.hanning(values.size)
     spectrum = np.abs(np.fft.rfft((values - values.mean()) * window)) * 2.0 / window.sum()
     spectrum[:_MIN_PERIODS] = 0.0
@@ -157,15 +157,13 @@ def _is_line(spectrum: FloatArray, peak: int, min_ratio: float = _MIN_LINE_RATIO
 
 def _is_ripple(drive: FloatArray, slow_input: FloatArray, fast_input: FloatArray, candidate: _Ripple) -> bool:
     """Whether an oscillation is steady, reverses the input and is fast relative to the cycles."""
-    branch_size = float(np.median([segment.size for segment in find_branches(slow_input)]))
+    branch_size = float(np.median([block.size for block in find_branches(slow_input)]))
     if branch_size < _MIN_PERIODS_PER_BRANCH * candidate.period:
         return False
     if reversal_count(drive, 0.5 * candidate.amplitude) < drive.size / candidate.period:
-        return False  # steps of a staircase
+        return False  # the input is a staircase
     demodulated_input = fast_input * np.exp(-2j * np.pi * np.arange(fast_input.size) / candidate.period)
-    amplitudes = np.array(
-        [abs(segment.mean()) for segment in np.array_split(demodulated_input, _SEGMENT_COUNT)]
-    )
+    amplitudes = np.array([abs(block.mean()) for block in np.array_split(demodulated_input, _SEGMENT_COUNT)])
     ratios = amplitudes / (float(np.median(amplitudes)) or 1.0)
     return (
         float(np.mean((ratios > _STEADY_AMPLITUDE_RATIOS[0]) & (ratios < _STEADY_AMPLITUDE_RATIOS[1])))
@@ -174,7 +172,7 @@ def _is_ripple(drive: FloatArray, slow_input: FloatArray, fast_input: FloatArray
 
 
 def _average_over_period(values: FloatArray, period: float) -> FloatArray:
-    """Average over a period, also of fractions of samples; the ends of the record are lost."""
+    """Average over a period, which may be a fractional number of samples; the ends are lost."""
     half_width = int(np.ceil((period - 1.0) / 2.0))
     weights = np.ones(2 * half_width + 1)
     weights[[0, -1]] = (period - (2 * half_width - 1)) / 2.0

@@ -96,7 +96,7 @@ def _find_column(table: OpenTable, name: str, action: str) -> int:
 def _find_by_any_name(
     table: OpenTable, headers: list[Header], targets: Mapping[int, str], name: str, action: str
 ) -> int:
-    """Return the index of a column by its name: in the file, or standard as ``F_N`` or ``force``."""
+    """Return the index of a column by its name in the file or a standard name, such as ``F_N``."""
     if table.find(name) is None:
         quantity = parse_header(name).quantity
         for index, header in enumerate(headers):

@@ -121,7 +121,7 @@ def _find_known_history(loop: Loop, start: int, stop: int) -> tuple[int, History
     """Return the first sample of a part whose history is known, and that history.
 
     The input of largest magnitude wipes out the entire history. The opposite extreme wipes out
-    everything except the first one.
+    everything except the first extreme.
     """
     lowest_input, highest_input = float(loop.input.min()), float(loop.input.max())
     tips = (

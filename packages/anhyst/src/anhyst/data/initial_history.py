@@ -31,9 +31,9 @@ _MIN_REMANENCE_SHARE = 2e-3
 _MAX_REST_SHARE = 0.05
 """Maximum input at which a rise starts from zero, as a fraction of the largest input."""
 _FIRST_RISE_PARTS = (0.01, 0.03, 0.1, 0.3)
-"""Parts of the first rise that are compared; which one differs most depends on the iron."""
+"""Compared parts of the first rise, as fractions of it; the iron determines which differs most."""
 _MEETING_RISE_FRACTION = 0.9
-"""Fraction of the first rise above which all rises meet; a difference there is drift."""
+"""Fraction of the first rise above which all rises coincide; a difference there is drift."""
 _MIN_SAMPLES = 3
 """Minimum number of samples for an estimate."""
 _MAX_RISE_DISTANCE = 0.05
@@ -89,7 +89,7 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryPropo
 def correct_histories_of_fast_loops(
     loops: Sequence[Loop], proposals: Sequence[HistoryProposal]
 ) -> list[HistoryProposal]:
-    """Return the proposals. Those of fast loops are corrected by the slow loops of the same gap.
+    """Correct the proposals for fast loops by the slow loops of the same gap.
 
     Eddy currents make the first cycle of a fast loop differ from later ones, as an initial curve
     would. Slow loops show without this effect whether the recording began demagnetised. If it did
@@ -146,9 +146,7 @@ def _are_all_virgin(comparisons: Sequence[list[_RiseComparison]]) -> bool:
 
 
 def _select_clearest(comparisons: list[_RiseComparison]) -> _RiseComparison:
-    return max(
-        comparisons, key=lambda comparison: (comparison.verdict == "virgin", comparison.difference_sigmas)
-    )
+    return max(comparisons, key=lambda rise: (rise.verdict == "virgin", rise.difference_sigmas))
 
 
 def _propose_history(
@@ -210,18 +208,16 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
     The output is the square of a flux. On the initial curve from rest, it grows by a factor of four
     while the input at most doubles, because the curve steepens. Above this curve, the remanence in
     flux is at least as large, so the output difference is at least ``(2 + 1)**2 - 2**2`` times the
-    closing error. A drift is equal everywhere, and a settled rise starts with a slope.
+    closing error. A drift is equal at all inputs, and a settled rise starts with a slope.
     """
     parts = find_branches(loop.input)
     if len(parts) < 2:
         return False
     rise, fall = ((loop.input[part.rows], loop.output[part.rows]) for part in parts[:2])
-    output_growth = rise[1] - loop.output[0]
-    if float(output_growth.max()) < 4.0 * closing_error:
+    growth = rise[1] - loop.output[0]
+    if float(growth.max()) < 4.0 * closing_error:
         return True  # such a remanence hides all other effects
-    input_at_1, input_at_4 = (
-        float(rise[0][np.argmax(output_growth >= multiple * closing_error)]) for multiple in (1.0, 4.0)
-    )
+    input_at_1, input_at_4 = (float(rise[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0))
     difference = float(_interpolate(fall, np.array([input_at_4]))[0] - loop.output[0]) - 4.0 * closing_error
     start = float(loop.input[0])
     return difference >= 5.0 * closing_error and abs(input_at_4 - start) <= 2.4 * abs(input_at_1 - start)
@@ -325,11 +321,9 @@ def _compare_parts(
         if count < _MIN_SAMPLES:
             continue
         error = _output_scatter(output[is_in_part], part * span, sigma) * (2.0 / count) ** 0.5
-        mean_difference = float(difference[is_in_part].mean()) - drift[0]
+        mean = float(difference[is_in_part].mean()) - drift[0]
         comparisons.append(
-            _RiseComparison(
-                mean_difference, float(np.hypot(error, drift[1])), float(height[is_in_part].mean())
-            )
+            _RiseComparison(mean, float(np.hypot(error, drift[1])), float(height[is_in_part].mean()))
         )
     return comparisons
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LoopFigures:
-    """Figures of one loop in SI units; ``None`` if a figure cannot be determined."""
+    """Characteristic values of one loop, SI units; ``None`` if a value cannot be determined."""
 
     label: str
     schedule: float | None
@@ -57,21 +57,21 @@ class LoopFigures:
     step: float | None  # median time step, s
     uneven: float | None  # largest relative deviation from the median time step
     input_offset: float | None  # input at the centre of a symmetric loop with an odd output
-    output_offset: float | None  # output at this centre
+    output_offset: float | None  # output at the centre of such a loop
     drift: float | None  # linear drift of the output over the record
     closure: float | None  # output at the end of the last full cycle minus output at its start
     noise: float  # standard deviation of the output noise
     skew: float | None  # delay of the output after the input, samples
-    skew_s: float | None  # the same delay, s; None without time
+    skew_s: float | None  # delay of the output, s; None without time
     # slope at the largest input relative to the largest slope: almost 0 in saturation
     saturation: float | None
     width: float  # largest distance of neighbouring branches in the input
     height: float  # largest distance of neighbouring branches in the output
     single_mean: float  # mean deviation from the best single-valued curve
-    single_worst: float  # largest deviation from this curve
-    history: History  # as stated or assumed
-    proposed: History  # as proposed from the record
-    reason: str  # reason for the proposal
+    single_worst: float  # largest deviation from the best curve
+    history: History  # history as stated or assumed
+    proposed: History  # history as proposed from the record
+    reason: str  # reason for the proposed history
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -157,7 +157,7 @@ class Inspection(Result):
         ax.set_ylabel(label)
 
     def _units(self) -> dict[str, str]:
-        """Return the unit suffix of each figure that has a unit."""
+        """Return the unit suffix of each value that has a unit."""
         drive, output = _unit_suffix(self.input), _unit_suffix(self.output)
         units = dict.fromkeys(("input_low", "input_high", "input_offset", "width"), drive)
         names = ("output_low", "output_high", "output_offset", "drift", "closure", "noise",

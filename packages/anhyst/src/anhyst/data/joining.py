@@ -1,8 +1,9 @@
 """Join loops of several sources into one set, and complete the history of successive loops.
 
 Identical loops are kept once, and scheduling values that differ only by rounding become equal. A
-settled loop wipes out smaller loops before it. In iron with return-point memory it lies within a
-larger loop that was run before. Therefore, its history includes the earlier loops of the record.
+settled loop wipes out smaller loops before it. In iron with return-point memory, a settled loop
+lies within a larger loop that was run before. Therefore, its history includes the earlier loops of
+the record.
 """
 
 from __future__ import annotations
@@ -178,7 +179,7 @@ NESTED_LOOPS_NOTE = (
 )
 """Note for records to which earlier loops were added as history."""
 _MAX_END_DISTANCE = 0.02
-"""Maximum distance of equal ends, as a fraction of the range."""
+"""Maximum distance of branch ends that count as equal, as a fraction of the input range."""
 _MIN_BRANCH_SAMPLES = 8
 """Minimum number of samples of a branch that is compared."""
 _MIN_DIFFERENCE_SIGMAS = 4.5

@@ -22,7 +22,7 @@ _LEVEL_SHARES = np.linspace(0.4, 0.95, 12)
 _MIN_BRANCH_DISTANCE = 0.05
 """Minimum median distance between the branches of different loops, as a fraction of the output."""
 _MIN_MIDDLE_DISTANCE = 0.08
-"""The same for the centre lines of loops between the same inputs at the same speed."""
+"""Minimum distance of the centre lines of different loops with the same input range and speed."""
 _MAX_END_DIFFERENCE = 0.03
 _MAX_SPEED_RATIO = 1.5
 _MAX_TIP_DIFFERENCE = 0.25
@@ -34,7 +34,7 @@ _CHECKED_OUTPUTS = ("force", "thrust", "flux_density", "flux_linkage")
 
 
 def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
-    """Ask for the gap if files or blocks without one contain loops that hysteresis cannot explain."""
+    """Ask for the gap if loops of files or blocks without a gap differ more than by hysteresis."""
     files = {loop.source for loop in loopset.loops}
     loop_origins = {(loop.source, loop.label if has_blocks else "") for loop in loopset.loops}
     if loopset.schedule == QUANTITIES["gap"] or loopset.input.name == "field":

@@ -65,8 +65,8 @@ class Loop:
     Raises
     ------
     InputError
-        If the arrays have different lengths, contain values that cannot be measured, are too short,
-        the input is constant, or time decreases or is constant.
+        If arrays differ in length, are too short or contain values that cannot be measured, if the
+        input is constant, or if time decreases or is constant.
     """
 
     label: str
@@ -334,9 +334,7 @@ class Loops(Result):
     def to_columns(self) -> dict[str, Column]:
         """Return all loops one after the other, as columns of SI values by header."""
         codes = np.concatenate([np.full(loop.n, n, np.int32) for n, loop in enumerate(self.loops)])
-        columns: dict[str, Column] = {
-            "loop": Texts(tuple(named_loop.label for named_loop in self.loops), codes)
-        }
+        columns: dict[str, Column] = {"loop": Texts(tuple(each.label for each in self.loops), codes)}
         times = [loop.time for loop in self.loops if loop.time is not None]
         if len(times) == len(self.loops):
             columns[QUANTITIES["time"].column] = np.concatenate(times)
@@ -406,7 +404,7 @@ class Loops(Result):
 
 
 def replace_columns(loop: Loop, change: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
-    """Return a loop with the same change to all columns, except those that are given."""
+    """Return a loop with the same change to all columns, except the columns that are given."""
     columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
     changed_columns = {
         name: change(values) for name, values in columns.items() if values is not None and name not in others

@@ -24,7 +24,7 @@ class OutputMap:
     quantity: str  # name of the output quantity
     # power of the flux density
     power: int = 1
-    # whether the output grows with the flux of the iron, so that its loop over the input is an
+    # whether the output grows with the flux of the iron, so that the area of its loop is an
     # energy
     is_flux_based: bool = False
     is_flux_density: bool = False  # whether the output is the flux density itself, ``c_out = 1``
@@ -87,7 +87,7 @@ def name_full_scale(output: Quantity, size: float | None = None) -> str:
 
 
 def measured_quantity(drive: Quantity, output: Quantity) -> Quantity:
-    """Return the quantity of an output for a drive; strain of a magnetised body is even."""
+    """Return the output quantity for a drive; a magnetised body has an even strain."""
     name = output_map(output).magnetised_name
     return QUANTITIES[name] if name and drive.name in {"current", "field"} else output
 
@@ -105,7 +105,7 @@ class Device(Protocol):
 
 
 def is_actuator(device: Device) -> bool:
-    """Whether a current produces a force that moves a body."""
+    """Whether the input is a current and the output a force that moves a body."""
     return device.input.name == "current" and device.output.name in ("force", "thrust")
 
 

@@ -80,7 +80,7 @@ def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
 
 
 def find_crossings(values: FloatArray, other_values: FloatArray, level: float, *, rising: bool) -> FloatArray:
-    """Interpolate ``other`` where ``values`` crosses a level in one direction."""
+    """Interpolate ``other_values`` where ``values`` crosses a level in one direction."""
     is_before = values < level if rising else values > level
     rows = np.flatnonzero(is_before[:-1] & ~is_before[1:])
     share = (level - values[rows]) / (values[rows + 1] - values[rows])
@@ -93,9 +93,9 @@ def are_measured(values: FloatArray) -> NDArray[np.bool_]:
 
 
 _MIN_MARK_DISTANCE = 10.0
-"""Minimum distance of an overrange mark from the other values, in ranges of them, if it repeats."""
+"""Minimum distance of a repeated overrange mark from the other values, relative to their range."""
 _MIN_KNOWN_MARK_DISTANCE = 2.0
-"""The same distance for a number that instruments are known to use as an overrange mark."""
+"""Minimum distance of a known overrange mark from the other values, relative to their range."""
 _MAX_MARK_SHARE = 0.2
 _MAX_PLAIN_NUMBER = 1e16
 _MIN_OTHER_SAMPLES = 8
@@ -253,7 +253,7 @@ def find_branches(drive: FloatArray) -> list[Branch]:
 
 
 def find_repeats(drive: FloatArray, branches: list[Branch]) -> list[tuple[Branch, Branch]]:
-    """Return pairs of branches, one cycle apart, that start and end at the same input."""
+    """Return pairs of branches, one cycle apart, with equal start inputs and equal end inputs."""
     max_distance = _MAX_REPEAT_DISTANCE * float(np.ptp(drive))
     return [
         (first_branch, second_branch)
@@ -293,8 +293,8 @@ def branch_separation(
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return an input grid and the output of the falling branch minus that of the rising branch.
 
-    The difference is positive if the loop loses energy. ``None`` if the branches have no common
-    input.
+    The difference is positive if the loop loses energy. ``None`` if no input occurs in both
+    branches.
     """
     rising, falling = (
         (first_branch, second_branch) if first_branch.is_rising else (second_branch, first_branch)

@@ -29,7 +29,7 @@ _MAX_DRIFT = 0.005
 _MAX_DISTANCE_SIGMAS = 6.0
 """Maximum distance of a sample from its plateau, in standard deviations."""
 _MAX_LOST_SHARE = 0.1
-"""Fraction of the record between the plateaus above which the input must be constant there."""
+"""If a larger fraction of a record lies between plateaus, the input must be constant there."""
 _MIN_INPUT_SHARE = 0.3
 """Minimum range of the input during a plateau, as a fraction of its range in the record."""
 _MIN_REVERSAL_SHARE = 0.1
@@ -107,7 +107,7 @@ def _are_only_ramps(values: FloatArray, plateau_of_row: NDArray[np.intp]) -> boo
 
 
 def _search_plateaus(values: FloatArray) -> list[_Plateau]:
-    """Return the stretches with a constant moving average; empty if it drifts within one."""
+    """Return the stretches with a constant moving average; empty if one of them drifts."""
     from scipy.ndimage import uniform_filter1d  # slow to load, and needed for noisy gaps only
 
     width = int(np.clip(_WINDOW_SHARE * values.size, _MIN_WINDOW_SAMPLES, _MAX_WINDOW_SAMPLES))

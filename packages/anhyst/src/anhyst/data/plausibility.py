@@ -230,7 +230,7 @@ def _check_swap(loop: Loop, name: str) -> list[str]:
 
 
 def _initial_slope_ratio(loop: Loop) -> float | None:
-    """Return the mean slope over the first tenth of the input over that of the next two tenths.
+    """Return the mean slope over the first tenth of the input relative to the next two tenths.
 
     The input is folded to one sign, and the noise is subtracted. ``None`` if the record cannot show
     it.

@@ -58,7 +58,7 @@ _DOUBT_PENALTY = 4
 def advise_mapping(
     headers: Sequence[Header], *missing: Sequence[str], skip: Collection[int] = (), min_score: int = -8
 ) -> str:
-    """Return the advice how to map the likeliest columns to the missing quantities."""
+    """Return advice on how to map the likeliest columns to the missing quantities."""
     likely_columns = find_likely_columns(headers, missing, skip, min_score)
     note = _note_formulas(headers)
     if not likely_columns:
@@ -230,7 +230,7 @@ def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
     if name not in QUANTITIES or not (header.unit is None or _can_hold(header, name)):
         return ""
     if has_missing_unit(header):
-        # All columns without a unit are asked for together, in one round instead of four.
+        # One message asks for the units of all columns that have none.
         headers_without_unit = {other.quantity: other for other in [*columns_without_unit(headers), header]}
         names = {other.text: QUANTITIES[kind.name] for kind, other in headers_without_unit.items() if kind}
         if len(names) > 1:
@@ -247,7 +247,7 @@ def has_missing_unit(header: Header) -> bool:
 
 
 def columns_without_unit(headers: Sequence[Header]) -> list[Header]:
-    """Return the columns whose units are asked for together."""
+    """Return the columns without a unit, for one common message."""
     return [header for header in headers if has_missing_unit(header)]
 
 

@@ -399,7 +399,7 @@ def _cut_into_loops(
         label_counts[loop.label, loop.schedule_value] += 1
         if loop.schedule_value is not None and label_counts[loop.label, loop.schedule_value] > 1:
             count = label_counts[loop.label, loop.schedule_value]
-            loop = replace(loop, label=f"{loop.label}-{count}")  # repeated gap
+            loop = replace(loop, label=f"{loop.label}-{count}")  # the gap was measured before
         stated_history: History | None = description.histories.get(loop.label, description.history)
         loops.append(loop if stated_history is None else replace(loop, history=stated_history))
         without_history += [index] if stated_history is None else []

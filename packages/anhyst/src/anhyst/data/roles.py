@@ -250,11 +250,7 @@ def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
     if indices and not usable_indices:
         header = headers[indices[0]]
         unit_faults = columns_without_unit(headers) if has_missing_unit(header) else []
-        texts = ", ".join(
-            f"'{header_without_unit.text}'"
-            for header_without_unit in unit_faults
-            if header_without_unit is not header
-        )
+        texts = ", ".join(f"'{fault.text}'" for fault in unit_faults if fault is not header)
         others_text = f"; {texts} have none either" if texts else ""
         raise InputError(
             f"{source}: column '{header.text}': {header.problem}{others_text}{advise_unit_mapping(header, headers)}",
@@ -415,12 +411,12 @@ def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None
     if schedule is not None:
         is_schedule_step = np.diff(schedule) != 0.0
         if np.count_nonzero(is_schedule_step) > schedule.size // MIN_LOOP_SAMPLES:
-            schedule = None  # it changes during the loops
+            schedule = None  # the schedule changes during the loops
         else:
             is_label_change &= ~is_schedule_step
             is_change |= is_schedule_step
     if not is_label_change.any():
-        return None  # it changes only with the schedule
+        return None  # the label changes only with the schedule
     run_starts = np.flatnonzero(is_change) + 1
     if column.codes.size < MIN_LOOP_SAMPLES * (run_starts.size + 1):
         return None

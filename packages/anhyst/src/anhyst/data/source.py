@@ -63,7 +63,7 @@ def load_loops(
 
 
 def collect_read_options(verb: str, **reading: Any) -> ReadOptions:
-    """Return the read options from Python arguments; ``None`` means that one is not given."""
+    """Return the read options from Python arguments; ``None`` means that an option is not given."""
     defaults = ReadOptions()
     given_options = {name: value for name, value in reading.items() if value is not None}
     for name, value in given_options.items():

@@ -17,10 +17,10 @@ MIN_SPEED_RATIO = 3.0
 """Minimum speed ratio of fast and slow loops of a gap.
 
 Both the cycles per second and the input change per second must have this ratio. A loop of smaller
-amplitude can differ in one of these figures, but not in both.
+amplitude can differ in one of these values, but not in both.
 """
 MIN_HEIGHT_INCREASE = 0.01
-"""Minimum increase of the loop height that counts as rate effect, over the largest output."""
+"""Minimum increase of the loop height that is a rate effect, relative to the largest output."""
 
 _MIN_HEIGHT_SIGMAS = 4.0
 """Number of standard deviations of the noise that a height difference must exceed."""
@@ -133,7 +133,7 @@ def describe_rate(loops: Loops) -> str:
 
 
 def find_rate_effect(loops: Loops, speeds: SpeedGroups) -> tuple[float, float] | None:
-    """Return the lowest rate with an effect, Hz, and the effect over the largest output."""
+    """Return the lowest rate with an effect, Hz, and the effect relative to the largest output."""
     even, largest_magnitude = is_even(loops), largest_output(loops)
     slow_height: dict[float | None, float] = {}
     for loop in speeds.slow.loops:

@@ -52,13 +52,13 @@ def _extreme_currents(
 
 
 FORCE_LEVELS = 129
-"""Number of force levels."""
+"""Number of force levels of the grid."""
 GAP_LEVELS = 17
-"""Number of gaps, over the range of the controller."""
+"""Number of gaps of the grid, over the gap range of the controller."""
 SLOPE_WINDOW_SHARE = 0.25
 """Half-width of the window for a slope, as a fraction of the largest force and of the gap range."""
 END_SLOPE_SHARE = 0.1
-"""Share of the known levels that determine the slope beyond the last one."""
+"""Fraction of the known levels, next to the last one, that determine the slope beyond it."""
 SMOOTHING_DEGREE = 5
 """Degree of the polynomial that is subtracted before smoothing."""
 SMOOTHING_LEVELS = 11
@@ -143,7 +143,7 @@ def _smooth_current(force: FloatArray, current: FloatArray) -> FloatArray:
 
 
 def make_rising(table: FloatArray) -> FloatArray:
-    """Return the smallest table above this one that increases everywhere along its rows."""
+    """Return the lowest table that is nowhere below this one and increases along its rows."""
     mean_step = np.ptp(table, axis=1, keepdims=True) / (table.shape[1] - 1)
     min_slope_line = MIN_SLOPE_RATIO * mean_step * np.arange(table.shape[1])
     return np.asarray(np.maximum.accumulate(table - min_slope_line, axis=1) + min_slope_line)
@@ -153,9 +153,9 @@ def make_rising(table: FloatArray) -> FloatArray:
 class Tangent:
     """Linearisation of the surface at an operating point."""
 
-    current: float  # at the operating point, A
-    current_per_force: float  # A/N
-    current_per_gap: float  # at constant force, A/m
+    current: float  # current at the operating point, A
+    current_per_force: float  # slope at constant gap, A/N
+    current_per_gap: float  # slope at constant force, A/m
 
     @property
     def k_i(self) -> float:
@@ -164,7 +164,7 @@ class Tangent:
 
     @property
     def k_s(self) -> float:
-        """Loss of force per opening of the gap at constant current, N/m: -dF/dgap."""
+        """Decrease of the force per increase of the gap at constant current, N/m: -dF/dgap."""
         return self.current_per_gap / self.current_per_force
 
 
@@ -176,7 +176,7 @@ def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Ta
 
 
 def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
-    """Fit both constants of a magnet around an operating point, by least squares."""
+    """Fit the linearised constants of a magnet around an operating point, by least squares."""
     low, high = float(surface.gap[0]), float(surface.gap[-1])
     forces = _symmetric_grid(force, SLOPE_WINDOW_SHARE * force_max, _force_range(surface, force_max))
     gaps = _symmetric_grid(gap, SLOPE_WINDOW_SHARE * (high - low), (low, high))

@@ -26,7 +26,7 @@ MIN_EXPLAINED_VARIANCE = 0.5
 MIN_TURN_BACK_SHARE = 0.2
 """Minimum fall and rise of an output along one branch, as a fraction of its range."""
 MIN_TURN_BACK_SPAN = 0.6
-"""Minimum input range of such a branch, as a fraction of the input range of the loop."""
+"""Minimum input range of a branch that turns back, as a fraction of the input range of the loop."""
 MIN_BIAS_SHARE = 0.04
 """Minimum distance of the force minimum from zero for a bias, as a fraction of the input range."""
 _EDGE_SHARE = 0.06

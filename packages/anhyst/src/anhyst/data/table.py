@@ -144,8 +144,8 @@ def read_columns(
 ) -> DataTable:
     """Read every column of a file or a data frame, such as a drive or a demand.
 
-    With ``has_own_names``, names of columns are not interpreted as words for quantities, because a
-    recording has our names.
+    With ``has_own_names``, column names are not interpreted as words for quantities, because a
+    recording has standard names.
     """
     table = frame_to_table(path) if is_data_frame(path) else open_table(path, min_columns=1)
     headers = map_headers(table, columns or {}, scale, flip or ())
@@ -295,10 +295,8 @@ def list_channels(path: PathLike) -> list[ChannelFigures]:
     for column, (name, unit) in enumerate(zip(table.header, units, strict=True)):
         values = None if column in texts else _read_numbers(table, column)
         samples, rate = _channel_rate(table, column)
-        finite_values = values[np.isfinite(values)] if values is not None else np.empty(0)
-        low, high = (
-            (float(finite_values.min()), float(finite_values.max())) if finite_values.size else (None, None)
-        )
+        finite = values[np.isfinite(values)] if values is not None else np.empty(0)
+        low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
         count = samples if samples is not None else (0 if values is None else values.size)
         channels.append(ChannelFigures(name, unit, count, rate, low, high, roles.get(column, "")))
     return channels
@@ -325,7 +323,7 @@ def find_clocks(table: OpenTable, columns: Sequence[int]) -> set[int]:
 
 
 def _median_even_step(times: FloatArray, max_jitter: float) -> float | None:
-    """Return the median step of increasing times; ``None`` if a step deviates by more."""
+    """Return the median step of increasing times; ``None`` if a step deviates too much."""
     steps = np.diff(times)
     median_step = float(np.median(steps)) if steps.size else 0.0
     return (
@@ -376,7 +374,7 @@ def check_format(path: PathLike) -> None:
 
 
 def check_recording(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
-    """Raise an error if a recording cannot be written, or would replace one of the files ``reads``."""
+    """Raise an error if a recording cannot be written, or would replace a file in ``reads``."""
     check_format(path)
     check_writable(path, reads)
 

@@ -29,7 +29,7 @@ class UsedRows:
     table: OpenTable
     headers: Sequence[Header]
     raw: RawColumns
-    rows: Rows | None  # None: all rows
+    rows: Rows | None  # rows in use; None: all rows
 
     def locate_row(self, row: int) -> str:
         """Return the location of a used row in its file."""

@@ -46,24 +46,24 @@ class Verdict:
     and relative values of the input refer to its largest range.
     """
 
-    level: Level  # ``unknown`` if dynamics cause the loop
+    level: Level  # gain of a model; ``unknown`` if dynamics cause the loop
     width: float  # largest width (input) of all loops
     width_relative: float
     height: float  # largest height (output) of all loops
     height_relative: float
     single_mean: float  # mean deviation from the best monotone curve of each scheduling value
     single_mean_relative: float
-    single_worst: float  # largest deviation from these curves
+    single_worst: float  # largest deviation from the monotone curves
     single_worst_relative: float
     noise_mean: float  # mean deviation that noise alone causes, the lower limit for every model
     noise_relative: float
     # maximum reduction of the mean deviation by a perfect hysteresis model, as a fraction, for
     # averages of samples that still resolve a branch
     gain: float
-    averaged: int  # largest number of samples in such an average
-    band_noise_relative: float  # mean deviation that noise alone causes in them
+    averaged: int  # largest number of samples in an average that resolves a branch
+    band_noise_relative: float  # mean deviation of such averages by noise alone
     dynamics: str  # dynamic effect that causes the loops, such as resonance; empty if none
-    sentences: tuple[str, ...]  # the same in words
+    sentences: tuple[str, ...]  # assessment in words
 
     @property
     def worthwhile(self) -> bool:
@@ -193,17 +193,15 @@ def assess_loops(loopset: Loops) -> Verdict:
 
 def _band_residuals(loop: Loop, residual: FloatArray) -> tuple[float, float, int]:
     """Return the mean residual, the noise and the size of averages that resolve a branch."""
-    block_size = max(int(loop.n / (MIN_SAMPLES_PER_BRANCH * len(find_branches(loop.input))) + 0.5), 1)
-    block_starts = np.arange(0, loop.n - block_size + 1, block_size)
-    residuals, output = (
-        np.add.reduceat(signal, block_starts) / block_size for signal in (residual, loop.output)
-    )
+    size = max(int(loop.n / (MIN_SAMPLES_PER_BRANCH * len(find_branches(loop.input))) + 0.5), 1)
+    starts = np.arange(0, loop.n - size + 1, size)
+    residuals, output = (np.add.reduceat(signal, starts) / size for signal in (residual, loop.output))
     # The last average may have more samples.
-    full_averages = slice(0, -1) if block_size > 1 else slice(None)
+    full_averages = slice(0, -1) if size > 1 else slice(None)
     return (
         float(np.mean(np.abs(residuals[full_averages]))),
         _MEAN_OF_NORMAL * estimate_noise(output[full_averages]),
-        block_size,
+        size,
     )
 
 

@@ -23,9 +23,7 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
         return
     texts = [header.text for header in headers if not header.is_clock]
     repeated_names = [match[1] for text in texts if (match := _REPEATED_NAME.fullmatch(text))]
-    quantities = {
-        column.quantity.name for column in headers if column.text in repeated_names and column.quantity
-    }
+    quantities = {item.quantity.name for item in headers if item.text in repeated_names and item.quantity}
     if len(quantities.intersection((*DRIVE_QUANTITIES, *OUTPUT_MAPS))) > 1:
         raise InputError(
             f"{source}: two tables are side by side: the columns {_quote_names(repeated_names)} are repeated; write "
@@ -42,7 +40,7 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
             groups[name].append(group)
     for alike_names in names_by_pattern.values():
         if len(alike_names) > 1 and not _have_input_and_output(
-            [column for column in headers if column.text not in alike_names]
+            [item for item in headers if item.text not in alike_names]
         ):
             _refuse_side_by_side(
                 source, f"the columns {_quote_names(alike_names)} contain the same quantity at several gaps"

@@ -63,13 +63,11 @@ def find_shared_clock(
 ) -> tuple[Clock, tuple[str, ...]]:
     """Return the finest clock of some channels, limited to their common time range, and notes."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
-    without_clock = [channel for channel in channels if channel.clock is None and channel.length != 1]
-    channel_by_length = {channel.length: channel for channel in (*without_clock, *clocks[:1])}
-    if len(channel_by_length) > 1 or (without_clock and len(clocks) > 1):
+    unclocked = [channel for channel in channels if channel.clock is None and channel.length != 1]
+    channel_by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
+    if len(channel_by_length) > 1 or (unclocked and len(clocks) > 1):
         first_channel, second_channel = (
-            list(channel_by_length.values())[:2]
-            if len(channel_by_length) > 1
-            else (without_clock[0], clocks[1])
+            list(channel_by_length.values())[:2] if len(channel_by_length) > 1 else (unclocked[0], clocks[1])
         )
         raise InputError(
             f"{source}: channels '{first_channel.full_name}' ({first_channel.length} samples) and "
@@ -315,7 +313,7 @@ class ChannelTable:
 
 
 def opener(*packages: str) -> Callable[[Callable[[Path], ChannelFile]], Callable[[Path, int], ChannelTable]]:
-    """Return a decorator that turns a function that finds the channels of a file into an opener.
+    """Return a decorator that makes an opener from a function that finds the channels of a file.
 
     The opener requires ``packages``, reads the file in a separate process first, and requires a
     minimum number of numeric channels.
@@ -347,9 +345,9 @@ def _as_texts(values: Values) -> Texts:
 
 
 MIN_CPU_TIME_S = 30.0
-"""Limit of processor time, plus 1 s for each 4 MB; reading takes about 1 % of it."""
+"""Limit of processor time, s, plus 1 s for each 4 MB; reading takes about 1 % of this limit."""
 _MIN_ADDRESS_SPACE = 4 << 30
-"""Limit of the address space in bytes, plus twice the file; libraries reserve unused space."""
+"""Limit of the address space, bytes, to which twice the file size is added."""
 _EXIT_REFUSED = 2
 _EXIT_OUT_OF_MEMORY = 4
 """Exit codes of the separate process: file refused, memory limit exceeded."""
@@ -389,8 +387,7 @@ def _subprocess_refusal(path: Path, opener: str, _changed: int, size: int) -> tu
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-            # Processor time is limited. This limit of elapsed time is for systems that cannot do
-            # so.
+            # for systems on which the process cannot limit its processor time
             timeout=20.0 * cpu_limit_s,
             check=False,
         )

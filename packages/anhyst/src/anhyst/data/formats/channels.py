@@ -41,7 +41,7 @@ class Channel:
 
     name: str
     length: int  # number of samples
-    key: Any  # reader's key to the samples
+    key: Any  # key with which the reader finds the samples
     unit: str = ""
     group: str = ""
     clock: Channel | None = None  # times of the samples; None if not stated
@@ -54,7 +54,7 @@ class Channel:
 
 
 ReadChannels = Callable[[Path, Sequence[Channel], int | None], list[Values]]
-"""Function that reads channels, whole or a number of first samples: arrays of shape (samples,)."""
+"""Function that reads channels, completely or only their first samples, as arrays of shape (n,)."""
 
 
 def read_samples_in_keys(_path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
@@ -70,7 +70,7 @@ class ChannelFile:
     channels: tuple[Channel, ...]
     read_channels: ReadChannels
     notes: tuple[str, ...] = ()
-    breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()  # as in `RawColumns`
+    breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()  # blocks of rows, as in `RawColumns`
 
     def read(self, requested_channels: Sequence[Channel], count: int | None = None) -> list[Values]:
         """Read channels completely, or only their first samples."""
@@ -156,18 +156,16 @@ def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         if channel.clock is None and not channel.is_text and is_time:
             times.setdefault((channel.group, channel.length), []).append(channel)
     clocks = {index: candidates[0] for index, candidates in times.items() if len(candidates) == 1}
-    new_channels = []
+    clocked = []
     for channel in channels:
         clock = clocks.get((channel.group, channel.length))
         if clock is None or channel.clock is not None:
-            new_channels.append(channel)
+            clocked.append(channel)
         elif channel is not clock:
-            new_channels.append(replace(channel, clock=clock))
+            clocked.append(replace(channel, clock=clock))
     # A clock without channels is an ordinary channel.
-    unused_clocks = [
-        clock for clock in clocks.values() if all(other.clock is not clock for other in new_channels)
-    ]
-    return (*unused_clocks, *new_channels)
+    unused_clocks = [clock for clock in clocks.values() if all(other.clock is not clock for other in clocked)]
+    return (*unused_clocks, *clocked)
 
 
 def decode_texts(values: Values, encoding: str = "utf-8") -> Values:
@@ -205,7 +203,7 @@ def to_plain_values(values: Values) -> Values:
 
 @contextmanager
 def report_damage(path: Path) -> Iterator[None]:
-    """Turn any exception of a library on a damaged file into an `InputError`."""
+    """Convert any exception that a library raises on a damaged file to an `InputError`."""
     log_level = logging.root.manager.disable
     logging.disable(logging.CRITICAL)  # no log messages of libraries about damaged files
     try:

@@ -39,7 +39,7 @@ _MAX_EXPANDED_BYTES = 1 << 29
 _MAX_CELLS = 20_000_000
 _BLOCK_BYTES = 1 << 20
 _OVERLAP_BYTES = 256
-"""Overlap of successive blocks in the search; longer than the start of a cell."""
+"""Overlap of successive blocks, bytes; longer than the tag that begins a cell."""
 _CELL_TAG = re.compile(rb'<c\b[^>]{0,200}?\br="([A-Z]{1,4})([0-9]{1,8})"')
 _ROW_TAG = re.compile(rb'<row\b[^>]{0,200}?\br="([0-9]{1,8})"')
 _SHARED_TEXT = re.compile(rb't="s"')
@@ -113,7 +113,7 @@ class _SizeGuard:
 
 
 class _CellRange:
-    """The smallest rectangle of all cells so far."""
+    """The smallest rectangle that contains all cells that were counted."""
 
     def __init__(self) -> None:
         self.rows = (1 << 30, 0)
@@ -189,7 +189,7 @@ def _is_value(cell: Any) -> bool:
 
 
 def _find_first_data_row(rows: Rows) -> int | None:
-    """Return the index of the first row of values in constant columns, each with a name above."""
+    """Return the first of several rows with values in the same columns, each below a name."""
     for start in range(1, min(_MAX_HEADER_ROW, len(rows) - _MIN_DATA_ROWS + 1)):
         value_columns = [
             {column for column, cell in enumerate(row) if _is_value(cell)}

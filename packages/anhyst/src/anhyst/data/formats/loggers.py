@@ -23,7 +23,7 @@ _TEKTRONIX_SETTINGS = re.compile(
 
 
 def recognise_logger(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
-    """Return the columns of the first recogniser that accepts a file, from line ``first`` on."""
+    """Return the columns of the first recogniser that accepts a file, from ``first_line`` on."""
     for recognise in _RECOGNISERS:
         table = recognise(path, lines, first_line)
         columns = table.columns if table else ()

@@ -48,7 +48,7 @@ class ArrayInFile:
     is_text: ClassVar[bool] = False
 
     def read(self) -> Values:
-        """Return its values in the order of axes of MATLAB."""
+        """Return the values with the axes in MATLAB's order."""
         import h5py
 
         with h5py.File(self.path, "r") as file:
@@ -331,8 +331,7 @@ def _is_structure_array_field(item: Any) -> bool:
 def _as_structure_list(fields: dict[str, Any]) -> list[dict[str, Any]]:
     """Convert fields, each a list of members, to a list of structures."""
     columns = [
-        field if isinstance(field, list) else [str(text) for text in field.values]
-        for field in fields.values()
+        field if isinstance(field, list) else [str(x) for x in field.values] for field in fields.values()
     ]
     return [dict(zip(fields, row, strict=True)) for row in zip(*columns, strict=False)]
 
@@ -345,7 +344,7 @@ def _decode_utf16(item: Any) -> Any:
 
 
 def read_tree(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
-    """Return the variables of a file, and those that are objects of a MATLAB class."""
+    """Return the variables of a file, and name and class of each object of a MATLAB class."""
     import h5py
 
     with h5py.File(path, "r") as file:

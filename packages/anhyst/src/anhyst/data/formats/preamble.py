@@ -199,7 +199,7 @@ _MAX_ROWS_ABOVE = 12
 
 
 def _find_names_row(lines: Lines, first_line: int, run: NumberRun, sign: str | None) -> int | None:
-    """Return the row above a run that names its columns best, the lowest of equal ones."""
+    """Return the row above a run that names its columns best; of equally good rows, the lowest."""
     best_line, best_count = None, -2
     line_above = _find_text_above(lines, first_line, run.start)
     for _ in range(_MAX_ROWS_ABOVE):

@@ -63,10 +63,7 @@ class TextTable(Layout):
         positions = [column.position for column in self.table.columns]
         start, step = self.table.clock
         heads = [
-            [
-                repr(start + n * step) if index is None else row[index] if index < len(row) else ""
-                for index in positions
-            ]
+            [repr(start + n * step) if i is None else row[i] if i < len(row) else "" for i in positions]
             for n, row in enumerate(rows)
         ]
         for n, column in enumerate(self.table.columns):
