@@ -160,7 +160,7 @@ def remove_offset(loopset: Loops) -> Loops:
         loops.append(replace(loop, input=loop.input - input_offset, output=loop.output - output_offset))
         texts.append(f"{output_offset:.3g} {loopset.output.unit} in loop '{loop.label}'")
     return loopset.with_loops(
-        loops, f"offset: {input_offset:.3g} {loopset.input.unit} of the input, output {_join_first(texts)}"
+        loops, f"offset: {input_offset:.3g} {loopset.input.unit} in the input; output: {_join_first(texts)}"
     )
 
 

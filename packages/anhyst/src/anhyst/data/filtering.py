@@ -83,7 +83,7 @@ def average_over_ripple(loopset: Loops) -> Loops:
         return loopset
     more_text = f" and {len(texts) - 2} more" if len(texts) > 2 else ""
     name, output = loopset.input.name, loopset.output.name.replace("_", " ")
-    effect_text = f"the {output} does not ripple, so the loop is that over the mean {name}"
+    effect_text = f"the {output} does not ripple, so the loop is drawn over the mean {name}"
     if is_followed:
         effect_text = (
             f"the {output} ripples too, so the {name} is taken at the edge of its ripple in the "

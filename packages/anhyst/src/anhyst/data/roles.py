@@ -207,7 +207,7 @@ def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output
     ]
     raise InputError(
         f"{source}: '{voltages[0].text}' or '{candidate.text}' may drive '{headers[output_index].text}'; leave "
-        f"one out: the voltage drives: {choices[0]}, or the current drives: {choices[1]}",
+        f"one out: if the voltage drives, {choices[0]}; if the current drives, {choices[1]}",
         code="column-twice",
         key="current",
     )
