@@ -176,7 +176,7 @@ def export_fmu(
     if fmi == "3.0":
         files["sources/buildDescription.xml"] = build_description(c_files)
     files |= {f"sources/{name}": text for name, text in sources.items()}
-    files |= _binaries(sources, fmi, platforms, progress)
+    files |= _compile_binaries(sources, fmi, platforms, progress)
     with tempfile.TemporaryFile() as archive_file:
         with zipfile.ZipFile(archive_file, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, content in files.items():
@@ -238,7 +238,7 @@ def part_of(model: Model | PathLike, of: ExportedPart | None, rate: float | None
     return compensator_part(model, rate, kind or "full")
 
 
-def _binaries(
+def _compile_binaries(
     sources: Mapping[str, bytes], fmi: FmiVersion, platforms: Sequence[str], progress: Progress | None
 ) -> dict[str, bytes]:
     """Compile the sources for each platform; return the binaries by their paths in the FMU."""

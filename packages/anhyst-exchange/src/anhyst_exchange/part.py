@@ -135,9 +135,9 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
         "fmiModelDescription",
         {
             "fmiVersion": version,
-            "modelName": _printable(part.name),
+            "modelName": _to_xml_text(part.name),
             "guid" if is_fmi2 else "instantiationToken": token,
-            "description": _printable(part.text),
+            "description": _to_xml_text(part.text),
             "generationTool": f"anhyst {running_version()}",
             "variableNamingConvention": "flat",
         },
@@ -170,7 +170,7 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
     return _to_xml(root)
 
 
-def _printable(text: str) -> str:
+def _to_xml_text(text: str) -> str:
     """Replace the characters that XML cannot contain."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 

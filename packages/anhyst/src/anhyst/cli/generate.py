@@ -79,7 +79,7 @@ class Verb:
         place: tuple[int, str] = getattr(self.module, "PLACE", (99, "More"))
         return place
 
-    def hook(self, name: str, default: Callable[..., Any]) -> Callable[..., Any]:
+    def module_function(self, name: str, default: Callable[..., Any]) -> Callable[..., Any]:
         """Return a function of the module, or the default if the module does not define it."""
         function: Callable[..., Any] = getattr(self.module, name, default)
         return function
@@ -232,21 +232,21 @@ def _run_verb(verb: Verb, options: dict[str, Any]) -> None:
     options.pop("_verbose", None)
     arguments = _function_arguments(verb, options)
     if not as_json:
-        print_parts(*verb.hook("preview", _no_output)(arguments))
+        print_parts(*verb.module_function("preview", _no_output)(arguments))
     try:
         result = _call_function(verb, arguments)
     except KeyboardInterrupt:
-        if saved_text := "".join(verb.hook("stopped", _no_output)(arguments)):
+        if saved_text := "".join(verb.module_function("stopped", _no_output)(arguments)):
             raise Interrupted(saved_text) from None
         raise
-    warnings = tuple(verb.hook("warnings", lambda of: getattr(of, "warnings", ()))(result))
+    warnings = tuple(verb.module_function("warnings", lambda of: getattr(of, "warnings", ()))(result))
     if as_json:
         for text in warnings:
             print_warning(text)
-        print(json_text(verb.hook("as_json", _result_as_json)(result, arguments)), end="")
+        print(json_text(verb.module_function("as_json", _result_as_json)(result, arguments)), end="")
     else:
-        print_with_warnings(warnings, *verb.hook("show", _show_result)(result, arguments))
-    verb.hook("refuse", _no_output)(result, arguments)
+        print_with_warnings(warnings, *verb.module_function("show", _show_result)(result, arguments))
+    verb.module_function("refuse", _no_output)(result, arguments)
 
 
 def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any]:

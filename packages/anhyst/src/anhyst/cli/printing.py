@@ -84,7 +84,7 @@ class _Column:
         has_numbers = sum(map(bool, map(_NUMBER_PATTERN.match, first_lines))) > len(first_lines) // 2
         self.is_right = has_numbers and not is_first
 
-    def pad(self, text: str) -> str:
+    def pad_text(self, text: str) -> str:
         return text.rjust(self.width) if self.is_right else text.ljust(self.width)
 
 
@@ -94,7 +94,7 @@ def _table_lines(columns: Sequence[_Column]) -> list[str]:
     for cells in zip(*([table_column.head, *table_column.cells] for table_column in columns), strict=True):
         for index in range(max(map(len, cells))):
             padded_cells = (
-                column.pad(cell[index] if index < len(cell) else "")
+                column.pad_text(cell[index] if index < len(cell) else "")
                 for column, cell in zip(columns, cells, strict=True)
             )
             lines.append(_COLUMN_GAP.join(padded_cells).rstrip())

@@ -67,7 +67,7 @@ _HINGE_KNOTS = np.linspace(0.0, 1.0, 8)[1:-1]
 
 
 @dataclass(frozen=True, slots=True)
-class _Tip:
+class _Reversal:
     """A reversal of the input, and the window around it."""
 
     row: int
@@ -77,7 +77,7 @@ class _Tip:
 
 
 @dataclass(frozen=True, slots=True)
-class _Estimate:
+class _DelayEstimate:
     """A delay and its standard error, in samples."""
 
     delay: float
@@ -127,13 +127,13 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     return np.interp(times, time[rows], loop.input[rows]), np.interp(times, time[rows], loop.output[rows])
 
 
-def _search_at_reversals(drive: FloatArray, output: FloatArray, branch_size: float) -> _Estimate | None:
+def _search_at_reversals(drive: FloatArray, output: FloatArray, branch_size: float) -> _DelayEstimate | None:
     """Search the delay around the reversals, first at a coarse sampling rate, then at finer ones."""
     # Near a tip, noise on the input hides which sample is the tip.
     noise_share = 2.0 * estimate_noise(drive) / float(np.ptp(drive))
     min_stride = max(1, round((noise_share * branch_size) ** (2.0 / 3.0)))
     stride = max(min_stride, round(branch_size / _COARSE_BRANCH_SAMPLES))
-    best_estimate: _Estimate | None = None
+    best_estimate: _DelayEstimate | None = None
     delays: NDArray[np.intp] | None = None
     while True:
         shift = 0 if best_estimate is None else round(best_estimate.delay)
@@ -143,7 +143,7 @@ def _search_at_reversals(drive: FloatArray, output: FloatArray, branch_size: flo
         estimate = _estimate_in_windows(*coarse_record, delays, _MIN_ERROR_SAMPLES[stride > 1])
         if estimate is None:
             return best_estimate
-        estimate = _Estimate(shift + stride * estimate.delay, stride * estimate.error)
+        estimate = _DelayEstimate(shift + stride * estimate.delay, stride * estimate.error)
         if best_estimate is not None:
             delay_change = abs(estimate.delay - best_estimate.delay)
             if estimate.error > best_estimate.error or delay_change > _MIN_DELAY_SIGMAS * best_estimate.error:
@@ -167,7 +167,7 @@ def _average_blocks(
     )
 
 
-def _find_tips(drive: FloatArray, output: FloatArray, divisor: int) -> list[_Tip]:
+def _find_tips(drive: FloatArray, output: FloatArray, divisor: int) -> list[_Reversal]:
     """Find the reversals of an input, and whether the output has a maximum or a minimum there."""
     tips = []
     for branch, next_branch in itertools.pairwise(find_branches(drive)[: _MAX_TIPS + 1]):
@@ -176,7 +176,7 @@ def _find_tips(drive: FloatArray, output: FloatArray, divisor: int) -> list[_Tip
         offset = branch_size // 3
         curvature_sign = float(np.sign(2.0 * output[row] - output[row - offset] - output[row + offset]))
         if width >= _MIN_WINDOW_SAMPLES and curvature_sign != 0.0:
-            tips.append(_Tip(row, width, 1.0 if branch.is_rising else -1.0, curvature_sign))
+            tips.append(_Reversal(row, width, 1.0 if branch.is_rising else -1.0, curvature_sign))
     return tips
 
 
@@ -200,7 +200,7 @@ def _candidate_delays(drive: FloatArray, output: FloatArray, max_delay: int) -> 
 
 def _estimate_in_windows(
     drive: FloatArray, output: FloatArray, delays: NDArray[np.intp], min_error: float
-) -> _Estimate | None:
+) -> _DelayEstimate | None:
     """Return the delay on which two windows agree; ``None`` if a window has none in its range."""
     estimates = []
     for divisor in _WINDOW_DIVISORS:
@@ -220,11 +220,11 @@ def _estimate_in_windows(
         estimates.append(estimate)
     best_estimate = min(estimates, key=lambda candidate: candidate.error)
     half_difference = 0.5 * abs(estimates[0].delay - estimates[1].delay)
-    return _Estimate(best_estimate.delay, max(best_estimate.error, half_difference, min_error))
+    return _DelayEstimate(best_estimate.delay, max(best_estimate.error, half_difference, min_error))
 
 
 def _misfit_by_delay(
-    drive: FloatArray, output: FloatArray, tip: _Tip, delays: NDArray[np.intp]
+    drive: FloatArray, output: FloatArray, tip: _Reversal, delays: NDArray[np.intp]
 ) -> FloatArray:
     """Return the sum of squared deviations around a reversal, for each delay."""
     from scipy.optimize import nnls  # slow to load, and needed by `inspect` only
@@ -246,7 +246,9 @@ def _misfit_by_delay(
     return np.array([nnls(ramps, output_fall)[1] ** 2 for output_fall in output_falls.T])
 
 
-def _most_probable_delay(misfits: FloatArray, delays: NDArray[np.intp], sigma2: float) -> _Estimate | None:
+def _most_probable_delay(
+    misfits: FloatArray, delays: NDArray[np.intp], sigma2: float
+) -> _DelayEstimate | None:
     """Return the probability-weighted mean of the delays, and its standard error."""
     total_misfit = misfits.sum(axis=0)
     weights = np.exp(-0.5 * (total_misfit - total_misfit.min()) / sigma2)
@@ -264,7 +266,7 @@ def _most_probable_delay(misfits: FloatArray, delays: NDArray[np.intp], sigma2: 
     delay_by_tip = np.array([delays[np.argmin(total_misfit - misfit)] for misfit in misfits])
     if np.ptp(delay_by_tip) > 1:
         standard_error = max(standard_error, float((len(misfits) - 1) * np.var(delay_by_tip)) ** 0.5)
-    return _Estimate(delay, standard_error)
+    return _DelayEstimate(delay, standard_error)
 
 
 def _search_along_path(

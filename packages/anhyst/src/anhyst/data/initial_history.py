@@ -218,7 +218,9 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
     if float(growth.max()) < 4.0 * closing_error:
         return True  # such a remanence hides all other effects
     input_at_1, input_at_4 = (float(rise[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0))
-    difference = float(_interpolate(fall, np.array([input_at_4]))[0] - loop.output[0]) - 4.0 * closing_error
+    difference = (
+        float(_interpolate_curve(fall, np.array([input_at_4]))[0] - loop.output[0]) - 4.0 * closing_error
+    )
     start = float(loop.input[0])
     return difference >= 5.0 * closing_error and abs(input_at_4 - start) <= 2.4 * abs(input_at_1 - start)
 
@@ -297,7 +299,7 @@ def _estimate_drift(
     inputs, output = first_curve[0][is_in_range], first_curve[1][is_in_range]
     if inputs.size < _MIN_SAMPLES:
         return 0.0, _output_scatter(rise[1], span, sigma)
-    difference = _interpolate(second_curve, inputs) - output
+    difference = _interpolate_curve(second_curve, inputs) - output
     error = _output_scatter(output, span, sigma) * (2.0 / inputs.size) ** 0.5
     # A difference that varies along the curve is not drift.
     unevenness = float(np.std([part.mean() for part in np.array_split(difference, _MIN_SAMPLES)]))
@@ -311,8 +313,8 @@ def _compare_parts(
     inputs, output = rise
     share = (inputs - inputs[0]) / span
     difference, height = (
-        _interpolate(later_rise, inputs) - output,
-        _interpolate(fall, inputs) - _interpolate(later_rise, inputs),
+        _interpolate_curve(later_rise, inputs) - output,
+        _interpolate_curve(fall, inputs) - _interpolate_curve(later_rise, inputs),
     )
     comparisons = []
     for part in _FIRST_RISE_PARTS:
@@ -333,7 +335,7 @@ def _output_scatter(output: FloatArray, span: float, sigma: _Sigma) -> float:
     return float(np.hypot(sigma[1], float(np.ptp(output)) / span * sigma[0]))
 
 
-def _interpolate(curve: _Curve, inputs: FloatArray) -> FloatArray:
+def _interpolate_curve(curve: _Curve, inputs: FloatArray) -> FloatArray:
     sorted_rows = np.argsort(curve[0], kind="stable")
     return np.interp(inputs, curve[0][sorted_rows], curve[1][sorted_rows])
 

@@ -108,7 +108,7 @@ class Inspection(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return all results for JSON, with units in the keys (``width_A``, ``noise_N``, ...)."""
-        units = self._units()
+        units = self._unit_suffixes()
         return {
             "input": self.input.column,
             "output": self.output.column,
@@ -156,7 +156,7 @@ class Inspection(Result):
         ax.set_xlabel("loop")
         ax.set_ylabel(label)
 
-    def _units(self) -> dict[str, str]:
+    def _unit_suffixes(self) -> dict[str, str]:
         """Return the unit suffix of each value that has a unit."""
         drive, output = _unit_suffix(self.input), _unit_suffix(self.output)
         units = dict.fromkeys(("input_low", "input_high", "input_offset", "width"), drive)
@@ -184,7 +184,7 @@ def inspect(loops: Loops) -> Inspection:
         for loop, proposal, width_and_height in zip(loops.loops, proposals, widths_and_heights, strict=True)
     )
     bias_text = describe_bias(loops)
-    warnings += _warnings(loops, figures)
+    warnings += _find_warnings(loops, figures)
     return Inspection(
         loops.input,
         loops.output,
@@ -239,7 +239,7 @@ def _inspect_loop(
     )
 
 
-def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
+def _find_warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
     warnings = []
     for loop, figure in zip(loopset.loops, figures, strict=True):
         name = loopset.describe(loop)

@@ -63,14 +63,14 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
                 code="quantities-differ",
             )
     notes = [note for part in parts for note in part.notes]
-    entries: list[_Entry] = []
+    entries: list[_JoinedLoop] = []
     values: list[float] = []
-    by_fingerprint: defaultdict[tuple[float, ...], list[_Entry]] = defaultdict(list)
+    by_fingerprint: defaultdict[tuple[float, ...], list[_JoinedLoop]] = defaultdict(list)
     for part in parts:
         for loop in part.loops:
             snapped_loop = _snap_schedule(loop, values)
-            entry = _Entry(snapped_loop, snapped_loop.schedule_value, part)
-            candidates = by_fingerprint[_fingerprint(snapped_loop)] if entry.is_identifiable else []
+            entry = _JoinedLoop(snapped_loop, snapped_loop.schedule_value, part)
+            candidates = by_fingerprint[_loop_fingerprint(snapped_loop)] if entry.is_identifiable else []
             twin_source = next(filter(None, (_find_twin(entry, other) for other in candidates)), None)
             if twin_source is None:
                 candidates.append(entry)
@@ -90,7 +90,7 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
 
 
 @dataclass(frozen=True, slots=True)
-class _Entry:
+class _JoinedLoop:
     """A loop of the joined set, its scheduling value, and its source."""
 
     loop: Loop
@@ -103,9 +103,9 @@ class _Entry:
         return self.loop.schedule is None or self.schedule_value is not None
 
 
-def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
+def _make_labels_unique(entries: Sequence[_JoinedLoop]) -> tuple[Loop, ...]:
     """Return the loops with labels that are unique at each scheduling value."""
-    entries_by_label: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
+    entries_by_label: defaultdict[tuple[str, float | None], list[_JoinedLoop]] = defaultdict(list)
     for entry in entries:
         if entry.is_identifiable:
             entries_by_label[entry.loop.label, entry.schedule_value].append(entry)
@@ -136,7 +136,7 @@ def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
     return loop
 
 
-def _unique_label(entry: _Entry, first_entry: _Entry, name: str) -> str:
+def _unique_label(entry: _JoinedLoop, first_entry: _JoinedLoop, name: str) -> str:
     """Return a label with the name of the file; raise an error for equal labels without a gap."""
     if not entry.part.is_labelled:
         return name
@@ -151,7 +151,7 @@ def _unique_label(entry: _Entry, first_entry: _Entry, name: str) -> str:
     return f"{name} {entry.loop.label}"
 
 
-def _find_twin(entry: _Entry, earlier_entry: _Entry) -> str | None:
+def _find_twin(entry: _JoinedLoop, earlier_entry: _JoinedLoop) -> str | None:
     """Return the other file that contains the same data; raise an error if its gap differs."""
     later_loop, earlier_loop = entry.loop, earlier_entry.loop
     if not (
@@ -168,7 +168,7 @@ def _find_twin(entry: _Entry, earlier_entry: _Entry) -> str | None:
     return earlier_entry.part.source_name if entry.part is not earlier_entry.part else None
 
 
-def _fingerprint(loop: Loop) -> tuple[float, ...]:
+def _loop_fingerprint(loop: Loop) -> tuple[float, ...]:
     """Return the length and four samples of a loop as a key for quick comparison."""
     sample_rows = [0, loop.n // 3, loop.n // 2, loop.n - 1]
     return (float(loop.n), *loop.input[sample_rows].tolist(), *loop.output[sample_rows].tolist())

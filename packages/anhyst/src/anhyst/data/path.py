@@ -192,12 +192,12 @@ def thin_rows(drive: FloatArray, max_samples: int, output: FloatArray | None = N
     """
     if drive.size <= max_samples:
         return np.arange(drive.size)
-    nearest_rows = _spread_evenly(_travel(drive), max_samples)
+    nearest_rows = _spread_evenly(_cumulative_travel(drive), max_samples)
     rows = np.union1d(nearest_rows, find_turning_points(drive))
     steps = np.zeros(1) if output is None else np.abs(np.diff(output[rows]))
     if output is None or steps.max() <= _MAX_STEP_SHARE * np.ptp(output):
         return rows
-    step_parts, output_travel = np.ceil(steps / steps.mean()).astype(np.intp), _travel(output)
+    step_parts, output_travel = np.ceil(steps / steps.mean()).astype(np.intp), _cumulative_travel(output)
     extra_rows = [
         rows[index] + _spread_evenly(output_travel[rows[index] : rows[index + 1] + 1], step_parts[index] + 1)
         for index in np.flatnonzero(step_parts > 1)
@@ -205,7 +205,7 @@ def thin_rows(drive: FloatArray, max_samples: int, output: FloatArray | None = N
     return np.unique(np.concatenate([rows, *extra_rows]))
 
 
-def _travel(values: FloatArray) -> FloatArray:
+def _cumulative_travel(values: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
 
 

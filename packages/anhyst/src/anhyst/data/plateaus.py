@@ -86,7 +86,7 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
     return Plateaus(
         rows,
         np.array(levels)[plateau_of_row[rows]],
-        _describe(plateaus, levels, values.size - rows.size, quantity),
+        _describe_plateaus(plateaus, levels, values.size - rows.size, quantity),
     )
 
 
@@ -171,7 +171,9 @@ def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.int
     return plateau_of_row
 
 
-def _describe(plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity) -> str:
+def _describe_plateaus(
+    plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity
+) -> str:
     scatter = max(plateau.sigma for plateau in plateaus)
     texts = (quantity.show(level).removeprefix(quantity.name) for level in levels)
     value_texts = list(dict.fromkeys(texts))

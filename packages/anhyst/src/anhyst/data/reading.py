@@ -68,7 +68,7 @@ _DEFAULT_LABEL = "1"
 
 
 @dataclass(frozen=True, slots=True)
-class _Columns:
+class _SourceColumns:
     """Columns of one source in SI units, before they are split into loops.
 
     ``locate_row`` returns the location of a row in its file as text.
@@ -250,7 +250,7 @@ def _read_table(
     labels = _row_labels(used, roles, name, drive.size) if blocks is None else blocks.labels
     has_times = roles.time is not None and headers[roles.time].unit is not None
     time = None if roles.time is None else used.si_values(roles.time)
-    columns = _Columns(source_name, drive, output, schedule, time, has_times, labels, used.locate_row)
+    columns = _SourceColumns(source_name, drive, output, schedule, time, has_times, labels, used.locate_row)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
     part = _cut_into_loops(
         columns, headers, roles, description, source, [*raw.notes, *remarks, *schedule_notes]
@@ -371,7 +371,7 @@ def _is_same_value(text: str, value: str | float) -> bool:
 
 
 def _cut_into_loops(
-    columns: _Columns,
+    columns: _SourceColumns,
     headers: Sequence[Header],
     roles: Roles,
     description: FileDescription,
@@ -450,7 +450,7 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
     return completed_loops
 
 
-def _group_rows(columns: _Columns) -> list[Rows]:
+def _group_rows(columns: _SourceColumns) -> list[Rows]:
     blocks: list[Rows] = []
     for rows in columns.labels.rows_by_text():
         if columns.schedule is None:
@@ -467,7 +467,7 @@ def _group_rows(columns: _Columns) -> list[Rows]:
     return blocks
 
 
-def _split_by_schedule(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
+def _split_by_schedule(columns: _SourceColumns, values: FloatArray, rows: Rows) -> list[Rows]:
     """Split rows of one label at steps of the scheduling value, unless it varies continuously."""
     steps = np.flatnonzero(np.diff(values) != 0.0) + 1
     run_count = steps.size + 1
@@ -500,7 +500,7 @@ def _split_by_schedule(columns: _Columns, values: FloatArray, rows: Rows) -> lis
     return [rows]
 
 
-def _make_loop(columns: _Columns, rows: Rows) -> Loop:
+def _make_loop(columns: _SourceColumns, rows: Rows) -> Loop:
     """Return one loop without its history."""
     label = columns.labels.values[columns.labels.codes[rows[0]]]
 

@@ -270,7 +270,7 @@ class CellProblem:
             for loop in self.loopset.loops:
                 drive = loop.input
                 if lag and loop.time is not None:
-                    drive = Dynamics(lag).delayed(drive, loop.time)
+                    drive = Dynamics(lag).delay_record(drive, loop.time)
                 # Cells start in the middle.
                 path = _input_before(loop.history, drive) - middles
                 path = np.concatenate([np.zeros_like(middles), path], axis=1)
@@ -364,7 +364,7 @@ class CellProblem:
             for time in creep_times:
                 dynamics, start = Dynamics(0.0, (time,), (1.0,)), np.array([rest_output])
                 if loop.history.kind == "settled":
-                    start = dynamics.settled_slow_parts(output, loop.time, is_flux_known=True)
+                    start = dynamics.settled_creep(output, loop.time, is_flux_known=True)
                 columns.append(dynamics.apply_creep(output, loop.time, start, is_flux_known=True)[0] - output)
             responses.append(np.stack(columns, axis=1))
         return responses

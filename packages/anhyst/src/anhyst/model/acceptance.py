@@ -1,7 +1,7 @@
-"""Test the plausibility of a model: the force rises with a closing gap and with a rising current.
+"""Test the plausibility of a model: the force rises as the gap closes and as the current rises.
 
-The first test is the paper's (II.C), at any fixed current. The second test applies at any fixed
-gap, from the demagnetised state and from remanence.
+The first test is that of the paper (II.C), at any fixed current. The second test applies at any
+fixed gap, from the demagnetised state and from remanence.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ GAPS_PER_INTERVAL = 20
 DRIVES_PER_BRANCH = 100
 
 MAX_OUTPUT_FALL = 1e-4
-"""Largest fall of the output, relative to the largest output, that counts as none. It is a tenth of
-the resolution of the best force sensors, and far above rounding errors."""
+"""Largest fall of the output, relative to the largest output, that is ignored. It is a tenth of the
+resolution of the best force sensors, and far above rounding errors."""
 
 MAX_SENSOR_OFFSET = 0.02
-"""Largest plausible offset of a sensor, relative to the range. Differences of the offsets between
-gaps up to this size are not a property of the magnet; beyond it, they are a fault of the model."""
+"""Largest plausible offset of a sensor, relative to the range. If the offsets of two gaps differ by
+less, the sensor can be the cause. A larger difference is a fault of the model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class DriveCheck:
     fall: float
     at_drive: float  # drive at the largest fall, in units of the input
     where: str  # gap and initial state, in words
-    failure: str = ""  # reason why it could not be computed; empty if it could
+    failure: str = ""  # reason why the output could not be computed; empty if it could
 
     @property
     def passed(self) -> bool:
@@ -109,9 +109,9 @@ class DriveCheck:
 def check_over_drive(model: ModelData) -> DriveCheck | None:
     """Test that the force never falls as the drive rises from rest, at any fixed gap.
 
-    The test starts from the demagnetised state and from remanence after the largest drive, and uses
-    100 drives up to the largest measured one, at each node and half-way between nodes. Rest is the
-    sensor reading at zero drive, but at most :data:`MAX_SENSOR_OFFSET` of the largest drive.
+    The test starts from the demagnetised state and from remanence after the largest drive. It uses
+    100 drives up to the largest measured drive, at each node and half-way between nodes. Rest is
+    the sensor reading at zero drive, but at most :data:`MAX_SENSOR_OFFSET` of the largest drive.
     """
     if not output_map(model.output).is_even or model.valid is None:
         return None
@@ -153,18 +153,18 @@ class Acceptance:
     over_gap: GapCheck | None
     over_drive: DriveCheck | None
 
-    def _checks(self) -> list[GapCheck | DriveCheck]:
+    def _applicable_checks(self) -> list[GapCheck | DriveCheck]:
         return [check for check in (self.over_gap, self.over_drive) if check is not None]
 
     @property
     def passed(self) -> bool | None:
         """Whether all applicable tests have passed; None if none applies."""
-        checks = self._checks()
+        checks = self._applicable_checks()
         return all(check.passed for check in checks) if checks else None
 
     def text(self, unit: str) -> str:
-        """Return the failed tests or, if none failed, the passed ones; ``unit`` is the drive's."""
-        checks = self._checks()
+        """Return the failed tests, otherwise the passed ones; ``unit`` is the unit of the drive."""
+        checks = self._applicable_checks()
         failed = [check for check in checks if not check.passed]
         return "; ".join(check.text(unit) for check in failed or checks)
 
@@ -238,14 +238,14 @@ def _largest_drive(model: ModelData) -> float:
 
 
 def _rest_drive(model: ModelData, max_share: float = 0.5) -> float:
-    """Return the smallest drive that is nowhere negative, at most `max_share` of the largest drive."""
+    """Return the largest input offset of all nodes, from 0 to `max_share` of the largest drive."""
     largest_drive = _largest_drive(model)
     offset_ratios = np.atleast_1d(model.parameters["in_0"]) / largest_drive
     return largest_drive * float(np.clip(offset_ratios.max(), 0.0, max_share))
 
 
 def _falls_as_gap_closes(output: FloatArray, offset: FloatArray) -> FloatArray:
-    """Return how far the output is below that of any wider gap, relative to the largest output."""
+    """Return the fall of the output below that of any wider gap, relative to the largest output."""
     smallest_output = np.finfo(np.float64).tiny
     largest_output = float(np.fmax.reduce(np.abs(output), axis=None, initial=smallest_output))
     max_offset = MAX_SENSOR_OFFSET * largest_output

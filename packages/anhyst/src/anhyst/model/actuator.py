@@ -88,7 +88,7 @@ class Model(Result, ModelData):
         history: HistoryLike | None = None,
     ) -> Prediction:
         """Compute the output for a drive."""
-        return self._run("drive", drive, schedule, time, history)
+        return self._run_record("drive", drive, schedule, time, history)
 
     def invert(
         self,
@@ -102,9 +102,9 @@ class Model(Result, ModelData):
         The drive for a force is unipolar. A sample without a solution is flagged
         (:meth:`.Circuit.flux_density`).
         """
-        return self._run("demand", demand, schedule, time, history)
+        return self._run_record("demand", demand, schedule, time, history)
 
-    def _run(
+    def _run_record(
         self,
         kind: InputKind,
         values: ArrayLike,
@@ -136,8 +136,8 @@ class Model(Result, ModelData):
     def settled_loop(self, schedule: float | None, samples: int) -> tuple[FloatArray, FloatArray]:
         """Return drive and output of the steady-state loop over the valid range, ascending first.
 
-        Each branch has `samples` samples. A rate-dependent model is cycled in :data:`CYCLE_S`. A
-        model without a valid range raises `InputError`.
+        Each branch has `samples` samples. A cycle of a rate-dependent model takes :data:`CYCLE_S`.
+        A model without a valid range raises `InputError`.
         """
         ascending = np.linspace(*self.valid_range.input, samples)
         drive = np.concatenate([ascending, ascending[::-1]])
@@ -292,7 +292,7 @@ def require_core(model: Model, at: float) -> None:
 
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:
-    """Return ``1 + w*S``: the smallest slope of drive over field, relative to that without iron."""
+    """Return ``1 + w*S``: the smallest slope of drive over field, relative to no iron."""
     slope_function = model.operator_law.least_slope
     assert slope_function is not None
     return slope_function(model.parameters_at(float(at[0])), model.interpolate_parameter("rho", at))

@@ -116,14 +116,14 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
                 f"{second_quantity.column}",
                 code="quantities-differ",
             )
-    settings = _find_changes(_settings(first), _settings(second))
+    settings = _find_changes(_compared_settings(first), _compared_settings(second))
     parameters = _find_changes(first.parameters, second.parameters)
     try:
         drive = _common_range([model.valid.input for model in (first, second) if model.valid])
         gaps = _common_schedule(first, second)
     except InputError as error:
         return ModelDiff(settings, parameters, None, (), None, None, str(error))
-    loops = tuple(_compare(first, second, drive, gap) for gap in gaps)
+    loops = tuple(_compare_loops(first, second, drive, gap) for gap in gaps)
     mean = float(np.mean([loop.mean for loop in loops]))
     return ModelDiff(settings, parameters, drive, loops, mean, max(loop.worst for loop in loops))
 
@@ -137,7 +137,7 @@ def _find_changes(first: Mapping[str, Value], second: Mapping[str, Value]) -> tu
     )
 
 
-def _settings(model: Model) -> dict[str, Value]:
+def _compared_settings(model: Model) -> dict[str, Value]:
     schedule, valid_range = model.schedule, model.valid
     return {
         "law": model.law,
@@ -181,7 +181,7 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     return sorted([*common_nodes.tolist(), *(0.5 * (common_nodes[1:] + common_nodes[:-1])).tolist()])
 
 
-def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
+def _compare_loops(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
     ascending = np.linspace(*drive, DRIVES_PER_BRANCH)
     cycle = np.concatenate([ascending, ascending[-2::-1]])
     times = slow_times(cycle.size)

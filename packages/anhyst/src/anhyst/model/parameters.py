@@ -132,8 +132,8 @@ class Circuit:
     def flux_density(self, demand: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Convert a demanded output to flux density, T; also return whether it is reachable.
 
-        An even output has two solutions; the positive one is used. Below ``out_0``, it has none:
-        the flux density is then zero and the flag False.
+        An even output has two solutions; the positive one is used. A demand below ``out_0`` has no
+        solution: the flux density is then zero and the flag False.
         """
         flux_power = (demand - self.out_0) / self.c_out
         if not self.output_map.is_even:

@@ -25,8 +25,8 @@ NOT_CONVERGED = -5
 NOT_SETTLED = -6  # the computation ended without a solution
 
 MIN_RUN_SAMPLES = 8
-"""Minimum number of samples at each scheduling value of a run. A shorter run at one value is
-treated as a moving schedule."""
+"""Minimum number of samples at each scheduling value of a run. If a run at one value is shorter,
+the schedule counts as moving."""
 
 _Step = Callable[
     [FloatArray, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray, int, int]
@@ -153,26 +153,26 @@ def _run_with_dynamics(
     time: FloatArray,
     initial_history: History,
 ) -> Prediction:
-    """Compute a record with lag and creep. For a demand, the drive is advanced by the lag."""
-    dynamics, schedule_values = model.dynamics, None
+    """Compute a record with lag and creep. For a demand, the lag advances the drive in time."""
+    dynamics, schedules = model.dynamics, None
     assert dynamics is not None
     if schedule is not None:
-        schedule_values = as_samples(schedule, "schedule", inputs.size)
+        schedules = as_samples(schedule, "schedule", inputs.size)
 
     def convert_creep(flux: FloatArray) -> FloatArray:
-        """Return the output with creep for a drive, without it for a demand."""
+        """Return the output with creep for a drive, or without creep for a demand."""
         if initial_history.kind == "settled":
-            slow_parts = dynamics.settled_slow_parts(flux, time, is_flux_known=kind == "drive")
+            creep_state = dynamics.settled_creep(flux, time, is_flux_known=kind == "drive")
         else:  # after a long time at rest
-            slow_parts = np.full(len(dynamics.times), _flux_at_rest(model, schedule_values, initial_history))
-        output_with_creep, _, _ = dynamics.apply_creep(flux, time, slow_parts, is_flux_known=kind == "drive")
-        return model.circuit(schedule_values, np.zeros(inputs.size)).output(output_with_creep)
+            creep_state = np.full(len(dynamics.times), _flux_at_rest(model, schedules, initial_history))
+        output_with_creep, _, _ = dynamics.apply_creep(flux, time, creep_state, is_flux_known=kind == "drive")
+        return model.circuit(schedules, np.zeros(inputs.size)).output(output_with_creep)
 
     fast_inputs, reachable = inputs, np.ones(inputs.size, dtype=np.bool_)
     if kind == "drive":
-        fast_inputs = dynamics.delayed(inputs, time)
+        fast_inputs = dynamics.delay_record(inputs, time)
     elif dynamics.times:
-        flux, reachable = model.circuit(schedule_values, np.zeros(inputs.size)).flux_density(inputs)
+        flux, reachable = model.circuit(schedules, np.zeros(inputs.size)).flux_density(inputs)
         fast_inputs = convert_creep(flux)
     run = _run_without_dynamics(model, kind, fast_inputs, schedule, time, initial_history)
     drive, output = inputs, run.output
@@ -181,7 +181,7 @@ def _run_with_dynamics(
         drive, output = np.interp(time + dynamics.lag, time, run.drive), inputs
     elif dynamics.times:
         output = convert_creep(run.flux_density)
-    valid, flags = flag_samples(model, kind, drive, output, schedule_values, reachable & run.reachable)
+    valid, flags = flag_samples(model, kind, drive, output, schedules, reachable & run.reachable)
     return replace(run, drive=drive, output=output, valid=valid, flags=flags)
 
 
@@ -214,7 +214,7 @@ def slow_times(size: int) -> FloatArray:
 
 
 def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[FloatArray, int]:
-    """Compute one uninterrupted part; return the final state and the number of cycles."""
+    """Compute an uninterrupted part of a record; return the final state and number of cycles."""
     start = None if record.schedule is None else float(record.schedule[run.start])
     iron = record.model.iron_at(start)
     if record.rate is not None:
@@ -227,7 +227,7 @@ def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[Floa
     if history.kind == "settled":
         state, cycles = _settle(iron, record, run, state)
     is_prediction = record.kind == "drive"
-    run_core = _step(iron, record.kind)
+    run_core = _core_function(iron, record.kind)
     # The circuit of a long record is computed in pieces to save memory.
     for first_row in range(run.start, run.stop, PIECE_SAMPLES):
         rows = slice(first_row, min(first_row + PIECE_SAMPLES, run.stop))
@@ -260,13 +260,13 @@ def initial_state(
     return state_after
 
 
-def _step(iron: IronOperator, kind: InputKind) -> _Step:
+def _core_function(iron: IronOperator, kind: InputKind) -> _Step:
     step: _Step = iron.forward if kind == "drive" else iron.inverse
     return step
 
 
 def _settle(iron: IronOperator, record: _RecordRun, run: slice, start: FloatArray) -> tuple[FloatArray, int]:
-    """Repeat a cycle until the state returns; also return the number of cycles."""
+    """Repeat a cycle until its state returns; also return the number of cycles."""
     kind, circuit = record.kind, record.circuit(run)
     core_inputs = (record.core_input(run, circuit), circuit.rho, circuit.eddy)
     state, cycles, status = iron.settle(*core_inputs, start, kind == "demand", MAX_CYCLES, CYCLE_TOLERANCE)
@@ -277,7 +277,7 @@ def _settle(iron: IronOperator, record: _RecordRun, run: slice, start: FloatArra
             code="cycle-does-not-close",
         )
     if status != OK:  # once more, to find the sample
-        *_, second_status, index = _step(iron, kind)(*core_inputs, start)
+        *_, second_status, index = _core_function(iron, kind)(*core_inputs, start)
         check_status(second_status or status, kind, run.start + index, record.inputs)
     return state, cycles
 

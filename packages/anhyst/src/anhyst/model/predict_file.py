@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 Rows = NDArray[np.intp]
 Direction = Literal["predict", "invert"]
 INPUT_KINDS: Mapping[Direction, InputKind] = {"predict": "drive", "invert": "demand"}
-"""Input of the two commands, as their argument is named."""
+"""Input of the commands predict and invert, as their argument is named."""
 _SOURCE_KINDS = "a file, Loops, a data frame or a dict of arrays"
 
 
@@ -142,7 +142,7 @@ def run_file(
     range of the model, 0 outside) are added. Each loop of the column ``loop`` is a separate run, at
     each value of the scheduling variable. A file without that column is one run, except with the
     history ``settled``: then each part at one scheduling value is a cycle. If times and measured
-    output show that cycles were run one after the other, each keeps the history of those before.
+    output show that cycles were run one after the other, each cycle keeps the history of the earlier ones.
     """
     if isinstance(source, Loops):
         source = source.to_columns()
@@ -171,7 +171,7 @@ def run_file(
         low=float(computed_values.min()),
         high=float(computed_values.max()),
         outside=int((~is_valid).sum()),
-        deviation=_deviation(table, computed_quantity, computed_values, runs),
+        deviation=_compute_deviation(table, computed_quantity, computed_values, runs),
         warnings=tuple(map(word_for_reader, warnings)),
         columns=computed,
     )
@@ -219,13 +219,11 @@ def _compute_runs(
     drive, output = (values, computed_values) if is_prediction else (computed_values, values)
     valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
     count = len(runs)
-    note_lines = [
-        text if count == 1 else f"{text} ({affected} of {count} runs)" for text, affected in notes.items()
-    ]
-    note_lines += (
+    lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
+    lines += (
         [NESTED_LOOPS_NOTE] if any(history_before != histories[0] for history_before in histories) else []
     )
-    return computed_values, valid, runs, (*flags, *note_lines)
+    return computed_values, valid, runs, (*flags, *lines)
 
 
 def _find_histories(
@@ -277,7 +275,7 @@ def _read_measured(table: DataTable, name: str) -> FloatArray | None:
 
 
 def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) -> list[Rows]:
-    """Return the rows of each run, in their order."""
+    """Return the rows of each run, in the order of the file."""
     for header, column in zip(table.headers, table.columns, strict=True):
         if header.is_label and isinstance(column, Texts):
             return [run for rows in column.rows_by_text() for run in _split_by_schedule(schedule, rows)]
@@ -286,7 +284,7 @@ def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) 
 
 
 def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
-    """Split rows at steps of the scheduling variable; if it moves, they stay together."""
+    """Split rows at steps of the scheduling variable; if it moves, the rows stay together."""
     if schedule is None:
         return [rows]
     steps = np.flatnonzero(np.diff(schedule[rows])) + 1
@@ -312,7 +310,7 @@ def _add_computed_columns(
     return name, columns | {name: computed_quantity, flag_name: valid}
 
 
-def _deviation(
+def _compute_deviation(
     table: DataTable, quantity: Quantity, predicted_values: FloatArray, runs: list[Rows]
 ) -> Deviation | None:
     measured_values = _read_measured(table, _column_name(table, quantity))

@@ -27,7 +27,7 @@ InputKind = Literal["drive", "demand"]
 GIVEN_MARGIN = 1e-9
 COMPUTED_MARGIN = 0.02
 """Margins beyond the valid range within which given and computed values count as inside, relative
-to the range. The model of the largest measured loop does not end exactly at its largest sample."""
+to the range. The modelled loop ends near the largest measured sample, but not exactly there."""
 UNIT_ERROR_RATIO = 20.0
 """Ratio to the largest value of a model above which a value probably has a wrong unit."""
 
@@ -81,7 +81,7 @@ def flag_samples(
 def describe_far_value(
     quantity: Quantity | None, values: FloatArray | None, limits: tuple[float, float] | None
 ) -> str:
-    """Describe how far values are outside a range; empty if the distance is plausible."""
+    """Describe by how much values are outside a range; empty if the distance is plausible."""
     if quantity is None or values is None or limits is None or quantity.unit == "degC":
         return ""
     name, unit = quantity.name.replace("_", " "), quantity.unit

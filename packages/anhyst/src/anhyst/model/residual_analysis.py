@@ -35,7 +35,7 @@ NEGLIGIBLE_DEVIATION = 1e-4
 
 MAX_NOISE_PEAK_RATIO = 8.0
 """Largest deviation that noise may reach, as a multiple of its rms. Normal noise of 1e6 samples
-reaches 5."""
+reaches 5 times its rms."""
 MIN_OUTLIER_DEVIATION = 0.01
 """Smallest deviation that is reported as an outlier, relative to full scale."""
 _MIN_JUMP_SHARE = 0.1
@@ -44,32 +44,32 @@ _MIN_JUMP_SHARE = 0.1
 MAX_UNEXPLAINED = 0.05
 """Largest rms deviation beyond the noise, relative to full scale, of a usable model."""
 _MAX_CERTAIN_NOISE_RATIO = 2.0
-"""Largest rms that counts as noise, as a multiple of the noise of the record, for an unusable
-model."""
+"""Largest rms that counts as noise, as a multiple of the noise of the record, if the model is
+unusable."""
 
 _MAX_STEPS_PER_DIFFERENCE = 3
 """Largest number of converter steps in the smallest difference of two outputs."""
 _MAX_LAG_SAMPLES = 4
 """Number of earlier samples with which the correlation of a sample is tested."""
 _MAX_WHITE_SIGMAS = 3.1
-"""Standard deviations of the tests for white noise, above which the residual is not white."""
+"""Largest result, in standard deviations, that the tests for white noise accept."""
 _MAX_RECORD_SAMPLES = 300
 _MAX_TOTAL_SAMPLES = 1500
 _MIN_RECORD_SAMPLES = 40
-"""Maximum number of samples per record and of all records for the analysis of shapes, and minimum
-number per record."""
+"""Limits of the analysis of shapes: maximum number of samples per record and of all records, and
+minimum number per record."""
 _MAX_NOISE_RATIO = 6.0
 """Smooth residuals above this multiple of the noise of the record are not filtered noise."""
 _EQUAL_WORTH_SHARE = 0.97
-"""Share of the sum of squares of the best shape with which a shape of fewer parameters is
+"""Fraction of the sum of squares of the best shape above which a shape with fewer parameters is
 preferred."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outlier:
-    """The largest deviation of a fit, which is too large for noise of its rms."""
+    """The largest deviation of a fit, if it is too large for noise of its rms."""
 
-    size: float  # relative to full scale
+    size: float  # deviation, relative to full scale
     record: int  # index of the record
     sample: int  # index of the sample in the record
     is_at_jump: bool  # whether the input jumps there
@@ -79,7 +79,7 @@ class Outlier:
 class ResidualAnalysis:
     """The residual of a fit, and its causes."""
 
-    rms: float  # of all samples, relative to the largest output
+    rms: float  # rms of all samples, relative to the largest output
     noise: float  # rms of the sensor noise, relative to the largest output
     beyond_noise: float = 0.0  # rms without the noise; zero if the residual is noise
     # shapes of the residual and the fraction of its variance that they explain, the largest first;
@@ -87,7 +87,7 @@ class ResidualAnalysis:
     shapes: tuple[tuple[Shape, float], ...] = ()
     start_samples: int = 0  # samples at the start of a record with the effect of a wrong history
     # largest deviation; None if noise of this rms could cause it. With an outlier, all other fields
-    # except rms were computed without the samples above this limit
+    # except rms were computed without the samples that are too large for noise
     outlier: Outlier | None = None
 
     @property
@@ -134,7 +134,7 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
 
 
 def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
-    """Return the largest deviation; None if noise of this rms may reach it."""
+    """Return the largest deviation; None if noise of this rms may cause it."""
     worst_samples = [int(np.argmax(np.abs(record.deviation))) for record in records]
     deviations = [abs(float(entry.deviation[row])) for entry, row in zip(records, worst_samples, strict=True)]
     index = int(np.argmax(deviations))
@@ -244,10 +244,8 @@ def _attribute_to_shapes(
     beyond_noise = math.sqrt(rms**2 - noise_rms**2)
     if beyond_noise < NEGLIGIBLE_DEVIATION or not (attributed_shapes or noise_rms < remaining_rms / span):
         return ResidualAnalysis(rms, rms)
-    shape_fractions = tuple(
-        (name, min(size / (beyond_noise * span) ** 2, 1.0)) for name, size in attributed_shapes
-    )
-    return ResidualAnalysis(rms, noise_rms, beyond_noise, shape_fractions, start_samples)
+    shares = tuple((name, min(size / (beyond_noise * span) ** 2, 1.0)) for name, size in attributed_shapes)
+    return ResidualAnalysis(rms, noise_rms, beyond_noise, shares, start_samples)
 
 
 def _count_start_samples(records: Sequence[Residual], explained: FloatArray, variance: float) -> int:
@@ -263,7 +261,7 @@ def _count_start_samples(records: Sequence[Residual], explained: FloatArray, var
 
 
 _MIN_SECOND_SHARE = 0.2
-"""Share of the residual beyond the noise above which a second shape is named."""
+"""Fraction of the residual beyond the noise above which a second shape is named."""
 
 
 def analyse_loops(loopset: Loops, modelled_outputs: Sequence[FloatArray]) -> ResidualAnalysis:

@@ -23,13 +23,13 @@ from anhyst.support.numeric import FloatArray, recursive_sum
 Shape = Literal["input", "direction", "gap", "amplitude", "start", "drift"]
 
 _CURVE_DEGREE = 7
-"""Degree, in the input, of a deviation common to all loops."""
+"""Degree of the polynomial in the input for a deviation that is common to all loops."""
 _WIDTH_DEGREE = 5
-"""Degree, in the input, of the difference between ascending and descending branches."""
+"""Degree of the polynomial in the input for the difference of ascending and descending branches."""
 _LEVEL_DEGREE = 2
-"""Degree, in the input, of the deviation of each gap or each loop size."""
+"""Degree of the polynomial in the input for the deviation of each gap or each loop size."""
 _DECAY_POWERS = (1, 2, 4)
-"""Powers of the remaining part of the first branch, along which the effect of a wrong history
+"""Powers of the remaining fraction of the first branch, with which the effect of a wrong history
 fades."""
 _MIN_INDEPENDENT_SHARE = 1e-6
 """Minimum strength of an independent direction, relative to the strongest direction."""
@@ -39,9 +39,9 @@ _MIN_INDEPENDENT_SHARE = 1e-6
 class Residual:
     """The residual of a fit on one record."""
 
-    drive: FloatArray  # shape (n,): input, measured output, and modelled minus measured output, SI
-    measured: FloatArray
-    deviation: FloatArray
+    drive: FloatArray  # input, SI; shape (n,)
+    measured: FloatArray  # measured output, SI; shape (n,)
+    deviation: FloatArray  # modelled minus measured output, SI; shape (n,)
     gap: int  # index of its scheduling value
     is_cycle: bool  # whether the record is a cycle that is repeated until it closes
 
@@ -118,7 +118,7 @@ def shape_columns(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
 
 
 def _columns_by_gap(records: Sequence[Residual], gap: FloatArray, scaled_input: FloatArray) -> FloatArray:
-    """Return level, curvature and gain of each gap."""
+    """Return the columns of each gap: polynomials of the input, and the relative output."""
     # The modelled output is used, because the measured one contains the noise and would explain it.
     output = np.concatenate([record.measured + record.deviation for record in records])
     relative_output = output / max(float(np.abs(output).max()), 1e-300)
@@ -126,16 +126,12 @@ def _columns_by_gap(records: Sequence[Residual], gap: FloatArray, scaled_input: 
     return np.hstack([(gap == node)[:, None] * shared_columns for node in np.unique(gap)])
 
 
-def _columns_by_branch_size(
-    half_range: FloatArray, position: FloatArray, direction: FloatArray
-) -> FloatArray:
-    """Return level, curvature and width, in proportion to the size of a branch."""
-    relative_size = half_range / float(half_range.max())
+def _columns_by_branch_size(span: FloatArray, position: FloatArray, rising: FloatArray) -> FloatArray:
+    """Return columns of position and direction, times the relative branch size and its square."""
+    size = span / float(span.max())
     shared_columns = legvander(position, _LEVEL_DEGREE)
-    both_directions = np.hstack([shared_columns, direction[:, None] * shared_columns])
-    return np.hstack(
-        [relative_size[:, None] * both_directions, relative_size[:, None] ** 2 * both_directions]
-    )
+    both_directions = np.hstack([shared_columns, rising[:, None] * shared_columns])
+    return np.hstack([size[:, None] * both_directions, size[:, None] ** 2 * both_directions])
 
 
 def orthonormal_basis(columns: FloatArray) -> FloatArray:
@@ -150,7 +146,7 @@ def orthonormal_basis(columns: FloatArray) -> FloatArray:
 
 
 def remove_explained(columns: FloatArray, other_columns: FloatArray) -> FloatArray:
-    """Subtract the part of columns that others explain; columns without a remainder are dropped."""
+    """Subtract the part of columns that other columns explain; drop columns without a remainder."""
     basis = orthonormal_basis(other_columns)
     remaining = columns - basis @ (basis.T @ columns)
     squares_before = np.einsum("nk,nk->k", columns, columns)
@@ -160,7 +156,7 @@ def remove_explained(columns: FloatArray, other_columns: FloatArray) -> FloatArr
 
 
 _MAX_CHANCE_PROBABILITY = 1e-3
-"""Probability of a chance result below which a shape counts as more than noise."""
+"""A shape counts as more than noise if noise alone explains as much with a smaller probability."""
 _MAX_ADDED_SIGMAS = 2.5
 """Largest number of standard errors that are added to the estimated correlation of the noise."""
 _FREE_SIGMAS = 0.5
@@ -185,7 +181,7 @@ class ColouredNoise:
         return self.variance * float(np.einsum("nk,nk->", columns, correlated_columns))
 
     def can_explain(self, explained: float, expected: float, columns: int) -> bool:
-        """Whether the noise may produce a sum of squares in a number of columns."""
+        """Whether the noise may cause a sum of squares that a number of columns explains."""
         return (
             float(fdtrc(columns, self.degrees_of_freedom, explained / max(expected, 1e-300)))
             > _MAX_CHANCE_PROBABILITY

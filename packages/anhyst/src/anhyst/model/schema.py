@@ -44,11 +44,7 @@ Unbounded = Annotated[tuple[Annotated[float, Strict()], ...], TUPLE_FROM_LIST]
 def output_fields(record: type[FileRecord]) -> list[str]:
     """Return the fields of a record that are in units of the output."""
     types = get_type_hints(record, include_extras=True)
-    return [
-        name
-        for name, type_hint in types.items()
-        if OUTPUT_UNIT_MARK in getattr(type_hint, "__metadata__", ())
-    ]
+    return [name for name, hint in types.items() if OUTPUT_UNIT_MARK in getattr(hint, "__metadata__", ())]
 
 
 def is_number(value: object) -> bool:
@@ -58,16 +54,16 @@ def is_number(value: object) -> bool:
     return abs(value) <= sys.float_info.max  # in comparisons, integers may have any size
 
 
-def _setting(value: Any) -> Any:
+def _accept_setting(value: Any) -> Any:
     if isinstance(value, str | bool) or is_number(value):
         return value
     raise PydanticCustomError("not_a_setting", "must be a text, true or false, or a finite number")
 
 
-Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
+Setting = Annotated[str | bool | int | float, PlainValidator(_accept_setting)]
 
 CHOSEN = "chosen"
-"""Note of the selected candidate."""
+"""Note that marks the selected candidate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,13 +92,13 @@ class LoopFit(FileRecord):
 
 @dataclass(frozen=True, slots=True)
 class CrossValidation(FileRecord):
-    """Expected error between measured scheduling values, or at other samples of few loops."""
+    """Expected error between the measured scheduling values, or of few loops at other samples."""
 
     # mean absolute error relative to the largest output, mean over values withheld from the fit,
     # from the selection of the map and from the decision about offsets
     error: FiniteNumber
-    interval: Range  # interval that contains the error at another such value in about nine of ten cases
-    folds: Numbers = ()  # error at each withheld value, ascending values
+    interval: Range  # interval with the error at an unmeasured value in about nine of ten cases
+    folds: Numbers = ()  # error at each withheld value, in ascending order of the values
     # ``gap``, or ``block`` for withheld blocks of samples, which is not evidence about other loops
     left_out: Literal["gap", "block"] = "gap"
 
@@ -237,14 +233,14 @@ class Provenance(FileRecord):
 # ruff: noqa: RUF012 - pydantic gives every table its own copy of a default
 
 
-def _number(value: Any) -> Any:
+def _accept_number(value: Any) -> Any:
     """Accept a number or a list of numbers; report any error as a single finding."""
     if is_number(value) or (isinstance(value, list) and value and all(map(is_number, value))):
         return value
     raise PydanticCustomError("not_a_number", "must be a finite number, or one for each node")
 
 
-def _law(name: str) -> str:
+def _check_law(name: str) -> str:
     if reason := LAWS.explain_unusable(name):
         raise PydanticCustomError("unknown_choice", reason.replace("{", "(").replace("}", ")"))
     if name not in LAWS:
@@ -255,8 +251,8 @@ def _law(name: str) -> str:
     return name
 
 
-LawName = Annotated[str, AfterValidator(_law)]
-Number = Annotated[float | list[float], PlainValidator(_number)]
+LawName = Annotated[str, AfterValidator(_check_law)]
+Number = Annotated[float | list[float], PlainValidator(_accept_number)]
 
 
 class QuantityTable(Table):

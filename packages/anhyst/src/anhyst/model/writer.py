@@ -100,64 +100,66 @@ def model_text(model: ModelData) -> str:
     lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
     table: dict[str, object] = {}
     sections = [
-        HEAD + _keys({"format": schema.FORMAT, "version": schema.VERSION, "name": model.name}),
-        "\n" + "\n".join(lines) + "\n" + _keys({"law": model.law}),
-        GAP_MAP + _keys({"gap_map": model.gap_map}),
-        HISTORY + _keys({"history": str(model.history)}),
-        "\n[input]\n" + _quantity(model.input),
-        "\n[output]\n" + _quantity(model.output),
-        _schedule(model),
-        "\n[parameters]" + PARAMETERS_HEAD + _parameters(model),
-        _cells(model.cells) if model.cells else "",
+        HEAD + _keys_text({"format": schema.FORMAT, "version": schema.VERSION, "name": model.name}),
+        "\n" + "\n".join(lines) + "\n" + _keys_text({"law": model.law}),
+        GAP_MAP + _keys_text({"gap_map": model.gap_map}),
+        HISTORY + _keys_text({"history": str(model.history)}),
+        "\n[input]\n" + _quantity_text(model.input),
+        "\n[output]\n" + _quantity_text(model.output),
+        _schedule_text(model),
+        "\n[parameters]" + PARAMETERS_HEAD + _parameters_text(model),
+        _cells_text(model.cells) if model.cells else "",
     ]
     if dynamics := model.dynamics:
         times, shares = list(map(float, dynamics.times)), list(map(float, dynamics.shares))
         table = {"lag_s": float(dynamics.lag), "creep_times_s": times, "creep_shares": shares}
-        sections.append(f"{DYNAMICS}[dynamics]\n" + _keys(table | {"fastest_Hz": float(dynamics.fastest)}))
+        sections.append(
+            f"{DYNAMICS}[dynamics]\n" + _keys_text(table | {"fastest_Hz": float(dynamics.fastest)})
+        )
     if layers := model.layers:
         surface_share, laminated_share = float(layers.surface), float(layers.laminated)
         table = {"count": layers.count, "surface": surface_share, "laminated": laminated_share}
-        sections.append(f"{LAYERS}[layers]\n" + _keys(table))
+        sections.append(f"{LAYERS}[layers]\n" + _keys_text(table))
     if model.valid:
-        sections.append(f"{VALID}[valid]\n" + _record(model.valid, names["valid",]))
+        sections.append(f"{VALID}[valid]\n" + _record_text(model.valid, names["valid",]))
     if model.fit:
-        sections.append(_fit(model.fit, names))
+        sections.append(_fit_text(model.fit, names))
     if model.uncertainty:
-        sections.append(_uncertainty(model.uncertainty))
+        sections.append(_uncertainty_text(model.uncertainty))
     if model.reduction:
         sections.append("\n# Reduction: the parameter fixed in each round, with the lowest cost.\n")
-    sections += ["\n[[reduction]]\n" + _record(step) for step in model.reduction]
+    sections += ["\n[[reduction]]\n" + _record_text(step) for step in model.reduction]
     if (provenance := model.provenance) != schema.Provenance():
         table = {"version": provenance.version, "seed": provenance.seed}
-        sections.append("\n# Origin of the model.\n[provenance]\n" + _keys(table))
+        sections.append("\n# Origin of the model.\n[provenance]\n" + _keys_text(table))
         if provenance.settings:
-            sections.append("\n[provenance.settings]\n" + _keys(provenance.settings))
+            sections.append("\n[provenance.settings]\n" + _keys_text(provenance.settings))
         for source in provenance.sources:
             table = {"path": source.path, "sha256": source.sha256}
             table["columns"] = dict(source.columns) or None
-            sections.append("\n[[provenance.source]]\n" + _keys(table))
+            sections.append("\n[[provenance.source]]\n" + _keys_text(table))
     return "".join(sections)
 
 
-def _keys(table: Mapping[str, object]) -> str:
+def _keys_text(table: Mapping[str, object]) -> str:
     """Return keys and values as text, without keys that have no value."""
     return "".join(
         f"{toml_key(key)} = {toml_value(value)}\n" for key, value in table.items() if value is not None
     )
 
 
-def _quantity(quantity: Quantity) -> str:
-    return _keys({"quantity": quantity.name, "symbol": quantity.symbol, "unit": quantity.unit})
+def _quantity_text(quantity: Quantity) -> str:
+    return _keys_text({"quantity": quantity.name, "symbol": quantity.symbol, "unit": quantity.unit})
 
 
-def _schedule(model: ModelData) -> str:
+def _schedule_text(model: ModelData) -> str:
     if model.schedule is None:
         return ""
     nodes = {schema.column("nodes", model.schedule.unit): list(model.nodes)} if model.nodes else {}
-    return "\n[schedule]\n" + _quantity(model.schedule) + _keys(nodes)
+    return "\n[schedule]\n" + _quantity_text(model.schedule) + _keys_text(nodes)
 
 
-def _parameters(model: ModelData) -> str:
+def _parameters_text(model: ModelData) -> str:
     names = model.file_keys
     lines = []
     for name, spec in model.specs.items():
@@ -168,7 +170,7 @@ def _parameters(model: ModelData) -> str:
     return "".join(f"{line:<{width}}  # {meaning}\n" for line, meaning in lines)
 
 
-def _cells(cells: CellWeights) -> str:
+def _cells_text(cells: CellWeights) -> str:
     table = {
         "shape": cells.shape,
         schema.column("thresholds", "A/m"): cells.thresholds.tolist(),
@@ -178,15 +180,15 @@ def _cells(cells: CellWeights) -> str:
     if cells.centres is not None:
         table[schema.column("centres", "A/m")] = cells.centres.tolist()
         text += CENTRES
-    weights = f"{schema.column('weights', 'A/m')} = {_rows(cells.weights.tolist())}\n"
-    return f"{text}[cells]\n{_keys(table)}{weights}"
+    weights = f"{schema.column('weights', 'A/m')} = {_matrix_text(cells.weights.tolist())}\n"
+    return f"{text}[cells]\n{_keys_text(table)}{weights}"
 
 
-def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingProxyType({})) -> str:
+def _record_text(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingProxyType({})) -> str:
     """Return the keys of a record as text, without defaults and without its nested tables.
 
-    Deviations get a comment with their share of the largest output. A scheduling variable has a
-    name only if the model has one.
+    Deviations get a comment with their percentage of the largest output. A scheduling variable has
+    a name only if the model has a scheduling variable.
     """
     annotations = get_type_hints(type(record), include_extras=True)
     largest_output: float = getattr(record, "largest_output", 0.0)
@@ -197,7 +199,7 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
             continue
         if field.name == "schedule" and field.name not in names:
             continue
-        value_text = toml_value(_plain(value, is_whole=annotations[field.name] is schema.Whole))
+        value_text = toml_value(_to_plain_value(value, is_whole=annotations[field.name] is schema.Whole))
         has_percentage = (
             field.name in schema.output_fields(type(record))
             and field.name != "largest_output"
@@ -214,7 +216,7 @@ def _contains_tables(value: object) -> bool:
     )
 
 
-def _plain(value: Any, *, is_whole: bool = False) -> Any:
+def _to_plain_value(value: Any, *, is_whole: bool = False) -> Any:
     """Return a value as a Python type; all numbers are floats unless `whole` is set."""
     match value:
         case str() | bool():
@@ -222,33 +224,33 @@ def _plain(value: Any, *, is_whole: bool = False) -> Any:
         case np.bool_():
             return bool(value)
         case Mapping():
-            return {key: _plain(item) for key, item in value.items()}
+            return {key: _to_plain_value(item) for key, item in value.items()}
         case tuple():
-            return [_plain(item) for item in value]
+            return [_to_plain_value(item) for item in value]
     return int(value) if is_whole else float(value)
 
 
-def _fit(fit: schema.FitFigures, names: Mapping[tuple[str, ...], schema.Names]) -> str:
-    text = f"{FIT}[fit]\n" + _record(fit, names["fit",])
+def _fit_text(fit: schema.FitFigures, names: Mapping[tuple[str, ...], schema.Names]) -> str:
+    text = f"{FIT}[fit]\n" + _record_text(fit, names["fit",])
     if fit.cross_validation:
-        text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_record(fit.cross_validation)}"
+        text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_record_text(fit.cross_validation)}"
     for candidate in fit.candidates:
-        text += f"\n[[fit.candidate]]\n{_record(candidate)}"
+        text += f"\n[[fit.candidate]]\n{_record_text(candidate)}"
     for loop in fit.loops:
-        text += "\n[[fit.loop]]\n" + _record(loop, names["fit", "loop"])
+        text += "\n[[fit.loop]]\n" + _record_text(loop, names["fit", "loop"])
     return text
 
 
-def _uncertainty(uncertainty: schema.Uncertainty) -> str:
+def _uncertainty_text(uncertainty: schema.Uncertainty) -> str:
     without_matrices = replace(uncertainty, correlation=(), statements=())
-    text = f"{UNCERTAINTY}[uncertainty]\n{_record(without_matrices)}"
+    text = f"{UNCERTAINTY}[uncertainty]\n{_record_text(without_matrices)}"
     if uncertainty.correlation:
-        text += f"correlation = {_rows(_plain(uncertainty.correlation))}\n"
+        text += f"correlation = {_matrix_text(_to_plain_value(uncertainty.correlation))}\n"
     if uncertainty.statements:
-        text += f"statements = {_rows(uncertainty.statements)}\n"
+        text += f"statements = {_matrix_text(uncertainty.statements)}\n"
     return text
 
 
-def _rows(rows: Iterable[Sequence[float] | str]) -> str:
+def _matrix_text(rows: Iterable[Sequence[float] | str]) -> str:
     rows_text = "".join(f"    {toml_value(row)},\n" for row in rows)
     return f"[\n{rows_text}]"

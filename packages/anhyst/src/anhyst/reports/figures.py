@@ -46,7 +46,7 @@ from anhyst.support.page import (
     typeset,
 )
 
-Fitted = Sequence[FloatArray | None]
+ModelledOutputs = Sequence[FloatArray | None]
 """Modelled output of each loop, in the order of the loops; None if it cannot be computed."""
 
 MAX_PANELS = 18
@@ -59,34 +59,34 @@ MAX_ROWS_WITH_NUMBERS = 14
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class LoopGroup:
     """The loops of a panel: the title of the panel, and their indices in the set."""
 
     title: str
     indices: tuple[int, ...]
 
 
-def group_by_schedule(loopset: Loops) -> list[Group]:
+def group_by_schedule(loopset: Loops) -> list[LoopGroup]:
     """Group loops by the scheduling value, ascending. Loops with a moving value come last."""
     if loopset.schedule is None:
-        return [Group("", tuple(range(len(loopset))))]
+        return [LoopGroup("", tuple(range(len(loopset))))]
     indices_by_value: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
     for index, loop in enumerate(loopset.loops):
         indices_by_value.setdefault(loop.schedule_value, []).append(index)
     moving_label = f"{display_name(loopset.schedule)} moving"
     return [
-        Group(moving_label if value is None else schedule_text(loopset.schedule, value), tuple(indices))
+        LoopGroup(moving_label if value is None else schedule_text(loopset.schedule, value), tuple(indices))
         for value, indices in indices_by_value.items()
     ]
 
 
-def find_small_loops(loopset: Loops) -> list[Group]:
+def find_small_loops(loopset: Loops) -> list[LoopGroup]:
     """Return the loops that are too small to be visible in their panel, one group each."""
     small_loops = []
     for group in group_by_schedule(loopset):
         input_ranges = {index: float(np.ptp(loopset.loops[index].input)) for index in group.indices}
         small_loops += [
-            Group(", ".join(filter(None, (group.title, _loop_name(loopset.loops[index])))), (index,))
+            LoopGroup(", ".join(filter(None, (group.title, _loop_name(loopset.loops[index])))), (index,))
             for index, input_range in input_ranges.items()
             if input_range < SMALL_LOOP_SHARE * max(input_ranges.values())
         ]
@@ -98,17 +98,17 @@ def _loop_name(loop: Loop) -> str:
 
 
 @use_report_style
-def figure_loops(loopset: Loops, fitted: Fitted) -> Figure:
+def figure_loops(loopset: Loops, fitted: ModelledOutputs) -> Figure:
     """Draw measured and modelled loops, one panel for each value of the scheduling variable."""
     return _draw_loops(loopset, fitted, group_by_schedule(loopset))
 
 
 @use_report_style
-def figure_speeds(loopset: Loops, fitted: Fitted, speeds: SpeedGroups) -> Figure:
+def figure_speeds(loopset: Loops, fitted: ModelledOutputs, speeds: SpeedGroups) -> Figure:
     """Draw measured and modelled loops, one panel for each speed, slow ones first."""
     loop_indices = {id(loop): index for index, loop in enumerate(loopset.loops)}
     groups = [
-        Group(speed_text(group), tuple(loop_indices[id(loop)] for loop in group))
+        LoopGroup(speed_text(group), tuple(loop_indices[id(loop)] for loop in group))
         for group in (speeds.slow.loops, *speeds.fast)
     ]
     return _draw_loops(loopset, fitted, groups)
@@ -122,7 +122,9 @@ def speed_text(group: Sequence[Loop]) -> str:
 
 
 @use_report_style
-def figure_differences(loopset: Loops, fitted: Fitted, single_valued: Sequence[FloatArray]) -> Figure:
+def figure_differences(
+    loopset: Loops, fitted: ModelledOutputs, single_valued: Sequence[FloatArray]
+) -> Figure:
     """Draw the difference of the loops from their best single-valued curve.
 
     Hysteresis is a few per cent of the output, so that it is barely visible over the whole range.
@@ -170,14 +172,14 @@ def _add_legend(figure: Figure) -> None:
 
 
 @use_report_style
-def figure_small_loops(loopset: Loops, fitted: Fitted) -> Figure | None:
+def figure_small_loops(loopset: Loops, fitted: ModelledOutputs) -> Figure | None:
     """Draw each loop that is too small in :func:`figure_loops` in its own panel, if any."""
     groups = find_small_loops(loopset)
     return _draw_loops(loopset, fitted, groups, has_own_scales=True) if groups else None
 
 
 def _draw_loops(
-    loopset: Loops, fitted: Fitted, groups: list[Group], *, has_own_scales: bool = False
+    loopset: Loops, fitted: ModelledOutputs, groups: list[LoopGroup], *, has_own_scales: bool = False
 ) -> Figure:
     figure, axes = _create_panels(groups, panel_height=(4.4, 3.1, 2.5))
     common_scales = _axis_scales(loopset, range(len(loopset)))
@@ -197,7 +199,7 @@ def _draw_loops(
 
 
 @use_report_style
-def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
+def figure_residuals(loopset: Loops, fitted: ModelledOutputs) -> Figure:
     """Draw the residual of the model, one panel for each value of the scheduling variable."""
     figure, axes = _create_panels(group_by_schedule(loopset), panel_height=(3.4, 2.5, 2.1), share_y=True)
     residuals = [
@@ -235,7 +237,7 @@ def mask_rising_samples(loop: Loop) -> NDArray[np.bool_]:
 
 
 def _draw_residuals(
-    ax: Axes, loopset: Loops, residuals: Fitted, group: Group, x_scale: Scale, y_scale: Scale
+    ax: Axes, loopset: Loops, residuals: ModelledOutputs, group: LoopGroup, x_scale: Scale, y_scale: Scale
 ) -> None:
     for is_rising, colour in ((True, RISING_COLOUR), (False, FALLING_COLOUR)):
         x, y = [np.empty(0)], [np.empty(0)]
@@ -347,8 +349,8 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
 
 
 def _create_panels(
-    groups: list[Group], *, panel_height: tuple[float, float, float], share_y: bool = False
-) -> tuple[Figure, dict[Axes, Group]]:
+    groups: list[LoopGroup], *, panel_height: tuple[float, float, float], share_y: bool = False
+) -> tuple[Figure, dict[Axes, LoopGroup]]:
     """Create a figure with one panel per group, or per evenly spaced group if there are too many.
 
     The three heights of a panel are for one, two and three columns.
@@ -363,7 +365,7 @@ def _create_panels(
 
 def _label_axes(
     ax: Axes,
-    axes: dict[Axes, Group],
+    axes: dict[Axes, LoopGroup],
     loopset: Loops,
     x_scale: Scale,
     y_scale: Scale,

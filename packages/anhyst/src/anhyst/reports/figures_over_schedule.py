@@ -95,7 +95,7 @@ def figure_parameters(model: Model) -> Figure | None:
     return figure
 
 
-def _sweep(model: Model, check: GapCheck | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _output_over_schedule(model: Model, check: GapCheck | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return scheduling values of shape (g,), a steady-state cycle from zero, and its output.
 
     The cycle is that of the acceptance test, or reaches the largest drive. It consists of the
@@ -172,7 +172,7 @@ def _draw_over_schedule(
     ax: Axes, model: Model, check: GapCheck | None, input_scale: Scale, output_scale: Scale
 ) -> None:
     assert model.schedule is not None
-    schedule, drive, output = _sweep(model, check)
+    schedule, drive, output = _output_over_schedule(model, check)
     schedule_scale = quantity_scale(model.schedule, model.nodes)
     x, is_node = schedule_scale.factor * schedule, np.isin(schedule, model.nodes)
     handles = []

@@ -73,7 +73,7 @@ def make_headline(subject: ModelSubject) -> Headline:
         description=description,
         basis=basis_text,
         notes=tuple(sorted(all_notes, key=lambda note: note.tone != "bad")),
-        tiles=_tiles(subject),
+        tiles=_make_tiles(subject),
         comparison=_comparison_table(subject),
         validity=_validity_text(subject),
     )
@@ -116,7 +116,7 @@ def verdict_notes(subject: ModelSubject) -> tuple[Note, ...]:
     return (Note("warn", title, text),)
 
 
-def _tiles(subject: ModelSubject) -> tuple[Tile, ...]:
+def _make_tiles(subject: ModelSubject) -> tuple[Tile, ...]:
     fit, scale = subject.fit, subject.deviation_scale
     if fit is None:
         return ()
@@ -202,7 +202,7 @@ def write_report(model: Model | PathLike, out: PathLike = "report.html") -> tupl
 def _write_report(model: Model, folder: Path, path: Path, out: PathLike) -> tuple[str, ...]:
     """Write the report of a model in a file. Paths of its measurements are relative to a folder."""
     subject = gather_subject(model, folder)
-    html = render(subject, path.name, hashlib.sha256(path.read_bytes()).hexdigest())
+    html = render_report(subject, path.name, hashlib.sha256(path.read_bytes()).hexdigest())
     with atomic_writer(out) as stream:
         stream.write(html)
     warnings = list(subject.warnings)
@@ -225,7 +225,7 @@ def gather_subject(model: Model, folder: PathLike) -> ModelSubject:
     return ModelSubject(model, fit, acceptance, evidence, warnings=warnings)
 
 
-def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
+def render_report(subject: ModelSubject, file_name: str, file_hash: str) -> str:
     """Return the HTML text of the report."""
     sections: list[Section | None] = [
         section_loops(subject),

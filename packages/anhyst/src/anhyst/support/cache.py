@@ -147,18 +147,18 @@ class ResultsFile:
         try:
             content = self.path.read_bytes()
             complete_bytes = content.rfind(b"\n") + 1
-            self._read(content[:complete_bytes], header)
+            self._read_results(content[:complete_bytes], header)
             if complete_bytes < len(content):
                 os.truncate(self.path, complete_bytes)
             self._stream: IO[str] = self.path.open("a", encoding="utf-8", newline="")
         except OSError as error:
             raise write_error(self.path, error) from error
 
-    def _read(self, content: bytes, header: Mapping[str, Any]) -> None:
+    def _read_results(self, content: bytes, header: Mapping[str, Any]) -> None:
         rows = content.splitlines()
-        self._check_header(self._parse(rows[0], 1) if rows else {}, header)
+        self._check_header(self._parse_line(rows[0], 1) if rows else {}, header)
         for number, row in enumerate(rows[1:], start=2):
-            result = self._parse(row, number)
+            result = self._parse_line(row, number)
             fault = self._find_fault(result)
             if fault is not None:
                 raise InputError(
@@ -166,7 +166,7 @@ class ResultsFile:
                 )
             self.done[result[self._key]] = result
 
-    def _parse(self, row: bytes, number: int) -> dict[str, Any]:
+    def _parse_line(self, row: bytes, number: int) -> dict[str, Any]:
         try:
             parsed = json.loads(row)
         except ValueError:
@@ -181,7 +181,7 @@ class ResultsFile:
         for name, value in settings.items():
             stored_value = stored_settings.get(name)
             if stored_value != json.loads(json.dumps(value)):
-                text = f"is {_shorten(stored_value)} in the file and {_shorten(value)} now"
+                text = f"is {_shorten_value(stored_value)} in the file and {_shorten_value(value)} now"
                 raise InputError(
                     f"{self.path}: line 1: {name}: {text}, so that its results belong to another run; "
                     f"{_OTHER_FILE_ADVICE}",
@@ -213,7 +213,7 @@ def _json_line(row: Mapping[str, Any]) -> str:
     return json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _shorten(value: Any) -> str:
+def _shorten_value(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 24 else f"{text[:12]}..."
 
@@ -250,11 +250,11 @@ def compile_and_link(
         ThreadPoolExecutor(core_count()) as thread_pool,
     ):
         objects = [Path(folder, f"{number}.o") for number in range(len(sources))]
-        messages = list(thread_pool.map(partial(_compile, command, key, run), sources, objects))
+        messages = list(thread_pool.map(partial(_compile_source, command, key, run), sources, objects))
         return [*messages, run([*compiler, *options, *map(str, objects), *link_options])]
 
 
-def _compile(command: Sequence[str], key: str, run: RunCompiler, source: Path, target: Path) -> str:
+def _compile_source(command: Sequence[str], key: str, run: RunCompiler, source: Path, target: Path) -> str:
     """Compile a source, or take its object from the cache; return the warnings of the compiler."""
     preprocessed = target.with_suffix(".i")
     run([*command, "-E", "-P", str(source), "-o", str(preprocessed)])

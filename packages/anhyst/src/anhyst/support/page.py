@@ -141,11 +141,11 @@ class Headline:
 
 def render_page(head: Headline, sections: Sequence[Section], version: str, *, kind: str, source: str) -> str:
     """Return the HTML text of a page."""
-    return _template().render(head=head, sections=sections, version=version, kind=kind, source=source)
+    return _load_template().render(head=head, sections=sections, version=version, kind=kind, source=source)
 
 
 @cache
-def _template() -> Template:
+def _load_template() -> Template:
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,

@@ -36,7 +36,7 @@ def toml_value(value: object) -> str:
         case float():
             return repr(float(value)) if math.isfinite(value) else str(float(value))
         case str():
-            return _quote(value)
+            return _quote_text(value)
         case Mapping():
             pairs = ", ".join(f"{toml_key(key)} = {toml_value(member)}" for key, member in value.items())
             return f"{{ {pairs} }}" if pairs else "{}"
@@ -47,10 +47,10 @@ def toml_value(value: object) -> str:
 
 def toml_key(key: str) -> str:
     """Return a key as TOML, with quotes only if they are necessary."""
-    return key if _BARE_KEY.fullmatch(key) else _quote(key)
+    return key if _BARE_KEY.fullmatch(key) else _quote_text(key)
 
 
-def _quote(text: str) -> str:
+def _quote_text(text: str) -> str:
     # File names can contain bytes that are not UTF-8; TOML cannot.
     valid_text = text.encode("utf-8", "replace").decode("utf-8")
     return json.dumps(valid_text, ensure_ascii=False).replace("\x7f", "\\u007f")

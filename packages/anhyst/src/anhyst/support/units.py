@@ -294,10 +294,10 @@ def find_unit(text: str) -> Unit | None:
     normalised_text = re.sub(r"_per_|\s+per\s+", "/", normalised_text)
     normalised_text = _PER_LENGTH_PATTERN.sub(r"\1/\2", normalised_text)
     numerator, slash, denominator = normalised_text.partition("/")
-    return UNITS.get(_symbol(numerator) + slash + _symbol(denominator))
+    return UNITS.get(_normalise_symbol(numerator) + slash + _normalise_symbol(denominator))
 
 
-def _symbol(text: str) -> str:
+def _normalise_symbol(text: str) -> str:
     """Return the symbol of a unit without a slash; other texts without blanks and points."""
     symbol = re.sub(r"[·*.\s]", "", text)
     return symbol if symbol in UNITS else symbol_of_word(text.strip(". ")) or symbol

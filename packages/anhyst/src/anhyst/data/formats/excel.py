@@ -70,7 +70,7 @@ class _SizeGuard:
             with zipfile.ZipFile(self.path) as archive:
                 for member in archive.infolist():
                     with archive.open(member) as stream:
-                        self._count(member.filename, iter(lambda: stream.read(_BLOCK_BYTES), b""))
+                        self._count_cells(member.filename, iter(lambda: stream.read(_BLOCK_BYTES), b""))
         except _DAMAGE_ERRORS as error:
             raise InputError(
                 f"{self.path}: is an incomplete workbook ({error}); save it again, or export it as CSV",
@@ -83,7 +83,7 @@ class _SizeGuard:
                 code="too-large",
             )
 
-    def _count(self, name: str, blocks: Iterator[bytes]) -> None:
+    def _count_cells(self, name: str, blocks: Iterator[bytes]) -> None:
         """Add the size, the cells and the texts of one file of the archive."""
         is_sheet, is_texts = "worksheets/" in name, name.lower().endswith("sharedstrings.xml")
         cell_range, previous_tail, open_text_length = _CellRange(), b"", 0

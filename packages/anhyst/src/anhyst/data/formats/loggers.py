@@ -32,7 +32,7 @@ def recognise_logger(path: Path, lines: Lines, first_line: int) -> TextColumns |
     return None
 
 
-def _normalise(field: str) -> str:
+def _normalise_field(field: str) -> str:
     return field.strip(' ":').lower()
 
 
@@ -45,7 +45,7 @@ def _recognise_rigol(path: Path, lines: Lines, first_line: int) -> TextColumns |
     """Recognise Rigol: the header has start and step of the time, as columns or ``t0 =``."""
     header = split_line(lines[first_line][0], ",")
     fields_below = split_line(lines[first_line + 1][0], ",") if first_line + 1 < len(lines) else []
-    words = [_normalise(field) for field in header]
+    words = [_normalise_field(field) for field in header]
     time_settings: dict[str, str] = {}
     for index, (field, word) in enumerate(zip(header, words, strict=True)):
         for name, pattern in (("start", _RIGOL_START), ("increment", _RIGOL_STEP)):
@@ -83,8 +83,8 @@ def _recognise_keysight(path: Path, lines: Lines, first_line: int) -> TextColumn
     for index in range(first_line, min(first_line + 40, len(lines) - 2)):
         names = split_line(lines[index][0], ",")
         units = split_line(lines[index + 1][0], ",")
-        is_named = _normalise(names[0]) in {"x-axis", "source", "time"}
-        if not is_named or _normalise(units[0]) not in {"second", "seconds"}:
+        is_named = _normalise_field(names[0]) in {"x-axis", "source", "time"}
+        if not is_named or _normalise_field(units[0]) not in {"second", "seconds"}:
             continue
         row = split_line(lines[index + 2][0], ",")
         if len(units) > len(names) or not all(is_number_or_mark(field) for field in row if field):
@@ -133,7 +133,7 @@ _START_KEYS = {"hoffset", "xorg", "xorigin", "x0"}
 
 def _find_setting(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
     """Return the values of a setting, one for each channel; empty if the file does not have it."""
-    setting_values = next((row[1:] for row in rows if row and _normalise(row[0]) in keys), [])
+    setting_values = next((row[1:] for row in rows if row and _normalise_field(row[0]) in keys), [])
     while setting_values and not setting_values[-1]:
         setting_values = setting_values[:-1]
     return setting_values
@@ -201,7 +201,9 @@ def _recognise_tektronix(path: Path, lines: Lines, first_line: int) -> TextColum
     clock = [row[blocks[0][0]] for row in rows]
     for number, block in enumerate(blocks, start=1):
         settings = {
-            _normalise(row[block_start]): row[block_start + 1] for row in head if block_start < block[0] - 1
+            _normalise_field(row[block_start]): row[block_start + 1]
+            for row in head
+            if block_start < block[0] - 1
         }
         if number == 1:
             columns.append(

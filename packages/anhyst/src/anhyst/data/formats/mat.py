@@ -64,7 +64,7 @@ class MatGuard:
                 raise self._damage_error(f"is cut off after {len(content)} bytes")
             body, remaining_bytes = remaining_bytes[8 : 8 + size], remaining_bytes[8 + size :]
             if kind == _TYPE_COMPRESSED:
-                expanded_part = memoryview(self._expand(body, MAX_BYTES - expanded_bytes))
+                expanded_part = memoryview(self._expand_content(body, MAX_BYTES - expanded_bytes))
                 expanded_bytes += len(expanded_part)
                 if len(expanded_part) < 8:
                     raise self._damage_error("ends within a variable")
@@ -75,7 +75,7 @@ class MatGuard:
             if kind == _TYPE_MATRIX:
                 self._check_matrix(body, 0, is_variable=True)
 
-    def _expand(self, body: memoryview, max_bytes: int) -> bytes:
+    def _expand_content(self, body: memoryview, max_bytes: int) -> bytes:
         engine = zlib.decompressobj()
         try:
             content = engine.decompress(body, max_bytes + 1)

@@ -257,15 +257,15 @@ class _TreeBuilder:
         self.objects: list[tuple[str, str]] = []
         self._count = 0
 
-    def group(self, group: Any, depth: int = 0) -> dict[str, Any]:
+    def read_group(self, group: Any, depth: int = 0) -> dict[str, Any]:
         """Return the members of a group without MATLAB's internal ones."""
         return {
-            name: self.node(name, group[name], depth + 1)
+            name: self.convert_node(name, group[name], depth + 1)
             for name in group
             if not is_link(self.path, group, name, name) and not (depth == 0 and name.startswith("#"))
         }
 
-    def node(self, name: str, item: Any, depth: int) -> Any:
+    def convert_node(self, name: str, item: Any, depth: int) -> Any:
         """Convert a dataset or a group to trees, texts and arrays."""
         import h5py
 
@@ -275,7 +275,7 @@ class _TreeBuilder:
                 f"{self.path}: is nested too deeply; export the channels you need", code="nested-too-deep"
             )
         if isinstance(item, h5py.Group):
-            fields = self.group(item, depth)
+            fields = self.read_group(item, depth)
             return (
                 _as_structure_list(fields)
                 if fields and all(map(_is_structure_array_field, item.values()))
@@ -291,20 +291,20 @@ class _TreeBuilder:
         check_dataset(self.path, item)
         if "MATLAB_empty" in item.attrs or not item.size:
             return None
-        return self._dataset(name, item, kind, depth)
+        return self._convert_dataset(name, item, kind, depth)
 
-    def _dataset(self, name: str, item: Any, kind: str, depth: int) -> Any:
+    def _convert_dataset(self, name: str, item: Any, kind: str, depth: int) -> Any:
         import h5py
 
         if h5py.check_ref_dtype(item.dtype) is not None:
-            return self._references(name, item, depth)
+            return self._convert_references(name, item, depth)
         if kind == "char":
             return _decode_utf16(item)
         if item.dtype.kind in "biuf" or item.dtype.names == ("real", "imag"):
             return ArrayInFile(self.path, item.name, tuple(item.shape[::-1]))
         return None
 
-    def _references(self, name: str, item: Any, depth: int) -> Any:
+    def _convert_references(self, name: str, item: Any, depth: int) -> Any:
         if item.size > MAX_CHANNELS:
             raise InputError(
                 f"{self.path}: '{name}' has more than {MAX_CHANNELS} members",
@@ -314,7 +314,7 @@ class _TreeBuilder:
         members = []
         for number, reference in enumerate(np.ravel(item[()]), start=1):
             target = self.file[reference] if reference else None
-            members.append(self.node(f"{name}_{number}", target, depth + 1) if target else None)
+            members.append(self.convert_node(f"{name}_{number}", target, depth + 1) if target else None)
         if members and all(isinstance(member, str) for member in members):
             return ArrayInMemory(np.array(members))
         return members
@@ -349,4 +349,4 @@ def read_tree(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
 
     with h5py.File(path, "r") as file:
         tree = _TreeBuilder(path, file)
-        return tree.group(file), tree.objects
+        return tree.read_group(file), tree.objects

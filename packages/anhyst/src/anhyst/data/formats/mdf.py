@@ -31,7 +31,7 @@ def open_mdf(path: Path) -> ChannelFile:
     if not head.startswith((b"MDF     ", b"UnFinMF ")):
         raise InputError(f"{path}: is not an MDF file; export it again", code="not-an-mdf-file")
     with _open_as_mdf4(path) as file:
-        return ChannelFile(path, tuple(_find_channels(path, file)), _read)
+        return ChannelFile(path, tuple(_find_channels(path, file)), _read_channels)
 
 
 @contextmanager
@@ -81,7 +81,7 @@ def _find_channels(path: Path, file: Any) -> list[Channel]:
     return channels
 
 
-def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+def _read_channels(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     values = []
     with _open_as_mdf4(path) as file:
         for channel in channels:

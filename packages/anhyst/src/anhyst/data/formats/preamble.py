@@ -121,7 +121,7 @@ def find_header(
         names = wide_names if is_wide else names
     if len(names) < min_columns:
         raise InputError(
-            f"{path}: line {row + 1}: one column only ('{shorten(names[0])}'); a loop needs an "
+            f"{path}: line {row + 1}: one column only ('{shorten_text(names[0])}'); a loop needs an "
             "input and an output column, separated by comma, semicolon, tab or blanks",
             code="single-column",
         )
@@ -187,9 +187,8 @@ def _find_names_above_run(
     run, _ = max(found_runs, key=lambda run: run[0].width)
     line_above = _find_text_above(lines, first_line, run.start) or first_line
     raise InputError(
-        f"{path}: line {line_above + 1}: '{shorten(lines[line_above][0].strip())}' is in the place of the header of "
-        f"the {run.width} numeric columns below it; name them there, such as "
-        "'I_A,F_N,gap_m'",
+        f"{path}: line {line_above + 1}: '{shorten_text(lines[line_above][0].strip())}' is in the place of the header "
+        f"of the {run.width} numeric columns below it; name them there, such as 'I_A,F_N,gap_m'",
         code="header-not-named",
     )
 
@@ -348,6 +347,6 @@ def parse_unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple
     return None if not any(find_unit(unit) for unit in units if unit) else tuple(units)
 
 
-def shorten(text: str) -> str:
+def shorten_text(text: str) -> str:
     """Return the beginning of a text for a message."""
     return text if len(text) <= 40 else text[:37] + "..."

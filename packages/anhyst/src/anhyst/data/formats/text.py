@@ -254,7 +254,7 @@ class _ColumnReader:
         fast_piece = None if has_odd_rows(chunk, layout) else self._convert_fast(chunk)
         values, labels, lines = fast_piece or self._convert_by_line(chunk)
         if values.shape[0]:
-            self._append(values)
+            self._append_rows(values)
             for index, texts in zip(self.texts, labels, strict=True):
                 self.codes[index].append(self._encode_texts(index, texts))
         self.line += lines
@@ -270,7 +270,7 @@ class _ColumnReader:
             for index in self.texts
         }
 
-    def _append(self, values: FloatArray) -> None:
+    def _append_rows(self, values: FloatArray) -> None:
         needed_rows = self.rows + values.shape[0]
         for position, index in enumerate(self.numbers):
             column = self.number_columns[index]
