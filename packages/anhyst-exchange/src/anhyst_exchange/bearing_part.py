@@ -100,9 +100,9 @@ def plant_sources(
     wrapper_files: Iterable[str] = (),
     memory_count: int = 1,
 ) -> dict[str, bytes]:
-    """Return the C of the plant, without files that match a pattern, and the given other files.
+    """Return the C files of the plant, except those that match a pattern, and further files.
 
-    ``core_paths`` are files of the core, and ``wrapper_files`` those of the component itself.
+    ``core_paths`` are further files of the core, and ``wrapper_files`` those of the component.
     """
     sources = {path: text.encode() for path, text in core_files(core_paths, memory_count).items()}
     sources |= {name: (WRAPPER_FOLDER / name).read_bytes() for name in wrapper_files}

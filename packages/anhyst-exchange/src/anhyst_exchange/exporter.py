@@ -88,7 +88,7 @@ REPRODUCIBLE_OPTIONS = ("-ffp-contract=off",)
 def compile_all(
     sources: Path, name: str, platforms: Sequence[str], progress: Progress | None
 ) -> dict[str, bytes]:
-    """Compile all C of a folder to a library for each platform; return the libraries."""
+    """Compile all C files of a folder to a library for each platform; return the libraries."""
     compiler = zig_cc("fmu")
     files = sorted(path.relative_to(sources).as_posix() for path in sources.rglob("*.c"))
 
@@ -189,7 +189,7 @@ def export_fmu(
 RIG_PART_FACTORIES: Registry[Callable[[PathLike], Part]] = Registry(
     "anhyst.exports", {}, lambda found, _: "" if callable(found) else "and it is not a function"
 )
-"""For each kind of rig, by its word: a function that returns the component of a rig file.
+"""Functions that return the component of a rig file, by the word of the kind of rig.
 
 They are the entry points ``anhyst.exports`` of installed packages.
 """
@@ -285,7 +285,7 @@ def export_sfunction(
 
 
 def _build_script(block: str, part: Part, sources: list[str]) -> str:
-    """Return the MATLAB function that compiles the sources."""
+    """Return the text of the MATLAB function that compiles the sources."""
     port_comments = [
         f"%   {kind} {index}: {variable.name} ({variable.unit or '1'}), {variable.text}"
         for kind in ("input", "output")

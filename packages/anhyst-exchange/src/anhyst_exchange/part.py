@@ -42,7 +42,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Part:
-    """A component: its variables, and the C that computes them."""
+    """A component: its variables, and the C code that computes them."""
 
     name: str  # name and description
     text: str
@@ -52,7 +52,7 @@ class Part:
     sources: Mapping[str, bytes]  # C files and headers by path
 
     def variables_with_causality(self, causality: Causality) -> list[Variable]:
-        """Return the variables of one causality."""
+        """Return the variables of one causality: inputs, outputs or constants."""
         return [variable for variable in self.variables if variable.causality == causality]
 
     def add_wrapper(self, wrapper: Iterable[str]) -> tuple[str, dict[str, bytes]]:
@@ -417,7 +417,7 @@ def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
 
 
 def compiled_sources(folder: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return the manifest of a compiled folder, and its C without the example."""
+    """Return the manifest of a compiled folder, and its C files without the example."""
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     paths = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
     paths += folder.glob(f"{manifest['name']}_*.[ch]")

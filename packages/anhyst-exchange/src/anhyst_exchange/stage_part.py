@@ -217,7 +217,7 @@ _COMMAND_TEXT = "command, which acts when it changes: " + ", ".join(
 )
 
 _AxisUnits = tuple[tuple[str, str], tuple[str, str]]
-"""Units of a linear and of an angular quantity: each with the suffix of names and the unit for
+"""Units of a linear and of an angular quantity: each with its suffix in names and its unit for
 tools."""
 _POSITION_UNITS: _AxisUnits = (("m", "m"), ("rad", "rad"))
 _VELOCITY_UNITS: _AxisUnits = (("m_per_s", "m/s"), ("rad_per_s", "rad/s"))

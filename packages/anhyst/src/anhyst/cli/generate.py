@@ -145,7 +145,7 @@ def add_command(app: typer.Typer, verb: Verb) -> None:
 
 
 def add_missing_command(app: typer.Typer, name: str, package: str) -> None:
-    """Add a hidden command that names the package to install, with any arguments."""
+    """Add a hidden command that accepts any arguments and names the package to install."""
     command = name.replace("_", "-")
 
     def refuse() -> None:
@@ -211,13 +211,13 @@ def _typer_settings(description: ParameterDoc, flags: Mapping[str, str]) -> dict
 
 
 _PATH_TYPES = ((r"\bSequence\[.*PathLike|\bLoopSource\b", list[Path]), (r"\bPath(Like)?\b", Path))
-"""Patterns of the annotations that are paths on the command line, and their types there."""
+"""Patterns of type annotations that accept a path, and the type of the option for each pattern."""
 
 
 def _option_type(parameter: inspect.Parameter, module: ModuleType) -> Any:
     """Return the type of a parameter on the command line."""
     text, annotation = (inspect.formatannotation(parameter.annotation).strip("'"), parameter.annotation)
-    with suppress(Exception):  # a name that is imported for type checkers only
+    with suppress(Exception):  # the name can be imported for type checkers only
         annotation = eval(annotation, vars(module)) if isinstance(annotation, str) else annotation
     if NoneType in get_args(annotation):
         annotation = get_args(annotation)[0]

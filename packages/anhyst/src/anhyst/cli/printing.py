@@ -21,7 +21,7 @@ MAX_LINES = 25
 """Maximum number of lines that a command prints without ``--verbose``."""
 MIN_LINES = 12
 """Minimum number of lines for results, even if there are many warnings."""
-MAX_CELL = 34
+MAX_CELL_WIDTH = 34
 """Width beyond which the text of a cell is wrapped, in columns."""
 _COLUMN_GAP = "  "
 _INDENT = "    "
@@ -76,8 +76,8 @@ class _Column:
 
     def __init__(self, name: str, cells: Sequence[str], *, is_first: bool) -> None:
         self.name = name
-        self.head = textwrap.wrap(name, MAX_CELL) or [""]
-        self.cells = [textwrap.wrap(cell, MAX_CELL) or [""] for cell in cells]
+        self.head = textwrap.wrap(name, MAX_CELL_WIDTH) or [""]
+        self.cells = [textwrap.wrap(cell, MAX_CELL_WIDTH) or [""] for cell in cells]
         lines = [line for cell in (self.head, *self.cells) for line in cell]
         self.width = max(map(len, lines))
         first_lines = [cell[0] for cell in self.cells if cell[0]]
@@ -89,7 +89,7 @@ class _Column:
 
 
 def _table_lines(columns: Sequence[_Column]) -> list[str]:
-    """Return the heading and the rows of columns next to each other."""
+    """Return the lines of a table: the heading, then the rows."""
     lines = []
     for cells in zip(*([table_column.head, *table_column.cells] for table_column in columns), strict=True):
         for index in range(max(map(len, cells))):
@@ -131,7 +131,7 @@ class Printer:
         self.max_lines = max(MIN_LINES, MAX_LINES - needed_lines)
 
     def print(self, parts: Iterable[str | TerminalTable]) -> None:
-        """Print tables and sentences while there are lines left, and keep the others for `finish`.
+        """Print tables and sentences while there are lines left, and keep the rest for `finish`.
 
         A sentence is printed completely or not at all. After a part that did not fit, nothing more
         is printed.

@@ -94,17 +94,17 @@ def print_with_warnings(warnings: Sequence[str], *parts: OutputPart) -> None:
 PROGRESS_INTERVAL_S = 60.0
 """Time between two progress lines without a terminal, s."""
 _MIN_SHARE_FOR_ESTIMATE = 0.01
-"""Share of the work that must be done before the remaining time is estimated."""
+"""Fraction of the work that must be done before the remaining time is estimated."""
 
 
 class ProgressEstimate:
-    """The share of the work that is done, and the remaining time at the average speed until now."""
+    """The fraction of the work that is done, and the remaining time at the average speed."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._start_time = clock()
         self.share = 0.0
-        """Part of the work that is done, 0 to 1; it never falls."""
+        """Fraction of the work that is done, 0 to 1; it never decreases."""
 
     def update(self, done: float, total: float) -> None:
         """Set the work done and the total work, in the same unit."""

@@ -81,7 +81,7 @@ def group_by_schedule(loopset: Loops) -> list[LoopGroup]:
 
 
 def find_small_loops(loopset: Loops) -> list[LoopGroup]:
-    """Return the loops that are too small to be visible in their panel, one group each."""
+    """Return the loops that are too small to be visible in their panel, each as its own group."""
     small_loops = []
     for group in group_by_schedule(loopset):
         input_ranges = {index: float(np.ptp(loopset.loops[index].input)) for index in group.indices}
@@ -306,7 +306,7 @@ def _draw_candidates(
 
 
 def _rejected_candidates(step: ReductionStep) -> list[tuple[float, str]]:
-    """Return cost (%) and name of each candidate that was not fixed in a step, ascending."""
+    """Return cost (%) and name of each candidate that a step did not fix, by ascending cost."""
     return sorted(
         (100.0 * cost, name)
         for name, cost in step.candidates.items()
@@ -373,7 +373,7 @@ def _label_axes(
     y_text: str = "",
     labels_all: bool = False,
 ) -> None:
-    """Label the outer axes, or all if their units differ; errors also get an axis in per cent."""
+    """Label the outer axes, or all axes if units differ; errors also get an axis in per cent."""
     columns, index = column_count(len(axes)), list(axes).index(ax)
     is_in_last_row = index + columns >= len(axes)
     ax.set_title(axes[ax].title)

@@ -41,7 +41,7 @@ Colour = tuple[float, float, float, float]
 CURVE_POINTS = 200
 GRID_POINTS = 61
 DRIVE_SHARES = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the largest drive for which the output is drawn over the scheduling variable."""
+"""Fractions of the largest drive at which the output is drawn over the scheduling variable."""
 MAX_LOOPS = 15
 
 
@@ -70,7 +70,7 @@ def varying_parameters(model: Model) -> tuple[str, ...]:
 
 @use_report_style
 def figure_parameters(model: Model) -> Figure | None:
-    """Draw each varying parameter over the scheduling variable: nodes and the curve between."""
+    """Draw each varying parameter over the scheduling variable: its nodes and its curve."""
     names = varying_parameters(model)
     if not names or model.schedule is None:
         return None
@@ -217,5 +217,5 @@ def _mark_failure(
 
 
 def _ordered_colours(count: int) -> list[Colour]:
-    """Return colours of an ordered family, dark to light, readable on white."""
+    """Return colours for ordered curves, from dark to light, that are readable on white."""
     return [tuple(colour) for colour in colormaps["viridis"](np.linspace(0.0, 0.85, count)).tolist()]

@@ -16,7 +16,7 @@ from anhyst.reports import sections_model
 from anhyst.reports.figures import figure_loops, figure_reduction, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between_gaps, figure_parameters
 from anhyst.reports.sections_fit import section_loops, section_measurement, section_rate, section_residuals
-from anhyst.reports.subject import ModelSubject, acceptance_note, current_figures, gather_evidence
+from anhyst.reports.subject import ModelSubject, acceptance_note, current_figures, gather_measurements
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.cache import c_name
 from anhyst.support.errors import InputError
@@ -81,10 +81,10 @@ def make_headline(subject: ModelSubject) -> Headline:
 
 def verdict_notes(subject: ModelSubject) -> tuple[Note, ...]:
     """Compare the model with the best single-valued curve, and state whether it is worth using."""
-    fit, evidence = subject.fit, subject.evidence
-    if fit is None or evidence is None:
+    fit, measurements = subject.fit, subject.measurements
+    if fit is None or measurements is None:
         return ()
-    assessment, scale = evidence.verdict, subject.deviation_scale
+    assessment, scale = measurements.verdict, subject.deviation_scale
     model_error, baseline_error = fit.mean_abs, assessment.single_mean
     comparison = (
         f"The mean error of the modelled {subject.output_name} is {scale.format_with_unit(model_error)}, "
@@ -126,8 +126,8 @@ def _make_tiles(subject: ModelSubject) -> tuple[Tile, ...]:
         Tile(scale.format_with_unit(error), name, f"{subject.percent_of_largest(error)} {basis}")
         for name, error in errors.items()
     ]
-    if subject.evidence is not None and subject.evidence.verdict.single_mean > 0.0:
-        ratio = fit.mean_abs / subject.evidence.verdict.single_mean
+    if subject.measurements is not None and subject.measurements.verdict.single_mean > 0.0:
+        ratio = fit.mean_abs / subject.measurements.verdict.single_mean
         baseline = "the best single-valued curve"
         if ratio < 1.0:
             tiles.append(Tile(format_percent(1.0 - ratio), "less error", f"than {baseline}"))
@@ -137,10 +137,10 @@ def _make_tiles(subject: ModelSubject) -> tuple[Tile, ...]:
 
 
 def _comparison_table(subject: ModelSubject) -> PageTable | None:
-    fit, evidence = subject.fit, subject.evidence
-    if fit is None or evidence is None:
+    fit, measurements = subject.fit, subject.measurements
+    if fit is None or measurements is None:
         return None
-    assessment, scale = evidence.verdict, subject.deviation_scale
+    assessment, scale = measurements.verdict, subject.deviation_scale
 
     def format_with_percent(value: float) -> str:
         return f"{scale.format_with_unit(value)} ({subject.percent_of_largest(value)})"
@@ -150,7 +150,7 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
         worst_text = format_number(float("nan")) if worst is None else format_with_percent(worst)
         return [name, Cell(format_with_percent(mean), bar=bar), format_with_percent(rms), worst_text]
 
-    single_rms, noise_mean = rms(np.concatenate(evidence.baseline)), assessment.noise_mean
+    single_rms, noise_mean = rms(np.concatenate(measurements.baseline)), assessment.noise_mean
     largest_mean = max(assessment.single_mean, fit.mean_abs)
     cells = [
         row(Cell("Best single-valued curve"), assessment.single_mean, single_rms, assessment.single_worst),
@@ -217,12 +217,12 @@ def gather_subject(model: Model, folder: PathLike) -> ModelSubject:
     """Gather all data for the report of a model."""
     acceptance = model.acceptance()
     try:
-        evidence = gather_evidence(model, folder)
+        measurements = gather_measurements(model, folder)
     except InputError as error:
         return ModelSubject(model, model.fit, acceptance, None, str(error))
-    fit, stale_warning = current_figures(model, evidence)
-    warnings = (*evidence.warnings, *([stale_warning] if stale_warning else []))
-    return ModelSubject(model, fit, acceptance, evidence, warnings=warnings)
+    fit, stale_warning = current_figures(model, measurements)
+    warnings = (*measurements.warnings, *([stale_warning] if stale_warning else []))
+    return ModelSubject(model, fit, acceptance, measurements, warnings=warnings)
 
 
 def render_report(subject: ModelSubject, file_name: str, file_hash: str) -> str:

@@ -59,7 +59,7 @@ QUANTITY_MEANINGS: Mapping[str, str] = {
     "gamma": "lag of the flux inside solid iron",
     "c": "reversible fraction of the magnetisation",
 }
-"""Meaning of the fitted quantities by the beginning of their names. The first match counts."""
+"""Meaning of the fitted quantities, by the beginning of their names. The first match is used."""
 
 
 def section_parameters_over(subject: ModelSubject) -> Section | None:

@@ -1,6 +1,6 @@
 """Scales of a parameter block in physical units, and its head: generation and checksum.
 
-A parameter block is a row of 16-bit words that a controller reads.
+A parameter block is an array of 16-bit words that a controller reads.
 :mod:`anhyst.support.block_layout` defines their meaning. Signals are fractions of full scales,
 which the block states in SI units.
 """
@@ -50,11 +50,11 @@ class SignalUnits:
 
 @dataclass(frozen=True)
 class Scales:
-    """Physical values of the fractions 0 and 1.0 of the signals, in SI units."""
+    """Physical values that the fractions 0 and 1.0 of the signals represent, in SI units."""
 
-    demand: float  # output and drive at 1.0, in the units of the model
+    demand: float  # full scales of output and drive, in the units of the model
     current: float
-    # scheduling variable at 0 and at 1.0, m for a gap; equal if nothing depends on it
+    # limits of the scheduling variable, m for a gap; equal if nothing depends on it
     gap_low: float
     gap_high: float
 

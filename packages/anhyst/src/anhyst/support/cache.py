@@ -48,7 +48,7 @@ _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
 def cached_result(kind: str, compute: Callable[[], T], *inputs: object) -> T:
-    """Return the result of `make` for these inputs, from the cache if possible."""
+    """Return the result of `compute` for these inputs, from the cache if possible."""
     digest = hashlib.sha256(code_digest())
     _update_digest(digest, inputs)
     path = cache_folder(kind) / digest.hexdigest()

@@ -53,12 +53,12 @@ class InputError(_CodedError, ValueError):
 
 
 def wrong_key(key: str, text: str, *, code: str) -> InputError:
-    """Return the error of a key, option, column or parameter. Its text begins with the key."""
+    """Return the error for a key, option, column or parameter. Its text begins with the key."""
     return InputError(f"{key}: {text}", code=code, key=key)
 
 
 def wrong_type(argument: str, expected_type: str, value: object, *, is_in_list: bool = False) -> InputError:
-    """Return the error of an argument of the wrong type, such as ``"identify: loops"``."""
+    """Return the error for an argument of a wrong type; its text begins with the argument."""
     given_type = type(value).__name__ if value is not None else "None"
     for name in ("loops", "model"):
         if hasattr(value, "loops") and hasattr(value, "model") and argument.endswith(name):

@@ -121,7 +121,7 @@ RIG_VERBS = (*("simulate", "tune", "excite", "calibrate", "live", "export", "com
 
 
 def _find_fault(record: object, word: str) -> str:
-    """Return the reason why a record of a kind of rig cannot be used; empty if there is none."""
+    """Return the reason why the record of a kind of rig cannot be used; empty if it can be used."""
     if not isinstance(record, FileKind) or record.format != RIG_FORMAT:
         return "and its record is not a kind of rig"
     if record.word != word:
@@ -142,7 +142,7 @@ _RIG_KINDS: Registry[FileKind] = Registry("anhyst.kinds", {}, _find_fault)
 
 
 def rig_kinds() -> Mapping[str, FileKind]:
-    """Return the kinds of rigs by their words, in the order in which messages list them.
+    """Return the kinds of rigs by their words, in the order in which messages list the kinds.
 
     They are the entry points ``anhyst.kinds`` of all installed packages. Each one is an
     ``anhyst_rigs.kinds.rig_kind.RigKind``. The name of the entry point is the word that identifies
@@ -153,7 +153,7 @@ def rig_kinds() -> Mapping[str, FileKind]:
 
 
 def explain_unusable(word: object) -> str:
-    """Return the reason why the record of a word cannot be used; empty if no package adds it."""
+    """Return the reason why the kind of rig of a word cannot be used; empty if it is unknown."""
     return _RIG_KINDS.explain_unusable(word)
 
 

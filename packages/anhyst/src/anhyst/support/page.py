@@ -171,7 +171,7 @@ _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Display of values of an SI unit: multiplied by ``factor`` and followed by ``unit``."""
+    """Scale of displayed values: an SI value times ``factor``, followed by ``unit``."""
 
     factor: float
     unit: str

@@ -29,7 +29,7 @@ Entry = TypeVar("Entry")
 
 @cache
 def _all_entry_points() -> tuple[EntryPoint, ...]:
-    """Return the entry points for anhyst of all packages; of two copies, those of the first."""
+    """Return the entry points for anhyst; of a package that is installed twice, the first copy's."""
     first_copies: dict[tuple[str, str, str], EntryPoint] = {}
     for package in distributions():
         try:
@@ -58,7 +58,7 @@ def package_name(point: EntryPoint) -> str:
 def load_entry_point(point: EntryPoint) -> object:
     """Return the object of an entry point; raise ValueError if it cannot be loaded, for any reason.
 
-    The output of its module is sent to standard error, because standard output is for results.
+    Output that its module prints is sent to standard error, because standard output is for results.
     """
     if point.pattern.match(point.value) is None:
         raise ValueError(f"its entry point '{point.value}' does not have the form module:name")
@@ -121,7 +121,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return self._plugins[0]
 
     def explain_unusable(self, name: object) -> str:
-        """Return the reason why the plug-in of a name cannot be used; empty if there is none."""
+        """Return the reason why the plug-in of a name cannot be used; empty without a reason."""
         if not isinstance(name, str) or name in self._reserved:
             return ""
         return self._plugins[1].get(name, "")
@@ -141,7 +141,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
 
 def package_at_fault(error: BaseException) -> str:
-    """Return the package of another author whose code raised an error; empty if there is none."""
+    """Return the package of another author whose code raised an error; empty if none did."""
     package_of_module = {_top_module(point): package_name(point) for point in _all_entry_points()}
     package, frame = "", error.__traceback__
     while frame is not None:

@@ -221,7 +221,7 @@ _AMBIGUOUS_UNITS = frozenset({"in", "g", "h", "min", "ft"})
 dimension of the name."""
 _CHANNEL_WORDS = frozenset({"channel", "chan", "ch", "kanal", "kanaal", "canal", "canale", "voie",
                        "input", "eingang", "port", "analog", "sensor"})  # fmt: skip
-"""Words before a letter that is a number and not a unit, such as ``Channel A``."""
+"""Words after which a letter numbers a channel and is not a unit, such as ``Channel A``."""
 _TIME_AXIS_NAMES = frozenset({"x", "t", "x-axis", "x_axis", "xaxis"})
 """Names of a clock if the unit is a unit of time."""
 _NO_UNIT_MARK = "-"

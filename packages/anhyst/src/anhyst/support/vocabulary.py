@@ -36,8 +36,7 @@ _COMPOUND_ENDINGS = ("strom", "stroom", "spannung", "spanning", "kraft", "kracht
 _DRIVE_WORDS = frozenset({"coil", "spule", "spulen", "bobine", "bobina", "spoel", "piezo", "actuator", "amplifier",
                      "aktor", "magnet", "drive", "input", "applied", "excitation", "u", "v", "in",
                      "of", "de", "la", "della", "del", "der"})  # fmt: skip
-"""Words next to a voltage that drives an actuator. With any other word it may be a sensor signal.
-"""
+"""Words that can accompany a voltage that drives an actuator; others indicate a sensor signal."""
 
 _QUALIFIER_WORDS = (
     "supply mains netz motor drift peak spitze spitzen max maximum maximal min minimum minimal mean avg average "
@@ -216,7 +215,7 @@ def is_formula(name: str) -> bool:
 
 
 def undo_formula(name: str) -> str:
-    """Return the factor that undoes a formula; ``FACTOR`` if the user must know it; or nothing.
+    """Return the factor that undoes a formula; ``FACTOR`` if only the user knows it; else empty.
 
     >>> undo_formula("2*F"), undo_formula("F/10"), undo_formula("I/Imax"), undo_formula("F^2")
     ('0.5', '10', 'FACTOR', '')

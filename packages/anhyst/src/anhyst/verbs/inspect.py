@@ -143,11 +143,11 @@ def show(inspection: Inspection, arguments: Mapping[str, Any]) -> Iterator[Outpu
 
 
 def _loop_row(loop: LoopFigures, scale: float | None, output_factor: float) -> list[str]:
-    from anhyst.cli.printing import MAX_CELL, printer
+    from anhyst.cli.printing import MAX_CELL_WIDTH, printer
 
     cells, history = [loop.label], str(loop.history)
-    if len(history) > MAX_CELL:
-        history = f"{history[: MAX_CELL - 1]}…"
+    if len(history) > MAX_CELL_WIDTH:
+        history = f"{history[: MAX_CELL_WIDTH - 1]}…"
     if scale is not None:
         cells.append("moves" if loop.schedule is None else f"{scale * loop.schedule:.6g}")
     delay = "unknown"  # s, or samples without a time column
