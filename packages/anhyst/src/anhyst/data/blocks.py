@@ -133,7 +133,7 @@ def _are_loops(blocks: Sequence[FloatArray]) -> bool:
 
 
 def _has_jump_between(block: FloatArray, next_block: FloatArray) -> bool:
-    """Whether the input jumps from the end of a block to the start of the next one."""
+    """Whether the input jumps from the end of a block to the start of the next block."""
     largest_step = float(np.max(np.abs(np.diff(block)))) if block.size > 1 else 0.0
     return bool(abs(next_block[0] - block[-1]) > _MIN_JUMP_STEPS * largest_step)
 

@@ -236,8 +236,7 @@ def _average_along_path(loop: Loop, max_samples: int) -> Loop:
     """Return a loop whose samples are averaged over equal parts of its path."""
     branches = find_branches(loop.input)
     output_range, input_range = float(np.ptp(loop.output)) or 1.0, float(np.ptp(loop.input))
-    # Progress along the path, in ranges of input and output, so that steep and flat parts keep
-    # samples.
+    # Input and output are relative to their ranges, so that steep and flat parts keep samples.
     path_length = np.zeros(loop.n)
     is_reversal = np.zeros(loop.n, bool)
     for branch in branches:
@@ -267,7 +266,7 @@ def _average_along_path(loop: Loop, max_samples: int) -> Loop:
 def _keep_samples(
     loopset: Loops, keep_masks: Sequence[NDArray[np.bool_]], text: str, noun: str = "sample"
 ) -> Loops:
-    """Return the loops at the samples to keep, with a repair that counts the dropped samples."""
+    """Return the loops with the samples to keep, and a repair that counts the dropped samples."""
     dropped_count = sum(int(np.count_nonzero(~mask)) for mask in keep_masks)
     if not dropped_count:
         return loopset
@@ -289,7 +288,7 @@ SETTING_PREFIX = "read_"
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """Options for reading measurements that their headers and sidecar files do not state."""
+    """Options for reading measurements: information that headers and sidecar files do not state."""
 
     columns: Mapping[str, str] = field(default_factory=dict)  # standard name, by name in the file
     constants: Mapping[str, float | str] = field(default_factory=dict)  # value, by standard name

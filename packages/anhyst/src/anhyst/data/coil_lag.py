@@ -22,9 +22,9 @@ MIN_LOOP_SHARE = 0.003
 """Minimum rms residual of curves of the input for a search, as a fraction of full scale."""
 MIN_LOOP_NOISE_RATIO = 1.3
 MAX_LAG_ONLY_RATIO = 1.15
-"""Maximum residual of curves with a lag that explains the loop, relative to play operators."""
+"""A lag explains the loop if its residual is at most this multiple of that of play operators."""
 MAX_LAG_WITH_PLAYS_RATIO = 0.8
-"""Maximum residual of play operators with a lag that explains a part, relative to no lag."""
+"""A lag explains a part of the loop if it reduces the residual of play operators to this ratio."""
 _MAX_SAMPLES = 4096
 _MAX_LOOPS = 2
 _MIN_LAG_SHARE = 1.0 / 300.0

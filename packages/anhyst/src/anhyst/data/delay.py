@@ -37,7 +37,7 @@ _MAX_TIPS = 16
 _MIN_WINDOW_SAMPLES = 4
 _MAX_WINDOW_SAMPLES = 60
 _WINDOW_DIVISORS = (5, 9)
-"""Windows of 1/5 and 1/9 of a branch, which must agree; the error of a knee grows with the window.
+"""Divisors of a branch for two windows, whose results must agree: a knee causes different errors.
 """
 _PEAK_SHARE = 0.03
 """Maximum distance of the mean output from its peak at a candidate delay, relative to its range."""
@@ -77,7 +77,7 @@ class _Reversal:
 
 
 @dataclass(frozen=True, slots=True)
-class _DelayEstimate:
+class _Delay:
     """A delay and its standard error, in samples."""
 
     delay: float
@@ -127,13 +127,13 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     return np.interp(times, time[rows], loop.input[rows]), np.interp(times, time[rows], loop.output[rows])
 
 
-def _search_at_reversals(drive: FloatArray, output: FloatArray, branch_size: float) -> _DelayEstimate | None:
+def _search_at_reversals(drive: FloatArray, output: FloatArray, branch_size: float) -> _Delay | None:
     """Search the delay around the reversals, first at a coarse sampling rate, then at finer ones."""
     # Near a tip, noise on the input hides which sample is the tip.
     noise_share = 2.0 * estimate_noise(drive) / float(np.ptp(drive))
     min_stride = max(1, round((noise_share * branch_size) ** (2.0 / 3.0)))
     stride = max(min_stride, round(branch_size / _COARSE_BRANCH_SAMPLES))
-    best_estimate: _DelayEstimate | None = None
+    best_estimate: _Delay | None = None
     delays: NDArray[np.intp] | None = None
     while True:
         shift = 0 if best_estimate is None else round(best_estimate.delay)
@@ -143,7 +143,7 @@ def _search_at_reversals(drive: FloatArray, output: FloatArray, branch_size: flo
         estimate = _estimate_in_windows(*coarse_record, delays, _MIN_ERROR_SAMPLES[stride > 1])
         if estimate is None:
             return best_estimate
-        estimate = _DelayEstimate(shift + stride * estimate.delay, stride * estimate.error)
+        estimate = _Delay(shift + stride * estimate.delay, stride * estimate.error)
         if best_estimate is not None:
             delay_change = abs(estimate.delay - best_estimate.delay)
             if estimate.error > best_estimate.error or delay_change > _MIN_DELAY_SIGMAS * best_estimate.error:
@@ -168,7 +168,7 @@ def _average_blocks(
 
 
 def _find_tips(drive: FloatArray, output: FloatArray, divisor: int) -> list[_Reversal]:
-    """Find the reversals of an input, and whether the output has a maximum or a minimum there."""
+    """Find the reversals of an input, and whether the output has a maximum or minimum at each."""
     tips = []
     for branch, next_branch in itertools.pairwise(find_branches(drive)[: _MAX_TIPS + 1]):
         branch_size = min(branch.size, next_branch.size)
@@ -200,7 +200,7 @@ def _candidate_delays(drive: FloatArray, output: FloatArray, max_delay: int) -> 
 
 def _estimate_in_windows(
     drive: FloatArray, output: FloatArray, delays: NDArray[np.intp], min_error: float
-) -> _DelayEstimate | None:
+) -> _Delay | None:
     """Return the delay on which two windows agree; ``None`` if a window has none in its range."""
     estimates = []
     for divisor in _WINDOW_DIVISORS:
@@ -220,7 +220,7 @@ def _estimate_in_windows(
         estimates.append(estimate)
     best_estimate = min(estimates, key=lambda candidate: candidate.error)
     half_difference = 0.5 * abs(estimates[0].delay - estimates[1].delay)
-    return _DelayEstimate(best_estimate.delay, max(best_estimate.error, half_difference, min_error))
+    return _Delay(best_estimate.delay, max(best_estimate.error, half_difference, min_error))
 
 
 def _misfit_by_delay(
@@ -246,9 +246,7 @@ def _misfit_by_delay(
     return np.array([nnls(ramps, output_fall)[1] ** 2 for output_fall in output_falls.T])
 
 
-def _most_probable_delay(
-    misfits: FloatArray, delays: NDArray[np.intp], sigma2: float
-) -> _DelayEstimate | None:
+def _most_probable_delay(misfits: FloatArray, delays: NDArray[np.intp], sigma2: float) -> _Delay | None:
     """Return the probability-weighted mean of the delays, and its standard error."""
     total_misfit = misfits.sum(axis=0)
     weights = np.exp(-0.5 * (total_misfit - total_misfit.min()) / sigma2)
@@ -266,7 +264,7 @@ def _most_probable_delay(
     delay_by_tip = np.array([delays[np.argmin(total_misfit - misfit)] for misfit in misfits])
     if np.ptp(delay_by_tip) > 1:
         standard_error = max(standard_error, float((len(misfits) - 1) * np.var(delay_by_tip)) ** 0.5)
-    return _DelayEstimate(delay, standard_error)
+    return _Delay(delay, standard_error)
 
 
 def _search_along_path(

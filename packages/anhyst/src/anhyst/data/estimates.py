@@ -78,8 +78,8 @@ def estimate_drift(loop: Loop) -> float | None:
 def closure_error(loop: Loop) -> float | None:
     """Return the output at the end of the last full cycle minus the output at its start.
 
-    Both outputs are at the same input. ``None`` if no state recurs. The start is the first sample
-    if the history is `settled`, otherwise one of the first two reversals.
+    Both outputs belong to the same input. ``None`` if no state recurs. The start is the first
+    sample if the history is `settled`, otherwise one of the first two reversals.
     """
     branches = _settled_branches(loop)
     starts = branches[:1] if loop.history.kind == "settled" else branches[1::-1]
@@ -130,8 +130,8 @@ def _fit_output_at(inputs: FloatArray, outputs: FloatArray, level: float) -> flo
 def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
     """Return input and output offset of the centre of a symmetric loop; ``None`` if not symmetric.
 
-    Only meaningful for outputs that are odd functions of the input (flux, flux density), not for
-    force.
+    The offsets are only meaningful for outputs that are odd functions of the input (flux, flux
+    density), not for force.
     """
     if not is_bipolar(loop.input) or not loop.reverses:
         return None
@@ -153,8 +153,7 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
 def slope_ratio_at_tip(loop: Loop) -> float | None:
     """Return the ratio of the slope at the largest input to the largest slope of its branch.
 
-    The ratio is 1 if the curve is steepest at its tip, and almost 0 in saturation. ``None`` for
-    short records.
+    It is 1 if the tip is the steepest part, almost 0 in saturation, and ``None`` for short records.
     """
     longest_branch = max(find_branches(loop.input), key=lambda part: float(np.ptp(loop.input[part.rows])))
     x, y = average_in_bins(loop.input[longest_branch.rows], loop.output[longest_branch.rows], bins=30)

@@ -64,8 +64,7 @@ _MAX_GAP_DIFFERENCE = 0.3
 def find_gaps_in_names(paths: Sequence[Path]) -> dict[Path, float]:
     """Return the gap in each file name, m; empty unless each name contains a gap.
 
-    If a name has no word for a gap, the names must contain several gaps and may otherwise differ
-    only in numbers.
+    If a name has no word for a gap, the names must contain several gaps and differ in numbers only.
     """
     gaps = {path: _find_gap_in_name(path.stem) for path in paths}
     known_gaps = {path: gap for path, gap in gaps.items() if gap is not None}

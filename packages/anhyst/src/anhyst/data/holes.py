@@ -34,8 +34,8 @@ class Hole:
     """A time interval of a record without samples."""
 
     row: int  # last sample before the hole
-    time_s: float  # time of that sample, s
-    duration_s: float  # time without samples, s
+    time_s: float  # time of the last sample before the hole, s
+    duration_s: float  # duration of the hole, s
 
     def __str__(self) -> str:
         """Return the duration and the position as text."""

@@ -29,7 +29,7 @@ _MAX_END_DISTANCE = 0.02
 _MIN_REMANENCE_SHARE = 2e-3
 """Minimum remanence that is searched for, as a fraction of the height."""
 _MAX_REST_SHARE = 0.05
-"""Maximum input at which a rise starts from zero, as a fraction of the largest input."""
+"""Maximum start of a rise that counts as zero input, as a fraction of the largest input."""
 _FIRST_RISE_PARTS = (0.01, 0.03, 0.1, 0.3)
 """Compared parts of the first rise, as fractions of it; the iron determines which differs most."""
 _MEETING_RISE_FRACTION = 0.9
@@ -46,7 +46,7 @@ _MIN_NOISE_SHARE = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class _RiseComparison:
-    """Comparison of the first rise with a later one."""
+    """Comparison of the first rise with a later rise."""
 
     difference: float
     standard_error: float
@@ -216,7 +216,7 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
     rise, fall = ((loop.input[part.rows], loop.output[part.rows]) for part in parts[:2])
     growth = rise[1] - loop.output[0]
     if float(growth.max()) < 4.0 * closing_error:
-        return True  # such a remanence hides all other effects
+        return True  # a remanence of this size hides all other effects
     input_at_1, input_at_4 = (float(rise[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0))
     difference = (
         float(_interpolate_curve(fall, np.array([input_at_4]))[0] - loop.output[0]) - 4.0 * closing_error

@@ -57,7 +57,7 @@ class LoopFigures:
     step: float | None  # median time step, s
     uneven: float | None  # largest relative deviation from the median time step
     input_offset: float | None  # input at the centre of a symmetric loop with an odd output
-    output_offset: float | None  # output at the centre of such a loop
+    output_offset: float | None  # output at the centre of a symmetric loop
     drift: float | None  # linear drift of the output over the record
     closure: float | None  # output at the end of the last full cycle minus output at its start
     noise: float  # standard deviation of the output noise

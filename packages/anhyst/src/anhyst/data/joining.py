@@ -2,8 +2,7 @@
 
 Identical loops are kept once, and scheduling values that differ only by rounding become equal. A
 settled loop wipes out smaller loops before it. In iron with return-point memory, a settled loop
-lies within a larger loop that was run before. Therefore, its history includes the earlier loops of
-the record.
+lies within a larger loop that was run before. Therefore, its history includes the earlier loops.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ class SourceLoops:
     without_history: frozenset[int] = frozenset()
     is_labelled: bool = True
     has_blocks: bool = False  # whether breaks separate the loops
-    stated_gap: tuple[float | None, str] | None = None  # m, and the comment in the header of the file
+    stated_gap: tuple[float | None, str] | None = None  # gap in m, and the comment that states it
 
 
 def join_loops(parts: Sequence[SourceLoops]) -> Loops:
@@ -246,7 +245,7 @@ def _history_after(earlier: Sequence[Loop], loop: Loop) -> History:
 
 
 def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
-    """Whether branches follow those of a larger loop; ``None`` if none starts at the same end."""
+    """Whether branches follow those of a larger loop; ``None`` if no branch has a common start."""
     span = float(np.ptp(larger.input))
     if float(np.ptp(loop.input)) > (1.0 - _MAX_END_DISTANCE) * span:
         return None

@@ -32,7 +32,7 @@ class OutputMap:
     has_natural_zero: bool = True
     # whether an active material without iron gives the output, with lag and creep
     has_creep: bool = False
-    # name of the quantity if a current or a field drives it, if different
+    # name of the quantity if a current or a field drives it and the name differs
     magnetised_name: str = ""
 
     @property

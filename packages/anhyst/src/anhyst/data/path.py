@@ -184,7 +184,7 @@ _MAX_STEP_SHARE = 0.5
 
 
 def thin_rows(drive: FloatArray, max_samples: int, output: FloatArray | None = None) -> NDArray[np.intp]:
-    """Return the rows of about ``max_samples`` samples at most, and of every reversal.
+    """Return the rows of at most about ``max_samples`` samples, and of every reversal.
 
     The samples are evenly spaced along the travel of the drive. If the output has a step above
     `_MAX_STEP_SHARE`, samples are added until no step exceeds the mean step, at most twice as many
@@ -241,7 +241,7 @@ class Branch:
 
 
 def find_branches(drive: FloatArray) -> list[Branch]:
-    """Cut a record into branches at its reversals; neighbours share the turning point."""
+    """Cut a record into branches at its reversals; two branches share each turning point."""
     min_size = _MIN_BRANCH_SHARE * float(np.ptp(drive))
     turning_points = find_turning_points(drive, min_size).tolist()
     # Wobble before the drive starts or after it has returned is not a branch.
@@ -338,7 +338,7 @@ _HISTORY_ADVICE = (
 class History:
     """The magnetic history before a loop.
 
-    ``demagnetised``: none. ``settled``: the loop is a cycle that was repeated many times, after the
+    ``demagnetised``: no history. ``settled``: the loop is a cycle that was repeated many times, after the
     drive had gone through ``turning_points``, if any. ``conditioned``: the drive went from the
     demagnetised state through ``turning_points`` (SI units of the input), just before the first
     sample. ``schedule`` holds the scheduling variable at each turning point (SI units), or ``None``

@@ -37,7 +37,7 @@ _MIN_REVERSAL_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Plateaus:
-    """Rows of the plateaus, and the value of the plateau at each of them."""
+    """Rows of the plateaus, and the value of the plateau at each row."""
 
     rows: NDArray[np.intp]
     values: FloatArray
@@ -86,7 +86,7 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
     return Plateaus(
         rows,
         np.array(levels)[plateau_of_row[rows]],
-        _describe_plateaus(plateaus, levels, values.size - rows.size, quantity),
+        _plateau_note(plateaus, levels, values.size - rows.size, quantity),
     )
 
 
@@ -142,7 +142,7 @@ def has_loop(drive: FloatArray, rows: slice | NDArray[np.intp]) -> bool:
 
 
 def _plateau_values(plateaus: list[_Plateau]) -> list[float]:
-    """Return the value of each plateau, rounded well below the scatter, equal if plateaus agree."""
+    """Return the value of each plateau, rounded well below the scatter; equal if plateaus agree."""
     levels: list[float] = []
     for plateau in plateaus:
         decimals = max(0, 1 - math.floor(math.log10(plateau.sigma))) if plateau.sigma > 0.0 else 12
@@ -171,9 +171,7 @@ def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.int
     return plateau_of_row
 
 
-def _describe_plateaus(
-    plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity
-) -> str:
+def _plateau_note(plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity) -> str:
     scatter = max(plateau.sigma for plateau in plateaus)
     texts = (quantity.show(level).removeprefix(quantity.name) for level in levels)
     value_texts = list(dict.fromkeys(texts))

@@ -52,13 +52,13 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
 
     Columns and force signs are checked on the largest loop of each gap, because remanence, offset
     and noise can dominate a small loop. For the same reason, the direction of a bipolar even loop
-    is only checked there.
+    is only checked on this loop.
     """
     warnings = _check_schedule(loopset) + _check_magnitude(loopset)
     check_not_even(loopset)
     loopset, is_even_output = recentre(loopset)
     output = output_map(loopset.output)
-    largest_loops: dict[float | None, Loop] = {}  # key: gap; None if it changes or there is none
+    largest_loops: dict[float | None, Loop] = {}  # by gap; None if it changes or is not stated
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output))):
         largest_loops.setdefault(loop.schedule_value, loop)
     for loop in loopset.loops:
@@ -210,7 +210,7 @@ def _check_swap(loop: Loop, name: str) -> list[str]:
             and square_correlation > _MIN_SQUARE_CORRELATION
         ):
             raise InputError(
-                f"{name}: the force takes both signs at the same current; {_SWAP_ADVICE}",
+                f"{name}: the force has both signs at the same current; {_SWAP_ADVICE}",
                 code="columns-swapped",
                 key=name,
             )

@@ -1,7 +1,7 @@
 """Propose command-line options for columns whose headers are incomplete.
 
-A proposal includes what the user has mapped already, so it can replace the whole option. It never
-changes a unit: for sensor voltages and unknown units, the user must state a scale.
+A proposal includes the mapping that the user has given, so it can replace the whole option. It
+never changes a unit: for sensor voltages and unknown units, the user must state a scale.
 """
 
 from __future__ import annotations
@@ -303,7 +303,7 @@ def _can_hold(header: Header, name: str) -> bool:
             "voltage",
         }
     is_suggested = name in _suggested_quantities(header)
-    first_unit = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns are amperes with a scale
+    first_unit = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns need a scale
     is_suggested = is_suggested or (
         first_unit is not None and first_unit.dimension == QUANTITY_DIMENSIONS.get(name, name)
     )

@@ -483,7 +483,7 @@ def _split_by_schedule(columns: _SourceColumns, values: FloatArray, rows: Rows) 
     if run_count == np.unique(values[np.concatenate(([0], steps))]).size:
         return parts
     if columns.time is not None and find_time_reversal(columns.time[rows]) is None:
-        # A record with a clock: the value steps back and forth, or returns to an earlier gap.
+        # With a clock, the value may step back and forth, or return to an earlier gap.
         return parts if all(has_loop(columns.input, part) for part in parts) else [rows]
     first_row_of_value: dict[float, int] = {}
     for start in [0, *steps.tolist()]:

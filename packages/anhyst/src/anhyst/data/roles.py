@@ -50,7 +50,7 @@ class Roles:
     schedule: int | None  # column of the scheduling variable
     schedule_constant: float | None  # constant value of the scheduling variable, SI units
     schedule_quantity: Quantity | None  # quantity of the scheduling variable; None if there is none
-    is_schedule_requested: bool  # whether the user named it
+    is_schedule_requested: bool  # whether the user named this quantity
     unused: tuple[int, ...]  # columns without a role
     is_label_inferred: bool = False  # whether the label column was found from the data
 
@@ -443,7 +443,7 @@ _GAP_WORDS = frozenset(
 
 
 def can_be_gap(header: Header) -> bool:
-    """Whether a column can be a gap with another name, by its unit or otherwise by its name."""
+    """Whether a column can be a gap although its header does not say so, by its unit or name."""
     if header.unit is not None and header.unit.symbol != "-":
         return header.unit.dimension == "length"
     words = set(split_words(header.name))

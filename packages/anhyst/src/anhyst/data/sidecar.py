@@ -106,7 +106,7 @@ class FileDescription:
             raise error.with_location(path) from None
 
     def with_defaults(self, defaults: FileDescription) -> FileDescription:
-        """Combine with another description; entries of this one take precedence."""
+        """Combine with another description; entries of this description take precedence."""
         if self.history is not None:
             defaults = replace(defaults, histories={})
         merged_fields: dict[str, Any] = {}

@@ -38,7 +38,7 @@ def cycle_rate(drive: FloatArray, time: FloatArray | None) -> float:
 class SpeedGroups:
     """Loops grouped by their rate."""
 
-    slow: Loops  # slowest loops of each gap, and all that are not clearly faster
+    slow: Loops  # slowest loops of each gap, and all loops that are not clearly faster
     fast: tuple[tuple[Loop, ...], ...]  # other loops in groups of similar rate, slowest first
 
     @property

@@ -25,7 +25,7 @@ class EvenRecord:
 
     drive: FloatArray
     output: FloatArray
-    step: float  # s; 1 without a clock
+    step: float  # time step, s; 1 without a clock
 
     def averaged(self, samples: int) -> EvenRecord:
         """Return the record with averages of blocks of ``samples`` samples."""

@@ -71,9 +71,9 @@ MIN_SLOPE_RATIO = 0.01
 class Surface:
     """Current over force and gap, on uniform grids."""
 
-    force: FloatArray  # N; shape (f,)
-    gap: FloatArray  # m; shape (g,)
-    current: FloatArray  # A; increases with the force; shape (g, f)
+    force: FloatArray  # force levels, N; shape (f,)
+    gap: FloatArray  # gaps, m; shape (g,)
+    current: FloatArray  # current, A; increases with the force; shape (g, f)
 
     def current_at(self, force: FloatArray, gap: float) -> FloatArray:
         """Return the current for forces at one gap, linearly interpolated."""

@@ -278,8 +278,8 @@ class ChannelFigures:
     unit: str
     samples: int
     rate: float | None  # samples per second; None without a clock
-    low: float | None  # in the unit of the file; None for texts
-    high: float | None
+    low: float | None  # smallest value, in the unit of the file; None for texts
+    high: float | None  # largest value
     role: str  # quantity, with "?" after a guess; empty if unknown
 
 

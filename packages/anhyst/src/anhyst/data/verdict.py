@@ -30,7 +30,7 @@ MIN_SAMPLES_PER_BRANCH = 200
 """Number of samples that resolve a branch; noise at higher frequencies does not affect the gain."""
 _MAX_BINS = 4000
 _MAX_BRANCHES_WITH_FIRST = 6
-"""Maximum number of branches for which the first one counts for the loop's width."""
+"""Maximum number of branches of a loop whose width includes the first branch."""
 GAIN_ADVICE = (
     "it is beneficial if the loops are well above the noise: iron with wider loops, or averages of "
     "several cycles"

@@ -37,7 +37,7 @@ class GapCheck:
     # steady-state cycle, ascending then descending branch, in units of the input, as read by the
     # sensor of the gap with the largest offset; shape (n,)
     drive: FloatArray
-    # output over that cycle at each gap, with the sensor offset; NaN if the model could not be
+    # output over this cycle at each gap, with the sensor offset; NaN if the model could not be
     # computed; shape (g, n)
     output: FloatArray
     # offset of the output minus the smallest offset of all gaps, which is subtracted before the
@@ -72,7 +72,7 @@ class GapCheck:
             gap_range_text = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
             return f"at every drive the output rises as the gap closes ({gap_range_text}, both branches)"
         return (
-            f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest, at "
+            f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest output, at "
             f"{gap_text} and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
             "no electromagnet with a simple gap does that; do not use the model there"
         )
@@ -100,7 +100,7 @@ class DriveCheck:
         if self.passed:
             return "the output never falls as the drive rises from rest"
         return (
-            f"the output falls as the drive rises: by {100 * self.fall:.2g} % of the largest, at "
+            f"the output falls as the drive rises: by {100 * self.fall:.2g} % of the largest output, at "
             f"{self.at_drive:.4g} {unit} {self.where}; no electromagnet does that; do not use the "
             "model there"
         )
@@ -148,7 +148,7 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """Results of both tests; None if a test does not apply."""
+    """Results of the tests over gap and drive; None if a test does not apply."""
 
     over_gap: GapCheck | None
     over_drive: DriveCheck | None
@@ -170,7 +170,7 @@ class Acceptance:
 
 
 def check_acceptance(model: ModelData) -> Acceptance:
-    """Run both acceptance tests."""
+    """Run the acceptance tests over gap and drive."""
     return Acceptance(check_over_gap(model), check_over_drive(model))
 
 

@@ -40,7 +40,7 @@ class LoopDifference:
     """Difference of the steady-state loops at one value of the scheduling variable."""
 
     schedule: float | None  # scheduling variable, SI
-    # largest absolute output of the first model there, in units of the output
+    # largest absolute output of the first model at this value, in units of the output
     largest_output: float
     mean: float  # mean and largest absolute difference of the outputs
     worst: float
@@ -78,11 +78,11 @@ class ModelDiff(Result):
 
     @property
     def same(self) -> bool:
-        """Whether the models compute the same, except for names and records of origin."""
+        """Whether the models give the same results; their names and origins may differ."""
         return not self.settings and not self.parameters
 
     def facts(self) -> dict[str, str]:
-        """Return the differences, and the distance of the loops."""
+        """Return the names of all differences, and the mean and largest difference of the loops."""
         facts = {"different": ", ".join(item.name for item in (*self.settings, *self.parameters))}
         if self.mean is not None and self.worst is not None:
             facts |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} (SI)"}

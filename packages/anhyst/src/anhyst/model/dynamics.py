@@ -132,8 +132,8 @@ class Layers:
     """Layers of solid iron; ``gamma`` of the model determines the delay of the inner layers."""
 
     count: int  # number of layers, 2 to 16
-    surface: float  # share of the section in the first layer, above 0 and below 1
-    laminated: float = 0.0  # share of the path in sheets, 0 or above and below 1
+    surface: float  # fraction of the cross-section in the first layer, above 0 and below 1
+    laminated: float = 0.0  # fraction of the path in sheets, 0 or above and below 1
 
     def __post_init__(self) -> None:
         for key, is_wrong, range_text in (

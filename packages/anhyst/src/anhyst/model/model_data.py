@@ -166,7 +166,7 @@ class ModelData:
 
     @cached_property
     def operator_law(self) -> Law:
-        """The law, with the cells of the model if there are any."""
+        """The law, with the play cells of the model if it has any."""
         return get_law(self.law, self.cells)
 
     @property
@@ -333,7 +333,7 @@ class ModelData:
         gaps = schedule
         if gaps is None:
             gaps = np.full(eddy_rate.shape, self.schedule_or_default(None))
-        # Searches need the same short rows repeatedly.
+        # Searches evaluate the same few scheduling values repeatedly.
         key, cache = gaps.tobytes() if gaps.size <= MAX_CACHED_SAMPLES else b"", self._cached_rows
         rows = cache.get(key) or tuple(self.interpolate_parameter(spec.name, gaps) for spec in CIRCUIT_SPECS)
         if key and key not in cache:

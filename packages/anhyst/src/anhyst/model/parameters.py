@@ -1,8 +1,8 @@
 """Define the parameters of a model, check them, and interpolate them over the gap.
 
-The parameters belong to the law of the iron or to the circuit around it. Each is a number, or one
-number for each node of the scheduling variable. :class:`Curve` interpolates between the nodes
-without overshoot, and extrapolates linearly beyond them.
+The parameters belong to the law of the iron or to the circuit around it. Each parameter is a
+number, or has one number for each node of the scheduling variable. :class:`Curve` interpolates
+between the nodes without overshoot, and extrapolates linearly beyond them.
 """
 
 from __future__ import annotations

@@ -177,7 +177,7 @@ def _run_with_dynamics(
     run = _run_without_dynamics(model, kind, fast_inputs, schedule, time, initial_history)
     drive, output = inputs, run.output
     if kind == "demand":
-        # advanced by the lag; the last value is held after the end
+        # The lag advances the drive in time; the last value is held after the end.
         drive, output = np.interp(time + dynamics.lag, time, run.drive), inputs
     elif dynamics.times:
         output = convert_creep(run.flux_density)
@@ -300,7 +300,7 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
 
 
 def as_history(history: HistoryLike | None, model: ModelData) -> History:
-    """Return the given history, or that of the model."""
+    """Return the given history, or the history of the model."""
     return model.history if history is None else History.of(history)
 
 

@@ -92,7 +92,7 @@ class RunSummary(Result):
     columns: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     def facts(self) -> dict[str, str]:
-        """Return the number of rows, the range of the computed quantity and the samples outside."""
+        """Return the number of rows, the computed range, and samples outside the valid range."""
         return {
             "rows": str(self.rows),
             "history": self.history,

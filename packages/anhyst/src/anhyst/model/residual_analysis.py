@@ -72,7 +72,7 @@ class Outlier:
     size: float  # deviation, relative to full scale
     record: int  # index of the record
     sample: int  # index of the sample in the record
-    is_at_jump: bool  # whether the input jumps there
+    is_at_jump: bool  # whether the input jumps at this sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ class ResidualAnalysis:
     # shapes of the residual and the fraction of its variance that they explain, the largest first;
     # empty if no known shape was found
     shapes: tuple[tuple[Shape, float], ...] = ()
-    start_samples: int = 0  # samples at the start of a record with the effect of a wrong history
+    start_samples: int = 0  # number of first samples that show a wrong history
     # largest deviation; None if noise of this rms could cause it. With an outlier, all other fields
     # except rms were computed without the samples that are too large for noise
     outlier: Outlier | None = None
@@ -147,7 +147,7 @@ def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outli
 
 
 def _quantisation_step(values: FloatArray) -> float:
-    """Return the step of which all differences of values are multiples; zero if there is none."""
+    """Return the step of which all differences of values are multiples; zero without one."""
     steps = np.diff(np.unique(values))
     steps = steps[steps > 1e-9 * float(np.ptp(values))]
     if not steps.size:
@@ -205,7 +205,7 @@ def _attribute_to_shapes(
     all_shapes = orthonormal_basis(np.hstack([variant for _, variant in shape_bases]))
     sizes = [record.deviation.size for record in records]
     noise_model = estimate_coloured_noise(deviation, all_shapes, sizes)
-    # too large for filtered noise: any smooth curve counts
+    # If the residual is too large for filtered noise, any smooth curve counts.
     if rms * span > max(max_noise, NEGLIGIBLE_DEVIATION * span):
         white_variance = max(noise_rms, NEGLIGIBLE_DEVIATION * span) ** 2
         noise_model = ColouredNoise(
@@ -346,8 +346,8 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
 class _ShapeText(NamedTuple):
     """Texts for a shape of the residual, and the remedy."""
 
-    what: str  # if it is the largest shape
-    short: str  # if it is the second shape
+    what: str  # text for the largest shape
+    short: str  # text for the second shape
     advice: str
 
 
@@ -371,7 +371,7 @@ _SHAPE_TEXTS: dict[Shape, _ShapeText] = {
     "start": _ShapeText(
         "in the first {first} samples of a record",
         "at the start of records",
-        "their stated history is wrong; check --history",
+        "the stated history is wrong; check --history",
     ),
     "drift": _ShapeText(
         "is proportional to time",

@@ -1,8 +1,8 @@
 """Define the tables of a model file, their types, and keys with units.
 
 Fit figures, uncertainty, reduction and provenance are dataclasses and tables of the file at the
-same time: an added field is read, checked and written. Identification fills them, and the report
-shows them.
+same time: an added field is read, checked and written. Identification fills these tables, and the
+report shows them.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ CHOSEN = "chosen"
 
 @dataclass(frozen=True, slots=True)
 class ValidRange(FileRecord):
-    """Measured ranges of the model. Outside, results are computed, but every sample is flagged."""
+    """Measured ranges of the model. Outside, every sample is computed but flagged."""
 
     input: Range  # smallest and largest measured value, SI
     output: Range
@@ -148,9 +148,9 @@ class FitFigures(FileRecord):
     left_out: Mapping[str, FiniteNumber] = field(default_factory=dict)
     # whether the acceptance tests over gap and drive passed; None if none applies
     monotone: Truth | None = None
-    # expected error between the measured scheduling values; None below three of them
+    # expected error between the measured scheduling values; None for fewer than three
     cross_validation: CrossValidation | None = None
-    # compared laws, the simplest first; empty if one was requested
+    # compared laws, the simplest first; empty if a law was requested
     candidates: Annotated[tuple[CandidateFit, ...], TUPLE_FROM_LIST, Field(validation_alias="candidate")] = ()
     # rms residual beyond the sensor noise, relative to the largest output; zero if the residual is
     # noise, None if it was not analysed
@@ -322,7 +322,7 @@ class ModelTable(Table):
 def model_table(law: Law | None) -> type[ModelTable]:
     """Return the table of the whole file with the parameters of a law."""
     if law is None:
-        return ModelTable  # which then rejects the law
+        return ModelTable  # this table rejects the law
     fields: dict[str, Any] = {
         spec.name: (Number, ... if spec.default is None else spec.default)
         for spec in parameter_specs(law).values()
@@ -396,7 +396,7 @@ def section_names(
 
 
 def find_field(key: str, names: Names) -> str | None:
-    """Return the field that a key with a missing or another unit means, if any."""
+    """Return the field that a key with a missing or wrong unit means, if any."""
     for name, (name_without_unit, full_name) in names.items():
         if key == full_name:
             continue

@@ -59,7 +59,7 @@ class Stepper:
                     key="valid",
                 )
             low, high = model.valid.input
-            slow_times = [0.0, 1e9, 2e9]  # so slow that eddy currents are negligible
+            slow_times = [0.0, 1e9, 2e9]  # eddy currents are negligible
             cycle = [low, high, low]
             self._state = run_record(model, "drive", cycle, schedule, slow_times, "settled").state
         else:
@@ -107,7 +107,7 @@ class Stepper:
 
     @property
     def output(self) -> float | None:
-        """Output after the last commit, in units of the output; None before the first."""
+        """Output after the last commit, in units of the output; None before the first commit."""
         return self._output
 
     def solve(self, demand: float, schedule: float | None = None, dt: float | None = None) -> Candidate:

@@ -209,7 +209,7 @@ class ChannelTable:
         columns = self.file.read(self.file.channels, count)
         if self._time_header:
             columns.insert(0, self.file.read(self.clocks[:1], count)[0])
-        # Logicals are numbers.
+        # Logical values count as numbers.
         numbers = [column.astype(np.uint8) if column.dtype.kind == "b" else column for column in columns]
         texts = [[str(value) for value in column] for column in numbers]
         rows = max(map(len, texts), default=0)

@@ -146,7 +146,7 @@ def _unused_name(group: str, name: str, used_names: Container[tuple[str, str]]) 
 def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
     """Return channels with a clock that is found by its name in the same group.
 
-    The clock is the only channel of the group and the length that is named as a time with a unit of
+    The clock is the only channel of this group and this length whose name is a time with a unit of
     time, such as ``t`` in s.
     """
     times: dict[tuple[str, int], list[Channel]] = {}
@@ -186,7 +186,7 @@ def check_size(path: Path, name: str, samples: int, size: int) -> None:
 
 
 def to_plain_values(values: Values) -> Values:
-    """Return numbers, logicals or texts of shape (n,); dates become s since the first one."""
+    """Return numbers, logicals or texts of shape (n,); dates become s since the first date."""
     values = np.asarray(values)
     if values.dtype.kind == "M":
         values = values.astype("datetime64[ns]")
@@ -326,7 +326,7 @@ def is_invalid_mark(text: str) -> bool:
 
 
 def is_number_or_mark(text: str) -> bool:
-    """Whether a field belongs to a numeric column: a number, or a mark instead of one."""
+    """Whether a field belongs to a numeric column: a number, or a mark instead of a number."""
     return is_number(text) or (text != "" and is_invalid_mark(text))
 
 
@@ -351,7 +351,7 @@ class OpenTable(Protocol):
         """Units of the columns if they are separate from the names."""
 
     def find(self, name: str) -> int | None:
-        """Return the index of a column by a name from the user, ``None`` if there is none."""
+        """Return the index of a column by a name from the user, ``None`` without such a column."""
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the fields of the first data rows, one for each column."""

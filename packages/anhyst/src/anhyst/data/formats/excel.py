@@ -84,7 +84,7 @@ class _SizeGuard:
             )
 
     def _count_cells(self, name: str, blocks: Iterator[bytes]) -> None:
-        """Add the size, the cells and the texts of one file of the archive."""
+        """Add the size and the numbers of cells and texts of one file in the archive."""
         is_sheet, is_texts = "worksheets/" in name, name.lower().endswith("sharedstrings.xml")
         cell_range, previous_tail, open_text_length = _CellRange(), b"", 0
         for block in blocks:

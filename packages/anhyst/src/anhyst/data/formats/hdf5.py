@@ -29,7 +29,7 @@ MAX_GROUP_DEPTH = 40
 
 @dataclass(frozen=True)
 class _SampleKey:
-    """Location of the samples of a channel: a dataset, and a field or column of it."""
+    """Location of the samples of a channel: a dataset, and a field or column in it."""
 
     name: str
     field: str | None = None

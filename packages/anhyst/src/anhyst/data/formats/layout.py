@@ -32,7 +32,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.units import parse_header
 
 _HEAD_BYTES = (1 << 16, 1 << 22)
-"""Numbers of bytes in which the header is searched; the second is for long headers."""
+"""Numbers of bytes in which the header is searched; the second number is for long headers."""
 _MAX_SAMPLE_ROWS = 50
 """Number of data rows from which the kinds of the fields are determined."""
 

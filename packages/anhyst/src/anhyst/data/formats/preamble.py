@@ -18,7 +18,7 @@ Lines = list[tuple[str, int]]
 """Lines at the beginning of a file, and the byte position of each."""
 _DELIMITERS = (";", "\t", ",", None)
 _MIN_RUN_ROWS = 8
-"""Minimum length of a numeric run that is the data; otherwise the longest run is used."""
+"""Minimum number of rows of a numeric run that is the data; otherwise the longest run is used."""
 FACTOR_FIELD = re.compile(r"[*×x]\s*[\d.,]+([eE][+-]?\d+)?")
 """Field of a row of factors, such as *0.001."""
 _COMMENT_SIGNS = "#% ;/"

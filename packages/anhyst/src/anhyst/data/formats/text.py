@@ -134,7 +134,7 @@ def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     for section in sections:
         for signal in [*([section.clock] if section.clock else []), *section.series]:
             header, values = join_header(signal.name, signal.unit), signal.values
-            while header in columns:  # 'I' in A and 'I_A' without a unit
+            while header in columns:  # a channel 'I' in A and a channel 'I_A'
                 header += "#"
             if values.dtype.kind == "U":
                 columns[header] = Texts.from_rows(values.tolist())
@@ -445,7 +445,7 @@ def _cut_texts(
 
 
 def _convert_numbers(text: bytes, separator: str, count: int) -> FloatArray | None:
-    """Convert separated numbers in one call; ``None`` if one is missing, invalid or a mark."""
+    """Convert separated numbers in one call; ``None`` if a number is missing or invalid."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # older NumPy warns, newer NumPy raises
         try:
