@@ -233,14 +233,12 @@ def plant_header(rig: BodyRig) -> str:
 
 
 def _bearing_variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable]:
-    command_codes = ", ".join(f"{command.value} {command.name.lower()}" for command in Command)
+    codes = ", ".join(f"{command.value} {command.name.lower()}" for command in Command)
     middle, load = rig.settings.gap_m, rig.settings.load
     return [
         Variable("target_m", "input", "m", "demanded gap", middle, *gaps),
         Variable("load_N", "input", "N", "force of the load drive, which opens the gap", load.force_N),
-        Variable(
-            "command", "input", "1", f"command, which acts when it changes: {command_codes}", 0.0, 0.0, 6.0
-        ),
+        Variable("command", "input", "1", f"command, which acts when it changes: {codes}", 0.0, 0.0, 6.0),
         Variable("gap_read_m", "output", "m", "reading of the position sensor at the last tick"),
         Variable("reference_m", "output", "m", "reference of the position controller"),
         Variable("demand_N", "output", "N", "demanded net force"),

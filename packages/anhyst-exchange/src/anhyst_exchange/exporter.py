@@ -267,8 +267,8 @@ def export_sfunction(
     """Write a level-2 C S-function: its sources, and the MATLAB function that builds it.
 
     It contains the same component as an FMU of :func:`~anhyst_exchange.exporter.export_fmu`.
-    Outputs that follow from the inputs of a sample appear at the next sample. The sample time of an
-    actuator in s is the parameter of the block.
+    Outputs that follow from the inputs of a sample appear at the next sample. The parameter of
+    the block of an actuator is the sample time in s.
     """
     folder = Path(out)
     if folder.is_dir() and any(folder.iterdir()) and not [*folder.glob("build_sfun_*.m")]:

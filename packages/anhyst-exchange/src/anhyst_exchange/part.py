@@ -223,9 +223,9 @@ def _add_variables_fmi2(root: Xml.Element, variables: Sequence[Variable]) -> Non
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Outputs", "InitialUnknowns"):
-        list_element = Xml.SubElement(structure, tag)
+        group = Xml.SubElement(structure, tag)
         for index in outputs:
-            Xml.SubElement(list_element, "Unknown", {"index": str(index), "dependencies": ""})
+            Xml.SubElement(group, "Unknown", {"index": str(index), "dependencies": ""})
 
 
 def _add_variables_fmi3(root: Xml.Element, variables: Sequence[Variable]) -> None:
@@ -376,9 +376,9 @@ def _actuator_variables(model: Model, initial_schedule: float) -> list[Variable]
     text = "output at the end of a step"
     variables.append(Variable(model.output.name, "output", model.output.unit, text))
     variables.append(
-        Variable("iron_flux_density", "output", "T", "flux density of the iron, in the gauge of the model")
+        Variable("iron_flux_density", "output", "T", "flux density of the iron, scaled as in the model")
     )
-    variables.append(Variable("iron_field", "output", "A/m", "field in the iron, in the gauge of the model"))
+    variables.append(Variable("iron_field", "output", "A/m", "field in the iron, scaled as in the model"))
     return [*variables, *_constant_variables(model)]
 
 

@@ -14,7 +14,7 @@
 /* Calibrated corrections of each magnet; without a calibration {1, 0, 1, 0}. */
 static const anhyst_correction_f64 corrections[STAGE_DRIVES] = STAGE_CORRECTIONS;
 
-/* All different parameter blocks, and the position of the block of each drive. */
+/* The words of all different parameter blocks, and the position of the block of each drive. */
 static const STAGE_WORD words[] = STAGE_WORDS;
 static const struct {
   uint32_t first;
@@ -46,7 +46,7 @@ static anhyst_status start_force(force_controller *force, int i)
   return INIT_FORCE(force, &STAGE_KERNEL, words + blocks[i].first, blocks[i].count);
 }
 
-/* Sets the pointers of a force controller again. */
+/* Sets the pointers of a force controller, as at every tick. */
 static void relink_force(force_controller *force, int i)
 {
   force->method = &COMPENSATOR_METHOD;
@@ -93,7 +93,7 @@ typedef struct {
   force_controller force[STAGE_DRIVES];
   anhyst_corrected_f64 corrected[STAGE_DRIVES];
   anhyst_axes_f64 law;
-  /* Set again at every tick. */
+  /* The pointers below are set again at every tick. */
   anhyst_force_controller_f64 corrected_force[STAGE_DRIVES];
 #ifdef STAGE_CODES
   anhyst_coded_f64 coded[STAGE_DRIVES];

@@ -32,7 +32,7 @@ static void link_plant(virtual_plant *now)
   }
 }
 
-/* As anhyst_plant_start, which does not keep the pointers to the states of solid iron. */
+/* Starts the plant, and sets its pointers, which anhyst_plant_start does not keep. */
 static int start_plant(virtual_plant *now)
 {
   static const anhyst_plant_current_loop current_loops[] = BEARING_CURRENT_LOOPS;

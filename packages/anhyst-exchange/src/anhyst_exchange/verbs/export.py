@@ -38,10 +38,11 @@ def export(
     """Export a model or a rig for other tools, as FMU, S-function or tables.
 
     A compensator gives the same results as the compiled fixed-point C on a controller, and an
-    actuator the same as the model. A rig file of any kind is exported as plant and controller in one FMU. An FMU
-    contains the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink,
-    Amesim, Dymola, OpenModelica and fmpy read it. An S-function is C that MATLAB compiles with the
-    script in the same folder. For C without a wrapper, use anhyst compile.
+    actuator the same as the model. A rig file of any kind is exported as plant and controller in
+    one FMU. An FMU contains the sources, and binaries for Linux, Windows and macOS (extra
+    'verify'). Simulink, Amesim, Dymola, OpenModelica and fmpy can import an FMU. An S-function is C
+    code that MATLAB compiles with the script in the same folder. For C without a wrapper, use
+    anhyst compile.
 
     Parameters
     ----------
