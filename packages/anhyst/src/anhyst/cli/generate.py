@@ -51,12 +51,12 @@ _SHARED_TEXT_MARK = "as of `read_loops`"
 class Verb:
     """A command: its module, its function, and how its result is presented.
 
-    The module can define these names. ``PLACE``: the rank and the panel in the help. ``PROGRESS``:
-    the title of the progress bar. ``preview``: the output before the work. ``show``: the terminal
-    output of the result. ``warnings``: the texts for standard error. ``as_json``: the result for
-    ``--json``. ``refuse``: raises an error if the result, which has been shown, is negative.
-    ``stopped``: the message after Ctrl-C. ``show_started``: the output when a command that runs
-    until Ctrl-C has started.
+    The module can define these names. ``PLACE`` is the rank and the panel in the help, ``PROGRESS``
+    the title of the progress bar. ``preview`` returns the output before the work, and ``show`` the
+    terminal output of the result. ``warnings`` returns the texts for standard error, and ``as_json``
+    the result for ``--json``. ``refuse`` raises an error if the result, which has been shown, is
+    negative. ``stopped`` returns the message after Ctrl-C. ``show_started`` returns the output when
+    a command that runs until Ctrl-C has started.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Functions that all commands share: options, messages and progress.
 
-Results go to standard output, everything else to standard error. On a terminal, the progress is a
-bar. Elsewhere it is one line per minute.
+Results go to standard output, everything else to standard error. Progress is a bar on a
+terminal, and elsewhere one line per minute.
 """
 
 from __future__ import annotations

@@ -57,9 +57,9 @@ def section_loops(subject: ModelSubject) -> Section | None:
         ),
         subject.picture(
             figures.figure_differences(measurements.loops, measurements.fitted, measurements.baseline),
-            f"The same minus the best single-valued curve, {panels}: what remains is hysteresis, "
+            f"Loops minus the best single-valued curve, {panels}: only hysteresis remains, "
             "measured as grey points, modelled as blue lines.",
-            "The same minus the best single-valued curve (one for each panel): only hysteresis "
+            "Loops minus the best single-valued curve (one curve for each panel): only hysteresis "
             "remains. A curve without hysteresis would be the zero line.",
         ),
     ]
@@ -207,8 +207,8 @@ def section_residuals(subject: ModelSubject) -> Section | None:
             f"rising branches blue, on falling branches orange, noise as a grey band. {index}"
         )
         caption = (
-            f"Model minus measurement. The grey band contains {format_percent(0.95)} of the noise of the "
-            f"{subject.output_name} (mean size {noise_text}); residuals outside it are not noise."
+            f"Residual: model minus measurement. The grey band contains {format_percent(0.95)} of the noise of the "
+            f"{subject.output_name} (mean magnitude {noise_text}); residuals outside it are not noise."
         )
         if subject.fit is not None and subject.fit.left_over:
             residual_text = subject.fit.left_over
@@ -307,7 +307,7 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
     ]
     caption = (
         f"“Of largest”: mean relative to {subject.full_scale_text} of all loops; “of own”: relative to "
-        "the largest of that loop."
+        "the largest value of that loop."
     )
     if subject.measurements:
         entries = zip(loops, subject.measurements.baseline, strict=False)
@@ -401,9 +401,9 @@ def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     unknown_text = format_number(float("nan"))
     columns += [c for c in optional_columns if any(c[1](loop) != unknown_text for loop in loops)]
     caption = (
-        "Width and height: largest distance of the branches. Noise: standard deviation of the "
-        "output. Drift: over the record. Closure: end minus start of a cycle. Skew: delay of the "
-        "output after the input, in samples. Saturation: slope at the tip over the steepest slope."
+        "Width and height: largest distances of the branches. Noise: standard deviation of the "
+        "output. Drift: change over the record. Closure: end minus start of a cycle. Skew: delay of the "
+        "output after the input, in samples. Saturation: slope at the tip relative to the steepest slope."
     )
     title = "Loop widths and data quality"
     return _table_by_loop(subject, inspection.loops, columns, title, caption, fallback="moves")

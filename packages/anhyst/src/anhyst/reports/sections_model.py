@@ -50,7 +50,7 @@ GAP_MAP_TEXTS: Mapping[str, str] = {
 }
 
 QUANTITY_MEANINGS: Mapping[str, str] = {
-    "k/a": "pinning relative to the shape a: width of the loop",
+    "k/a": "pinning parameter k relative to the shape parameter a; it determines the loop width",
     "(w*M_s)/a": "feedback of the flux on the iron (circuit and interaction)",
     "a/c_H": "input at the knee of the magnetisation curve",
     "output at saturation": "output with all magnetisation aligned",
@@ -109,9 +109,9 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     text = (
         f"After the best sets for each {subject.schedule_name or 'node'} were found, one parameter after "
         "the other was fixed at its mean, and the others were fitted again. In each round, each "
-        "remaining parameter was tried, and the one with the smallest cost was fixed. From "
-        f"{format_percent(first_cost)} mean deviation with all free to {format_percent(last_cost)} with only the last "
-        "one varying."
+        "remaining parameter was tried, and the one with the smallest cost was fixed. The mean deviation "
+        f"is {format_percent(first_cost)} with all parameters free and {format_percent(last_cost)} with only the "
+        "last parameter free."
     )
     largest_cost = max(step.cost_after for step in steps)
     rows: list[list[str | Cell]] = []

@@ -43,9 +43,9 @@ def compile(  # noqa: A001
     of this actuator, an example, fragments for make and CMake, golden vectors, and an accuracy
     budget measured against the model. DROP_IN.md explains how to add the folder to a project. With
     `controller`, the position controller is included. For a stage, the folder contains the complete
-    controller, from sensor heads and gaps to currents. Its golden vectors are a simulated motion.
-    With `package`, the folder has the layout that a build system such as Zephyr or PlatformIO
-    expects.
+    controller, from sensor heads and gaps to currents. The golden vectors of a stage are a
+    simulated motion. With `package`, the folder has the layout that a build system such as Zephyr
+    or PlatformIO expects.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ def compile(  # noqa: A001
     kind : str, ``KIND``
         'full': the law with its exact step. 'simplified': a straight anhysteretic curve in closed
         form, less accurate and faster. 'play' (magnets only): the best single-valued current and
-        one play, fitted to the loops of the model. 'single-valued' (stages only): the same without
-        the play.
+        one play operator, fitted to the loops of the model. 'single-valued' (stages only): the same
+        without the play operator.
     io : str, ``FORMAT``, optional
         Format of demand, gap and current: q15 (16 bits), q31, or f32 (single precision throughout).
         A position controller needs q31. A stage uses f32, or with q31 fixed point throughout.
@@ -68,8 +68,8 @@ def compile(  # noqa: A001
         Largest deviation from the model, in per cent of the largest output. [default: 0.1 for
         number formats and tables; the deviation of a simplified law is added to it]
     name : str, ``NAME``, optional
-        Name of the actuator in the C. Two actuators in one program need different names. [default:
-        as the model]
+        Name of the actuator in the C code. Two actuators in one program need different names.
+        [default: as the model]
     controller : path-like, ``FILE``, optional
         Controller file of a magnetic bearing. Its position controller is added to the folder.
     package : str, ``ECOSYSTEM``, optional

@@ -150,7 +150,7 @@ def _loop_row(loop: LoopFigures, scale: float | None, output_factor: float) -> l
         history = f"{history[: MAX_CELL_WIDTH - 1]}…"
     if scale is not None:
         cells.append("moves" if loop.schedule is None else f"{scale * loop.schedule:.6g}")
-    delay = "unknown"  # s, or samples without a time column
+    delay = "unknown"  # delay in s, or in samples without a time column
     if loop.skew is not None:
         delay = f"{loop.skew:.3g} samples" if loop.skew_s is None else f"{loop.skew_s:.3g} s"
     return [
