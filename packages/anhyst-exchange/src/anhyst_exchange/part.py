@@ -333,7 +333,7 @@ def _circuit_macros(model: Model) -> tuple[dict[str, object], str]:
             coordinate = spec.coordinate.upper()
             arrays = (curve.nodes, curve.values, curve_heights, node_slopes)
         names = [f"{spec.name}_{array_name}" for array_name in ("nodes", "values", "heights", "slopes")]
-        rows += [c_array_definition(name, array_name) for name, array_name in zip(names, arrays, strict=True)]
+        rows += [c_array_definition(name, array) for name, array in zip(names, arrays, strict=True)]
         curves.append(f"{{{len(arrays[0])}, ANHYST_CURVE_{coordinate}, {', '.join(names)}}}")
     return {
         "ACTUATOR_POWER": model.power,

@@ -74,7 +74,7 @@ def find_blocks(
     """
     starts = [row for row, _ in breaks]
     stated_gaps = [find_stated_gap(texts) if has_gaps else None for _, texts in breaks]
-    later_gaps = [found for found in stated_gaps[1:] if found is not None]
+    later_gaps = [stated_gap for stated_gap in stated_gaps[1:] if stated_gap is not None]
     if len(starts) < 2:
         return None
     block_inputs = np.split(drive, starts[1:])
@@ -83,8 +83,8 @@ def find_blocks(
     if not later_gaps:
         return _label_blocks(starts, drive.size, name, None) if are_loops else None
     gaps, current_gap = [], None
-    for found in stated_gaps:
-        current_gap = found if found is not None else current_gap
+    for stated_gap in stated_gaps:
+        current_gap = stated_gap if stated_gap is not None else current_gap
         if current_gap is None or current_gap[0] is None:
             advice_place = (
                 "above the first rows" if current_gap is None else f"with its unit ('{current_gap[1]}')"

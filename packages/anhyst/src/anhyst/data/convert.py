@@ -102,7 +102,7 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     check_path(out, "convert: out")
     require_kind(source, [MEASUREMENT_FILE], "convert")
     source, out = Path(source), Path(out)
-    check_recording(out, reads=[source])
+    check_recording(out, input_files=[source])
     table = open_table(source, min_columns=1)
     file = table.file if isinstance(table, ChannelTable) else _as_channel_file(source, progress)
     notes = [*file.notes]

@@ -107,9 +107,9 @@ def estimate_delay(loop: Loop) -> float | None:
     second_delay = _search_along_path(drive, output, branches, branch_size)
     if second_delay is None:
         return None
-    agrees = abs(second_delay - estimate.delay) <= max(0.5, _MAX_ESTIMATE_DEVIATION * abs(estimate.delay))
+    is_equal = abs(second_delay - estimate.delay) <= max(0.5, _MAX_ESTIMATE_DEVIATION * abs(estimate.delay))
     delay_difference = float(np.sign(estimate.delay)) * (second_delay - estimate.delay)
-    return estimate.delay if agrees or 0.0 < delay_difference <= _MAX_EXCESS_SHARE * branch_size else None
+    return estimate.delay if is_equal or 0.0 < delay_difference <= _MAX_EXCESS_SHARE * branch_size else None
 
 
 def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:

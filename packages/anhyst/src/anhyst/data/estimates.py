@@ -155,7 +155,7 @@ def slope_ratio_at_tip(loop: Loop) -> float | None:
 
     It is 1 if the tip is the steepest part, almost 0 in saturation, and ``None`` for short records.
     """
-    longest_branch = max(find_branches(loop.input), key=lambda part: float(np.ptp(loop.input[part.rows])))
+    longest_branch = max(find_branches(loop.input), key=lambda branch: float(np.ptp(loop.input[branch.rows])))
     x, y = average_in_bins(loop.input[longest_branch.rows], loop.output[longest_branch.rows], bins=30)
     if x.size < 8:
         return None

@@ -176,8 +176,8 @@ def _average_over_period(values: FloatArray, period: float) -> FloatArray:
     half_width = int(np.ceil((period - 1.0) / 2.0))
     weights = np.ones(2 * half_width + 1)
     weights[[0, -1]] = (period - (2 * half_width - 1)) / 2.0
-    averaged: FloatArray = np.convolve(values, weights / period, mode="valid")
-    return averaged
+    averages: FloatArray = np.convolve(values, weights / period, mode="valid")
+    return averages
 
 
 def _remove_ripple(loop: Loop, found_ripple: _Ripple, *, is_followed: bool) -> Loop:

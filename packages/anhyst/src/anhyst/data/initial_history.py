@@ -210,10 +210,10 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
     flux is at least as large, so the output difference is at least ``(2 + 1)**2 - 2**2`` times the
     closing error. A drift is equal at all inputs, and a settled rise starts with a slope.
     """
-    parts = find_branches(loop.input)
-    if len(parts) < 2:
+    branches = find_branches(loop.input)
+    if len(branches) < 2:
         return False
-    rise, fall = ((loop.input[part.rows], loop.output[part.rows]) for part in parts[:2])
+    rise, fall = ((loop.input[branch.rows], loop.output[branch.rows]) for branch in branches[:2])
     growth = rise[1] - loop.output[0]
     if float(growth.max()) < 4.0 * closing_error:
         return True  # a remanence of this size hides all other effects

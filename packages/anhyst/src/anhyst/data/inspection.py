@@ -17,7 +17,7 @@ from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, find_branches
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import describe_rate
-from anhyst.data.symmetry import describe_bias, recentre
+from anhyst.data.symmetry import describe_bias, recentre_loops
 from anhyst.data.verdict import (
     Verdict,
     assess_loops,
@@ -176,7 +176,7 @@ def inspect(loops: Loops) -> Inspection:
     """
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
-    centred, even = recentre(loops)
+    centred, even = recentre_loops(loops)
     proposals = correct_histories_of_fast_loops(loops.loops, propose_histories(centred.loops, even=even))
     widths_and_heights = [loop_width_and_height(loop, even=even) for loop in centred.loops]
     figures = tuple(
@@ -208,7 +208,7 @@ def _inspect_loop(
     even: bool,
 ) -> LoopFigures:
     proposed_history, reason = proposal
-    centre = None if even else estimates.estimate_offsets(loop)
+    loop_centre = None if even else estimates.estimate_offsets(loop)
     (step, step_deviation), delay = estimates.measure_sampling(loop), estimate_delay(loop)
     return LoopFigures(
         label=loop.label,
@@ -221,8 +221,8 @@ def _inspect_loop(
         output_high=float(loop.output.max()),
         step=step,
         uneven=step_deviation,
-        input_offset=centre[0] if centre else None,
-        output_offset=centre[1] if centre else None,
+        input_offset=loop_centre[0] if loop_centre else None,
+        output_offset=loop_centre[1] if loop_centre else None,
         drift=estimates.estimate_drift(loop),
         closure=estimates.closure_error(loop),
         noise=estimate_noise(loop.output),

@@ -200,10 +200,10 @@ def add_earlier_loops(loops: Sequence[Loop], *, across_gaps: bool = False) -> li
     predecessors = {
         index: tuple(
             loops[other]
-            for other in order[:later]
+            for other in order[:run_number]
             if across_gaps or loops[other].schedule_value == loops[index].schedule_value
         )
-        for later, index in enumerate(order)
+        for run_number, index in enumerate(order)
     }
     verdicts = [_is_on_larger_loop(loop, other) for index, loop in enumerate(loops)
                 for other in predecessors.get(index, ())
@@ -244,15 +244,15 @@ def _history_after(earlier: Sequence[Loop], loop: Loop) -> History:
     return History("settled", tuple(points), tuple(schedule))
 
 
-def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
+def _is_on_larger_loop(loop: Loop, larger_loop: Loop) -> bool | None:
     """Whether branches follow those of a larger loop; ``None`` if no branch has a common start."""
-    span = float(np.ptp(larger.input))
+    span = float(np.ptp(larger_loop.input))
     if float(np.ptp(loop.input)) > (1.0 - _MAX_END_DISTANCE) * span:
         return None
     verdicts = []
     for rising in (True, False):
-        inner_branch, outer_branch = _longest_branch(loop, rising), _longest_branch(larger, rising)
-        opposite_branch = _longest_branch(larger, not rising)
+        inner_branch, outer_branch = _longest_branch(loop, rising), _longest_branch(larger_loop, rising)
+        opposite_branch = _longest_branch(larger_loop, not rising)
         if inner_branch is None or outer_branch is None or opposite_branch is None:
             continue
         end_index = 0 if rising else -1
@@ -273,10 +273,10 @@ def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
 
 def _longest_branch(loop: Loop, rising: bool) -> _Curve | None:
     """Return ascending inputs and the outputs of the longest rising or falling branch."""
-    parts = [part for part in find_branches(loop.input) if part.is_rising == rising]
-    if not parts:
+    branches = [branch for branch in find_branches(loop.input) if branch.is_rising == rising]
+    if not branches:
         return None
-    longest_branch = max(parts, key=lambda part: float(np.ptp(loop.input[part.rows])))
+    longest_branch = max(branches, key=lambda branch: float(np.ptp(loop.input[branch.rows])))
     size, output = loop.input[longest_branch.rows], loop.output[longest_branch.rows]
     order = np.argsort(size, kind="stable")
     return size[order], output[order]

@@ -95,12 +95,12 @@ def _tip_output(loop: Loop, branch: Branch) -> float:
     return float(np.median(loop.output[branch.rows][drive >= _TIP_SHARE * drive.max()]))
 
 
-def _are_apart(loop: Loop, larger: Loop) -> bool:
+def _are_apart(loop: Loop, larger_loop: Loop) -> bool:
     """Whether two loops are apart at most levels, so that neither history nor speed explains it."""
     sign = 1.0 if float(loop.input.max()) >= -float(loop.input.min()) else -1.0
     distances, middle_distances = [], []
     for level in float((sign * loop.input).max()) * _LEVEL_SHARES:
-        pair = [_outputs_at(compared_loop, sign, level) for compared_loop in (loop, larger)]
+        pair = [_outputs_at(compared_loop, sign, level) for compared_loop in (loop, larger_loop)]
         if pair[0].size == 0 or pair[1].size == 0:
             continue
         (low, high), (other_low, other_high) = [(float(p.min()), float(p.max())) for p in pair]
@@ -111,7 +111,7 @@ def _are_apart(loop: Loop, larger: Loop) -> bool:
         return False
     if float(np.median(distances)) > _MIN_BRANCH_DISTANCE:
         return True
-    return _are_comparable(loop, larger) and float(np.median(middle_distances)) > _MIN_MIDDLE_DISTANCE
+    return _are_comparable(loop, larger_loop) and float(np.median(middle_distances)) > _MIN_MIDDLE_DISTANCE
 
 
 def _are_comparable(loop: Loop, other: Loop) -> bool:

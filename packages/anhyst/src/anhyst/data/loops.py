@@ -334,7 +334,7 @@ class Loops(Result):
     def to_columns(self) -> dict[str, Column]:
         """Return all loops one after the other, as columns of SI values by header."""
         codes = np.concatenate([np.full(loop.n, n, np.int32) for n, loop in enumerate(self.loops)])
-        columns: dict[str, Column] = {"loop": Texts(tuple(each.label for each in self.loops), codes)}
+        columns: dict[str, Column] = {"loop": Texts(tuple(any_loop.label for any_loop in self.loops), codes)}
         times = [loop.time for loop in self.loops if loop.time is not None]
         if len(times) == len(self.loops):
             columns[QUANTITIES["time"].column] = np.concatenate(times)
@@ -403,11 +403,11 @@ class Loops(Result):
         return Path(path)
 
 
-def replace_columns(loop: Loop, change: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
+def replace_columns(loop: Loop, convert: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
     """Return a loop with the same change to all columns, except the columns that are given."""
     columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
     changed_columns = {
-        name: change(values) for name, values in columns.items() if values is not None and name not in others
+        name: convert(values) for name, values in columns.items() if values is not None and name not in others
     }
     return replace(loop, **changed_columns | others)
 

@@ -46,8 +46,8 @@ class OutputMap:
 
 
 OUTPUT_MAPS = {
-    each.quantity: each
-    for each in (
+    entry.quantity: entry
+    for entry in (
         OutputMap("force", power=2, is_flux_based=True),
         OutputMap("thrust", is_flux_based=True),
         OutputMap("flux_density", is_flux_based=True, is_flux_density=True),

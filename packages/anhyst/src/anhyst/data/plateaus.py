@@ -155,10 +155,10 @@ def _plateau_values(plateaus: list[_Plateau]) -> list[float]:
 def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.intp]:
     """Return the index of the plateau of each row, -1 for rows between two plateaus."""
     plateau_of_row = np.full(values.size, -1, np.intp)
-    edges = [0, *(plateau.rows.stop for plateau in plateaus[:-1]), values.size]
+    bounds = [0, *(plateau.rows.stop for plateau in plateaus[:-1]), values.size]
     for index, plateau in enumerate(plateaus):
         # A row between two plateaus may belong to either.
-        start = edges[index] if index == 0 else plateaus[index - 1].rows.stop
+        start = bounds[index] if index == 0 else plateaus[index - 1].rows.stop
         stop = values.size if index + 1 == len(plateaus) else plateaus[index + 1].rows.start
         rows = slice(start, stop)
         distance = np.abs(values[rows] - plateau.mean)

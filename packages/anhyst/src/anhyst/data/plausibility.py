@@ -15,7 +15,7 @@ from anhyst.data.estimates import estimate_noise
 from anhyst.data.loops import Loop, Loops, fold_input
 from anhyst.data.output_map import output_map
 from anhyst.data.path import branch_separation, correlation, find_branches, find_runs, is_bipolar, is_negative
-from anhyst.data.symmetry import check_not_even, recentre
+from anhyst.data.symmetry import check_not_even, recentre_loops
 from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 
@@ -56,7 +56,7 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     """
     warnings = _check_schedule(loopset) + _check_magnitude(loopset)
     check_not_even(loopset)
-    loopset, is_even_output = recentre(loopset)
+    loopset, is_even_output = recentre_loops(loopset)
     output = output_map(loopset.output)
     largest_loops: dict[float | None, Loop] = {}  # by gap; None if it changes or is not stated
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output))):
@@ -172,10 +172,10 @@ def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
 
 def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
     """Raise an error for a table that lists both branches of a loop in the same input direction."""
-    parts = find_branches(loop.input)
-    if loop.time is not None or len(parts) != 3 or parts[1].stop - parts[1].start > 2:
+    branches = find_branches(loop.input)
+    if loop.time is not None or len(branches) != 3 or branches[1].stop - branches[1].start > 2:
         return
-    branch, later_branch = parts[0], parts[2]
+    branch, later_branch = branches[0], branches[2]
     ends = loop.input[[branch.stop - 1, later_branch.start]]
     # A real step of the drive is fast, and its record has a clock.
     distance = branch_separation(loop.input, loop.output, branch, later_branch)

@@ -92,9 +92,9 @@ def _is_doubted(header: Header) -> bool:
     return has_qualifier(header.name) or is_formula(header.name)
 
 
-def _mapping_options(headers: Sequence[Header], found: Sequence[tuple[int, str]]) -> str:
+def _mapping_options(headers: Sequence[Header], likely_columns: Sequence[tuple[int, str]]) -> str:
     """Return the options that map columns, with placeholders for unknown scales."""
-    pairs = [(headers[column], name) for column, name in found]
+    pairs = [(headers[column], name) for column, name in likely_columns]
     current_columns = current_mapping(headers)
     current_columns |= {header.text: _target_column(header, name) for header, name in pairs}
     scales = {header.text: _scale_for_quantity(header, name) for header, name in pairs}
@@ -130,14 +130,14 @@ def _find_rivals(
     ]
 
 
-def scale_advice(headers: Sequence[Header], unknown: dict[str, str]) -> str:
+def scale_advice(headers: Sequence[Header], placeholders: dict[str, str]) -> str:
     """Return the option for scales that the file does not state; empty if none is missing."""
-    if not unknown:
+    if not placeholders:
         return ""
     stated_scales = {header.text: f"{header.scale:g}" for header in headers if header.scale is not None}
-    words = [word for word in dict.fromkeys(unknown.values()) if word[-1].isalpha() or "_" in word]
-    number = "a number" if len(unknown) == 1 else "numbers"
-    text = f" {format_option('scale', stated_scales | unknown)}"
+    words = [word for word in dict.fromkeys(placeholders.values()) if word[-1].isalpha() or "_" in word]
+    number = "a number" if len(placeholders) == 1 else "numbers"
+    text = f" {format_option('scale', stated_scales | placeholders)}"
     return f"{text} with {number} in place of {' and '.join(words)}" if words else text
 
 

@@ -479,12 +479,12 @@ def _split_by_schedule(columns: _SourceColumns, values: FloatArray, rows: Rows) 
         is_interrupted |= columns.time[rows[steps]] < columns.time[rows[steps - 1]]
     if not is_interrupted.all() and rows.size < _MIN_MEAN_RUN_SAMPLES * run_count:
         return [rows]
-    parts = np.split(rows, steps)
+    row_groups = np.split(rows, steps)
     if run_count == np.unique(values[np.concatenate(([0], steps))]).size:
-        return parts
+        return row_groups
     if columns.time is not None and find_time_reversal(columns.time[rows]) is None:
         # With a clock, the value may step back and forth, or return to an earlier gap.
-        return parts if all(has_loop(columns.input, part) for part in parts) else [rows]
+        return row_groups if all(has_loop(columns.input, row_group) for row_group in row_groups) else [rows]
     first_row_of_value: dict[float, int] = {}
     for start in [0, *steps.tolist()]:
         value = float(values[start])

@@ -47,7 +47,7 @@ def find_resonance(loopset: Loops) -> float | None:
         for loop in loopset.loops
         if loop.time is not None and loop.n >= _MIN_SAMPLES
     ]
-    for misfit, loop in sorted(misfits, key=lambda each: -each[0])[:_MAX_LOOPS]:
+    for misfit, loop in sorted(misfits, key=lambda misfit_and_loop: -misfit_and_loop[0])[:_MAX_LOOPS]:
         if misfit < MIN_STATIC_RMS_SHARE * scale:
             break
         for record in _resampled_records(loop):
@@ -77,7 +77,7 @@ def _resampled_records(loop: Loop) -> Iterator[EvenRecord]:
         return
     while record.drive.size >= _MIN_SAMPLES:
         yield record.first_samples(_MAX_WINDOW_SAMPLES)
-        record = record.averaged(2)
+        record = record.average_blocks(2)
 
 
 def _is_sine(drive: FloatArray) -> bool:

@@ -62,10 +62,10 @@ def load_loops(
     return options.read(source, **{"progress": progress} | other_keywords), options
 
 
-def collect_read_options(verb: str, **reading: Any) -> ReadOptions:
+def collect_read_options(verb: str, **keywords: Any) -> ReadOptions:
     """Return the read options from Python arguments; ``None`` means that an option is not given."""
     defaults = ReadOptions()
-    given_options = {name: value for name, value in reading.items() if value is not None}
+    given_options = {name: value for name, value in keywords.items() if value is not None}
     for name, value in given_options.items():
         if not hasattr(defaults, name):
             raise TypeError(f"{verb}() got an unexpected keyword argument '{name}'")

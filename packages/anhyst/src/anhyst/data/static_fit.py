@@ -27,7 +27,7 @@ class EvenRecord:
     output: FloatArray
     step: float  # time step, s; 1 without a clock
 
-    def averaged(self, samples: int) -> EvenRecord:
+    def average_blocks(self, samples: int) -> EvenRecord:
         """Return the record with averages of blocks of ``samples`` samples."""
         blocks = self.drive.size // samples
         drive, output = (
@@ -39,7 +39,7 @@ class EvenRecord:
     def average_to_sample_limit(self, samples: int) -> EvenRecord:
         """Return the record, averaged in blocks if it has more than ``samples`` samples."""
         count = -(-self.drive.size // samples)
-        return self.averaged(count) if count > 1 else self
+        return self.average_blocks(count) if count > 1 else self
 
     def first_samples(self, samples: int) -> EvenRecord:
         """Return the first samples without their means."""

@@ -123,13 +123,13 @@ def _fill_row(currents: FloatArray, force: FloatArray, gap: float) -> FloatArray
     filled_currents = _smooth_current(force, np.interp(force, force[known_indices], currents[known_indices]))
     row = fit_monotone(filled_currents, np.ones(force.size))
     end_count = max(3, int(END_SLOPE_SHARE * known_indices.size))
-    for indices, outside in (
+    for indices, is_outside in (
         (known_indices[-end_count:], force > force[known_indices[-1]]),
         (known_indices[end_count - 1 :: -1], force < force[known_indices[0]]),
     ):
         last_index = indices[-1]
         slope = float(np.polyfit(force[indices], row[indices], 1)[0])
-        row[outside] = row[last_index] + slope * (force[outside] - force[last_index])
+        row[is_outside] = row[last_index] + slope * (force[is_outside] - force[last_index])
     return row
 
 

@@ -192,7 +192,7 @@ def is_data_frame(source: object) -> bool:
     )
 
 
-def check_source(source: object, argument: str, expected: str = LOOP_SOURCES_TEXT) -> None:
+def check_source(source: object, argument: str, expected_types: str = LOOP_SOURCES_TEXT) -> None:
     """Raise an error for a source without files or columns; ``argument`` is ``"verb: argument"``."""
     if is_data_frame(source):
         names = source if isinstance(source, Mapping) else getattr(source, "columns", ("?",))
@@ -205,7 +205,7 @@ def check_source(source: object, argument: str, expected: str = LOOP_SOURCES_TEX
         raise InputError(f"{argument}: the list is empty; name at least one file", code="no-files")
     for path in paths:
         if not isinstance(path, str | os.PathLike):
-            raise wrong_type(argument, expected, path, is_in_list=is_list)
+            raise wrong_type(argument, expected_types, path, is_in_list=is_list)
         if not os.fspath(path):
             raise InputError(f"{argument}: the path is empty; name a file", code="no-files")
 
@@ -373,10 +373,10 @@ def check_format(path: PathLike) -> None:
         require_package(target, WRITER_PACKAGES[suffix])
 
 
-def check_recording(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
-    """Raise an error if a recording cannot be written, or would replace a file in ``reads``."""
+def check_recording(path: PathLike, input_files: Iterable[PathLike] = ()) -> None:
+    """Raise an error if a recording cannot be written, or would replace a file in ``input_files``."""
     check_format(path)
-    check_writable(path, reads)
+    check_writable(path, input_files)
 
 
 def write_channel_groups(path: PathLike, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:

@@ -118,7 +118,7 @@ class UsedRows:
         break_rows = blank_rows if self.rows is None else self.rows[blank_rows]
         earlier_breaks = self.raw.breaks or ((0, ()),)
         breaks = sorted(
-            [*earlier_breaks, *((int(row), ()) for row in break_rows)], key=lambda found: found[0]
+            [*earlier_breaks, *((int(row), ()) for row in break_rows)], key=lambda entry: entry[0]
         )
         used_rows = replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
         return used_rows.select(valid_rows), [note, *mark_notes]

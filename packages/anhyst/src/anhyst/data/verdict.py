@@ -18,7 +18,7 @@ from anhyst.data.loops import Loop, Loops, fold_input
 from anhyst.data.output_map import full_scale, name_full_scale
 from anhyst.data.path import average_in_bins, branch_separation, find_branches
 from anhyst.data.resonance import describe_resonance
-from anhyst.data.symmetry import describe_turn_back, recentre
+from anhyst.data.symmetry import describe_turn_back, recentre_loops
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import choose_display_unit
 
@@ -92,7 +92,7 @@ def fit_monotone(values: FloatArray, weights: FloatArray) -> FloatArray:
 
 def single_valued_residuals(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
     """Return each loop and the deviation of its output from the best monotone curve of its gap."""
-    centred, even = recentre(loopset)
+    centred, even = recentre_loops(loopset)
     groups: dict[float | None, list[tuple[Loop, FloatArray, FloatArray]]] = {}
     for loop, centred_loop in zip(loopset.loops, centred.loops, strict=True):
         curve = (loop, *fold_input(centred_loop, even=even))
@@ -147,7 +147,7 @@ def largest_output(loopset: Loops) -> float:
 
 def assess_loops(loopset: Loops) -> Verdict:
     """Return the gain of a hysteresis model from loop width, single-valued residual and noise."""
-    centred, even = recentre(loopset)
+    centred, even = recentre_loops(loopset)
     width, height = np.max([loop_width_and_height(loop, even=even) for loop in centred.loops], 0).tolist()
     loop_residuals = single_valued_residuals(loopset)  # grouped by gap, not in the order of the loops
     pooled_deviation = np.abs(np.concatenate([residual for _, residual in loop_residuals]))

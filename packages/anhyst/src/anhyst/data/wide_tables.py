@@ -35,8 +35,8 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
     for text in texts:
         if (pattern := _LENGTH_PATTERN.sub(_mask_length, text)) != text:
             names_by_pattern[pattern].append(text)
-        group, slash, name = text.rpartition("/")
-        if slash:
+        group, separator, name = text.rpartition("/")
+        if separator:
             groups[name].append(group)
     for alike_names in names_by_pattern.values():
         if len(alike_names) > 1 and not _have_input_and_output(

@@ -375,11 +375,11 @@ def try_in_subprocess(path: Path, opener: Callable[[Path, int], ChannelTable]) -
 
 
 @cache
-def _subprocess_refusal(path: Path, opener: str, _changed: int, size: int) -> tuple[str, str, str] | None:
+def _subprocess_refusal(path: Path, opener: str, _modified_ns: int, size: int) -> tuple[str, str, str] | None:
     """Return text, code and key of the error for which a file is refused; ``None`` if readable."""
     cpu_limit_s = MIN_CPU_TIME_S + size / 4e6
-    script = "from anhyst.data.formats.channel_table import read_in_this_process; read_in_this_process()"
-    command = [sys.executable, "-P", "-c", script, str(path), opener, str(cpu_limit_s)]
+    python_code = "from anhyst.data.formats.channel_table import read_in_this_process; read_in_this_process()"
+    command = [sys.executable, "-P", "-c", python_code, str(path), opener, str(cpu_limit_s)]
     try:
         process = subprocess.run(
             command,
@@ -437,10 +437,10 @@ def limit_resources(seconds: float, size: int) -> None:
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 
-        memory = _MIN_ADDRESS_SPACE + 2 * size
+        memory_limit = _MIN_ADDRESS_SPACE + 2 * size
         for resource_kind, limit in (
             (resource.RLIMIT_CORE, 0),
             (resource.RLIMIT_CPU, int(time.process_time() + seconds) + 1),
-            (resource.RLIMIT_AS, memory),
+            (resource.RLIMIT_AS, memory_limit),
         ):
             resource.setrlimit(resource_kind, (limit, resource.getrlimit(resource_kind)[1]))

@@ -72,8 +72,8 @@ def detect_encoding(head: bytes) -> str:
 def read_head(path: Path, max_bytes: int) -> tuple[bytes, int]:
     """Return the first bytes of a file and its size."""
     try:
-        mode = path.stat().st_mode
-        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        file_mode = path.stat().st_mode
+        if not stat.S_ISREG(file_mode) and not stat.S_ISDIR(file_mode):
             raise InputError(
                 f"{path}: is a pipe or a device, and a table is read more than once; save it as a file first",
                 code="not-a-file",

@@ -96,7 +96,7 @@ class _SizeGuard:
                     code="too-large",
                 )
             if is_sheet:
-                cell_range.include(previous_tail + block)
+                cell_range.add_cells(previous_tail + block)
                 self.text_references += len(_SHARED_TEXT.findall(previous_tail[-8:] + block))
                 previous_tail = block[-_OVERLAP_BYTES:]
             elif is_texts:
@@ -122,10 +122,10 @@ class _CellRange:
     @property
     def cell_count(self) -> int:
         """Number of cells, at least one for each row."""
-        rows, columns = (max(0, last - first + 1) for first, last in (self.rows, self.columns))
+        rows, columns = (max(0, high - low + 1) for low, high in (self.rows, self.columns))
         return rows * max(1, columns)
 
-    def include(self, text: bytes) -> None:
+    def add_cells(self, text: bytes) -> None:
         """Extend the rectangle by the cells in a piece of a sheet."""
         rows = {int(row) for row in _ROW_TAG.findall(text)}
         columns = set()
@@ -265,7 +265,7 @@ def _merge_columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
     """Join the columns of several sheets."""
     thousands_check = ThousandsCheck(None)
     for row in (row for sheet in sheets for row in sheet.cells):
-        thousands_check.observe(1, [cell if isinstance(cell, str) else "" for cell in row])
+        thousands_check.check_fields(1, [cell if isinstance(cell, str) else "" for cell in row])
     thousands_check.refuse_doubtful(f"{path}: sheet '{sheets[0].name}'", range(len(sheets[0].header)))
     channels = []
     for column, (name, unit) in enumerate(sheets[0].header):

@@ -24,8 +24,8 @@ _TEKTRONIX_SETTINGS = re.compile(
 
 def recognise_logger(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
     """Return the columns of the first recogniser that accepts a file, from ``first_line`` on."""
-    for recognise in _RECOGNISERS:
-        table = recognise(path, lines, first_line)
+    for recogniser in _RECOGNISERS:
+        table = recogniser(path, lines, first_line)
         columns = table.columns if table else ()
         if any(column.position is not None and not column.is_counter for column in columns):
             return table

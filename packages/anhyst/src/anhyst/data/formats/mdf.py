@@ -111,10 +111,10 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     with MDF(version="4.10") as file:
         for section in sections:
             times = section.clock
-            parts: dict[int, list[Any]] = {}
+            channels_by_clock: dict[int, list[Any]] = {}
             for signal in section.series:
-                parts.setdefault(len(signal.values), []).append(signal)
-            for channels in parts.values():
+                channels_by_clock.setdefault(len(signal.values), []).append(signal)
+            for channels in channels_by_clock.values():
                 count = len(channels[0].values)
                 if times is None:
                     notes.append(

@@ -216,7 +216,7 @@ class ThousandsCheck:
             return _QUOTED_GROUPED.search(chunk) is not None
         return (b"." in chunk and b"," in chunk) or _NOT_GROUPED.search(chunk) is None
 
-    def observe(self, line: int, fields: Sequence[str]) -> None:
+    def check_fields(self, line: int, fields: Sequence[str]) -> None:
         """Record the fields of one row."""
         for column, field in enumerate(fields):
             if (match := _GROUPED_NUMBER.fullmatch(field)) and (

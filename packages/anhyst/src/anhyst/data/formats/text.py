@@ -58,8 +58,8 @@ class TextTable(Layout):
         with self.open() as file:
             file.seek(self.offset)
             lines = itertools.islice(split_lines(file, self), count + _MAX_ODD_ROWS)
-            classified = classify_rows(lines, self)
-            rows = [row.fields for row in classified if row.is_sample][:count]
+            text_rows = classify_rows(lines, self)
+            rows = [row.fields for row in text_rows if row.is_sample][:count]
         positions = [column.position for column in self.table.columns]
         start, step = self.table.clock
         heads = [
@@ -195,10 +195,10 @@ def _read_chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
     """Yield pieces of about 4 MiB that end with a complete line."""
     remainder = b""
     while block := file.read(_CHUNK_BYTES):
-        cut = block.rfind(layout.eol) + 1
-        if cut:
-            yield remainder + block[:cut]
-            remainder = block[cut:]
+        chunk_end = block.rfind(layout.eol) + 1
+        if chunk_end:
+            yield remainder + block[:chunk_end]
+            remainder = block[chunk_end:]
         elif len(block) == _CHUNK_BYTES:
             raise InputError(
                 f"{layout.path}: contains a line of more than 4 MiB: it is not a text table",
@@ -249,7 +249,7 @@ class _ColumnReader:
         layout = self.layout
         if self.thousands.may_occur(chunk):
             for number, line in enumerate(chunk.split(layout.eol), start=self.line):
-                self.thousands.observe(number, layout.split(line.decode(layout.encoding, "replace")))
+                self.thousands.check_fields(number, layout.split(line.decode(layout.encoding, "replace")))
             self.thousands.refuse_doubtful(layout.path, self.numbers)
         fast_piece = None if has_odd_rows(chunk, layout) else self._convert_fast(chunk)
         values, labels, lines = fast_piece or self._convert_by_line(chunk)
