@@ -187,7 +187,7 @@ def export_fmu(
 
 
 RIG_PART_FACTORIES: Registry[Callable[[PathLike], Part]] = Registry(
-    "anhyst.exports", {}, lambda found, _: "" if callable(found) else "and it is not a function"
+    "anhyst.exports", {}, lambda factory, _: "" if callable(factory) else "and it is not a function"
 )
 """Functions that return the component of a rig file, by the word of the kind of rig.
 

@@ -59,13 +59,13 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
         f"static const anhyst_plant_held force_held = {c_initialiser(plant_values)};\n\n"
     )
     gap_range = (gaps[0].low, gaps[0].high) if gaps else (0.0, 1.0)
-    defined = {
+    macros = {
         "FORCE_VOLUMES": volume_count(solid),
         "FORCE_HAS_GAP": len(gaps),
         "FORCE_GAP_LOW": gap_range[0],
         "FORCE_GAP_HIGH": gap_range[1],
     }
-    return header_text("force_numbers", defined, text)
+    return header_text("force_numbers", macros, text)
 
 
 def _force_variables(rig: ForceControlRig, demand: Variable, gaps: list[Variable]) -> list[Variable]:

@@ -194,11 +194,11 @@ def _add_units(root: Xml.Element, symbols: Sequence[str]) -> None:
             Xml.SubElement(unit, "BaseUnit", _BASE_UNITS[symbol])
 
 
-def _common_attributes(variable: Variable, reference: int) -> dict[str, str]:
+def _common_attributes(variable: Variable, value_reference: int) -> dict[str, str]:
     is_constant = variable.causality == "constant"
     return {
         "name": variable.name,
-        "valueReference": str(reference),
+        "valueReference": str(value_reference),
         "causality": "local" if is_constant else variable.causality,
         "variability": "constant" if is_constant else "discrete",
         "description": variable.text,
@@ -277,8 +277,8 @@ def actuator_part(model: Model) -> Part:
         )
     valid_range = model.valid.schedule if model.valid else None
     schedule_values = valid_range or model.nodes or (0.0,)
-    middle = 0.5 * (float(schedule_values[0]) + float(schedule_values[-1]))
-    require_core(model, middle)
+    initial_schedule = 0.5 * (float(schedule_values[0]) + float(schedule_values[-1]))
+    require_core(model, initial_schedule)
     circuit_macros, rows = _circuit_macros(model)
     macros = _law_macros(model) | circuit_macros | _creep_macros(model) | _layer_macros(model)
     files = {name: text.encode() for name, text in core_files(LAW_CORE_FILES).items()}
@@ -288,7 +288,7 @@ def actuator_part(model: Model) -> Part:
         f"{model.output.name.replace('_', ' ').capitalize()} of a {model.input.name}, including "
         f"hysteresis: {model.operator_law.title}"
     )
-    return Part(model.name or "actuator", text, 0.0, _actuator_variables(model, middle), files)
+    return Part(model.name or "actuator", text, 0.0, _actuator_variables(model, initial_schedule), files)
 
 
 def _law_macros(model: Model) -> dict[str, object]:
@@ -429,7 +429,7 @@ def _compensator_header(manifest: Mapping[str, Any]) -> str:
     name, signals = manifest["name"], manifest["signals"]
     gap = signals.get("gap")
     gap_range = gap or {"low": 0.0, "high": 0.0}
-    defined = {
+    macros = {
         "COMPENSATOR_KERNEL": kernel_expression(f"{name.upper()}_KERNEL", f"{name}_parameters"),
         "COMPENSATOR_WORDS": f"{name.upper()}_PARAMETERS_WORDS",
         "COMPENSATOR_FULL_SCALE_DEMAND": float(signals["demand"]["scale"]),
@@ -439,7 +439,7 @@ def _compensator_header(manifest: Mapping[str, Any]) -> str:
         "COMPENSATOR_GAP_HIGH": float(gap_range["high"]),
         "compensator_parameters": f"{name}_parameters",
     }
-    return header_text("compensator_numbers", defined, f'#include "{name}_parameters.h"\n\n')
+    return header_text("compensator_numbers", macros, f'#include "{name}_parameters.h"\n\n')
 
 
 def _compensator_variables(manifest: Mapping[str, Any]) -> list[Variable]:

@@ -83,5 +83,5 @@ def _parse_parameters(text: str) -> dict[str, ParameterDoc]:
 
 def use_option_names(text: str, flags: Mapping[str, str]) -> str:
     """Replace parameters by options in a text: `name` becomes --name."""
-    text_with_options = _NAME_PATTERN.sub(lambda found: flags.get(found[1], f"'{found[1]}'"), text)
+    text_with_options = _NAME_PATTERN.sub(lambda match: flags.get(match[1], f"'{match[1]}'"), text)
     return text_with_options.replace("``", "")

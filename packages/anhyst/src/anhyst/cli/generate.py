@@ -267,15 +267,15 @@ def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any
 def _call_function(verb: Verb, arguments: Mapping[str, Any]) -> Any:
     """Call the function, and show a progress bar until it ends or reports that it has started."""
     parameters = inspect.signature(verb.function).parameters
-    with ExitStack() as stack:
+    with ExitStack() as exit_stack:
         callbacks: dict[str, Any] = {}
         if "progress" in parameters:
             title = getattr(verb.module, "PROGRESS", verb.command)
-            callbacks["progress"] = stack.enter_context(progress_bar(title))
+            callbacks["progress"] = exit_stack.enter_context(progress_bar(title))
         if verb.is_endless:
 
             def started(*values: Any) -> None:
-                stack.close()  # removes the bar
+                exit_stack.close()  # removes the bar
                 print_parts(*verb.module.show_started(*values))
 
             callbacks["started"] = started

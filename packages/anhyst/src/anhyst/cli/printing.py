@@ -65,9 +65,9 @@ class TerminalTable:
         text = wrap_sentence(self.title, width) if self.title else []
         for block in blocks if is_verbose else blocks[:1]:
             text += _table_lines(block)
-        hidden_names = [column.name for block in blocks[1:] for column in block[1:] if column.name]
-        if hidden_names and not is_verbose:
-            text += wrap_sentence(f"more columns with --verbose: {', '.join(hidden_names)}", width)
+        hidden_columns = [column.name for block in blocks[1:] for column in block[1:] if column.name]
+        if hidden_columns and not is_verbose:
+            text += wrap_sentence(f"more columns with --verbose: {', '.join(hidden_columns)}", width)
         return text
 
 

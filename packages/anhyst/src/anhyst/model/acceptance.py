@@ -165,8 +165,8 @@ class Acceptance:
     def text(self, unit: str) -> str:
         """Return the failed tests, otherwise the passed ones; ``unit`` is the unit of the drive."""
         checks = self._applicable_checks()
-        failed = [check for check in checks if not check.passed]
-        return "; ".join(check.text(unit) for check in failed or checks)
+        failed_checks = [check for check in checks if not check.passed]
+        return "; ".join(check.text(unit) for check in failed_checks or checks)
 
 
 def check_acceptance(model: ModelData) -> Acceptance:

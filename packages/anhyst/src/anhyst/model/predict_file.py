@@ -158,9 +158,9 @@ def run_file(
     history_option = history_text(model.history if history is None else history)
     computed_values, is_valid, runs, warnings = _compute_runs(model, direction, table, history_option)
     computed_quantity = model.output if direction == "predict" else model.input
-    name, computed = _add_computed_columns(table, computed_quantity, computed_values, is_valid)
+    name, computed_columns = _add_computed_columns(table, computed_quantity, computed_values, is_valid)
     if out is not None:
-        write_csv(out, computed)
+        write_csv(out, computed_columns)
     return RunSummary(
         out=None if out is None else str(out),
         column=name,
@@ -173,7 +173,7 @@ def run_file(
         outside=int((~is_valid).sum()),
         deviation=_compute_deviation(table, computed_quantity, computed_values, runs),
         warnings=tuple(map(word_for_reader, warnings)),
-        columns=computed,
+        columns=computed_columns,
     )
 
 

@@ -151,10 +151,10 @@ class _Reader:
         if not isinstance(table, dict):
             return
         names = self._names_of_table(path)
-        fields = {key: field for field, (_, key) in names.items()}
+        field_by_key = {key: field for field, (_, key) in names.items()}
         for key in list(table):
-            if key in fields:
-                table[fields[key]] = table.pop(key)
+            if key in field_by_key:
+                table[field_by_key[key]] = table.pop(key)
             elif field := schema.find_field(key, names):
                 text = f"the key must contain its unit; write {names[field][1]}"
                 self.file.add_problem((*path, key), text, code="unit-missing")

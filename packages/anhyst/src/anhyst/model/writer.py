@@ -22,56 +22,56 @@ from anhyst.support.toml_file import FileRecord
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import Quantity
 
-HEAD = """\
+FILE_COMMENT = """\
 # Model of an actuator, written by anhyst. The file can be read, edited and compared. All values are SI,
 # every key contains its unit (k_A_per_m is k in A/m), and every key is checked on reading.
 """
-GAP_MAP = """
+GAP_MAP_COMMENT = """
 # Parameters that depend on the scheduling variable. "none": none; "scaling": c_H, which scales the
 # field; "reluctance": rho, a gap in series with the iron; "circuit": rho, the output and the offsets;
 # "free": any.
 """
-HISTORY = """
+HISTORY_COMMENT = """
 # Default history before the first sample: "demagnetised"; "settled" (the drive is a cycle that was
 # repeated until it closed); or "conditioned:0,2,0" (reversals of the input, starting from the
 # demagnetised state).
 """
-PARAMETERS_HEAD = """
+PARAMETERS_COMMENT = """
 #     c_H * (input - offset) = H + rho * B / mu0 + gamma * dB/dt
 #     output                 = c_out * B^power + offset        (power 2 for a force, otherwise 1)
 # One number, or one for each node. Between nodes, a curve without overshoot; outside, linear
 # extrapolation.
 """
-CELLS = """
+CELLS_COMMENT = """
 # Play cells of the iron: thresholds ascending from 0, and the contribution to the saturation of each
 # threshold (row) and curve width (column). They replace the parameters of the populations.
 """
-CENTRES = """\
+CENTRES_COMMENT = """\
 # A curve with a centre above 0 is the mean of two curves, around the centre and its negative.
 """
-DYNAMICS = """
+DYNAMICS_COMMENT = """
 # Dynamics: the lag from the input to the output; the time constants of the creep and their shares of
 # the immediate output; and the cycle rate up to which the model was validated, 0 if unknown.
 """
-LAYERS = """
+LAYERS_COMMENT = """
 # Solid iron: the number of layers, between which the field diffuses (gamma above); the share of the
 # section in the layer at the surface; and the share of the path in sheets, which respond at once.
 """
-VALID = """
+VALID_COMMENT = """
 # Smallest and largest measured values. Outside, results are computed and flagged.
 """
-FIT = """
+FIT_COMMENT = """
 # Deviation of the model from its measurement: mean absolute, root mean square and largest. left_out:
 # mean error at withheld schedule values, relative to the largest output, for each tried gap map.
 # monotone: whether the output rises as the gap closes and as the drive rises.
 """
-CROSS_VALIDATION = """
+CROSS_VALIDATION_COMMENT = """
 # Expected error between the measured schedule values: mean error relative to the largest output, its
 # 90 % interval, and the error at each value withheld from the fit, from the selection of the map and
 # from the decision about offsets. With left_out = "block", blocks of samples were withheld, and the
 # figures are valid only for other samples of such loops.
 """
-UNCERTAINTY = """
+UNCERTAINTY_COMMENT = """
 # Estimates and standard deviations of the fitted parameters; inf if the data do not determine them.
 """
 
@@ -100,28 +100,28 @@ def model_text(model: ModelData) -> str:
     lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
     table: dict[str, object] = {}
     sections = [
-        HEAD + _keys_text({"format": schema.FORMAT, "version": schema.VERSION, "name": model.name}),
+        FILE_COMMENT + _keys_text({"format": schema.FORMAT, "version": schema.VERSION, "name": model.name}),
         "\n" + "\n".join(lines) + "\n" + _keys_text({"law": model.law}),
-        GAP_MAP + _keys_text({"gap_map": model.gap_map}),
-        HISTORY + _keys_text({"history": str(model.history)}),
+        GAP_MAP_COMMENT + _keys_text({"gap_map": model.gap_map}),
+        HISTORY_COMMENT + _keys_text({"history": str(model.history)}),
         "\n[input]\n" + _quantity_text(model.input),
         "\n[output]\n" + _quantity_text(model.output),
         _schedule_text(model),
-        "\n[parameters]" + PARAMETERS_HEAD + _parameters_text(model),
+        "\n[parameters]" + PARAMETERS_COMMENT + _parameters_text(model),
         _cells_text(model.cells) if model.cells else "",
     ]
     if dynamics := model.dynamics:
         times, shares = list(map(float, dynamics.times)), list(map(float, dynamics.shares))
         table = {"lag_s": float(dynamics.lag), "creep_times_s": times, "creep_shares": shares}
         sections.append(
-            f"{DYNAMICS}[dynamics]\n" + _keys_text(table | {"fastest_Hz": float(dynamics.fastest)})
+            f"{DYNAMICS_COMMENT}[dynamics]\n" + _keys_text(table | {"fastest_Hz": float(dynamics.fastest)})
         )
     if layers := model.layers:
         surface_share, laminated_share = float(layers.surface), float(layers.laminated)
         table = {"count": layers.count, "surface": surface_share, "laminated": laminated_share}
-        sections.append(f"{LAYERS}[layers]\n" + _keys_text(table))
+        sections.append(f"{LAYERS_COMMENT}[layers]\n" + _keys_text(table))
     if model.valid:
-        sections.append(f"{VALID}[valid]\n" + _record_text(model.valid, names["valid",]))
+        sections.append(f"{VALID_COMMENT}[valid]\n" + _record_text(model.valid, names["valid",]))
     if model.fit:
         sections.append(_fit_text(model.fit, names))
     if model.uncertainty:
@@ -176,10 +176,10 @@ def _cells_text(cells: CellWeights) -> str:
         schema.column("thresholds", "A/m"): cells.thresholds.tolist(),
         schema.column("widths", "A/m"): cells.widths.tolist(),
     }
-    text = CELLS
+    text = CELLS_COMMENT
     if cells.centres is not None:
         table[schema.column("centres", "A/m")] = cells.centres.tolist()
-        text += CENTRES
+        text += CENTRES_COMMENT
     weights = f"{schema.column('weights', 'A/m')} = {_matrix_text(cells.weights.tolist())}\n"
     return f"{text}[cells]\n{_keys_text(table)}{weights}"
 
@@ -231,9 +231,9 @@ def _to_plain_value(value: Any, *, is_whole: bool = False) -> Any:
 
 
 def _fit_text(fit: schema.FitFigures, names: Mapping[tuple[str, ...], schema.Names]) -> str:
-    text = f"{FIT}[fit]\n" + _record_text(fit, names["fit",])
+    text = f"{FIT_COMMENT}[fit]\n" + _record_text(fit, names["fit",])
     if fit.cross_validation:
-        text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_record_text(fit.cross_validation)}"
+        text += f"{CROSS_VALIDATION_COMMENT}[fit.cross_validation]\n{_record_text(fit.cross_validation)}"
     for candidate in fit.candidates:
         text += f"\n[[fit.candidate]]\n{_record_text(candidate)}"
     for loop in fit.loops:
@@ -243,7 +243,7 @@ def _fit_text(fit: schema.FitFigures, names: Mapping[tuple[str, ...], schema.Nam
 
 def _uncertainty_text(uncertainty: schema.Uncertainty) -> str:
     without_matrices = replace(uncertainty, correlation=(), statements=())
-    text = f"{UNCERTAINTY}[uncertainty]\n{_record_text(without_matrices)}"
+    text = f"{UNCERTAINTY_COMMENT}[uncertainty]\n{_record_text(without_matrices)}"
     if uncertainty.correlation:
         text += f"correlation = {_matrix_text(_to_plain_value(uncertainty.correlation))}\n"
     if uncertainty.statements:
