@@ -44,10 +44,10 @@ CYCLE_TOLERANCE = 1e-12
 class SampleError(InputError):
     """A sample that the core rejects."""
 
-    def __init__(self, name: str, sample: int, what: str) -> None:
-        super().__init__(f"{name}: sample {sample} {what}", code="sample-refused", key=name)
+    def __init__(self, name: str, sample: int, fault: str) -> None:
+        super().__init__(f"{name}: sample {sample} {fault}", code="sample-refused", key=name)
         self.sample = sample
-        self.what = what
+        self.fault = fault
 
 
 @dataclass(eq=False)

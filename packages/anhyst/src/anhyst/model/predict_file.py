@@ -207,7 +207,7 @@ def _compute_runs(
         except SampleError as error:
             raise InputError(
                 f"{table.locate_row(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
-                f"{error.what}; stay closer to the valid range of the model",
+                f"{error.fault}; stay closer to the valid range of the model",
                 code="sample-refused",
             ) from error
         except (InputError, NegativeResult) as error:

@@ -23,7 +23,7 @@ GapMap = Literal["scaling", "reluctance", "circuit", "free", "auto"]
 Weights = Literal["loops", "points", "relative"]
 """Weights of the cost: equal for all loops, equal for all samples, or each loop relative to its
 largest output."""
-Search = Literal["default", "paper"]
+SearchMethod = Literal["default", "paper"]
 """Methods of the search."""
 
 
@@ -33,7 +33,7 @@ def identify(
     out: PathLike | None = None,
     law: str = "auto",
     gap_map: GapMap = "auto",
-    search: Search = "default",
+    search: SearchMethod = "default",
     seed: int = 1,
     weights: Weights = "loops",
     offsets: bool = True,
