@@ -216,16 +216,14 @@ def _add_variables_fmi2(root: Xml.Element, variables: Sequence[Variable]) -> Non
     variables_element = Xml.SubElement(root, "ModelVariables")
     outputs = []
     for index, variable in enumerate(variables, start=1):
-        scalar_element = Xml.SubElement(
-            variables_element, "ScalarVariable", _common_attributes(variable, index)
-        )
-        Xml.SubElement(scalar_element, "Real", _value_attributes(variable))
+        scalar = Xml.SubElement(variables_element, "ScalarVariable", _common_attributes(variable, index))
+        Xml.SubElement(scalar, "Real", _value_attributes(variable))
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Outputs", "InitialUnknowns"):
-        group = Xml.SubElement(structure, tag)
+        parent = Xml.SubElement(structure, tag)
         for index in outputs:
-            Xml.SubElement(group, "Unknown", {"index": str(index), "dependencies": ""})
+            Xml.SubElement(parent, "Unknown", {"index": str(index), "dependencies": ""})
 
 
 def _add_variables_fmi3(root: Xml.Element, variables: Sequence[Variable]) -> None:

@@ -213,8 +213,7 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
 
 
 _COMMAND_TEXT = "command, which acts when it changes: " + ", ".join(
-    f"{command.value} {command.name.lower()}"
-    for command in (Command.NONE, Command.LIFT, Command.LAND, Command.IDLE)
+    f"{code.value} {code.name.lower()}" for code in (Command.NONE, Command.LIFT, Command.LAND, Command.IDLE)
 )
 
 _AxisUnits = tuple[tuple[str, str], tuple[str, str]]

@@ -53,15 +53,12 @@ class TerminalTable:
         label_column, others = columns[0], columns[1:]
         blocks: list[list[_Column]] = []
         while others or not blocks:
-            block_columns = [label_column]
-            while (
-                others
-                and sum(one.width + len(_COLUMN_GAP) for one in (*block_columns, others[0])) <= width + 2
-            ):
-                block_columns.append(others.pop(0))
-            if len(block_columns) == 1 and others:
-                block_columns.append(others.pop(0))
-            blocks.append(block_columns)
+            fitting = [label_column]
+            while others and sum(one.width + len(_COLUMN_GAP) for one in (*fitting, others[0])) <= width + 2:
+                fitting.append(others.pop(0))
+            if len(fitting) == 1 and others:
+                fitting.append(others.pop(0))
+            blocks.append(fitting)
         text = wrap_sentence(self.title, width) if self.title else []
         for block in blocks if is_verbose else blocks[:1]:
             text += _table_lines(block)

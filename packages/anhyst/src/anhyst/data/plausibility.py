@@ -232,8 +232,8 @@ def _check_swap(loop: Loop, name: str) -> list[str]:
 def _initial_slope_ratio(loop: Loop) -> float | None:
     """Return the mean slope over the first tenth of the input relative to the next two tenths.
 
-    The input is folded to one sign, and the noise is subtracted. ``None`` if the record cannot show
-    it.
+    The input is folded to one sign, and the noise is subtracted. ``None`` if it cannot be
+    determined.
     """
     inputs, output = fold_input(loop, even=True)
     if is_bipolar(loop.input) and is_bipolar(output):

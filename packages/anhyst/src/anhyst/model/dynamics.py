@@ -95,10 +95,8 @@ class Dynamics:
         """Return the creep states at the start of a cycle in its steady state."""
         time_step = float(np.median(np.diff(time)))
 
-        def run_cycle(creep_states: FloatArray) -> FloatArray:
-            _, end_states, last_flux = self.apply_creep(
-                inputs, time, creep_states, is_flux_known=is_flux_known
-            )
+        def run_cycle(states: FloatArray) -> FloatArray:
+            _, end_states, last_flux = self.apply_creep(inputs, time, states, is_flux_known=is_flux_known)
             return self.advance_creep(last_flux, end_states, time_step)
 
         forced_states = run_cycle(np.zeros(len(self.times)))

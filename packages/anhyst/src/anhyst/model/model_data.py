@@ -224,8 +224,7 @@ class ModelData:
     def has_layers(self) -> bool:
         """Whether a compensator supports the layers of the iron.
 
-        There is no air gap between layers, so iron that would jump without an air gap is not
-        supported.
+        There is no air gap between layers, so iron that jumps without an air gap is not supported.
         """
         law = self.operator_law
         if self.layers is None or law.cells is None or law.least_slope is None:

@@ -326,16 +326,14 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
             "or a sensor that lags; inspect the record"
         )
     schedule_name = loopset.schedule.name if loopset.schedule is not None else "gap"
-    main_shape, fraction = residual.shapes[0]
-    text += f"{100.0 * fraction:.0f} % of its square " if fraction < 1.0 - _MIN_SECOND_SHARE else ""
+    main_shape, share = residual.shapes[0]
+    text += f"{100.0 * share:.0f} % of its square " if share < 1.0 - _MIN_SECOND_SHARE else ""
     text += _SHAPE_TEXTS[main_shape].main_text.format(
         drive=loopset.input.name, at=schedule_name, first=residual.start_samples
     )
     if len(residual.shapes) > 1 and residual.shapes[1][1] >= _MIN_SECOND_SHARE:
-        second_shape, fraction = residual.shapes[1]
-        text += (
-            f" ({100.0 * fraction:.0f} %: {_SHAPE_TEXTS[second_shape].short_text.format(at=schedule_name)})"
-        )
+        second_shape, share = residual.shapes[1]
+        text += f" ({100.0 * share:.0f} %: {_SHAPE_TEXTS[second_shape].short_text.format(at=schedule_name)})"
     if main_shape == "gap":
         remedy = f"measure another {schedule_name}"
         remedy += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""

@@ -46,7 +46,7 @@ from anhyst.support.page import (
     typeset,
 )
 
-ModelledOutputs = Sequence[FloatArray | None]
+LoopOutputs = Sequence[FloatArray | None]
 """Modelled output of each loop, in the order of the loops; None if it cannot be computed."""
 
 MAX_PANELS = 18
@@ -98,13 +98,13 @@ def _loop_name(loop: Loop) -> str:
 
 
 @use_report_style
-def figure_loops(loopset: Loops, fitted: ModelledOutputs) -> Figure:
+def figure_loops(loopset: Loops, fitted: LoopOutputs) -> Figure:
     """Draw measured and modelled loops, one panel for each value of the scheduling variable."""
     return _draw_loops(loopset, fitted, group_by_schedule(loopset))
 
 
 @use_report_style
-def figure_speeds(loopset: Loops, fitted: ModelledOutputs, speeds: SpeedGroups) -> Figure:
+def figure_speeds(loopset: Loops, fitted: LoopOutputs, speeds: SpeedGroups) -> Figure:
     """Draw measured and modelled loops, one panel for each speed, slow ones first."""
     loop_indices = {id(loop): index for index, loop in enumerate(loopset.loops)}
     groups = [
@@ -122,9 +122,7 @@ def speed_text(group: Sequence[Loop]) -> str:
 
 
 @use_report_style
-def figure_differences(
-    loopset: Loops, fitted: ModelledOutputs, single_valued: Sequence[FloatArray]
-) -> Figure:
+def figure_differences(loopset: Loops, fitted: LoopOutputs, single_valued: Sequence[FloatArray]) -> Figure:
     """Draw the difference of the loops from their best single-valued curve.
 
     Hysteresis is a few per cent of the output, so that it is barely visible over the whole range.
@@ -172,14 +170,14 @@ def _add_legend(figure: Figure) -> None:
 
 
 @use_report_style
-def figure_small_loops(loopset: Loops, fitted: ModelledOutputs) -> Figure | None:
+def figure_small_loops(loopset: Loops, fitted: LoopOutputs) -> Figure | None:
     """Draw each loop that is too small in :func:`figure_loops` in its own panel, if any."""
     groups = find_small_loops(loopset)
     return _draw_loops(loopset, fitted, groups, has_own_scales=True) if groups else None
 
 
 def _draw_loops(
-    loopset: Loops, fitted: ModelledOutputs, groups: list[LoopGroup], *, has_own_scales: bool = False
+    loopset: Loops, fitted: LoopOutputs, groups: list[LoopGroup], *, has_own_scales: bool = False
 ) -> Figure:
     figure, axes = _create_panels(groups, panel_height=(4.4, 3.1, 2.5))
     common_scales = _axis_scales(loopset, range(len(loopset)))
@@ -199,7 +197,7 @@ def _draw_loops(
 
 
 @use_report_style
-def figure_residuals(loopset: Loops, fitted: ModelledOutputs) -> Figure:
+def figure_residuals(loopset: Loops, fitted: LoopOutputs) -> Figure:
     """Draw the residual of the model, one panel for each value of the scheduling variable."""
     figure, axes = _create_panels(group_by_schedule(loopset), panel_height=(3.4, 2.5, 2.1), share_y=True)
     residuals = [
@@ -211,9 +209,7 @@ def figure_residuals(loopset: Loops, fitted: ModelledOutputs) -> Figure:
     y_scale = quantity_scale(loopset.output, largest_residuals)
     for ax, group in axes.items():
         loops = [loopset.loops[index] for index in group.indices]
-        sigma = np.average(
-            [estimate_noise(loop.output) for loop in loops], weights=[entry.n for entry in loops]
-        )
+        sigma = np.average([estimate_noise(loop.output) for loop in loops], weights=[o.n for o in loops])
         ax.axhspan(-2.0 * y_scale.factor * sigma, 2.0 * y_scale.factor * sigma, color=FAINT_COLOUR, lw=0.0)
         ax.axhline(0.0, color="#555555", lw=0.7)
         _draw_residuals(ax, loopset, residuals, group, x_scale, y_scale)
@@ -237,7 +233,7 @@ def mask_rising_samples(loop: Loop) -> NDArray[np.bool_]:
 
 
 def _draw_residuals(
-    ax: Axes, loopset: Loops, residuals: ModelledOutputs, group: LoopGroup, x_scale: Scale, y_scale: Scale
+    ax: Axes, loopset: Loops, residuals: LoopOutputs, group: LoopGroup, x_scale: Scale, y_scale: Scale
 ) -> None:
     for is_rising, colour in ((True, RISING_COLOUR), (False, FALLING_COLOUR)):
         x, y = [np.empty(0)], [np.empty(0)]
@@ -332,9 +328,7 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
             cell_centre = (column + 0.5, row + 0.5)
             ax.annotate(text, cell_centre, ha="center", va="center", fontsize=7.0, color=text_colour)
     numbers = [str(index + 1) for index in range(count)]
-    row_labels = [
-        f"{typeset(name)}{2 * NBSP}{label}" for label, name in zip(numbers, uncertainty.names, strict=True)
-    ]
+    row_labels = [f"{typeset(name)}{2 * NBSP}{n}" for n, name in zip(numbers, uncertainty.names, strict=True)]
     tick_step = 1 + count // 20
     ax.set_yticks(np.arange(count) + 0.5, row_labels, fontsize=9.0 if shows_numbers else 7.5)
     ax.set_xticks(np.arange(0, count, tick_step) + 0.5, numbers[::tick_step])

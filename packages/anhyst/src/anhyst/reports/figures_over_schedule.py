@@ -129,9 +129,7 @@ def nodes_and_midpoints(model: Model) -> list[tuple[float, bool]]:
     if nodes.size > (MAX_LOOPS + 1) // 2:
         nodes = nodes[np.unique(np.linspace(0, nodes.size - 1, 8).round().astype(int))]
     midpoints = 0.5 * (nodes[1:] + nodes[:-1])
-    return sorted(
-        [(node, True) for node in nodes.tolist()] + [(value, False) for value in midpoints.tolist()]
-    )
+    return sorted([(node, True) for node in nodes.tolist()] + [(gap, False) for gap in midpoints.tolist()])
 
 
 @use_report_style

@@ -311,9 +311,7 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
     )
     if subject.measurements:
         entries = zip(loops, subject.measurements.baseline, strict=False)
-        single_valued_means = {
-            id(entry): float(np.mean(np.abs(curve_residual))) for entry, curve_residual in entries
-        }
+        single_valued_means = {id(entry): float(np.mean(np.abs(curve))) for entry, curve in entries}
         columns.append(
             (scale.heading("single-valued"), lambda entry: scale.format(single_valued_means[id(entry)]))
         )

@@ -161,8 +161,7 @@ def section_between_nodes(subject: ModelSubject) -> Section | None:
         return None
     schedule_scale, input_scale = subject.schedule_scale, subject.input_scale
     schedule_text = ", ".join(
-        schedule_scale.format(schedule_value, 4, short=True)
-        for schedule_value, _ in nodes_and_midpoints(model)
+        schedule_scale.format(node, 4, short=True) for node, _ in nodes_and_midpoints(model)
     )
     largest_drive = max(map(abs, model.valid_range.input))
     drive_texts = ", ".join(input_scale.format(fraction * largest_drive, 3) for fraction in DRIVE_SHARES)
@@ -313,15 +312,12 @@ def _cell_table(model: Model) -> Block:
         [f"{threshold:.4g}", *(f"{100.0 * weight / cells.saturation:.3g}" for weight in row)]
         for threshold, row in zip(cells.thresholds.tolist(), cells.weights.tolist(), strict=True)
     ]
-    centre_texts = [f" around {centre:.4g}" * (centre > 0.0) for centre in cells.curve_centres.tolist()]
-    headings = [
-        f"width {width:.4g} A/m{centre_text} (%)"
-        for width, centre_text in zip(cells.widths, centre_texts, strict=True)
-    ]
-    headings.insert(0, "threshold (A/m)")
+    texts = [f" around {centre:.4g}" * (centre > 0.0) for centre in cells.curve_centres.tolist()]
+    heads = [f"width {width:.4g} A/m{text} (%)" for width, text in zip(cells.widths, texts, strict=True)]
+    heads.insert(0, "threshold (A/m)")
     return make_table(
         f"Cells: {cells}; weights in % of the saturation magnetisation, {cells.saturation:.5g} A/m",
-        headings,
+        heads,
         rows,
     )
 

@@ -238,19 +238,16 @@ def compile_and_link(
     `include_options` are macros and folders. They enter the key of the cache only through the
     preprocessed text. `link_options` follow the objects on the command line of the linker.
     """
-    executable = shutil.which(compiler[0])
-    if executable is None or compiler[0] == sys.executable:  # zig, which has its own cache
+    program = shutil.which(compiler[0])
+    if program is None or compiler[0] == sys.executable:  # zig, which has its own cache
         return [run([*compiler, *options, *include_options, *map(str, sources), *link_options])]
-    program_stat = Path(executable).stat()
-    identity = f"{Path(executable).resolve()} {program_stat.st_size} {program_stat.st_mtime_ns}"
+    program_stat = Path(program).stat()
+    identity = f"{Path(program).resolve()} {program_stat.st_size} {program_stat.st_mtime_ns}"
     compile_command = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
     command, key = [*compile_command, *include_options], "\0".join([identity, *compile_command])
-    with (
-        tempfile.TemporaryDirectory(prefix="anhyst-") as folder,
-        ThreadPoolExecutor(core_count()) as thread_pool,
-    ):
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder, ThreadPoolExecutor(core_count()) as pool:
         objects = [Path(folder, f"{number}.o") for number in range(len(sources))]
-        messages = list(thread_pool.map(partial(_compile_source, command, key, run), sources, objects))
+        messages = list(pool.map(partial(_compile_source, command, key, run), sources, objects))
         return [*messages, run([*compiler, *options, *map(str, objects), *link_options])]
 
 

@@ -203,18 +203,16 @@ def choose_scale(unit: str, values: Iterable[float | None]) -> Scale:
     >>> choose_scale("A/m", [55e3]).format_with_unit(54997.2)
     '55.0\xa0kA/m'
     """
-    largest_value = max(
-        (abs(value) for value in values if value is not None and math.isfinite(value)), default=0.0
-    )
+    largest_value = max((abs(v) for v in values if v is not None and math.isfinite(v)), default=0.0)
     if unit == "m":
         if largest_value >= 1.0:
             return Scale(1.0, "m")
         return Scale(1e3, "mm") if largest_value >= 0.05e-3 or largest_value == 0.0 else Scale(1e6, "µm")
     if unit not in _PREFIXABLE_UNITS or largest_value == 0.0 or 0.1 <= largest_value < 5e3:
         return Scale(1.0, _DISPLAY_UNITS.get(unit, unit))
-    for prefix, power in _PREFIXES:
-        if largest_value >= power:
-            return Scale(1.0 / power, prefix + unit)
+    for prefix, size in _PREFIXES:
+        if largest_value >= size:
+            return Scale(1.0 / size, prefix + unit)
     return Scale(1e9, "n" + unit)
 
 
