@@ -36,8 +36,8 @@ from anhyst.support.units import split_header
 class Conversion:
     """Summary of a conversion.
 
-    ``channels`` excludes clocks, ``samples`` is the greatest length, ``notes`` name what was not
-    stored.
+    ``channels`` is the number of channels, not counting clocks, and ``samples`` the length of the
+    longest channel. ``notes`` list what the format cannot store.
     """
 
     out: str

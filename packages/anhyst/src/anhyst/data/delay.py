@@ -24,7 +24,7 @@ from anhyst.support.numeric import FloatArray
 _COARSE_BRANCH_SAMPLES = 120
 """Number of samples to which a branch is averaged for the first search."""
 _MIN_BRANCH_SAMPLES = 40
-"""Minimum number of samples of a branch; shorter ones, as in digitised curves, show no delay."""
+"""Minimum number of samples of a branch; short branches, as in digitised curves, show no delay."""
 _REFINEMENT_FACTOR = 4
 """Ratio of the numbers of samples of successive searches."""
 _MAX_DELAY_SHARE = 0.25
@@ -87,7 +87,7 @@ class _Delay:
 def estimate_delay(loop: Loop) -> float | None:
     """Return the delay of the output after the input, in samples of the median time step.
 
-    The result is zero if the reversals show no delay. It is ``None`` if there are too few
+    The result is zero if the reversals show no delay. The result is ``None`` if there are too few
     reversals, if noise hides the delay, or if the two estimates disagree.
     """
     drive, output = _evenly_sampled(loop)
@@ -128,7 +128,7 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
 
 
 def _search_at_reversals(drive: FloatArray, output: FloatArray, branch_size: float) -> _Delay | None:
-    """Search the delay around the reversals, first at a coarse sampling rate, then at finer ones."""
+    """Search the delay around the reversals, first at a coarse sampling rate, then at fine ones."""
     # Near a tip, noise on the input hides which sample is the tip.
     noise_share = 2.0 * estimate_noise(drive) / float(np.ptp(drive))
     min_stride = max(1, round((noise_share * branch_size) ** (2.0 / 3.0)))
@@ -201,7 +201,7 @@ def _candidate_delays(drive: FloatArray, output: FloatArray, max_delay: int) -> 
 def _estimate_in_windows(
     drive: FloatArray, output: FloatArray, delays: NDArray[np.intp], min_error: float
 ) -> _Delay | None:
-    """Return the delay on which two windows agree; ``None`` if a window has none in its range."""
+    """Return the delay on which two windows agree; ``None`` if a window finds no delay."""
     estimates = []
     for divisor in _WINDOW_DIVISORS:
         tips = [

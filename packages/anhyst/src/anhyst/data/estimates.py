@@ -62,7 +62,7 @@ def estimate_drift(loop: Loop) -> float | None:
         median_slope, duration = float(np.median(slopes)), float(clock[-1] - clock[0])
         trimmed_count = len(slopes) // 10
         mean_slope = float(np.mean(np.sort(slopes)[trimmed_count : len(slopes) - trimmed_count]))
-        # A drift is common to all repeats. Two alternating kinds of cycles only look like a drift.
+        # All repeated cycles have the same drift. Two alternating kinds of cycles have none.
         if abs(mean_slope - median_slope) > 0.5 * abs(median_slope) + estimate_noise(loop.output) / duration:
             return None
         error = float(np.median(errors)) / len(slopes) ** 0.5
@@ -88,13 +88,13 @@ def closure_error(loop: Loop) -> float | None:
 
 
 def _settled_branches(loop: Loop) -> list[Branch]:
-    """Return the branches of a loop, without the first one unless the history is `settled`."""
+    """Return the branches of a loop, without the first branch unless the history is `settled`."""
     branches = find_branches(loop.input)
     return branches if loop.history.kind == "settled" else branches[1:]
 
 
 def _return_error(loop: Loop, branches: list[Branch], first_branch: Branch) -> float | None:
-    """Return the output at the last return to the start of a branch, minus the output there."""
+    """Return the output at the last return to the start of a branch, minus that at the start."""
     if branches[-1] is first_branch:
         return None
     inputs, outputs = loop.input[first_branch.start :], loop.output[first_branch.start :]
@@ -153,7 +153,7 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
 def slope_ratio_at_tip(loop: Loop) -> float | None:
     """Return the ratio of the slope at the largest input to the largest slope of its branch.
 
-    It is 1 if the tip is the steepest part, almost 0 in saturation, and ``None`` for short records.
+    The ratio is 1 if the tip is steepest, almost 0 in saturation, and ``None`` for short records.
     """
     longest_branch = max(find_branches(loop.input), key=lambda branch: float(np.ptp(loop.input[branch.rows])))
     x, y = average_in_bins(loop.input[longest_branch.rows], loop.output[longest_branch.rows], bins=30)

@@ -124,7 +124,7 @@ def _find_gap_in_name(stem: str) -> float | None:
 
 
 def _can_be_gap(stem: str, match: re.Match[str]) -> bool:
-    """Whether a length in a name can be a gap: no other word and no further digits precede it."""
+    """Whether a length in a name can be a gap: no other word and no digits precede the length."""
     text_before, number = stem[: match.start()], match["number"]
     is_decimal = any(sign in number for sign in ".,p")
     if re.search(r"\d-$" if is_decimal else r"\d[-_]$", text_before) or "_" in number:

@@ -1,6 +1,6 @@
 """Remove amplifier ripple and white noise from the input.
 
-Both would move play operators and shift the reversals. A ripple is a steady spectral line of the
+Ripple and noise would move play operators and shift reversals. A ripple is a steady spectral line of the
 input, at a frequency far above that of the cycles. All channels are averaged twice over whole
 periods of the ripple, without delay. White noise is removed from the input only, by local parabolas
 that do not cross a reversal.
@@ -20,9 +20,9 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_text
 
 _MIN_RIPPLE_SHARE = 0.002
-"""Minimum amplitude of a ripple, as a fraction of the input range; a smaller one is noise."""
+"""Minimum amplitude of a ripple, as a fraction of the input range; a smaller ripple is noise."""
 _MAX_RIPPLE_SHARE = 0.2
-"""Maximum amplitude of a ripple, as a fraction of the input range; a larger one is on purpose."""
+"""Maximum amplitude of a ripple, as a fraction of the input range; a larger ripple is intended."""
 _MIN_PERIODS = 120
 _MIN_PERIODS_PER_BRANCH = 40
 """Minimum number of ripple periods in a branch; fewer periods are intended minor loops."""

@@ -33,7 +33,7 @@ _MAX_REST_SHARE = 0.05
 _FIRST_RISE_PARTS = (0.01, 0.03, 0.1, 0.3)
 """Compared parts of the first rise, as fractions of it; the iron determines which differs most."""
 _MEETING_RISE_FRACTION = 0.9
-"""Fraction of the first rise above which all rises coincide; a difference there is drift."""
+"""Fraction of the first rise above which all rises coincide; a difference above it is drift."""
 _MIN_SAMPLES = 3
 """Minimum number of samples for an estimate."""
 _MAX_RISE_DISTANCE = 0.05
@@ -73,10 +73,10 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryPropo
     """Propose the history before each of several loops of one recording, with a reason.
 
     The initial curve lies below later rises from the remanent state, or inside the loop if the
-    input has both signs. If the first rise lies there by more than noise, the record began
-    demagnetised. The same applies if it starts at rest and does not return to its start. If noise
-    hides the difference, a common decision is made for all unsure records that start at rest,
-    otherwise the proposal is settled.
+    input has both signs. If the first rise deviates like an initial curve by more than noise, the
+    record began demagnetised. The same applies if it starts at rest and does not return to its
+    start. If noise hides the difference, a common decision is made for all unsure records that
+    start at rest, otherwise the proposal is settled.
     """
     comparisons = [_compare_rises(loop, even=even) for loop in loops]
     are_all_virgin = _are_all_virgin([parts for parts in comparisons if parts])
@@ -309,7 +309,7 @@ def _estimate_drift(
 def _compare_parts(
     rise: _Curve, later_rise: _Curve, fall: _Curve, span: float, drift: tuple[float, float], sigma: _Sigma
 ) -> list[_RiseComparison]:
-    """Compare two rises over several parts of the first one, all of which begin at rest."""
+    """Compare two rises over several parts of the first rise, all of which begin at rest."""
     inputs, output = rise
     share = (inputs - inputs[0]) / span
     difference, height = (
@@ -354,7 +354,7 @@ def _output_at_return(drive: FloatArray, output: FloatArray) -> float | None:
     remaining_input, input_step = float(drive[0] - drive[-1]), float(drive[-1] - drive[-2])
     if abs(remaining_input) > _MAX_END_DISTANCE * float(np.ptp(drive)):
         return None
-    # A cycle without its last sample ends one step before its start, so it is extrapolated.
+    # A cycle without its last sample ends one step before its start, so the output is extrapolated.
     steps_ahead = remaining_input / input_step if input_step != 0.0 else 0.0
     steps_ahead = steps_ahead if 0.0 < steps_ahead <= 1.5 else 0.0
     return float(output[-1] + steps_ahead * (output[-1] - output[-2]))

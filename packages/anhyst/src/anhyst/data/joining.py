@@ -124,7 +124,7 @@ def _make_labels_unique(entries: Sequence[_JoinedLoop]) -> tuple[Loop, ...]:
 
 
 def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
-    """Replace a scheduling value by an earlier one that differs only by rounding."""
+    """Replace a scheduling value by an earlier value that differs only by rounding."""
     value = loop.schedule_value
     if value is None or value in values:
         return loop

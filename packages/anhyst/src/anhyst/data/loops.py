@@ -137,7 +137,7 @@ class Loop:
 
     @property
     def schedule_value(self) -> float | None:
-        """The scheduling value if there is one and it is constant, otherwise ``None``."""
+        """The scheduling value if the loop has one and it is constant, otherwise ``None``."""
         if self.schedule is None or np.ptp(self.schedule) != 0.0:
             return None
         return float(self.schedule[0])

@@ -68,7 +68,7 @@ def output_map(output: Quantity) -> OutputMap:
 def full_scale(output: Quantity, records: Iterable[FloatArray]) -> float:
     """Return the full scale of an output, the reference of every relative deviation.
 
-    It is the largest magnitude in all records. A displacement or a strain has no natural zero; its
+    The full scale is the largest magnitude in all records. A displacement or a strain has no natural zero; its
     full scale is the largest range of a record.
     """
     has_zero = output_map(output).has_natural_zero

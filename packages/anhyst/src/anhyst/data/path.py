@@ -164,7 +164,7 @@ def refuse_missing(
 
 
 def find_time_reversal(time: FloatArray) -> int | None:
-    """Return the index of the first sample that is earlier than the previous one, or ``None``."""
+    """Return the index of the first sample at which the time decreases, or ``None``."""
     backward_steps = np.flatnonzero(np.diff(time) < 0.0)
     return int(backward_steps[0]) + 1 if backward_steps.size else None
 
@@ -309,7 +309,7 @@ def branch_separation(
 
 
 def is_bipolar(drive: FloatArray) -> bool:
-    """Whether the input has both signs, and the smaller extreme is above a tenth of the larger."""
+    """Whether the input has both signs, with at least a tenth of the larger extreme on each side."""
     low, high = float(drive.min()), float(drive.max())
     return low < 0.0 < high and min(-low, high) > 0.1 * max(-low, high)
 
@@ -320,7 +320,7 @@ def is_negative(drive: FloatArray) -> bool:
 
 
 def correlation(x: FloatArray, y: FloatArray) -> float:
-    """Return the correlation coefficient of two signals; 0 if one is constant."""
+    """Return the correlation coefficient of two signals; 0 if a signal is constant."""
     x_deviation, y_deviation = x - x.mean(), y - y.mean()
     scale = float(np.sqrt(np.sum(x_deviation * x_deviation) * np.sum(y_deviation * y_deviation)))
     return float(np.sum(x_deviation * y_deviation)) / scale if scale > 0.0 else 0.0

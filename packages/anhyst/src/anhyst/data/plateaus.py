@@ -1,6 +1,6 @@
 """Find the plateaus of a noisy scheduling variable, such as a gap that is set and kept constant.
 
-A moving average shows where the value is constant. Samples near the mean of such a stretch belong
+A moving average shows where the value is constant. Samples near the mean of a stretch belong
 to it, and samples between two stretches belong to no loop. A gap that changes during the loops has
 no plateaus.
 """

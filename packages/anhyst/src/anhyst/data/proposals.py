@@ -293,7 +293,7 @@ def _has_matching_unit(header: Header, name: str) -> bool:
 
 
 def _can_hold(header: Header, name: str) -> bool:
-    """Whether a column can contain a quantity: its unit matches, is unknown or is a sensor's."""
+    """Whether a column can contain a quantity: its unit matches, is unknown or is raw."""
     if not _EXCLUDING_WORDS.get(name, set()).isdisjoint(split_words(header.name)):
         return False
     unit = header.unit or find_unit(header.name)

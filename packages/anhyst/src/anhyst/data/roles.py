@@ -49,7 +49,7 @@ class Roles:
     constant_label: str | None
     schedule: int | None  # column of the scheduling variable
     schedule_constant: float | None  # constant value of the scheduling variable, SI units
-    schedule_quantity: Quantity | None  # quantity of the scheduling variable; None if there is none
+    schedule_quantity: Quantity | None  # quantity of the scheduling variable, if any
     is_schedule_requested: bool  # whether the user named this quantity
     unused: tuple[int, ...]  # columns without a role
     is_label_inferred: bool = False  # whether the label column was found from the data

@@ -1,4 +1,4 @@
-"""Group loops by speed, and find out whether fast loops differ from slow ones."""
+"""Group loops by speed, and find out whether fast loops differ from slow loops."""
 
 from __future__ import annotations
 

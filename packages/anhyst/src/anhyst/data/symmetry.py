@@ -2,9 +2,8 @@
 
 The laws describe an output that increases with its input, or the square of such an output. For
 bipolar records, the average rising and falling curves show the symmetry. The falling curve of an
-even output is the mirror image of the rising curve. The falling curve of an odd output is its point
-reflection. A force has its minimum where the flux is zero; a magnet or a second coil shifts this
-minimum.
+even output is the mirror image of the rising curve, that of an odd output the point reflection. A
+force has its minimum where the flux is zero; a magnet or a second coil shifts this minimum.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from anhyst.support.numeric import FloatArray
 MIN_EVEN_CORRELATION = 0.5
 """Minimum correlation of the falling curve with the mirrored rising curve of an even output."""
 MIN_EXPLAINED_VARIANCE = 0.5
-"""Minimum fraction of the output variance that both curves must explain; a resonance reduces it."""
+"""Minimum fraction of the output variance that average curves explain; a resonance reduces it."""
 MIN_TURN_BACK_SHARE = 0.2
 """Minimum fall and rise of an output along one branch, as a fraction of its range."""
 MIN_TURN_BACK_SPAN = 0.6

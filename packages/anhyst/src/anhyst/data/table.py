@@ -397,7 +397,7 @@ def write_channel_groups(path: PathLike, sections: Sequence[ChannelGroup]) -> tu
 
 
 def write_recording(path: PathLike, columns: Mapping[str, FloatArray]) -> None:
-    """Write columns of equal length by header, such as ``gap_m``; the first one is the clock."""
+    """Write columns of equal length by header, such as ``gap_m``; the first column is the clock."""
     series = []
     for header, values in columns.items():
         name, unit = split_header(header)

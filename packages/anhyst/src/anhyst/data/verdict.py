@@ -61,7 +61,7 @@ class Verdict:
     # averages of samples that still resolve a branch
     gain: float
     averaged: int  # largest number of samples in an average that resolves a branch
-    band_noise_relative: float  # mean deviation of such averages by noise alone
+    band_noise_relative: float  # mean deviation of the averages by noise alone
     dynamics: str  # dynamic effect that causes the loops, such as resonance; empty if none
     sentences: tuple[str, ...]  # assessment in words
 

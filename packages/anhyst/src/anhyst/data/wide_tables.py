@@ -63,7 +63,7 @@ def _have_input_and_output(headers: Sequence[Header]) -> bool:
 
 
 def _mask_length(match: re.Match[str]) -> str:
-    """Return a mark in place of a length; other numbers with units are unchanged."""
+    """Return a placeholder for a length; other numbers with units are unchanged."""
     unit = find_unit(match["unit"] or match["unit2"])
     return "*" if unit is not None and unit.dimension == "length" else match[0]
 

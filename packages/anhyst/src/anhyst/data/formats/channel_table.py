@@ -49,7 +49,7 @@ class Clock:
 
     channel: Channel | None
     length: int
-    times: FloatArray | None  # s, shape (length,); None if the file does not state them
+    times: FloatArray | None  # times, s, shape (length,); None if the file states none
     start: int = 0  # index of the first sample of the channel in ``times``
     is_whole: bool = True  # whether ``times`` contains all samples
 
@@ -131,7 +131,7 @@ def resample_to_clock(
     """Interpolate a channel to a clock; the neighbours of a NaN sample are NaN."""
     if channel.clock is None:
         return np.full(clock.length, values[0]) if channel.length == 1 else values
-    if clock.times is None or clock.is_whole:  # its own clock, or a clock with equal times
+    if clock.times is None or clock.is_whole:  # the channel has these times
         return values
     if channel.clock is clock.channel:
         return values[clock.start : clock.start + clock.length]
@@ -218,7 +218,7 @@ class ChannelTable:
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
-        """Read columns by index, on the finest clock of the numeric ones."""
+        """Read columns by index, on the finest clock of the numeric columns."""
         time_columns = len(self._time_header[:1])
         number_columns = [index for index in numbers if index >= time_columns]
         text_columns = [index for index in texts if index >= time_columns]

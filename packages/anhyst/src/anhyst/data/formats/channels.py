@@ -128,7 +128,7 @@ def read_groups(file: ChannelFile) -> list[ChannelGroup]:
 
 
 def number_repeats(names: Sequence[str]) -> list[str]:
-    """Return names with a number added to repeated ones: ``x``, ``x#2``, ..."""
+    """Return names with a number added to repeated names: ``x``, ``x#2``, ..."""
     counts = Counter[str]()
     numbered_names = []
     for name in names:

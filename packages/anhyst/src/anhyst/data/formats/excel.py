@@ -126,7 +126,7 @@ class _CellRange:
         return rows * max(1, columns)
 
     def add_cells(self, text: bytes) -> None:
-        """Extend the rectangle by the cells in a piece of a sheet."""
+        """Extend the rectangle by the cells in a part of the text of a sheet."""
         rows = {int(row) for row in _ROW_TAG.findall(text)}
         columns = set()
         for letters, row in set(_CELL_TAG.findall(text)):

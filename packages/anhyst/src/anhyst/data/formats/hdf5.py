@@ -98,7 +98,7 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
 
 
 def is_link(path: Path, group: Any, name: str, shown_name: str) -> bool:
-    """Whether a member of a group is a link. The target of a link is read where it is stored."""
+    """Whether a member of a group is a link; a target is read where it is stored."""
     import h5py
 
     link = group.get(name, getlink=True)
@@ -125,7 +125,7 @@ def check_dataset(path: Path, dataset: Any) -> None:
 
 
 def _dataset_channels(path: Path, dataset: Any) -> list[Channel]:
-    """Return the channels of a dataset: one, one for each column, or one for each field."""
+    """Return the channels of a dataset: a single one, or one for each column or each field."""
     group, _, name = dataset.name.strip("/").rpartition("/")
     shape, data_type = dataset.shape, dataset.dtype
     if shape is None or not dataset.size:

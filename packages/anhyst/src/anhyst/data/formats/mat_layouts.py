@@ -25,16 +25,16 @@ class ArrayInMemory:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Lengths of its axes."""
+        """Lengths of the axes of the array."""
         return self.values.shape
 
     @property
     def is_text(self) -> bool:
-        """Whether it contains texts."""
+        """Whether the array contains texts."""
         return self.values.dtype.kind == "U"
 
     def read(self) -> Values:
-        """Return the values."""
+        """Return the values of the array."""
         return self.values
 
 

@@ -197,8 +197,8 @@ def refuse_factors(location_text: str, filled_fields: Sequence[str]) -> None:
 class ThousandsCheck:
     """Finds numbers such as 1,234 whose comma or point is or can be a separator of thousands.
 
-    It is a separator if the other numbers have another decimal sign. It can be one if its column
-    has integers of three digits and no other decimals.
+    The sign is a separator if the other numbers have another decimal sign. It can be a separator if
+    its column has integers of three digits and no other decimals.
     """
 
     def __init__(self, delimiter: str | None) -> None:

@@ -56,7 +56,7 @@ def normalise_unit(text: str) -> str:
 
 
 def is_comment(text: str) -> bool:
-    """Whether a line is a comment; a semicolon is a comment sign only if it is the only one."""
+    """Whether a line is a comment; a semicolon is a comment sign only if it is the only sign."""
     text = text.lstrip()
     if text.startswith(("#", "%", "//")):
         return True
@@ -239,7 +239,7 @@ def _find_units_above(lines: Lines, delimiter: str | None, names: list[str]) -> 
 
 
 def _split_names(text: str, delimiter: str | None) -> list[str] | None:
-    """Return the fields of a line that can be a header; ``None`` if one is a number."""
+    """Return the fields of a line that can be a header; ``None`` if a field is a number."""
     fields = drop_empty_tail(split_header_line(text, delimiter))
     return None if any(is_number(field) for field in fields) else fields
 
@@ -254,7 +254,7 @@ def _find_text_above(lines: Lines, first_line: int, start: int) -> int | None:
 class NumberRun:
     """Consecutive rows with equal width and the same numeric columns.
 
-    ``used_columns`` counts the columns up to the last non-empty one.
+    ``used_columns`` counts the columns up to the last non-empty column.
     """
 
     start: int
@@ -265,7 +265,7 @@ class NumberRun:
 
 
 def find_run(lines: Lines, first_line: int, delimiter: str | None, min_columns: int) -> NumberRun | None:
-    """Return the first run of at least `_MIN_RUN_ROWS` rows, else the longest of three or more."""
+    """Return the first run of at least `_MIN_RUN_ROWS` rows, else the longest of three or more rows."""
     run, best_run = NumberRun(first_line, 0, set()), None
     for line in range(first_line, len(lines)):
         text = lines[line][0]

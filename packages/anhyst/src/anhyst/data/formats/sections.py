@@ -76,7 +76,7 @@ def _merge_sections(sections: list[_Section], count: int, notes: list[str]) -> t
 
 
 def _find_tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Section]]:
-    """Return the aixACCT tables with the most frequent columns, and the others.
+    """Return the aixACCT tables with the most frequent columns, and the other tables.
 
     A table has a line such as ``Table 1``, settings, names with units, and numeric rows.
     """
