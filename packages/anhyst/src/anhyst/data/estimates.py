@@ -62,7 +62,7 @@ def estimate_drift(loop: Loop) -> float | None:
         median_slope, duration = float(np.median(slopes)), float(clock[-1] - clock[0])
         trimmed_count = len(slopes) // 10
         mean_slope = float(np.mean(np.sort(slopes)[trimmed_count : len(slopes) - trimmed_count]))
-        # All repeated cycles have the same drift. Two alternating kinds of cycles have none.
+        # All repeats have the same drift; two alternating kinds of cycles only look like drift.
         if abs(mean_slope - median_slope) > 0.5 * abs(median_slope) + estimate_noise(loop.output) / duration:
             return None
         error = float(np.median(errors)) / len(slopes) ** 0.5

@@ -309,7 +309,7 @@ def branch_separation(
 
 
 def is_bipolar(drive: FloatArray) -> bool:
-    """Whether the input has both signs, with at least a tenth of the larger extreme on each side."""
+    """Whether the input has both signs, each with above a tenth of the larger extreme."""
     low, high = float(drive.min()), float(drive.max())
     return low < 0.0 < high and min(-low, high) > 0.1 * max(-low, high)
 

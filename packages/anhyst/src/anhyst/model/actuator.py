@@ -130,7 +130,7 @@ class Model(Result, ModelData):
         return check_over_gap(self)
 
     def acceptance(self) -> Acceptance:
-        """Run both acceptance tests; see :func:`anhyst.model.acceptance.check_acceptance`."""
+        """Run the acceptance tests over gap and drive; see :func:`anhyst.model.acceptance.check_acceptance`."""
         return check_acceptance(self)
 
     def settled_loop(self, schedule: float | None, samples: int) -> tuple[FloatArray, FloatArray]:
@@ -292,7 +292,7 @@ def require_core(model: Model, at: float) -> None:
 
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:
-    """Return ``1 + w*S``: the smallest slope of drive over field, relative to no iron."""
+    """Return ``1 + w*S``: the smallest slope of drive over field, relative to that without iron."""
     slope_function = model.operator_law.least_slope
     assert slope_function is not None
     return slope_function(model.parameters_at(float(at[0])), model.interpolate_parameter("rho", at))
@@ -320,7 +320,7 @@ def _find_jump(model: Model) -> str | None:
 
 
 def _gaps_to_check(model: Model) -> FloatArray:
-    """Return gaps evenly over the valid range, and the nodes inside it."""
+    """Return evenly spaced gaps over the valid range, and the nodes inside it."""
     nodes = np.array(model.nodes)
     valid_gaps = None if model.valid is None else model.valid.schedule
     low, high = valid_gaps or ((nodes[0], nodes[-1]) if nodes.size else (0.0, 0.0))

@@ -126,7 +126,7 @@ class Circuit:
         return magnetomotive / self.turns + self.in_0
 
     def output(self, flux_density: FloatArray) -> FloatArray:
-        """Convert flux density, T, to the output in its unit."""
+        """Convert flux density, T, to the output, in units of the output."""
         return self.c_out * self.output_map.shape(flux_density) + self.out_0
 
     def flux_density(self, demand: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -210,7 +210,7 @@ class Curve:
         return _cubic(self.nodes, heights, slopes), slopes
 
     def straight(self) -> tuple[FloatArray, FloatArray]:
-        """Return the values at the nodes in the linear coordinate, and the slopes there."""
+        """Return the values at the nodes in the linear coordinate, and the slopes at the nodes."""
         return self._to_linear(self.values), self._interpolant[1]
 
     def _to_linear(self, values: FloatArray) -> FloatArray:

@@ -163,7 +163,7 @@ def _run_with_dynamics(
         """Return the output with creep for a drive, or without creep for a demand."""
         if initial_history.kind == "settled":
             creep_state = dynamics.settled_creep(flux, time, is_flux_known=kind == "drive")
-        else:  # after a long time at rest
+        else:  # the creep has settled at rest before the record
             creep_state = np.full(len(dynamics.times), _flux_at_rest(model, schedules, initial_history))
         output_with_creep, _, _ = dynamics.apply_creep(flux, time, creep_state, is_flux_known=kind == "drive")
         return model.circuit(schedules, np.zeros(inputs.size)).output(output_with_creep)

@@ -43,7 +43,7 @@ _SOURCE_KINDS = "a file, Loops, a data frame or a dict of arrays"
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Deviation of the computed quantity from the one measured in the file, SI."""
+    """Deviation of the computed quantity from the measured quantity in the file, SI."""
 
     mean_abs: float
     rms: float
@@ -101,7 +101,7 @@ class RunSummary(Result):
         }
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the columns that were read, the computed one and ``valid``."""
+        """Return the columns that were read, the computed column and ``valid``."""
         return {
             name: column.as_list() if isinstance(column, Texts) else column
             for name, column in self.columns.items()
@@ -140,7 +140,7 @@ def run_file(
 
     The columns of the file are copied; the computed quantity and ``valid`` (1 inside the valid
     range of the model, 0 outside) are added. Each loop of the column ``loop`` is a separate run, at
-    each value of the scheduling variable. A file without that column is one run, except with the
+    each value of the scheduling variable. A file without ``loop`` is one run, except with the
     history ``settled``: then each part at one scheduling value is a cycle. If times and measured
     output show that cycles were run one after the other, each cycle keeps the history of the earlier ones.
     """
@@ -252,7 +252,7 @@ def _find_histories(
         for index, rows in enumerate(runs):
             run_schedule = None if schedule is None else schedule[rows]
             loops.append(Loop(str(index), values[rows], measured_output[rows], run_schedule, time[rows]))
-    except InputError:  # a run that is not a loop
+    except InputError:  # some run is not a loop
         return [history_before] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"
     return [loop.history for loop in add_earlier_loops(loops, across_gaps=is_gap)]
@@ -296,7 +296,7 @@ def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 def _add_computed_columns(
     table: DataTable, quantity: Quantity, computed_quantity: FloatArray, valid: NDArray[np.bool_]
 ) -> tuple[str, dict[str, Any]]:
-    """Return the header of the computed column, and all columns with the computed ones."""
+    """Return the header of the computed column, and all columns including computed ones."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
     name, flag_name = quantity.column, "valid"
     if name in columns:  # keep the measured column for comparison

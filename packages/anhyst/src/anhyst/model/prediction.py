@@ -67,7 +67,7 @@ def flag_samples(
         allowance = margin * (high - low) + GIVEN_MARGIN * max(abs(low), abs(high))
         is_inside = (values >= low - allowance) & (values <= high + allowance)
         valid &= is_inside
-        # If given values are far outside, computed ones are outside as a consequence.
+        # If given values are far outside, computed values are outside as a consequence.
         if not is_inside.all() and not (quantity is computed_quantity and any(far_texts.values())):
             description = (
                 f"lie outside the valid range of {quantity.name.replace('_', ' ')}, {low:g} to "

@@ -1,9 +1,9 @@
 """Decide whether the residual of a fit is noise, and describe its shape and remedy in one line.
 
-Signs and products of successive samples test whether a residual is white (:func:`_is_white`). If it
-is not, it is compared with the shapes that typical causes produce (:mod:`.residual_shapes`).
-Filtered or quantised noise is correlated too, so a shape counts only if it explains more than such
-noise would explain by chance.
+Signs and products of successive samples test whether a residual is white (:func:`_is_white`). A
+residual that is not white is compared with the shapes that typical causes produce
+(:mod:`.residual_shapes`). Filtered or quantised noise is correlated too, so a shape counts only if
+it explains more than such noise would explain by chance.
 """
 
 from __future__ import annotations
@@ -276,7 +276,7 @@ def analyse_loops(loopset: Loops, modelled_outputs: Sequence[FloatArray]) -> Res
 
 
 def explain_rejection(residual: ResidualAnalysis, loopset: Loops) -> str:
-    """Return why a model must not be used; empty if its deviation is small or is noise."""
+    """Return why a model must not be used; empty if the deviation is small or is noise."""
     if residual.unexplained <= MAX_UNEXPLAINED:
         return ""
     text = (

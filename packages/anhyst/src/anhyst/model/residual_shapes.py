@@ -1,10 +1,10 @@
 """Compute the shapes that typical causes produce in a residual, and a model of correlated noise.
 
 A shape is a group of columns over all samples. Noise of a filtered sensor, a converter or a slow
-supply is correlated from sample to sample and looks smooth over a few samples. Its correlation is
-estimated from the part of the residual that no shape explains. The shapes remove the slow part of
-the noise first, which reduces the correlation of the remainder. The estimate corrects for this
-reduction.
+supply is correlated from sample to sample and looks smooth over a few samples. The correlation of
+the noise is estimated from the part of the residual that no shape explains. The shapes remove the
+slow part of the noise first, which reduces the correlation of the remainder. The estimate corrects
+for this reduction.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Residual:
     drive: FloatArray  # input, SI; shape (n,)
     measured: FloatArray  # measured output, SI; shape (n,)
     deviation: FloatArray  # modelled minus measured output, SI; shape (n,)
-    gap: int  # index of its scheduling value
+    gap: int  # index of the scheduling value of the record
     is_cycle: bool  # whether the record is a cycle that is repeated until it closes
 
     def keep_every_nth_sample(self, step: int) -> Residual:
@@ -119,7 +119,7 @@ def shape_columns(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
 
 def _columns_by_gap(records: Sequence[Residual], gap: FloatArray, scaled_input: FloatArray) -> FloatArray:
     """Return the columns of each gap: polynomials of the input, and the relative output."""
-    # The modelled output is used, because the measured one contains the noise and would explain it.
+    # The modelled output is used, because measured output contains the noise and would explain it.
     output = np.concatenate([record.measured + record.deviation for record in records])
     relative_output = output / max(float(np.abs(output).max()), 1e-300)
     shared_columns = np.column_stack([legvander(scaled_input, _LEVEL_DEGREE), relative_output])

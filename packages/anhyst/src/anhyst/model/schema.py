@@ -199,7 +199,7 @@ def fit_figures(
 class Uncertainty(FileRecord):
     """Uncertainty of each fitted quantity, and statements about what the data do not determine."""
 
-    # fitted quantities, with a node in brackets if there is one for each
+    # fitted quantities, with the node in brackets if each node has its own value
     names: Texts
     values: Unbounded  # estimate and standard deviation, in the unit the name states
     std: Unbounded
@@ -297,7 +297,7 @@ class LayersTable(Table):
 
 
 class ModelTable(Table):
-    """The whole file, its keys without units."""
+    """The whole file, with keys without units."""
 
     format: Literal["anhyst-model"]
     version: Literal[1]

@@ -1,4 +1,4 @@
-"""Write the model file; :mod:`anhyst.model.actuator` describes its format and reads it."""
+"""Write the model file; :mod:`anhyst.model.actuator` describes the format and reads the file."""
 
 from __future__ import annotations
 
