@@ -111,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run_verb(arguments: Sequence[str] | None) -> int:
-    """Run one command. An error in its input is printed as one line."""
+    """Run one command. An error in the input is printed as one line."""
     try:
         with warnings.catch_warnings():
             # Commands report what a user has to know. Warnings of libraries are for developers.

@@ -28,7 +28,7 @@ class ParameterDoc:
     type_text: str = ""  # type field
     text: str = ""
     flag: str | None = None  # option, if its name differs from the parameter
-    metavar: str | None = None  # placeholder of the value
+    metavar: str | None = None  # placeholder of the value in the help
     minimum: float | None = None  # limits of a number
     maximum: float | None = None
 

@@ -275,7 +275,7 @@ def _call_function(verb: Verb, arguments: Mapping[str, Any]) -> Any:
         if verb.is_endless:
 
             def started(*values: Any) -> None:
-                exit_stack.close()  # removes the bar
+                exit_stack.close()  # removes the progress bar
                 print_parts(*verb.module.show_started(*values))
 
             callbacks["started"] = started

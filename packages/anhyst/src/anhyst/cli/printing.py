@@ -69,7 +69,7 @@ class TerminalTable:
 
 
 class _Column:
-    """A column of a table, its cells wrapped."""
+    """A column of a table with wrapped cells."""
 
     def __init__(self, name: str, cells: Sequence[str], *, is_first: bool) -> None:
         self.name = name
@@ -149,7 +149,7 @@ class Printer:
             self.pending += lines[lines_that_fit:]
 
     def finish(self) -> None:
-        """Print the pending lines if there is room, or else their number."""
+        """Print the pending lines if they fit, or else the number of pending lines."""
         if self.used_lines + len(self.pending) <= self.max_lines:
             for line in self.pending:
                 _print_line(line)

@@ -130,7 +130,7 @@ class Model(Result, ModelData):
         return check_over_gap(self)
 
     def acceptance(self) -> Acceptance:
-        """Run the acceptance tests over gap and drive; see :func:`anhyst.model.acceptance.check_acceptance`."""
+        """Run the acceptance tests; see :func:`anhyst.model.acceptance.check_acceptance`."""
         return check_acceptance(self)
 
     def settled_loop(self, schedule: float | None, samples: int) -> tuple[FloatArray, FloatArray]:

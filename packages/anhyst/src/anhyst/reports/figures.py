@@ -47,11 +47,11 @@ from anhyst.support.page import (
 )
 
 LoopOutputs = Sequence[FloatArray | None]
-"""Modelled output of each loop, in the order of the loops; None if it cannot be computed."""
+"""Modelled output of each loop, in the order of the loops; None if an output cannot be computed."""
 
 MAX_PANELS = 18
 SMALL_LOOP_SHARE = 0.25
-"""Share of the largest input range in a panel below which a loop gets its own panel."""
+"""Fraction of the largest input range in a panel below which a loop gets its own panel."""
 MAX_DRAWN_COST_RATIO = 3.0
 """Ratio to the highest bar above which the cost of a candidate is written instead of drawn."""
 MAX_ROWS_WITH_NUMBERS = 14

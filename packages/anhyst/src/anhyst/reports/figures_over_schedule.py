@@ -46,7 +46,7 @@ MAX_LOOPS = 15
 
 
 def parameter_unit(model: Model, name: str) -> str:
-    """Return the SI unit of a parameter; ``"1"`` for a dimensionless one."""
+    """Return the SI unit of a parameter; ``"1"`` for a dimensionless parameter."""
     input_unit, output_unit = model.input.unit, model.output.unit
     c_h_unit = {"A": "1/m", "A/m": "1"}.get(input_unit, f"A/(m {input_unit})")
     ratio = "1" if output_unit == "T" else f"{output_unit}/T" + ("²" if model.power == 2 else "")
@@ -116,7 +116,7 @@ def _output_over_schedule(model: Model, check: GapCheck | None) -> tuple[FloatAr
 
 
 def steady_state_loop(model: Model, drive: FloatArray, schedule_value: float) -> FloatArray | None:
-    """Return the output over a steady-state cycle without eddy-current lag; None if it fails."""
+    """Return the output over a steady-state cycle without eddy-current lag; None on failure."""
     try:
         return model.predict(drive, schedule_value, slow_times(drive.size), "settled").output
     except (InputError, NegativeResult):

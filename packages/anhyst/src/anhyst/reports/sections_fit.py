@@ -415,7 +415,7 @@ def _table_by_loop(
     caption: str = "",
     fallback: str = UNKNOWN_TEXT,
 ) -> PageTable:
-    """Return a table with a row per loop, sorted by scheduling value; loops without one last."""
+    """Return a table with a row per loop, by scheduling value; loops without a value come last."""
     scale, schedule = subject.schedule_scale, subject.model.schedule
     rows = []
     for loop in sorted(loops, key=lambda o: math.inf if o.schedule is None else o.schedule):

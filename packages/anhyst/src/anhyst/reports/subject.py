@@ -28,7 +28,7 @@ class ModelSubject:
     """A model and all data about it that its report shows."""
 
     model: Model
-    fit: FitFigures | None  # fit metrics of its present parameters
+    fit: FitFigures | None  # fit metrics of the present parameters
     acceptance: Acceptance  # outcome of the acceptance test
     measurements: Measurements | None  # measured loops; None if they could not be read
     missing_reason: str = ""  # reason why the measurements could not be read, or empty

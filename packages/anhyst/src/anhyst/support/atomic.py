@@ -226,7 +226,7 @@ def write_files(folder: Path, files: Mapping[str, str | bytes]) -> None:
 
 
 def check_new(out: PathLike, names: Sequence[str]) -> None:
-    """Raise an error if one of these files already exists in a folder. Call it before long work."""
+    """Raise an error if a file already exists in a folder. Call this before long work."""
     target = Path(out)
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")

@@ -34,7 +34,7 @@ CODE_OF_ONE: dict[Format, float] = {
 
 @dataclass(frozen=True, slots=True)
 class WordUnit:
-    """Physical value of 1.0 of a word, and its unit."""
+    """Physical value that the code 1.0 of a word represents, and its unit."""
 
     scale: float = 1.0
     name: str = ""

@@ -55,7 +55,7 @@ def cached_result(kind: str, compute: Callable[[], T], *inputs: object) -> T:
     value: T | None = load_cached(path)
     if value is None:
         value = compute()
-        with suppress(OSError, InputError):  # without a cache, it is computed each time
+        with suppress(OSError, InputError):  # without a cache, the result is computed each time
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             write_bytes(path, pickle_with_digest(value))
             remove_oldest(path.parent, MAX_CACHED_RESULTS)
@@ -190,7 +190,7 @@ class ResultsFile:
                 )
 
     def add(self, result: Mapping[str, Any]) -> None:
-        """Append a result. It has been handed to the operating system when this method returns."""
+        """Append a result. When this method returns, the operating system has it."""
         self.done[result[self._key]] = dict(result)
         try:
             self._stream.write(_json_line(result))
@@ -265,7 +265,7 @@ def _compile_source(command: Sequence[str], key: str, run: RunCompiler, source: 
         messages_path.touch()
         return messages
     messages = run([*command, "-c", str(source), "-o", str(target)])
-    with suppress(OSError):  # without a cache, it is compiled each time
+    with suppress(OSError):  # without a cache, the object is compiled each time
         cached_object.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".", dir=cached_object.parent) as draft:
             # Each file is written atomically. The messages come first, because they are read first.

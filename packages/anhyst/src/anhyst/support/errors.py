@@ -1,6 +1,6 @@
 """The errors and warnings of anhyst.
 
-`InputError` is for bad input, `NegativeResult` for a completed work with a negative result. Both
+`InputError` is for bad input, `NegativeResult` for a completed work with a negative result. Errors
 carry a code for programs and a text that states the remedy.
 """
 

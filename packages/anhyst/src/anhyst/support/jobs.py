@@ -113,7 +113,7 @@ def _in_processes(work: Callable[[A], B], inputs: Sequence[A], count: int) -> It
 
 def _on_cluster(work: Callable[[A], B], inputs: Sequence[A]) -> Iterator[tuple[int, B]]:
     client = _cluster_client.get()
-    # The common part of all tasks is sent to each worker once, and again if a worker lost it.
+    # The common part of all tasks is sent to each worker once, and again if a worker lost the part.
     shared_function = client.submit(partial, work, pure=False)
     futures = client.map(operator.call, [shared_function] * len(inputs), inputs, pure=False)
     order = {future: index for index, future in enumerate(futures)}
@@ -143,5 +143,5 @@ def core_count() -> int:
 
 
 def _ignore_interrupts() -> None:
-    """Ignore Ctrl-C in a worker process. It reaches all processes, and the parent handles it."""
+    """Ignore Ctrl-C in a worker process, because the parent process handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

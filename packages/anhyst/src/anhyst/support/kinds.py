@@ -27,8 +27,8 @@ class FileKind:
     word: str  # value of control.kind (rig files) or format (other files)
     title: str  # singular with article, for messages
     plural: str  # plural, for messages
-    verbs: tuple[str, ...] = ()  # commands that accept such a file as their first argument
-    # by command: why this command cannot use such a file, if a reason helps the user
+    verbs: tuple[str, ...] = ()  # commands that accept a file of this kind as their first argument
+    # by command: reason why this command cannot use the file, if it helps the user
     reasons: Mapping[str, str] = field(default_factory=dict)
     use: str = ""  # use of the file, if no command accepts it as its first argument
     # by command: options that this kind supports and some others do not
@@ -36,12 +36,12 @@ class FileKind:
 
     @property
     def format(self) -> str:
-        """Value of the key ``format`` in such a file."""
+        """Value of the key ``format`` in a file of this kind."""
         return self.word
 
     @property
     def usage(self) -> str:
-        """A sentence that names the commands that accept such a file, or its other use."""
+        """A sentence that names the commands that accept a file of this kind, or its other use."""
         if self.use or not self.verbs:
             return self.use or "no verb takes it"
         return f"anhyst {_join_words(self.verbs, 'and')} take{'s' if len(self.verbs) == 1 else ''} it"

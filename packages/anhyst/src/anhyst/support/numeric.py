@@ -45,7 +45,7 @@ def first_order_share(time_ratio: float) -> float:
         return 1.0 - remaining_fraction
     if remaining_fraction == 1.0:
         return time_ratio
-    # The rounding error of the exponential cancels against that of its logarithm.
+    # The rounding error of the exponential cancels against the error of its logarithm.
     return (remaining_fraction - 1.0) * time_ratio / float(log(np.array([remaining_fraction]))[0])
 
 

@@ -69,7 +69,7 @@ _COLUMN_GAP_LETTERS = 2
 
 @dataclass(frozen=True, slots=True)
 class PageTable:
-    """A table with a title. The first ``texts`` columns contain words, the others numbers."""
+    """A table with a title. The first ``texts`` columns contain words, other columns numbers."""
 
     title: str
     head: tuple[str, ...]

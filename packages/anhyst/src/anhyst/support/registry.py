@@ -22,7 +22,7 @@ PROJECT_PACKAGES: Mapping[str, tuple[str, ...]] = {
     ),
     "anhyst-exchange": ("export",),
 }
-"""The other packages of this project and their commands. No other package can replace them."""
+"""The other packages of this project and their commands, which no other package can replace."""
 
 Entry = TypeVar("Entry")
 
@@ -42,7 +42,7 @@ def _all_entry_points() -> tuple[EntryPoint, ...]:
 
 
 def entry_points_in(group: str) -> list[EntryPoint]:
-    """Return the entry points of a group; those of this project come first."""
+    """Return the entry points of a group; the entry points of this project come first."""
     entries = [point for point in _all_entry_points() if point.group == group]
     return sorted(
         entries,
@@ -131,7 +131,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return self._builtin[name] if name in self._builtin else self.plugins[name]
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the names; builtin ones first."""
+        """Iterate over the names; builtin names come first."""
         yield from self._builtin
         yield from self.plugins
 

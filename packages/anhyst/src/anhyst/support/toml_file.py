@@ -93,7 +93,7 @@ MAX_NAMED_PROBLEMS = 5
 class FileProblem:
     """A problem of a file."""
 
-    line: int | None  # line of the key, or of the table that lacks it; None if there is neither
+    line: int | None  # line of the key, or of the table that lacks it; None without either
     key: str  # path of the key
     text: str  # fault and remedy
     code: str  # code, as for an `InputError`
@@ -167,7 +167,7 @@ class TomlFile:
                 self.add_problem(key, *advice(key, finding))
 
     def to_error(self) -> TomlFileError:
-        """Return the error with all problems; there must be at least one."""
+        """Return the error with all problems; at least one is required."""
         return TomlFileError(self.path, self.problems)
 
 
@@ -184,7 +184,7 @@ def read_toml(path: PathLike, schema: type[T], kinds: Collection[FileKind] = ())
 
 
 def require_toml_kind(path: PathLike, accepted: Collection[FileKind]) -> FileKind:
-    """Return the kind of a TOML file, or raise an error if it is none of the accepted kinds."""
+    """Return the kind of a TOML file, or raise an error if it is not an accepted kind."""
     kind = require_kind(path, accepted)
     return check_kind(TomlFile(path), accepted) if kind is UNKNOWN_FILE else kind
 
@@ -293,7 +293,7 @@ def _fields_by_key(table: type[BaseModel]) -> dict[str, FieldInfo]:
 
 
 def _find_tagged(annotation: Any, tag: str) -> Any:
-    """Return the part of an annotation that has a tag; None if there is none."""
+    """Return the part of an annotation that has a tag; None if no part has it."""
     union_members = get_args(annotation)
     if any(isinstance(member, Tag) and member.tag == tag for member in union_members):
         return annotation

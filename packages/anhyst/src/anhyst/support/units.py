@@ -258,7 +258,7 @@ class Header:
     conflict: tuple[str, ...] = ()  # two units that the header states for the same values
 
     def to_si(self, values: FloatArray) -> FloatArray:
-        """Convert values of the column to SI by its scale, sign and unit."""
+        """Convert values of the column to SI with the scale, sign and unit of the column."""
         factor = (self.scale or 1.0) * (-1.0 if self.is_flipped else 1.0)
         scaled_values = values if factor == 1.0 else values * factor
         return scaled_values if self.unit is None else self.unit.to_si(scaled_values)

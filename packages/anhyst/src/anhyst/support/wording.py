@@ -46,7 +46,7 @@ def use_command_line_wording() -> Iterator[None]:
 
 
 def word_for_reader(text: str) -> str:
-    """Return a message in the form for its reader.
+    """Return a message with options or with Python arguments, depending on its reader.
 
     A worker process leaves it unchanged, because only its parent knows the reader.
     """

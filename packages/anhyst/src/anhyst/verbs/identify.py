@@ -253,7 +253,7 @@ MAX_CANDIDATES = 4
 
 
 def _list_candidates(model: Model) -> list[str | TerminalTable]:
-    """Return a table of candidates: the chosen one first, the others by error at withheld data."""
+    """Return a table of candidates: the chosen one first, then by error at withheld data."""
     from anhyst.cli.printing import TerminalTable, printer
     from anhyst.support.wording import count_text
 

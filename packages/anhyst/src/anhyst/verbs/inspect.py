@@ -128,7 +128,7 @@ def show(inspection: Inspection, arguments: Mapping[str, Any]) -> Iterator[Outpu
     loop_table = TerminalTable(f"{loops}, {drive.name} to {output_quantity.name}", headers)
     for loop in inspection.loops:
         loop_table.add_row(*_loop_row(loop, scale if schedule else None, output_factor))
-    # The histories come last, because the table shows them, too.
+    # The histories come last, because the table also shows the histories.
     histories = tuple(note for note in inspection.notes if ": history of loop" in note)
     reading_notes = tuple(note for note in inspection.notes if note not in histories)
     yield "is it worth it?"
