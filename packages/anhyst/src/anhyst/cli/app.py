@@ -105,7 +105,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if code == EXIT_INTERRUPTED:
         print(f"anhyst: interrupted{saved_text}", file=sys.stderr)
         # CPython stores an interrupt that passed through exec(), which dataclasses use on import,
-        # and would kill itself with it at exit. Another exec() clears it.
+        # and would kill itself with it at exit. Another exec() clears the interrupt.
         exec("")
     return code
 
@@ -130,7 +130,7 @@ def _run_verb(arguments: Sequence[str] | None) -> int:
         text = str(error)
     except _ClickError as error:
         if not (message := error.format_message()):
-            return EXIT_BAD_INPUT  # the help was shown
+            return EXIT_BAD_INPUT  # the help was printed, and nothing else is to do
         message = message.replace("Value error, ", "")
         stop = "" if message.endswith((".", "?")) else "."
         text = f"{message}{stop} See 'anhyst --help'."

@@ -53,7 +53,7 @@ class Verb:
 
     The module can define these names. ``PLACE`` is the rank and the panel in the help, ``PROGRESS``
     the title of the progress bar. ``preview`` returns the output before the work, and ``show`` the
-    terminal output of the result. ``warnings`` returns the texts for standard error, ``as_json`` the
+    output of the result. ``warnings`` returns the texts for standard error, ``as_json`` the
     result for ``--json``. ``refuse`` raises an error if the result, which has been shown, is
     negative. ``stopped`` returns the message after Ctrl-C. ``show_started`` returns the output when
     a command that runs until Ctrl-C has started.

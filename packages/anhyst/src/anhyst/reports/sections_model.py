@@ -79,7 +79,7 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
     )
     caption = (
         f"Parameters over the {subject.schedule_name}: dots at the measured values, and the curve that the model "
-        "uses between them. It cannot overshoot, and is a straight line outside."
+        "uses between them. The curve cannot overshoot, and is a straight line outside."
     )
     head = [scale.heading(subject.schedule_name)]
     columns = [[scale.format(node, 5, short=True) for node in model.nodes]]
@@ -379,7 +379,7 @@ def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list
     caption = (
         "The fitted quantities are combinations of parameters that the data determine. "
         "Single parameters can compensate each other. The standard deviation treats the error of "
-        "the law as noise; bold above 20\N{NO-BREAK SPACE}%."
+        "the law as noise; values above 20\N{NO-BREAK SPACE}% are bold."
     )
     head = ["no.", "quantity", "meaning", "estimate", "uncertain by"]
     title = "Fitted quantities and their uncertainty"

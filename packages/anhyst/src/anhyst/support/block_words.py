@@ -115,7 +115,7 @@ def describe_scale_mismatch(block: Sequence[int], board: Sequence[int]) -> str:
     for scale in _SCALE_WORDS:
         block_value, board_value = _format_scale(block, scale), _format_scale(board, scale)
         if block_value != board_value:
-            board_text = f"the board has {board_value}" if board else "the board has another one"
+            board_text = f"the board has {board_value}" if board else "the board has another value"
             return f"the parameter block is made for a {scale.name} of {block_value}, {board_text}; {remedy}"
     return f"the parameter block is made for other units than the board; {remedy}"
 

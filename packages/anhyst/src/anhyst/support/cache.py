@@ -92,7 +92,7 @@ def remove_oldest(folder: Path, max_entries: int) -> None:
 
 @lru_cache(maxsize=1)
 def code_digest() -> bytes:
-    """Return a hash of this machine and of all code that computes."""
+    """Return a hash of this machine and of all code that computes results."""
     versions = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
     digest = hashlib.sha256(versions.encode())
     roots = {Path(__file__).resolve().parents[1], contract_folder(), *plugin_paths()}

@@ -115,4 +115,4 @@ class NoUsableStartError(InputError):
 
 
 class ReturnPointMemoryWarning(UserWarning):
-    """The loops show iron without return-point memory. The text states how this was handled."""
+    """The loops show iron without return-point memory. The text states how the loops were handled."""

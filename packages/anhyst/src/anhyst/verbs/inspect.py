@@ -83,9 +83,9 @@ def preview(arguments: Mapping[str, Any]) -> Iterator[TerminalTable]:
 
         rows = TerminalTable("channels", ["name", "unit", "samples", "per s", "range", "is"])
         for channel in channels:
-            span = "" if channel.low is None else f"{channel.low:.4g} to {channel.high:.4g}"
+            range_text = "" if channel.low is None else f"{channel.low:.4g} to {channel.high:.4g}"
             rate = "" if channel.rate is None else f"{channel.rate:.6g}"
-            rows.add_row(channel.name, channel.unit, str(channel.samples), rate, span, channel.role)
+            rows.add_row(channel.name, channel.unit, str(channel.samples), rate, range_text, channel.role)
         yield rows
 
 
