@@ -102,7 +102,7 @@ def plant_sources(
 ) -> dict[str, bytes]:
     """Return the C files of the plant, except those that match a pattern, and further files.
 
-    ``core_paths`` are further files of the core, and ``wrapper_files`` those of the component.
+    ``core_paths`` are further files of the core, and ``wrapper_files`` are files of the component.
     """
     sources = {path: text.encode() for path, text in core_files(core_paths, memory_count).items()}
     sources |= {name: (WRAPPER_FOLDER / name).read_bytes() for name in wrapper_files}

@@ -37,7 +37,7 @@ def piezo_part(rig_path: PathLike) -> Part:
     """Return a piezo stage with its controller as a component.
 
     The input is the demanded displacement; the outputs are the position and the voltage. The
-    component runs at the rate of the controller. Its inverse model comes from simulated loops of
+    component runs at the rate of the controller. The inverse model comes from simulated loops of
     the stage.
     """
     rig = read_piezo_rig(rig_path)

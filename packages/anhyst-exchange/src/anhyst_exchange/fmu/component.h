@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A component that a simulation tool steps, independent of the interface of the tool: values by
- * reference, a clock and states. Its part defines what it computes.
+ * reference, a clock and states. A linked part defines what the component computes.
  *
  * A part with a rate ticks at this rate, whatever the steps are. A tick at the beginning of a step
  * uses the inputs at this time. Inputs and outputs are held between ticks. A part without a rate

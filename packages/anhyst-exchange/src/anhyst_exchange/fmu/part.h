@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Functions and sizes that define one kind of component. One of them is linked. The parameters of
- * the actual component are in a generated header. */
+/* Functions and sizes that define one kind of component. A component links one such set. The
+ * parameters of the actual component are in a generated header. */
 #ifndef ANHYST_PART_H
 #define ANHYST_PART_H
 

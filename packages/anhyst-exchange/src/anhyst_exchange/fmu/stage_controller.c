@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* PID, allocation and force controllers as `anhyst simulate` runs them: the first two in double
- * precision, the others in fixed point or in double precision. They are compiled separately from
- * the plant, because both define the state of a hysteresis law differently. */
+ * precision, the others in fixed point or in double precision. The controllers are compiled
+ * separately from the plant, which defines the state of a hysteresis law differently. */
 #include "stage_controller.h"
 
 #include <stddef.h>
@@ -23,7 +23,7 @@ static const struct {
 
 #ifdef STAGE_CODES
 
-/* Compensators in fixed point, and the physical values of 1.0 of their codes. */
+/* Compensators in fixed point, and the physical values that the code 1.0 represents. */
 static const anhyst_code_scales_f64 codes = STAGE_CODES;
 
 typedef anhyst_force_controller_q31 force_controller;

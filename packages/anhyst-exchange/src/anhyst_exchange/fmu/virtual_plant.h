@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The virtual plant in a component, with any controller. Its parameters are constants. */
+/* The virtual plant in a component, with any controller. Parameters of the plant are constants. */
 #ifndef ANHYST_VIRTUAL_PLANT_H
 #define ANHYST_VIRTUAL_PLANT_H
 
@@ -17,8 +17,8 @@ typedef struct {
   anhyst_plant_head_state head[BEARING_HEADS];
   anhyst_plant_current_loop current_loop[BEARING_MAGNETS];
   uint64_t ticks;
-  /* Working memory of one tick. It is static, because a stack frame of more than a page needs a
-   * run-time library. */
+  /* Working memory of one tick. This memory is static, because a stack frame of more than a page
+   * needs a run-time library. */
   double workspace[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
   double record[MAX_RECORDED_VALUES];
 } virtual_plant;
