@@ -145,14 +145,14 @@ def export_fmu(
 ) -> Path:
     """Write an FMU for co-simulation: the compensator or the actuator of a model, or a rig.
 
-    A compensator (inputs: demand and gap; output: current) runs at its own rate. Its bits equal those
-    of the compiled fixed-point C on a controller. Inputs and outputs are held between ticks.
+    A compensator (inputs: demand and gap; output: current) runs at its own rate. Its bits equal
+    those of the compiled fixed-point C on a controller. Inputs and outputs are held between ticks.
     An actuator (inputs: current and gap; output: force) takes each step of the tool as one sample,
     as the stepper of the model does. A bearing (inputs: demanded gap and load; outputs: gap, force
     and currents), a stage (inputs: set-point and feedforward) and a piezo stage (input: demanded
     displacement) contain the plant and the controller of ``anhyst simulate``. A rig for force
-    control (inputs: demand and gap; outputs: current and force) contains plant and controller of
-    ``anhyst force-control``. States can be read, set and serialised.
+    control (inputs: demand and gap; outputs: current and force) contains those of ``anhyst
+    force-control``. States can be read, set and serialised.
     """
     path = Path(out)
     if path.suffix != ".fmu":
