@@ -39,7 +39,7 @@ reaches 5 times its rms."""
 MIN_OUTLIER_DEVIATION = 0.01
 """Smallest deviation that is reported as an outlier, relative to full scale."""
 _MIN_JUMP_SHARE = 0.1
-"""Step of the input between two samples, relative to its range, above which it is a jump."""
+"""Step of the input between two samples, relative to its range, above which the step is a jump."""
 
 MAX_UNEXPLAINED = 0.05
 """Largest rms deviation beyond the noise, relative to full scale, of a usable model."""
@@ -147,7 +147,7 @@ def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outli
 
 
 def _quantisation_step(values: FloatArray) -> float:
-    """Return the step of which all differences of values are multiples; zero without one."""
+    """Return the step of which all differences of values are multiples; zero without a step."""
     steps = np.diff(np.unique(values))
     steps = steps[steps > 1e-9 * float(np.ptp(values))]
     if not steps.size:
@@ -344,7 +344,7 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
 
 
 class _ShapeText(NamedTuple):
-    """Texts for a shape of the residual, and the remedy."""
+    """Texts that describe a shape of the residual, and its remedy."""
 
     main_text: str  # text for the largest shape
     short_text: str  # text for the second shape

@@ -63,7 +63,7 @@ def _accept_setting(value: Any) -> Any:
 Setting = Annotated[str | bool | int | float, PlainValidator(_accept_setting)]
 
 CHOSEN = "chosen"
-"""Note that marks the selected candidate."""
+"""Text of the note at the selected candidate."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,7 +78,7 @@ class TextTable(Layout):
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
-        """Read the requested columns; the others are not parsed."""
+        """Read the requested columns; other columns are not parsed."""
         columns = self.table.columns
         fields = {n: column.position for n, column in enumerate(columns) if column.position is not None}
         stamps = {self.stamp_column} & {*numbers}
