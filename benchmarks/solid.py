@@ -79,7 +79,7 @@ def judge(number: int) -> Judged:
     began = time.process_time()
     model = identify(loops).model
     identify_seconds = time.process_time() - began
-    static_model = identify(speeds.slow_loops).model
+    static_model = identify(speeds.slow).model
     largest = max(float(np.max(loop.output)) for loop in loops.loops)
     middle_gap = float(np.sqrt(magnet.gaps[0] * magnet.gaps[1]))
     records = {f"{rate:g} Hz": magnet.cycle(rate, middle_gap) for rate in (1.0, 20.0, 100.0)}

@@ -227,7 +227,7 @@ def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_pat
     assert any("300" in note and "rate_max" in note for note in found.notes)
     speeds = group_by_speed(found.loops)
     assert speeds is not None
-    assert {loop.label for group in speeds.fast_groups for loop in group} == {loop.label for loop in quick}
+    assert {loop.label for group in speeds.fast for loop in group} == {loop.label for loop in quick}
     assert "rate matters" in describe_rate(found.loops)
 
 

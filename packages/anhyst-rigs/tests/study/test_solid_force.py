@@ -299,7 +299,7 @@ def test_solid_iron_is_found_from_loops_of_several_speeds(folder: Path, tmp_path
     at_rest = replace(whole, settings=whole.settings.with_changes({"magnet.solid": None}))
     speeds = group_by_speed(loops)
     assert speeds is not None
-    fast = loops.with_loops(speeds.fast_groups[-1])
+    fast = loops.with_loops(speeds.fast[-1])
 
     def off(rig: ForceControlRig) -> float:
         return rig.check_plant(fast, truth("bearing").at_rest).plant.mean

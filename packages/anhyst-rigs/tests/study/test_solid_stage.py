@@ -66,7 +66,7 @@ def test_loops_of_further_speeds_are_measured_in_time() -> None:
     loops = measure_loops(rig)
     speeds = group_by_speed(loops)
     assert speeds is not None
-    assert [len(group) for group in speeds.fast_groups] == [1, 1]
+    assert [len(group) for group in speeds.fast] == [1, 1]
     assert speeds.fastest_rate == pytest.approx(50.0, rel=0.02)
     assert loop_file_texts(loops, "")["loops.csv"].startswith("t_s,I_A,F_N,gap_m,loop\n0,")
 

@@ -81,8 +81,8 @@ def missed(model: Model, rate: float, gap: float) -> float:
 def test_loops_are_fast_that_are_faster_in_cycles_and_in_the_input() -> None:
     speeds = group_by_speed(measured())
     assert speeds is not None
-    assert {loop.label for loop in speeds.slow_loops.loops} == {"0.5 Hz"}
-    assert [len(group) for group in speeds.fast_groups] == [2, 2]
+    assert {loop.label for loop in speeds.slow.loops} == {"0.5 Hz"}
+    assert [len(group) for group in speeds.fast] == [2, 2]
     assert 45.0 < speeds.fastest_rate < 55.0
 
 

@@ -17,8 +17,8 @@ typedef struct {
   anhyst_plant_head_state head[BEARING_HEADS];
   anhyst_plant_current_loop current_loop[BEARING_MAGNETS];
   uint64_t ticks;
-  /* Working memory of one tick. This memory is static, because a stack frame of more than a page
-   * needs a run-time library. */
+  /* Working memory of one tick. It is static, because a stack frame of more than a page needs a
+   * run-time library. */
   double workspace[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
   double record[MAX_RECORDED_VALUES];
 } virtual_plant;

@@ -130,9 +130,7 @@ def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
     speeds = group_by_speed(loops)
     if speeds is None or find_rate_effect(loops, speeds) is None:
         return None
-    steps = [
-        np.diff(loop.input) / np.diff(loop.time) for loop in speeds.fast_groups[-1] if loop.time is not None
-    ]
+    steps = [np.diff(loop.input) / np.diff(loop.time) for loop in speeds.fast[-1] if loop.time is not None]
     return speeds.fastest_rate, float(np.median(np.abs(np.concatenate(steps))))
 
 

@@ -188,7 +188,7 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
             code="one-speed",
             key="magnet.solid",
         )
-    fast_loops = [loop for group in speeds.fast_groups for loop in group]
+    fast_loops = [loop for group in speeds.fast for loop in group]
     fast = thin_loops(loops.with_loops(fast_loops), FAST_LOOP_SAMPLES * len(fast_loops))
     max_force = largest_output(loops)
     weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * max_force * math.sqrt(sum(loop.n for loop in fast.loops)))

@@ -38,13 +38,13 @@ def cycle_rate(drive: FloatArray, time: FloatArray | None) -> float:
 class SpeedGroups:
     """Loops grouped by their rate."""
 
-    slow_loops: Loops  # slowest loops of each gap, and all loops that are not clearly faster
-    fast_groups: tuple[tuple[Loop, ...], ...]  # other loops in groups of similar rate, slowest first
+    slow: Loops  # slowest loops of each gap, and all loops that are not clearly faster
+    fast: tuple[tuple[Loop, ...], ...]  # other loops in groups of similar rate, slowest first
 
     @property
     def fastest_rate(self) -> float:
         """Rate of the fastest loops, Hz."""
-        return max(cycle_rate(loop.input, loop.time) for loop in self.fast_groups[-1])
+        return max(cycle_rate(loop.input, loop.time) for loop in self.fast[-1])
 
 
 def group_by_speed(loops: Loops) -> SpeedGroups | None:
@@ -82,7 +82,7 @@ def find_slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
 def select_slow_loops(loops: Loops) -> Loops:
     """Return the slow loops, with negligible eddy currents; all loops if speeds are similar."""
     speeds = group_by_speed(loops)
-    return loops if speeds is None else speeds.slow_loops
+    return loops if speeds is None else speeds.slow
 
 
 def _loop_speed(loop: Loop) -> tuple[float, float]:
@@ -136,10 +136,10 @@ def find_rate_effect(loops: Loops, speeds: SpeedGroups) -> tuple[float, float] |
     """Return the lowest rate with an effect, Hz, and the effect relative to the largest output."""
     even, largest_magnitude = is_even(loops), largest_output(loops)
     slow_height: dict[float | None, float] = {}
-    for loop in speeds.slow_loops.loops:
+    for loop in speeds.slow.loops:
         _, height = loop_width_and_height(loop, even=even)
         slow_height[loop.schedule_value] = max(height, slow_height.get(loop.schedule_value, 0.0))
-    for group in speeds.fast_groups:
+    for group in speeds.fast:
         rate = max(cycle_rate(loop.input, loop.time) for loop in group)
         height_increases = [
             (

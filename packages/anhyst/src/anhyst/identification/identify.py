@@ -223,13 +223,13 @@ def _fit_all_speeds(
     """Fit the static model and, if there are fast loops, their rate dependence."""
     if speeds is None:
         return static(loops, None)
-    outcome = static(speeds.slow_loops, None)
+    outcome = static(speeds.slow, None)
     if outcome.is_interrupted:
         return outcome
     rate_fit = fit_rate(outcome.model, loops, speeds)
     if not rate_fit.model.has_eddy_currents:
         return replace(static(loops, None), rate_reason=rate_fit.reason)
-    static_loops = remove_rate_effect(rate_fit.model, outcome.model, speeds.slow_loops)
+    static_loops = remove_rate_effect(rate_fit.model, outcome.model, speeds.slow)
     if static_loops is not None:
         corrected_outcome = static(static_loops, outcome)
         layers = rate_fit.model.layers

@@ -154,8 +154,8 @@ class _RateProblem:
                 irons[gap] = iron
             return _LoopPath(model, loop, irons[gap], largest)
 
-        self.groups = [[path(loop) for loop in loops] for loops in speeds.fast_groups]
-        self.slow = [path(loop) for loop in speeds.slow_loops.loops]
+        self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
+        self.slow = [path(loop) for loop in speeds.slow.loops]
         fastest_paths = self.groups[-1]
         density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in fastest_paths)
         drive = max(float(np.ptp(path.drive)) for path in fastest_paths)

@@ -109,7 +109,7 @@ def figure_speeds(loopset: Loops, fitted: LoopOutputs, speeds: SpeedGroups) -> F
     loop_indices = {id(loop): index for index, loop in enumerate(loopset.loops)}
     groups = [
         LoopGroup(speed_text(group), tuple(loop_indices[id(loop)] for loop in group))
-        for group in (speeds.slow_loops.loops, *speeds.fast_groups)
+        for group in (speeds.slow.loops, *speeds.fast)
     ]
     return _draw_loops(loopset, fitted, groups)
 

@@ -92,7 +92,7 @@ def section_rate(subject: ModelSubject) -> Section | None:
     speeds = None if measurements is None else group_by_speed(measurements.loops)
     if measurements is None or speeds is None:
         return None
-    groups = [list(speeds.slow_loops.loops), *map(list, speeds.fast_groups)]
+    groups = [list(speeds.slow.loops), *map(list, speeds.fast)]
     blocks: list[Block] = []
     if reason := str(subject.model.provenance.settings.get("rate", "")):
         blocks.append(Text(f"{reason[0].upper()}{reason[1:]}."))
