@@ -43,7 +43,7 @@ PLANT_CORE_FILES = (
     *("compensator/play_map.c", *(f"compensator/force_controller_{of}.c" for of in FLOAT_FORMATS)),
     *(f"control/{name}_{of}.c" for name in ("pidd2", "position") for of in FLOAT_FORMATS),
 )
-"""C files of the core that the plant needs in addition to those of a compiled controller."""
+"""C files of the core that the plant needs in addition to the files of a compiled controller."""
 
 
 def bearing_part(rig_path: PathLike) -> Part:
@@ -100,7 +100,7 @@ def plant_sources(
     wrapper_files: Iterable[str] = (),
     memory_count: int = 1,
 ) -> dict[str, bytes]:
-    """Return the C files of the plant, except those that match a pattern, and further files.
+    """Return the C files of the plant, without files that match a pattern, and further files.
 
     ``core_paths`` are further files of the core, and ``wrapper_files`` are files of the component.
     """

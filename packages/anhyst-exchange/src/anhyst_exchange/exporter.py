@@ -62,7 +62,7 @@ class Platform:
 
 
 # By default, zig first compiles the start-up code of Windows and a run-time library for each
-# processor, which takes more than a minute. An FMU needs no such code: C functions come from the
+# processor, which takes over a minute. An FMU does not need this code: C functions come from the
 # library of the system, and a library without constructors needs no entry point.
 _LINUX_LINK_OPTIONS = ("-Wl,-z,defs", "-lc", "-lm")
 _MACOS_LINK_OPTIONS = ("-lc",)
@@ -82,7 +82,7 @@ PLATFORMS = {
 PLATFORM_NAMES = tuple(PLATFORMS)
 
 REPRODUCIBLE_OPTIONS = ("-ffp-contract=off",)
-"""Options that forbid fused multiply-add, so that the bits equal those of the core in Python."""
+"""Options that forbid fused multiply-add, so that the bits equal the bits of the core in Python."""
 
 
 def compile_all(
@@ -145,14 +145,14 @@ def export_fmu(
 ) -> Path:
     """Write an FMU for co-simulation: the compensator or the actuator of a model, or a rig.
 
-    A compensator (inputs: demand and gap; output: current) runs at its own rate. Its bits equal
-    those of the compiled fixed-point C on a controller. Inputs and outputs are held between ticks.
+    A compensator (inputs: demand and gap; output: current) runs at its own rate. Its bits equal the
+    bits of the compiled fixed-point C on a controller. Inputs and outputs are held between ticks.
     An actuator (inputs: current and gap; output: force) takes each step of the tool as one sample,
     as the stepper of the model does. A bearing (inputs: demanded gap and load; outputs: gap, force
     and currents), a stage (inputs: set-point and feedforward) and a piezo stage (input: demanded
     displacement) contain the plant and the controller of ``anhyst simulate``. A rig for force
-    control (inputs: demand and gap; outputs: current and force) contains those of ``anhyst
-    force-control``. States can be read, set and serialised.
+    control (inputs: demand and gap; outputs: current and force) contains the plant and the
+    controller of ``anhyst force-control``. States can be read, set and serialised.
     """
     path = Path(out)
     if path.suffix != ".fmu":
@@ -266,7 +266,7 @@ def export_sfunction(
 ) -> Path:
     """Write a level-2 C S-function: its sources, and the MATLAB function that builds it.
 
-    The component is that of an FMU of :func:`~anhyst_exchange.exporter.export_fmu`.
+    The component is the same as in an FMU of :func:`~anhyst_exchange.exporter.export_fmu`.
     Outputs that follow from the inputs of a sample appear at the next sample. The parameter of
     the block of an actuator is the sample time in s.
     """

@@ -69,7 +69,7 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
 
 
 def _force_variables(rig: ForceControlRig, demand: Variable, gaps: list[Variable]) -> list[Variable]:
-    """Return the inputs and outputs; the names are those of recordings."""
+    """Return the inputs and outputs, with the names of recordings."""
     gap_text = "true gap; the armature is moved there"
     gap_range = (gaps[0].low, gaps[0].high) if gaps else (None, None)
     noise_text = "noise that is added to the reading of the sensor"
