@@ -25,8 +25,8 @@ MAX_OUTPUT_FALL = 1e-4
 resolution of the best force sensors, and far above rounding errors."""
 
 MAX_SENSOR_OFFSET = 0.02
-"""Largest plausible offset of a sensor, relative to the range. If the offsets of two gaps differ by
-less, the sensor can be the cause. A larger difference is a fault of the model."""
+"""Largest plausible offset of a sensor, relative to the range. The sensor can cause
+a difference of offsets between gaps up to this size. A larger one is a fault of the model."""
 
 
 @dataclass(frozen=True, eq=False)

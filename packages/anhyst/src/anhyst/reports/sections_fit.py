@@ -152,7 +152,7 @@ def _corner_text(model: Model) -> str:
 def rate_corner(model: Model) -> float | None:
     """Return the cycle frequency at which eddy currents visibly widen the loops, Hz.
 
-    The opening of the loops is then larger than that of slow loops by :data:`VISIBLE_HEIGHT_SHARE`.
+    The loops then open by :data:`VISIBLE_HEIGHT_SHARE` more than slow loops do.
 
     The cycles are full cycles at the first node. Time enters a model only as gamma times a rate.
     Therefore, the corner frequency is inversely proportional to gamma.

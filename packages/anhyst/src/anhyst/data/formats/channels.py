@@ -275,7 +275,7 @@ class RawColumns:
     """The requested columns by index, and the SHA-256 of the whole file.
 
     In every format, a sample without a measured value (overrange, invalid, empty) is NaN in
-    ``numbers``. The caller refuses or removes it.
+    ``numbers``. The caller refuses or removes such samples.
     """
 
     sha256: str
