@@ -403,13 +403,11 @@ class Loops(Result):
         return Path(path)
 
 
-def replace_columns(loop: Loop, function: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
+def replace_columns(loop: Loop, convert: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
     """Return a loop with the same change to all columns, except the columns that are given."""
     columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
     changed_columns = {
-        name: function(values)
-        for name, values in columns.items()
-        if values is not None and name not in others
+        name: convert(values) for name, values in columns.items() if values is not None and name not in others
     }
     return replace(loop, **changed_columns | others)
 

@@ -63,9 +63,7 @@ def open_hdf5(path: Path) -> ChannelFile:
             for index, channel in enumerate(channels)
             if channel not in used_scales
         ]
-    return ChannelFile(
-        path, assign_clocks_by_name(kept_channels), _read_channels, (), ((0, tuple(attributes)),)
-    )
+    return ChannelFile(path, assign_clocks_by_name(kept_channels), _read_all, (), ((0, tuple(attributes)),))
 
 
 def datasets(path: Path, group: Any) -> Iterator[Any]:
@@ -177,7 +175,7 @@ def _first_axis_scale(dataset: Any) -> str | None:
     return str(scale.name) if scale.shape == dataset.shape[:1] else None
 
 
-def _read_channels(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+def _read_all(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     import h5py
 
     with h5py.File(path, "r") as file:

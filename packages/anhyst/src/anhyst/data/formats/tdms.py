@@ -58,9 +58,7 @@ def open_tdms(path: Path) -> ChannelFile:
         starts = [start for item in items if (start := _start_time(item)) is not None]
         time_origin = min(starts, default=None)
         channels = [_make_channel(path, size, item, clocks, time_origin) for item in items]
-    return ChannelFile(
-        path, assign_clocks_by_name(channels), _read_channels, (), ((0, tuple(property_texts)),)
-    )
+    return ChannelFile(path, assign_clocks_by_name(channels), _read_all, (), ((0, tuple(property_texts)),))
 
 
 def _start_time(item: Any) -> Any:
@@ -104,7 +102,7 @@ def _finite_number(value: Any) -> float | None:
         return None
 
 
-def _read_channels(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+def _read_all(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     from nptdms import TdmsFile
 
     with TdmsFile.open(path) as file:
