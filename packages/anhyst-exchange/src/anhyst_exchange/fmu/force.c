@@ -54,8 +54,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
 {
   state_of *now = (state_of *)state;
   double signals[4] = {0.0, values[DEMAND]};
-  if (!(values[GAP] >= 1e-9 && values[GAP] <= 1.0)) { /* the iron could not recover from such a
-                                                       * value */
+  if (!(values[GAP] >= 1e-9 && values[GAP] <= 1.0)) { /* the iron could not recover from it */
     return "a gap is from 1e-9 to 1 m";
   }
   anhyst_plant_held_tick(&force_held, &now->plant, values[COMMAND], values[GAP], values + NOISE,

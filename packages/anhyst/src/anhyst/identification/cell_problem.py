@@ -267,7 +267,7 @@ class CellProblem:
             for loop in self.loopset.loops:
                 drive = loop.input
                 if lag and loop.time is not None:
-                    drive = Dynamics(lag).delayed(drive, loop.time)
+                    drive = Dynamics(lag).delay_record(drive, loop.time)
                 # All cells start at the centre of the curves.
                 path = _input_before(loop.history, drive) - centres
                 path = np.concatenate([np.zeros_like(centres), path], axis=1)
@@ -361,7 +361,7 @@ class CellProblem:
             for time in creep_times:
                 dynamics, start = Dynamics(0.0, (time,), (1.0,)), np.array([rest_output])
                 if loop.history.kind == "settled":
-                    start = dynamics.settled_slow_parts(output, loop.time, is_flux_known=True)
+                    start = dynamics.settled_creep(output, loop.time, is_flux_known=True)
                 columns.append(dynamics.apply_creep(output, loop.time, start, is_flux_known=True)[0] - output)
             responses.append(np.stack(columns, axis=1))
         return responses
