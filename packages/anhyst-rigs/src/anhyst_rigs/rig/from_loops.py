@@ -1,9 +1,10 @@
-"""Fit the iron, winding and poles of the plant to measured loops.
+"""Fit the iron, the winding and the poles of the plant to measured loops.
 
 The plant has pinned cells (:class:`anhyst_rigs.rig.parts.iron.CellSteel`) in the circuit of a
-two-pole magnet, and never the law of a compensator. Keys of the rig file stay fixed. Loops of force
-over current cannot separate two combinations: turns and pole size below saturation, and always iron
-length and the fields of the iron. Weak priors of ordinary magnets determine these.
+two-pole magnet, and never the hysteresis law of a compensator. Keys given in the rig file stay
+fixed. Loops of force over current cannot separate two combinations of parameters. Below saturation,
+these are turns and pole size. They are always iron length and the fields of the iron. Weak priors
+of ordinary magnets determine their values.
 """
 
 from __future__ import annotations
@@ -40,44 +41,43 @@ from anhyst_rigs.rig.parts.iron import NamedCells
 from anhyst_rigs.rig.parts.magnet import Poles, make_iron_magnet
 
 PINNED_CELL_COUNT = 24
-"""Number of pinned cells."""
+"""Number of pinned cells in the fitted iron."""
 
 IRON_LENGTH_PER_POLE_SIDE = 11.0
-"""Length of the flux path in the iron, relative to the side of a pole."""
+"""Assumed length of the flux path in the iron, relative to the side of a pole."""
 
 WINDING_RESISTIVITY_OHM_M = 1.75e-8 / 0.5
 """Resistivity of copper divided by a fill factor of 0.5, ohm m, for a window as large as a pole."""
 
 TURN_LENGTH_PER_POLE_SIDE = 5.0
-"""Mean length of a winding turn, relative to the side of a pole."""
+"""Assumed mean length of a winding turn, relative to the side of a pole."""
 
 MAX_FORCE_FLUX_DENSITY_T = 1.2
-"""Assumed flux density at the largest force for the prior of the pole area, T."""
+"""Assumed flux density at the largest force, T, from which the prior of the pole area follows."""
 
 RELATIVE_DEVIATION_SIGMA = 0.003 * 0.1
-"""Mean deviation relative to the largest force that costs as much as a prior deviation of one
-sigma."""
+"""Relative mean deviation that costs as much as a parameter one sigma from its prior mean."""
 
 COARSE_SAMPLES = 600
-"""Number of samples for comparing initial guesses."""
+"""Number of samples with which initial guesses are compared."""
 FINE_SAMPLES = 2400
-"""Number of samples of the fit."""
+"""Number of samples to which the plant is fitted."""
 
 PINNING_STARTS = (-1.0, 0.5, 1.5)
-"""Initial values of the pinning, in standard deviations of its prior."""
+"""Initial guesses of the pinning, in standard deviations of its prior."""
 
 FAST_LOOP_SAMPLES = 100
-"""Average number of samples of a fast loop to which solid iron is fitted."""
+"""Average number of samples per fast loop to which the solid iron is fitted."""
 
 STEEL_CONDUCTIVITY_S_PER_M = 5e6
-"""Conductivity of plain steel."""
+"""Conductivity of plain steel, S/m."""
 LOG_CONDUCTIVITY_STARTS = (-4.0, -2.0, 0.0, 2.0)
-"""Initial values of the logarithm of the conductivity, relative to plain steel."""
+"""Initial guesses of the logarithm of the conductivity divided by that of plain steel."""
 _LOG_CONDUCTIVITY_SIGMA = 3.0
-"""Prior standard deviation of this logarithm, and of the log odds of the path; both means are 0."""
+"""Prior sigma of this logarithm and of the log odds of the path length; both means are 0."""
 
 MAX_EVALUATIONS = 60
-"""Largest number of evaluations of a fit."""
+"""Largest number of evaluations of the residuals in a fit."""
 
 
 @dataclass(frozen=True)
@@ -89,16 +89,16 @@ class FittedPlant:
     zero_current: float  # sensor readings at zero current and force, A and N
     zero_force: float
     guessed_keys: tuple[str, ...]  # keys that neither the file nor the loops determine
-    solid: SolidTable | None = None  # with all its keys
+    solid: SolidTable | None = None  # solid part of the core, with all its keys
 
     @property
     def magnet(self) -> Magnet:
-        """Magnet for the core."""
+        """The fitted magnet for the core."""
         return make_iron_magnet(self.poles, self.steel)
 
     @property
     def magnet_keys(self) -> Mapping[str, Any]:
-        """Keys of ``[[magnet]]`` of a rig file, except its iron."""
+        """Values of the keys of ``[[magnet]]`` in a rig file, except those of its iron."""
         poles = {key: getattr(self.poles, name) for name, key in POLE_KEYS.items()}
         return {**poles, "solid": self.solid}
 
@@ -125,7 +125,7 @@ def check_plant_against_loops(
 
 
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
-    """Fit the omitted keys of a magnet; solid iron is fitted to loops at several speeds."""
+    """Fit the keys that a magnet omits; solid iron needs loops at several speeds."""
     return cached_result("plants", lambda: _fit_uncached(loops, table), loops, table)
 
 
@@ -146,7 +146,7 @@ def _fit_uncached(loops: Loops, table: MagnetTable) -> FittedPlant:
 
 
 class RigWithMagnet(Protocol):
-    """A rig with a rig file that has magnets."""
+    """A rig whose rig file contains magnets."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
@@ -159,7 +159,7 @@ AnyRig = TypeVar("AnyRig", bound=RigWithMagnet)
 
 
 def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
-    """Return a rig with a complete magnet; iron "from loops" is fitted to the loops."""
+    """Return a rig whose magnet has all keys; iron "from loops" is fitted to the loops."""
     file = rig.settings
     if file.solenoid is not None or not file.magnet.has_iron_from_loops or file.iron is not None:
         return rig
@@ -170,7 +170,7 @@ def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
 
 
 def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTable:
-    """Fit the omitted keys of solid iron: conductivity and length of its flux path."""
+    """Fit the omitted keys of solid iron: conductivity, and length of its flux path."""
     if (given.path_m or 0.0) > fitted.poles.iron_length:
         raise InputError(
             f"magnet.solid.path_m is longer than the {fitted.poles.iron_length:.3g} m of the path "
@@ -213,7 +213,7 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
 
 
 class _StaticFit:
-    """Least-squares fit of the static force, with priors."""
+    """Least-squares fit of the quasi-static force, with priors."""
 
     def __init__(self, loops: Loops, table: MagnetTable) -> None:
         self.loops = loops
@@ -228,22 +228,22 @@ class _StaticFit:
         self._weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * self._max_force * math.sqrt(samples))
 
     def initial_guess(self, pinning: float) -> FloatArray:
-        """Return an initial guess in prior standard deviations from the prior mean."""
+        """Return an initial guess, in prior standard deviations from the prior mean."""
         parameters = np.zeros(len(self._names))
         parameters[self._names.index("pinning")] = pinning
         return parameters
 
     def minimise(self, start: FloatArray) -> tuple[float, FloatArray]:
-        """Return the smallest cost from an initial guess, and its parameters."""
+        """Minimise the cost from an initial guess; return the smallest cost and its parameters."""
         result = least_squares(self._residuals, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-4)
         return float(result.cost), result.x
 
     def turns(self, at: FloatArray) -> float:
-        """Return the number of turns for some parameters, before rounding."""
+        """Return the number of turns for given parameters, before rounding."""
         return self._make_poles_and_steel(self._named_parameters(at))[0].turns
 
     def make_plant(self, at: FloatArray, table: MagnetTable) -> FittedPlant:
-        """Return the magnet for some parameters."""
+        """Return the magnet for given parameters."""
         values = self._named_parameters(at)
         poles, steel = self._make_poles_and_steel(values)
         resistance = (
@@ -308,7 +308,7 @@ class _StaticFit:
 
 
 def _parameter_priors(loops: Loops, table: MagnetTable, top: float) -> dict[str, tuple[float, float]]:
-    """Return prior mean and standard deviation of all parameters, as logarithms or log odds."""
+    """Return the prior mean and standard deviation of all parameters, as logarithms or log odds."""
     area, turns = MU_0 * top / MAX_FORCE_FLUX_DENSITY_T**2, 0.0
     width, depth = table.pole_width_m, table.pole_depth_m
     if width and depth:
@@ -340,7 +340,7 @@ def _parameter_priors(loops: Loops, table: MagnetTable, top: float) -> dict[str,
 
 
 def _estimate_turns_squared_area(loops: Loops) -> float:
-    """Return turns^2 times the area of a pole, m^2, for iron of infinite permeability."""
+    """Return turns^2 times the pole area, m^2, estimated with infinitely permeable iron."""
     estimates = []
     for loop in loops.loops:
         assert loop.schedule is not None

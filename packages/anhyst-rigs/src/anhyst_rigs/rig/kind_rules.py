@@ -1,6 +1,6 @@
-"""Check that a rig file has the tables and keys of its kind, and that its names refer to something.
+"""Check that a rig file has the tables and keys of its kind, and that all names in it exist.
 
-Grids list the permitted number of tables and the required keys for each kind of rig.
+Grids list, for each kind of rig, the permitted number of tables and the required keys.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from anhyst_rigs.rig.magnet_table import FROM_LOOPS, LikeTable, MagnetTable, Sol
 from anhyst_rigs.rig.measurement_table import identify_faults
 
 RIG_KINDS = ("levitation", "tracking", "force", "displacement")
-"""Columns of the grids below, as values of ``control.kind``."""
+"""Kinds of rigs, in the order of the columns of the grids below: values of ``control.kind``."""
 _COUNT_LIMITS = {"1": (1, 1), "?": (0, 1), "*": (0, math.inf), "+": (1, math.inf), ".": (0, 0)}
-"""Smallest and largest number of tables for each symbol of a grid."""
+"""Smallest and largest number of tables that each symbol of a grid permits."""
 
 _TABLE_RULES: Mapping[type[Table], tuple[str, str, str]] = {
     MagnetTable: ("1 1 ? .", "magnet", "a [[magnet]] with winding and poles"),
@@ -47,7 +47,8 @@ _TABLE_RULES: Mapping[type[Table], tuple[str, str, str]] = {
     case_table.MovingCase: (". . 1 .", "case", 'a [[case]] of kind "moving"'),
     case_table.DisplacementCase: (". . . 1", "case", 'a [[case]] of kind "displacement"'),
 }
-"""Permitted number of each type of table by kind of rig, key of its list, and name in messages."""
+"""For each type of table: permitted number by kind of rig, key of its list, and name in messages.
+"""
 
 _SINGLE_KEY_RULES = {
     "loops": "1 1 1 .",
@@ -59,7 +60,7 @@ _SINGLE_KEY_RULES = {
     "seed": "? ? ? ?",
     "noise_seeds": "? ? . .",
 }
-"""Grid of other tables and top-level keys: required (1), optional (?), or not permitted (.)."""
+"""Grid of other tables and top-level keys. 1: required; ?: optional; .: not permitted."""
 
 _TABLE_KEY_RULES: Mapping[type[Table], Mapping[str, str]] = {
     tables.TimingTable: dict.fromkeys(("substeps", "delay_ticks"), "? ? . ."),
@@ -93,11 +94,11 @@ _TABLE_KEY_RULES: Mapping[type[Table], Mapping[str, str]] = {
         **dict.fromkeys(("head_m_per_s", "head_s", "land_m_per_s", "lift_m_per_s"), ". ? . ."),
     },
 }
-"""Grid of keys that are required or not permitted for some kinds; all other keys are optional."""
+"""Grid of keys that some kinds of rigs require or do not permit. All other keys are optional."""
 
 
 def _count_limits(file: RigFile, row: str) -> tuple[float, float]:
-    """Return the smallest and largest number in a row of a grid for the kind of a file."""
+    """Return the smallest and largest number that a row of a grid permits for the kind of a file."""
     return _COUNT_LIMITS[row.split()[RIG_KINDS.index(file.control.kind)]]
 
 
@@ -131,7 +132,7 @@ def _key_faults(file: RigFile) -> Iterator[FileFault]:
     for path, table in [*file.tables(), *single]:
         grid = _TABLE_RULES.get(type(table))
         if grid is not None and not _count_limits(file, grid[0])[1]:
-            continue  # the whole table is not permitted; another fault reports it
+            continue  # The whole table is not permitted, which another fault reports.
         for key, row in _TABLE_KEY_RULES.get(type(table), {}).items():
             is_given = key in table.model_fields_set
             yield from _presence_fault(file, (*path, key), row, is_given, "")
@@ -143,7 +144,7 @@ def _key_faults(file: RigFile) -> Iterator[FileFault]:
 def _presence_fault(
     file: RigFile, path: KeyPath, row: str, is_given: bool, needed: str
 ) -> Iterator[FileFault]:
-    """Find a key that the kind of the file requires but lacks, or does not permit."""
+    """Find a required key that is missing, or a present key that is not permitted."""
     rig_title, (min_count, max_count) = file.kind.title, _count_limits(file, row)
     if min_count and not is_given:
         text = f"{rig_title} {needed}" if needed else f"is missing, {rig_title} needs it; add it"
@@ -198,7 +199,7 @@ def _pair_faults(file: RigFile, first: MagnetTable | None) -> Iterator[FileFault
 
 
 def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
-    """Find keys that bidirectional magnets do not permit."""
+    """Find keys that are not permitted for bidirectional magnets."""
     if "force_min_N" in file.control.model_fields_set:
         text = "is only for magnets that cannot push; remove it"
         yield FileFault(("control", "force_min_N"), text, code="not-for-this-kind")
@@ -212,7 +213,7 @@ def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
 
 
 def read_rig_file(path: PathLike, kind: str) -> RigFile:
-    """Read and check the rig file of a kind, given as the value of its ``control.kind``."""
+    """Read and check the rig file of a kind, which is the value of its key ``control.kind``."""
     file = read_toml(path, RigFile, kinds=[rig_kinds()[kind]])
     faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file)]
     if file.given_loops is not None:

@@ -1,4 +1,4 @@
-"""Measure loops of a virtual magnet with the sensors of its rig and a held armature."""
+"""Measure loops of a virtual magnet, whose armature is held, with the sensors of its rig."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
 
 _STEP_COUNT_ROUNDING = 1e-6
-"""Excess over a whole number of steps that counts as rounding."""
+"""Excess over a whole number of steps that counts as a rounding error."""
 
 
 HeldMagnet = Coil
-"""A magnet with hysteresis at given currents and gaps, quasi-static or in time."""
+"""A magnet with hysteresis that follows given currents and gaps, quasi-statically or in time."""
 Seed = int | list[int]
-"""Seed of noise."""
+"""Seed of a noise generator."""
 
 
 class HeldRig(Protocol):
-    """A rig with a held armature."""
+    """A rig whose armature is held."""
 
     def magnet(self) -> HeldMagnet:
         """Return the demagnetised magnet."""
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return the sensors for a sampling time, s; the seed of the rig file is added."""
+        """Return the sensors for a sampling time, s; their seed includes that of the rig file."""
 
 
 def sweep_path(reversals: Sequence[float], step: float) -> FloatArray:
-    """Return a path with linear sweeps between reversals, in steps of at most `step`."""
+    """Return a path with linear sweeps from one reversal to the next, in steps of at most `step`."""
     parts = [np.array(reversals[:1])]
     for begin, end in pairwise(reversals):
         count = math.ceil(abs(end - begin) / step - _STEP_COUNT_ROUNDING)
@@ -51,9 +51,9 @@ def sweep_path(reversals: Sequence[float], step: float) -> FloatArray:
 
 
 def conditioning_path(campaign: MeasurementTable) -> list[float]:
-    """Return the reversals before every record, A: largest current, then the lowest of all records.
+    """Return the reversal points that precede every record, A.
 
-    The lowest one is zero if no record goes below zero.
+    They alternate between the largest current and the lowest of all records, but at most zero.
     """
     lowest_ratio = min(0.0, *(turn for record in campaign.records for turn in record.turns))
     high = campaign.current_max_A
@@ -65,14 +65,14 @@ def measure_path(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the readings of current, A, and force, N, along a path of currents at a gap, m.
 
-    The path is quasi-static, or each step takes the given time, s.
+    If `seconds` is infinite, the path is quasi-static; otherwise, each step takes this time, s.
     """
     force = magnet.run(path, np.full(path.size, gap), seconds)[:, 0]
     return sensors["current"].read(path), sensors["force"].read(force)
 
 
 def measure_stack_displacement(rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed) -> FloatArray:
-    """Return the readings of a piezo stage, m, along voltages, V, after long rest at 0 V."""
+    """Return readings of a piezo stage, m, along voltages, V, after a long rest at 0 V."""
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(seed).standard_normal(voltage.size)
     readings = rig.make_motion(sample).run(voltage) + noise
@@ -135,7 +135,7 @@ def measure_at_gap(
 
 
 class HeldBearing:
-    """A bearing with a held armature; only the magnet that closes the gap is driven."""
+    """A bearing whose armature is held; only the magnet that closes the gap is driven."""
 
     def __init__(self, rig: BodyRig) -> None:
         self._rig = rig
@@ -145,11 +145,12 @@ class HeldBearing:
         return Coil(self._rig.magnet)
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return the sensors for a sampling time, s; the seed of the rig file is added."""
+        """Return the sensors for a sampling time, s; their seed includes that of the rig file."""
         settings = self._rig.settings
         current, force = settings.current_sensor, settings.force_sensor
         own_seed = [settings.seed, *seed]
-        shunt = current.plant_parameters(sample) | {"share": 1.0}  # no low-pass for slow loops
+        # Slow loops have no low-pass filter.
+        shunt = current.plant_parameters(sample) | {"share": 1.0}
         return {
             "current": NoisySensor(shunt, [*own_seed, 0]),
             "force": NoisySensor(force.plant_parameters(sample), [*own_seed, 1]),
@@ -157,7 +158,7 @@ class HeldBearing:
 
 
 def loop_file_texts(loops: Loops, notes: str) -> dict[str, str]:
-    """Return the texts of the files of measured loops by name, with notes at the top."""
+    """Return the texts of files with measured loops, by file name; notes are at the top."""
     timed = loops.loops[0].time is not None
     rows = []
     for loop in loops.loops:
@@ -176,10 +177,9 @@ def loop_file_texts(loops: Loops, notes: str) -> dict[str, str]:
 
 
 def measure_loops(rig: BodyRig) -> Loops:
-    """Measure the loops of ``[measurement]`` of the rig file.
+    """Measure the loops that ``[measurement]`` of the rig file describes.
 
-    The conditioning cycles precede every record. The loops are quasi-static, or measured in time if
-    the file has fast cycles.
+    The conditioning cycles precede every record. With fast cycles, all loops are measured in time.
     """
     held, campaign = HeldBearing(rig), rig.settings.measurement
     places = range(len(campaign.gaps_m))

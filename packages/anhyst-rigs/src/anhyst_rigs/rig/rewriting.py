@@ -1,4 +1,4 @@
-"""Rewrite a rig file with changed keys; comments stay next to their keys."""
+"""Rewrite a rig file with changed keys. Comments stay next to their keys."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from anhyst_rigs.rig.file import RigFile
 
 
 def rewrite_rig(source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any], note: str) -> None:
-    """Write a rig file with changed keys, and a note as a comment at its top.
+    """Write a rig file with changed keys, and with a note as a comment at the top.
 
     Relative paths are adapted to the folder of the new file.
     """
     check_writable(out, [source])
     file = TomlFile(source)
     text = file.text.splitlines()
-    last_keys = {line: key for key, line in file.lines.items()}  # last key of an inline table
+    last_keys = {line: key for key, line in file.lines.items()}  # last key in each inline table
     notes = {key: split_comment(text[line - 1]) for line, key in last_keys.items()}
     head = [line for line in _head_comments(text) if line.startswith("#")]
     values = {**_relocated_paths(file, Path(source), Path(out)), **changes}
@@ -33,7 +33,7 @@ def rewrite_rig(source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any],
 
 
 def _relocated_paths(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, Any]:
-    """Return the keys with file names, relative to the folder of the new file."""
+    """Return the keys that name files, with paths relative to the folder of the new file."""
 
     def seen(name: str) -> str:
         return relative_path(out.parent, source.parent / name)

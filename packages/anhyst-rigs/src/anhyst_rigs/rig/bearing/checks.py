@@ -62,7 +62,7 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
 
 
 def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iterator[FileFault]:
-    """Find ramps whose lift-off or landing would take too long to simulate."""
+    """Find a lift-off or landing ramp that would take too long to simulate."""
     travel = rig.settings.body.stop_high_m - lowest
     for table, action, ramp, seconds in (
         ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
@@ -77,7 +77,7 @@ def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iter
 
 
 def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
-    """Find conflicts about the amplifier's converter and about the second magnet of a pair."""
+    """Find conflicts about the converter of the amplifier and about the second magnet of a pair."""
     converter, amplifier = settings.converter, rig.settings.amplifier
     if converter is not None:
         ends = {

@@ -23,7 +23,7 @@ from anhyst_rigs.rig.recording import (
 
 
 def levitation_loss_time(rig: BodyRig, recording: Recording, since: int = 0) -> float | None:
-    """Return when a stop was touched or the controller gave up, s; None if never."""
+    """Return when a stop was touched or the controller stopped levitating, s; None if never."""
     body = rig.settings.body
     fault = recording["state"] >= FAULT_CODE
     if fault.any():
@@ -38,12 +38,12 @@ def levitation_loss_time(rig: BodyRig, recording: Recording, since: int = 0) -> 
 
 
 _MAX_HOVER_RMS_SHARE = 0.01
-"""Largest rms motion of a hovering armature, relative to the travel; a larger one is an
-oscillation."""
+"""Largest rms motion of a hovering armature, as a fraction of the travel; above it, it oscillates.
+"""
 
 
 def levitation_fault(setup: BearingSetup, run: Recording, steps: Scenario) -> str | None:
-    """Return why levitation failed between lift-off and the last step; None if it did not."""
+    """Return why levitation failed between lift-off and the last step; None if it did not fail."""
     rig, lifted, run = setup.rig, steps.lift_end_tick, run.slice_ticks(0, steps.ticks)
     gap, time = run["gap_m"], run["t_s"]
     loss_time = levitation_loss_time(rig, run, lifted)
@@ -65,7 +65,7 @@ def levitation_fault(setup: BearingSetup, run: Recording, steps: Scenario) -> st
 
 
 def _lift_failure(setup: BearingSetup, run: Recording, lifted: int) -> str | None:
-    """Return why the armature did not reach its hover; None if it did in time."""
+    """Return why the armature did not reach its hover position in time; None if it did."""
     state, time = run["state"], run["t_s"]
     if not ((state >= RISE_CODE) & (state <= HOVER_CODE)).any():
         faults = state >= FAULT_CODE
@@ -86,11 +86,11 @@ def _lift_failure(setup: BearingSetup, run: Recording, lifted: int) -> str | Non
 
 
 def _rejection_failure(setup: BearingSetup, run: Recording) -> str | None:
-    """Return a text if rejected samples ended the run of a controlled armature."""
+    """Return a text if rejected position samples ended the run of a controlled armature."""
     implausible = (run["flags"].astype(int) & int(Flag.SAMPLE_IMPLAUSIBLE)) != 0
     max_missing = setup.controller.safety.max_missing_samples
-    # Whether this sample and the `missing` samples before it were implausible: the position is
-    # lost.
+    # Whether this sample and the `max_missing` samples before it were implausible. The controller
+    # then regards the position as lost.
     row = np.convolve(implausible, np.ones(max_missing + 1), "valid") > max_missing + 0.5
     if (run["state"] >= RUN_CODE).any():
         row &= run["state"][max_missing:] >= FAULT_CODE
@@ -109,7 +109,7 @@ def _rejection_failure(setup: BearingSetup, run: Recording) -> str | None:
 
 
 def losses_after_steps(rig: BodyRig, run: Recording, begin: int, landing: int) -> list[str]:
-    """Return in words whether a recording lost levitation in its load steps or its landing."""
+    """Describe in words each loss of levitation in the load steps or the landing of a recording."""
     loads, landed = run.slice_ticks(begin, landing), run.slice_ticks(landing, len(run))
     if len(loads) and levitation_loss_time(rig, loads) is not None:
         return ["load steps of the recording"]

@@ -1,4 +1,4 @@
-"""Provide the data for the live picture of a stage's body, and its readings at rest."""
+"""Provide the data for the live picture of a stage's body, and the readings of a resting body."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from anhyst_rigs.rig.stage.geometry import head_lines, magnet_rows, scan_directi
 
 
 def body_layout(file: RigFile) -> dict[str, Any]:
-    """Return magnets and heads; the matrix `see` converts gap reductions to a pose."""
+    """Return magnets, heads and the matrix ``see``, which converts gap reductions to a pose."""
     return {
         "free": list(file.body.free),
         "along": list(file.scan.direction),
@@ -34,10 +34,10 @@ def body_layout(file: RigFile) -> dict[str, Any]:
 
 
 def resting_values(file: RigFile, place: float) -> dict[str, float]:
-    """Return the readings of a body that lies at rest on an end stop.
+    """Return the readings for a body that rests on an end stop.
 
-    It lies at the lower end in z if its weight acts there, and otherwise at the lower end of the
-    set-point's direction.
+    If the body is free in z and has a weight, it rests at the lower end in z. Otherwise, it rests
+    at the lower end along the set-point.
     """
     axes = file.body.free
     along, down_direction = scan_direction(file), np.array([float(axis == "z") for axis in axes])

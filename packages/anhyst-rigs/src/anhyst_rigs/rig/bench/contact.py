@@ -1,4 +1,4 @@
-"""Open a line to a controller on a board, check that it is the expected one, and read it.
+"""Open the line to a controller on a board, check that it is the expected one, and read it.
 
 The manifest of the compiled folder gives the scale of each signal. A controller with other scales
 or another rate is rejected.
@@ -34,11 +34,11 @@ from anhyst_rigs.rig.bench.settings import (
 from anhyst_rigs.rig.recording import column_name
 
 _NO_VALUE_CODE = -(1 << 31)
-"""Code of a sensor without a value."""
+"""Code that stands for a missing sensor reading."""
 
 
 class _Column(NamedTuple):
-    """A signal of the bench, computed from a signal of the controller as slope*code + offset."""
+    """A signal of the bench, computed from the code of a controller signal as slope*code + offset."""
 
     signal: Signal
     source: str
@@ -47,7 +47,7 @@ class _Column(NamedTuple):
 
 
 class BoardColumns:
-    """Signals, demand and settings of a controller in SI units."""
+    """Conversion of a controller's signals, demand and settings to SI units."""
 
     def __init__(self, body: Body, sources: Sequence[str], manifest: Mapping[str, Any]) -> None:
         force, rate = body is Body.FORCE, float(manifest["rate_Hz"])
@@ -74,17 +74,17 @@ class BoardColumns:
         self.settings: tuple[SettingSpec, ...] = (*setting_specs, heartbeat_setting(rate))
 
     def values(self, codes: NDArray[np.int64]) -> FloatArray:
-        """Convert rows of tick and codes to rows of tick and signals in SI units."""
+        """Convert rows of a tick number and codes to rows of a tick number and signals in SI units."""
         mine = codes[:, self._source_columns]
         values = np.where(mine == _NO_VALUE_CODE, np.nan, mine * self._slopes + self._offsets)
         return np.column_stack((codes[:, 0].astype(np.float64), values))
 
     def demand_range(self, code: int) -> DemandRange:
-        """Return the range of the demand, with the present demand given as q31 of full scale."""
+        """Return the range of the demand; the argument is the present demand, q31 of full scale."""
         return self._demand_range._replace(value=float(code / self._codes_per_unit + self._zero))
 
     def demand_code(self, value: float) -> int:
-        """Return a force, N, or a gap, m, as q31 of full scale."""
+        """Return the q31 code of a force, N, or a gap, m, relative to full scale."""
         code = round((value - self._zero) * self._codes_per_unit)
         return max(-int(Q31), min(int(Q31) - 1, code))
 
@@ -140,15 +140,15 @@ def _common_columns(force: float) -> tuple[_Column, ...]:
 
 
 OpenLine = Callable[[], XcpMaster]
-"""Function that opens a line; it raises an InputError if no controller responds."""
+"""Function that opens a line. It raises an InputError if no controller responds."""
 
 
 class OtherFirmware(InputError):  # noqa: N818 - not an error of the controller
-    """The controller that responds is not the one for which the folder was compiled."""
+    """Error: the controller that responds is not the one for which the folder was compiled."""
 
 
 class Contact:
-    """An open line to a controller, with its first readings; nothing is commanded."""
+    """An open line to a controller with its first readings; no command has been sent."""
 
     def __init__(self, line: XcpMaster, manifest: Mapping[str, Any]) -> None:
         _check(line, manifest)
@@ -167,7 +167,7 @@ class Contact:
 
     @property
     def fault(self) -> Fault:
-        """Latched fault of the controller."""
+        """Fault that the controller has latched."""
         return Fault(self._last_value("fault"))
 
     def _last_value(self, signal: str) -> int:
@@ -187,7 +187,7 @@ class Contact:
 
 
 def open_contact(open_line: OpenLine, manifest: Mapping[str, Any], before: Contact | None = None) -> Contact:
-    """Open a line and return the contact; close it if it is not the expected controller."""
+    """Open a line and return the contact; close the line if the controller is not the expected one."""
     line = open_line()
     try:
         contact = Contact(line, manifest)
@@ -200,12 +200,12 @@ def open_contact(open_line: OpenLine, manifest: Mapping[str, Any], before: Conta
 
 
 def active_block_checksum(line: XcpMaster) -> list[int]:
-    """Return the checksum of the active parameter block, which identifies the block."""
+    """Return the checksum of the active parameter block, which identifies this block."""
     return line.read_words(CRC_INDEX, 2)
 
 
 def _check(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
-    """Raise OtherFirmware if the controlled quantity, scales or rate differ from the folder's."""
+    """Raise OtherFirmware if controlled quantity, scales or rate differ from those of the folder."""
     signals = manifest["signals"]
     if (manifest["controller"] is None) is not (line.body is Body.FORCE):
         raise OtherFirmware(

@@ -1,4 +1,4 @@
-"""Read the rig file of a short-stroke stage: a body between magnets that ride on a long stroke.
+"""Read the rig file of a short-stroke stage: a body between magnets, which ride on a long stroke.
 
 The body has one to six degrees of freedom: displacements and rotations from its operating point.
 """
@@ -34,19 +34,18 @@ from anhyst_rigs.rig.stage.geometry import (
 
 
 class StageRig(BodyRig):
-    """A stage as described by its rig file."""
+    """A stage, described by its rig file."""
 
     @property
     def parameter_names(self) -> tuple[ParameterName, ...]:
-        """Names of all parameters that can be estimated from its motion."""
+        """Names of all parameters that can be estimated from the motion of the body."""
         return stage_parameter_names(len(self.settings.body_magnets))
 
     @cached_property
     def lines_of_action(self) -> LinesOfAction:
-        """Lines of all forces and sensors; coordinates are 0 at the operating point.
+        """Lines of action of all forces and sensors; coordinates are 0 at the operating point.
 
-        Each magnet has its own gap sensor. The weight acts along -z, and a load along the
-        set-point.
+        Each magnet has its own gap sensor. The weight acts along -z, the load along the set-point.
         """
         file, body = self.settings, self.settings.body
         lines = [
@@ -94,7 +93,7 @@ def files_of_stage(path: PathLike, controller: PathLike | None) -> list[Path]:
 
 
 def _travel_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find magnets that the body would touch before its end stops."""
+    """Find magnets that the body would touch before it reaches its end stops."""
     body, travel = file.body, travel_m(file)
     for magnet in file.body_magnets:
         if magnet.gap_m is not None and not travel < magnet.gap_m:
@@ -108,10 +107,9 @@ def _travel_faults(file: RigFile) -> Iterator[FileFault]:
 
 
 def _line_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find magnets and position sensors whose direction or position is missing.
+    """Find magnets and position sensors that have no direction or no position.
 
-    Directions are optional only if the body is free in x only; positions are optional if it does
-    not rotate.
+    Directions are optional if the body is free only in x; positions, if it does not rotate.
     """
     free = file.body.free
     required = {"direction": free != ["x"], "position_m": any(axis.startswith("r") for axis in free)}
@@ -123,7 +121,7 @@ def _line_faults(file: RigFile) -> Iterator[FileFault]:
 
 
 def _pose_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find reasons why a body cannot be measured, held or moved."""
+    """Find reasons why the pose of the body cannot be measured, held or changed."""
     free = ", ".join(file.body.free)
     if len({head.stands for head in file.position_sensors}) > 1:
         text = "some are on the ground and some are not; make all the same"
@@ -154,7 +152,8 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
     max_force = largest_wrench_factor(file, scan_wrench(file))
     for key in ("train_m_per_s2", "test_m_per_s2"):
         required_force = file.body.mass_kg * max(getattr(file.scan, key))
-        if required_force > 1.01 * max_force:  # accuracy of the search: 0.1 %
+        # tolerance of the search for the largest factor: 0.1 %
+        if required_force > 1.01 * max_force:
             text = f"{file.body.mass_kg:g} kg need {required_force:.4g} N, but the magnets can apply "
             text += f"{max_force:.4g} N along the set-point in both directions in "
             text += "addition to the weight; lower it"

@@ -1,8 +1,4 @@
-"""Prepare a stage for a run.
-
-The module identifies the magnets, fits the compensator of a method to each of them, and applies a
-calibration.
-"""
+"""Prepare a stage for a run: identify its magnets, fit its compensators, and apply a calibration."""
 
 from __future__ import annotations
 
@@ -28,7 +24,7 @@ from anhyst_rigs.rig.stage.loop import StageSetup, bias_force
 
 
 def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
-    """Identify the magnet of a stage from the loops of its rig file, or from other loops."""
+    """Identify the magnet of a stage from given loops or from those of its rig file."""
 
     def usable(magnet: IdentifiedMagnet) -> bool:
         try:
@@ -42,7 +38,7 @@ def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> Identifie
 def make_stage(
     rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, calibrated: CalibratedMethod | None = None
 ) -> StageSetup:
-    """Fit the compensator of a method, and apply a given calibration or that of the rig file."""
+    """Fit the compensator of a method; apply the given calibration or that of the rig file."""
     learnt = calibrated or rig.method_calibration(method)
     if learnt is None:
         return StageSetup(rig, fit_method_compensator(rig, magnet, method))
@@ -74,7 +70,7 @@ def apply_calibration(
 def fit_method_compensator(
     rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
 ) -> ForceController:
-    """Fit the compensator of a method to a magnet whose loop width is changed by a relative amount."""
+    """Fit the compensator of a method to a magnet with a relative change of its loop width."""
     table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
     try:
         operating = OperatingRange(

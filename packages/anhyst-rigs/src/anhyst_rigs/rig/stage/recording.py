@@ -1,4 +1,4 @@
-"""Compute the columns of a stage's recording, and detect loss of control."""
+"""Compute the columns in the recording of a stage, and detect a loss of control."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from anhyst_rigs.rig.stage.geometry import (
 )
 
 WRENCH_UNITS = ("N", "N_m")
-"""Units of a force along and of a moment about a coordinate."""
+"""Units of a force along a coordinate and of a moment about a coordinate."""
 
 
 def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
@@ -53,7 +53,7 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
         "error_m": errors @ along,
         "demand_N": demand,
         "force_N": run["force_N"],
-        # force minus the demand one delay earlier
+        # force minus the demand that was given one loop delay earlier
         "force_error_N": np.asarray(run["force_N"] - np.interp(ticks - delay_ticks, ticks, demand)),
         **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
         **{name: run[name] for name in magnet_columns([("gap", "m"), *CURRENT_SIGNALS], 1, count)},
@@ -64,14 +64,14 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
 
 
 def axis_columns(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")) -> list[str]:
-    """Return the columns of a signal per coordinate, as the simulated loop names them."""
+    """Return the columns of a signal for each coordinate, named as in the simulated loop."""
     return [
         column_name(signal, units[axis_unit(axis) == "rad"], number) for number, axis in enumerate(free, 1)
     ]
 
 
 def find_stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
-    """Return the first tick on an end stop or with an unbounded demand; None if there is none."""
+    """Return the first tick on an end stop or with a demand beyond all bounds, or None."""
     file, stop = rig.settings, "an end stop was reached"
     max_demand = LOST_DEMAND_RATIO * file.tracking.force_max_N * len(file.body_magnets)
     bounds = [SignalBound("the demanded force exceeded all bounds", run["demand_N"], -max_demand, max_demand)]
@@ -87,5 +87,5 @@ def pose_columns(free: Sequence[str]) -> list[str]:
 
 
 def demand_columns(free: Sequence[str], signal: str = "demand") -> list[str]:
-    """Return the columns of a recording with the demanded or another wrench."""
+    """Return the columns of a recording with the demanded wrench or another one."""
     return [f"{signal}_{axis}_{WRENCH_UNITS[axis_unit(axis) == 'rad']}" for axis in free]
