@@ -21,8 +21,7 @@ from anhyst_rigs.rig.file import RigFile
 ParameterName = str
 """Name of an estimated parameter:
 
-- ``scale_i``: relative error of the current of magnet i; for the methods ``flux`` and ``fused``, of
-  the Hall probe reading
+- ``scale_i``: relative error of the current of magnet i; for ``flux`` and ``fused``, of its probe
 - ``gap_zero_i_m``: offset of the gap reading; the magnets of a bearing share ``gap_zero_m``
 - ``width_i``: relative change of the loop width; a bearing with a single iron has ``width``
 - ``lag_s``: lag of the flux behind the current, for all magnets

@@ -1,8 +1,7 @@
 """Process the magnets of a fleet one by one: find, identify, compile and verify them.
 
-By default, all magnets get the law and the gap map that the majority of the first few magnets
-selects. Results are stored for each magnet with a hash of its inputs, so that an interrupted run
-can continue.
+By default, all magnets get the hysteresis law and the gap map that most of the first magnets
+select. Each result is stored with a hash of its inputs, so that an interrupted run can continue.
 """
 
 from __future__ import annotations
@@ -39,9 +38,9 @@ from anhyst.verification.verify import verify
 
 @dataclass(frozen=True)
 class Member:
-    """One magnet of a fleet."""
+    """A magnet of a fleet."""
 
-    name: str  # name of its file without extension, or of its folder
+    name: str  # name of the magnet's file without extension, or of its folder
     source: Path  # file of loops, or folder of such files
 
     def digest(self) -> str:
@@ -57,7 +56,10 @@ class Member:
 
 
 def find_members(folder: PathLike) -> list[Member]:
-    """Return the magnets of a folder by name: each file of loops, and each folder of such files."""
+    """Return the magnets of a folder in the order of their names.
+
+    Each file of loops is a magnet, and so is each folder of such files.
+    """
     root = Path(folder)
     if not root.is_dir():
         raise InputError(
@@ -94,12 +96,12 @@ _VERIFICATION_STEPS = 20_000
 
 @dataclass(frozen=True)
 class FleetSettings:
-    """Settings for all magnets."""
+    """Settings that apply to all magnets."""
 
     rate: float  # tick rate of the controllers, Hz
-    kind: BlockKind = "full"  # kind of compensator
+    kind: BlockKind = "full"  # kind of the compensators
     io: SignalFormat = "q31"
-    # the same for all magnets; ``auto``: the choice of most of the first magnets
+    # the same for all magnets; ``auto``: the one that most of the first magnets select
     law: str = "auto"
     gap_map: str = "auto"
     on: str = "host"  # targets of the verification
@@ -112,14 +114,14 @@ class FleetSettings:
 
 @dataclass(frozen=True)
 class FleetTask:
-    """A magnet and its settings."""
+    """A magnet, and the settings for its evaluation."""
 
     member: Member
     settings: FleetSettings
-    out: Path  # folder that contains the magnet's folder
-    # law and gap map for the identification; for a pilot the settings of the user, such as ``auto``
+    out: Path  # folder in which the magnet gets its own folder
+    # law and gap map for the identification; a pilot uses those of the user, such as ``auto``
     search: tuple[str, str]
-    identification: IdentifyResult | None = None  # result, if it is already known
+    identification: IdentifyResult | None = None  # result of the identification, if it is known
 
     @property
     def folder(self) -> Path:
@@ -128,9 +130,9 @@ class FleetTask:
 
 
 def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
-    """Identify, compile and verify one magnet, unless a stored result is up to date.
+    """Identify, compile and verify a magnet, unless its stored result is up to date.
 
-    An error of one magnet is part of its result and does not stop the others.
+    An error of a magnet is part of its result and does not stop the others.
     """
     settings = asdict(task.settings)
     settings.pop("tolerance")  # does not affect the metrics
@@ -151,7 +153,7 @@ def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
 
 
 def _load_result(path: Path, made_from: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return a stored result of the same files with the same settings, otherwise None."""
+    """Return a stored result of the same files and the same settings, or None."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -200,9 +202,9 @@ def _evaluate(task: FleetTask) -> dict[str, Any]:
 
 
 def shared_model_error(file: Path, history: str | None, member: Member) -> float:
-    """Return the rms error of another magnet's model on the loops of this one.
+    """Return the rms error of another magnet's model on the loops of this magnet.
 
-    It is relative to the largest output, and nan if the model cannot be computed on these loops.
+    The error is relative to the largest output. It is nan if the model cannot predict these loops.
     """
     loops = read_loops(member.source, history=history)
     model = read_model(file)
@@ -216,21 +218,21 @@ def shared_model_error(file: Path, history: str | None, member: Member) -> float
 PILOT_COUNT = 3
 """Number of pilots: the first magnets, whose identification selects the law and the gap map."""
 CHOICE_FILE = "choice.json"
-"""Name of the file with the decision, for runs that continue."""
+"""Name of the file with this selection, for a run that is continued."""
 
 
 @dataclass(frozen=True)
 class FleetChoice:
-    """The law and the gap map of all magnets."""
+    """The hysteresis law and the gap map of all magnets."""
 
-    settings: FleetSettings  # with the law and the gap map of all magnets
-    # names of the pilots that chose this law and gap map; they are not identified again
+    settings: FleetSettings  # settings with the law and the gap map of all magnets
+    # names of the pilots that selected this law and gap map; they are not identified again
     pilots: tuple[str, ...] = ()
-    # identifications of the pilots by name, if made in this run
+    # identifications of the pilots by name, if this run made them
     identifications: dict[str, IdentifyResult] = field(default_factory=dict)
 
     def task(self, member: Member, given_settings: FleetSettings, out: Path) -> FleetTask:
-        """Return the task of a magnet; pilots keep the settings of the user."""
+        """Return the task of a magnet; a pilot keeps the settings of the user."""
         search = given_settings if member.name in self.pilots else self.settings
         return FleetTask(
             member, self.settings, out, (search.law, search.gap_map), self.identifications.get(member.name)
@@ -240,7 +242,7 @@ class FleetChoice:
 def choose_law(
     members: Sequence[Member], settings: FleetSettings, out: Path, jobs: int | None
 ) -> FleetChoice:
-    """Select the law and the gap map of the majority of the first identifiable magnets.
+    """Return the hysteresis law and the gap map that most of the first identifiable magnets select.
 
     If none can be identified, the settings are unchanged, and each magnet reports its own error.
     """
@@ -277,7 +279,7 @@ def choose_law(
 
 
 def _identify_pilot(task: FleetTask) -> IdentifyResult | None:
-    """Identify a magnet; return None on an error, which its evaluation reports later."""
+    """Identify a magnet; return None on an error, which its evaluation will report."""
     try:
         return identify_member(task)
     except Exception:
@@ -285,7 +287,7 @@ def _identify_pilot(task: FleetTask) -> IdentifyResult | None:
 
 
 def _choice_inputs(pilots: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
-    """Return all inputs of a decision; the hash of an unreadable file is empty."""
+    """Return all inputs of a selection. An unreadable file has an empty hash."""
     digests = dict.fromkeys((member.name for member in pilots), "")
     for member in pilots:
         with suppress(InputError):
@@ -298,7 +300,7 @@ def _choice_inputs(pilots: Sequence[Member], settings: FleetSettings) -> dict[st
 
 
 def _load_choice(members: Sequence[Member], settings: FleetSettings, path: Path) -> FleetChoice | None:
-    """Return a stored decision for the same magnets and settings, otherwise None."""
+    """Return a stored selection for the same magnets and settings, or None."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         pilots = members[: len(content["made_from"]["sha256"])]

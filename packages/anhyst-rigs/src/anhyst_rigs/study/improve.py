@@ -1,8 +1,8 @@
 """Monitor the model of a running bench, and improve it step by step.
 
-The model's prediction is compared with the rows of the bench. If it has drifted, loops can be
-measured, a model identified, and a parameter block compiled. Each step reads and writes files, so
-that it can run while the bench runs.
+The prediction of the model is compared with the rows of the bench. If the model no longer fits,
+loops can be measured, a new model identified, and a parameter block compiled. Each step reads and
+writes files, so that it can run while the bench runs.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ from anhyst_rigs.study.prepared_benches import Improvable, fixed_point_block
 from anhyst_rigs.study.watch import DEFAULT_RUN_LENGTH, LEARNING_CYCLES, DriftMonitor
 
 MONITOR_RATE_HZ = 250.0
-"""Rows per second that are monitored."""
+"""Number of rows per second that are monitored."""
 
 _MONITORED_SIGNALS = (("current_read",), ("gap_read",), ("force_read", "force"))
-"""Signals that are compared with the model. A levitated armature has no force sensor; the exact
-force of the virtual armature is used instead."""
+"""Signals that are compared with the model. A levitated armature has no force sensor, so the exact
+force of the virtual armature is used."""
 
 
 class BenchMonitor:
-    """Monitors one model with the rows of a bench, from the first row on."""
+    """Monitor of one model, which compares it with the rows of a bench from the first row on."""
 
     def __init__(self, model: Model, signals: Sequence[Signal], rate: float) -> None:
         names = [signal.name for signal in signals]
         self._columns = [_find_column(names, choice) for choice in _MONITORED_SIGNALS]
-        # The monitored rows are too sparse for a model with eddy-current lag.
+        # The monitored rows are too far apart for a model with eddy-current lag.
         self._model, self._rate = model.at_rest, rate
         self._tick_interval = max(1, round(rate / MONITOR_RATE_HZ))
         self._monitor: DriftMonitor | None = None
         self._error_text = ""
 
     def add_rows(self, rows: FloatArray) -> None:
-        """Process rows of the bench; the result does not depend on their division into calls."""
+        """Process rows of the bench; it does not matter how they are divided into calls."""
         samples = rows[rows[:, 0] % self._tick_interval == 0]
         if not len(samples) or self._error_text:
             return
@@ -66,7 +66,7 @@ class BenchMonitor:
             self._error_text = str(error)
 
     def status(self) -> Mapping[str, Any]:
-        """Return the status for the page."""
+        """Return the status that the page shows."""
         if self._error_text:
             return {"state": "ended", "text": self._error_text}
         if self._monitor is None:
@@ -97,23 +97,23 @@ def _find_column(names: Sequence[str], choice: Sequence[str]) -> int:
 
 
 _DRAWN_POINTS = 200
-"""Points of a drawn loop, for each loop of a record."""
+"""Number of points with which each loop of a record is drawn."""
 _COMPARED_POINTS = 100
-"""Points of a loop that is drawn with two models, for each loop of a record."""
+"""Number of points with which each loop of a record is drawn for a comparison of two models."""
 _MAX_DRAWN_LOOPS = 60
 
 
 class DrawnLoop(NamedTuple):
-    """A loop for drawing."""
+    """The points of a loop in a drawing."""
 
     kind: str  # ``measured`` or ``model``
     gap: float | None  # gap, m
-    current: list[float]  # A; the forces in N
+    current: list[float]  # currents, A, and forces, N
     force: list[float]
 
 
 def make_drawn_loops(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
-    """Return thinned loops of force against current, and those of a model for the same currents."""
+    """Return loops of force against current with fewer points, and those of a model if given."""
     if (loops.input.name, loops.output.name) != ("current", "force"):
         return ()
     curves = []
@@ -130,29 +130,29 @@ def _make_drawn_loop(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
 
 
 class ModelWithLoops(NamedTuple):
-    """A model of a bench, and the loops it was identified from."""
+    """A model of a bench, and the loops from which it was identified."""
 
     model: Model
     curves: tuple[DrawnLoop, ...]
 
 
 def make_model_with_loops(loops: Loops, model: Model) -> ModelWithLoops:
-    """Return a model with its loops."""
+    """Return a model together with its loops."""
     return ModelWithLoops(model, make_drawn_loops(loops, model))
 
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """An old and a new model, compared on the same loops."""
+    """An old and a new model that are compared on the same loops."""
 
     loops: Loops  # measured loops
-    old: tuple[FloatArray, ...]  # predictions, loop by loop
+    old: tuple[FloatArray, ...]  # predictions of the old and the new model, loop by loop
     new: tuple[FloatArray, ...]
 
     def residual_figures(
         self, predicted: tuple[FloatArray, ...], gap: float | None = None
     ) -> dict[str, float]:
-        """Return rms and peak residual of all loops, or of one gap, including sensor noise."""
+        """Return the rms and peak residual of all loops or of one gap, including sensor noise."""
         residual = np.concatenate(
             [
                 force - loop.output
@@ -163,7 +163,7 @@ class ModelComparison:
         return {"rms_N": rms(residual), "worst_N": peak_deviation(residual)}
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the metrics, and the loops for drawing."""
+        """Return the metrics, and the loops for the drawing."""
         rows = [
             {"gap_m": gap, "old": self.residual_figures(self.old, gap),
              "new": self.residual_figures(self.new, gap)}
@@ -195,14 +195,14 @@ def _comparison_dict(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, 
 
 
 LOOPS_FILE = "loops.csv"
-"""File of the measured loops; its sidecar is next to it."""
+"""File with the measured loops; its sidecar is next to it."""
 MODEL_FILE = "model.toml"
 _MAX_DRIVE_POINTS = 1500
-"""Maximum number of points of a drawn drive."""
+"""Maximum number of points with which a drive is drawn."""
 
 
 def excitation_limits(prepared: Improvable) -> dict[str, Any]:
-    """Return the limits of a drive, from the rig file."""
+    """Return the limits of a drive that the rig file sets."""
     specimen = prepared.specimen()
     winding = specimen.winding
     return {
@@ -222,9 +222,9 @@ def measure_loops(
     operator_limits: Mapping[str, float],
     bench: DrivenBoard | None = None,
 ) -> dict[str, Any]:
-    """Design a drive, run it with the armature held, and write the loops.
+    """Design a drive, run it with the armature held, and write the measured loops.
 
-    The drive runs on the virtual rig, or with a running controller.
+    The drive runs on the virtual rig, or through a running controller.
     """
     specimen = tighten_limits(prepared.specimen(), operator_limits)
     if bench is None:
@@ -242,7 +242,7 @@ def measure_loops(
 
 
 def tighten_limits(specimen: Specimen, operator_limits: Mapping[str, float]) -> Specimen:
-    """Return a specimen with the tighter limits of the operator."""
+    """Return a specimen with the limits of the operator, if they are tighter."""
     bounds = _adjustable_limits(specimen)
     for name, value in operator_limits.items():
         if name not in bounds:
@@ -278,7 +278,7 @@ def _adjustable_limits(specimen: Specimen) -> dict[str, Bound]:
 
 
 def identify_model(progress: Progress, prepared: Improvable, folder: Path, old: Model) -> dict[str, Any]:
-    """Identify a model of the measured loops as the rig file states; write and compare it."""
+    """Identify a model from measured loops, as the rig file specifies; write and compare it."""
     loops = read_loops(folder / LOOPS_FILE)
     new = prepared.identify(loops, progress)
     write_model(new, folder / MODEL_FILE)
@@ -291,7 +291,7 @@ def read_identified_model(folder: Path) -> ModelWithLoops:
 
 
 def compile_block(progress: Progress, prepared: Improvable, folder: Path) -> dict[str, Any]:
-    """Compile the model for the running board, and measure the error of the block."""
+    """Compile the model for the running board, and measure the error of the parameter block."""
     model = read_model(folder / MODEL_FILE)
     plan = prepared.compile(model)
     progress(1.0, 2.0)

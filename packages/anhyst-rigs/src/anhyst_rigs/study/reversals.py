@@ -13,28 +13,28 @@ from anhyst.data.verdict import loop_width_and_height
 from anhyst.support.numeric import FloatArray
 
 _REACH_WIDTHS = 0.5
-"""Largest distance from a reversal that counts as just after it, in loop widths."""
+"""Largest distance from a reversal that counts as just after it, in units of the loop width."""
 _OUTPUT_RANGE = (0.25, 0.9)
 """Range of outputs, relative to the largest, in which reversals are used. Below it, the iron barely
 responds; above it, the iron is saturated."""
 _SLOPE_SPAN = 0.1
-"""Half-width of the fit of the static slope, relative to the range."""
+"""Half-width of the window for the fit of the static slope, relative to the range of the input."""
 _TIP_SAMPLES = 4
 """Number of samples from which the end of a branch is extrapolated."""
 _REVERSAL_BINS = 400
 _MIN_SAMPLES = 8
 """Minimum number of samples for an estimate."""
 _MAX_STANDARD_ERROR = 0.05
-"""Standard error above which no estimate is returned."""
+"""Largest standard error of an estimate that is returned."""
 
 
 def reversal_slope_ratio(loopset: Loops) -> float | None:
     """Return the ratio of the slope just after a maximum of the input to the static slope.
 
-    Both are slopes of the output. Without hysteresis the ratio is 1; an iron with complete pinning
-    has ratio 0. The static slope is fitted to all branches together near the same input. The
-    reversals of all loops give one estimate by least squares. None if it is too uncertain.
-    Reversals at a minimum have a larger ratio and are not used.
+    Both are slopes of the output. Without hysteresis, the ratio is 1; with complete pinning, it is
+    0. The static slope is fitted to all branches together near the same input. The reversals of all
+    loops give one least-squares estimate. The result is None if it is too uncertain. Reversals at a
+    minimum have a larger ratio and are not used.
     """
     even = is_even(loopset)
     reach = _REACH_WIDTHS * max(loop_width_and_height(loop, even=even)[0] for loop in loopset.loops)
@@ -68,7 +68,7 @@ def _local_slope(input_values: FloatArray, output_values: FloatArray, input_valu
     is_near = np.abs(input_values - input_value) <= _SLOPE_SPAN * float(np.ptp(input_values))
     if np.count_nonzero(is_near) < _MIN_SAMPLES:
         return 0.0
-    # A parabola, so that the curvature does not bias the slope.
+    # A parabola is fitted, so that the curvature does not bias the slope.
     return float(
         np.polynomial.Polynomial.fit(input_values[is_near] - input_value, output_values[is_near], 2).deriv()(
             0.0

@@ -1,7 +1,7 @@
 """Levitate a bearing with its firmware: the command ``anhyst simulate --board``.
 
 The controller of a rig is compiled and built into the firmware of a board. One run is compared with
-the simulation tick by tick, and every fault is injected once.
+the simulation tick by tick. Every fault is injected once.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 
 QEMU = "qemu-mps2"
 _LIFTED_DISTANCE_M = 5e-6
-"""Distance from the rest above which the armature counts as lifted."""
+"""Distance from the rest above which the armature counts as lifted, m."""
 _WORK_OF_PARTS = (2.0, 3.0, 7.0)
-"""Relative work of compiling, of the run, and of the faults, for the progress display."""
+"""Relative work of the compilation, the run and the faults, for the progress display."""
 
 
 @dataclass(frozen=True)
 class BoardComparison:
-    """The run of a firmware compared with its simulation.
+    """A run of a firmware, and its simulation.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class BoardComparison:
     recorded : Recording
         The run with the firmware. Gaps, speeds and currents are those of the plant.
     outcomes : tuple of FaultOutcome
-        Of every fault.
+        Outcomes of all faults.
     """
 
     rig: BodyRig
@@ -69,12 +69,12 @@ class BoardComparison:
 
     @property
     def differing_ticks(self) -> int:
-        """Number of ticks with a current that differs from the simulation."""
+        """Number of ticks at which a current differs from the simulation."""
         return count_differences(self.simulated, self.recorded)
 
     @property
     def landing_speed(self) -> float:
-        """The speed at the rest after the last lift, m/s; NaN without a landing."""
+        """Speed at which the armature reaches the rest at the end, m/s; NaN without a landing."""
         gap, speeds = self.recorded["gap_m"], np.abs(self.recorded["velocity_m_per_s"])
         rest_gap = self.rig.settings.body.stop_high_m
         lifted_ticks = np.flatnonzero(gap < rest_gap - _LIFTED_DISTANCE_M)
@@ -85,12 +85,12 @@ class BoardComparison:
 
     @property
     def has_landed(self) -> bool:
-        """Whether the run ends in the state ready without current."""
+        """Whether the run ends in the state READY without current."""
         has_current = any(self.recorded[name][-1] for name in _command_columns(self.recorded))
         return bool(self.recorded["state"][-1] == State.READY and not has_current)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all results for JSON; times and distances that do not apply are null."""
+        """Return all results for JSON; times and speeds that do not apply are null."""
         return {
             "format": "anhyst-firmware-run",
             "rig": self.rig.settings.name,
@@ -106,12 +106,12 @@ class BoardComparison:
         }
 
     def raise_if_failed(self) -> None:
-        """Raise an error if the firmware differs, did not land, or reported a wrong reason.
+        """Raise an error if the firmware differs, did not land, or reported a wrong fault.
 
         Raises
         ------
         NegativeResult
-            With the reason.
+            The message gives the reason.
         """
         if self.differing_ticks:
             text = "the current of the firmware differs from the simulation at "
@@ -144,7 +144,7 @@ def run_board(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> BoardComparison:
-    """Compile the controller of a rig, build it into the firmware of a board, and run it."""
+    """Compile the controller of a rig, build it into the firmware of a board, and run the firmware."""
     if Path(out).suffix != ".json":
         text = f"{out}: the run of a firmware is written as .json; use this ending"
         raise InputError(text, code="wrong-ending")

@@ -1,11 +1,10 @@
 """Measure step responses and sensitivities of bearings.
 
-Step responses of several variants are evaluated over gaps, heights and noise seeds. Times are in
-seconds at equal intervals, and steps down are evaluated like steps up.
-
-The sensitivity is measured in the running nonlinear loop: a stepped sine is added to the position
-reading, and the ratio of the resulting reading to the added sine is the sensitivity. It applies to
-the amplitude of the sine. The residual that the sine does not explain is reported too.
+Step responses of several variants are evaluated for several gaps, heights and noise seeds. Samples
+are at equal intervals, and steps down are evaluated like steps up. The sensitivity is measured in
+the running nonlinear loop. A stepped sine is added to the position reading; the sensitivity is the
+ratio of the resulting reading to this sine. It is valid for the amplitude of the sine. The part of
+the reading that the sine does not explain is reported too.
 """
 
 from __future__ import annotations
@@ -41,12 +40,12 @@ from anhyst_rigs.study.engine.table import (
     strongest_baseline,
 )
 
-SETTLING_BAND = 0.02  # settling band, relative to the step height
+SETTLING_BAND = 0.02  # settling band, relative to the height of the step
 _RESOLUTION_FACTOR = 3.0  # smallest settling band, in multiples of the rms resolution of the sensor
-_STANDSTILL_PART = 0.25  # last part of a hold that is evaluated as standstill
-# Last part of a hold from which the noise in an overshoot is estimated. This noise counts
-# deviations to both sides, an overshoot only those to one side. Half the hold therefore gives as
-# many values as the whole hold gives for an overshoot.
+_STANDSTILL_PART = 0.25  # last fraction of a hold that is evaluated as standstill
+# This is the last fraction of a hold, in which the noise of an overshoot is estimated. Noise counts
+# on both sides, an overshoot on one side only. Therefore, half of the hold gives as many values for
+# the noise as the whole hold gives for the overshoot.
 _NOISE_PART = 0.5
 
 
@@ -54,24 +53,23 @@ _NOISE_PART = 0.5
 class StepFigures:
     """Metrics of a step of the reference."""
 
-    # overshoot beyond the new reference, % of the height, noise included; 0 if the reference was
-    # not reached
+    # overshoot beyond the new reference, % of the height, noise included; 0 if it was not reached
     overshoot_percent: float
-    # largest deviation of the gap from its mean in the last half of the hold, % of the height; a
-    # smaller overshoot is not significant
+    # largest deviation of the gap from its mean in the last half of the hold, % of the height; an
+    # overshoot below it is not significant
     noise_percent: float
-    undershoot_percent: float  # largest excursion opposite to the step, % of the height
-    rise_time_s: float  # from 10 to 90 % of the height; infinite if 90 % was not reached
-    # from the step until the gap stays within :data:`SETTLING_BAND` of the height around the new
-    # reference; infinite if it does not within the hold
+    undershoot_percent: float  # largest excursion opposite to the step, % of height
+    rise_time_s: float  # time from 10 to 90 % of the height; infinite if 90 % was not reached
+    # time from the step until the gap stays within :data:`SETTLING_BAND` of the height around the
+    # new reference; infinite if the gap does not settle during the hold
     settling_time_s: float
-    settling_in_noise_s: float  # the same with :func:`settling_band`
+    settling_in_noise_s: float  # the same for the band of :func:`settling_band`
     steady_error_m: float  # mean of gap minus reference in the last quarter of the hold
     standstill_rms_m: float  # standard deviation of the gap in this quarter
 
 
 def settling_band(height: float, resolution: float) -> float:
-    """Return the distance from the reference within which a position counts as settled, m.
+    """Return the distance from the reference within which the position counts as settled, m.
 
     The band depends only on the step and the sensor, so that it is equal for all variants.
     """
@@ -79,7 +77,7 @@ def settling_band(height: float, resolution: float) -> float:
 
 
 def evaluate_step(time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float) -> StepFigures:
-    """Evaluate one step: one sample of the old reference, then the hold at the new one."""
+    """Evaluate one step, from one sample at the old reference and all samples at the new one."""
     t, r, y = (np.asarray(signal, dtype=float) for signal in (time, reference, gap))
     if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
         raise ValueError("the reference must step after the first sample and stay for at least 7")
@@ -134,7 +132,7 @@ def _settling_time(elapsed: FloatArray, error: FloatArray, band: float) -> float
     return math.inf if settled_tick == len(elapsed) else float(elapsed[settled_tick])
 
 
-_MIN_PERIODS = 5  # measured periods of each frequency
+_MIN_PERIODS = 5  # number of measured periods of each frequency
 _MIN_MEASURING_S = 0.02
 _MIN_SETTLING_PERIODS = 2
 _MIN_SETTLING_S = 0.02
@@ -142,23 +140,22 @@ _MIN_SETTLING_S = 0.02
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """A measured sensitivity."""
+    """A measured sensitivity at several frequencies."""
 
-    frequency: FloatArray  # Hz; shape (n,)
-    ratio: NDArray[np.complex128]  # ratio of reading to injected sine; shape (n,)
-    # rms of the part of the reading that the sine does not explain (noise, harmonics), relative to
-    # the rms of the injected sine; shape (n,)
+    frequency: FloatArray  # frequency, Hz; shape (n,)
+    ratio: NDArray[np.complex128]  # ratio of the reading to the injected sine; shape (n,)
+    # rms of the residual of the reading (noise, harmonics) divided by that of the sine; shape (n,)
     residual_ratio: FloatArray
     amplitude: float  # amplitude of the injected sine, m
 
     @property
     def magnitude(self) -> FloatArray:
-        """Magnitude of the ratio."""
+        """Magnitude of the sensitivity."""
         return np.abs(self.ratio)
 
     @property
     def decibel(self) -> FloatArray:
-        """Magnitude of the ratio, dB."""
+        """Magnitude of the sensitivity, dB."""
         return np.asarray(20.0 * np.log10(self.magnitude))
 
     @property
@@ -173,13 +170,13 @@ class Sensitivity:
 
     @property
     def zone(self) -> Zone:
-        """Zone of ISO 14839-3."""
+        """Zone of ISO 14839-3 for this peak."""
         return find_zone(self.peak)
 
 
 @dataclass(frozen=True)
 class _SinePiece:
-    """One frequency of the sweep with the ticks of its begin, evaluation and end."""
+    """One frequency of the sweep, and the ticks at which its sine begins, is evaluated and ends."""
 
     frequency: float
     begin: int
@@ -190,13 +187,13 @@ class _SinePiece:
 def measure_sensitivity(
     run: Callable[[FloatArray], Recording], frequencies: ArrayLike, amplitude: float, rate: float
 ) -> Sensitivity:
-    """Measure the sensitivity of a loop; `run` injects a signal and returns the recording."""
+    """Measure the sensitivity of a loop; `run` injects a signal and returns the recorded position."""
     frequencies_Hz = np.atleast_1d(np.asarray(frequencies, dtype=float))
     if not (np.all(frequencies_Hz > 0.0) and np.all(frequencies_Hz < 0.5 * rate)):
         raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")
     pieces = _plan_sweep(frequencies_Hz.tolist(), rate)
     sines = [sine(piece.frequency / rate * np.arange(piece.end - piece.begin)) for piece in pieces]
-    inject = amplitude * np.concatenate(sines)  # every sine starts at zero
+    inject = amplitude * np.concatenate(sines)  # Every sine begins at zero.
     position = run(inject)["gap_read_m"]
     if len(position) != len(inject):
         raise ValueError(f"the run has {len(position)} ticks where {len(inject)} were injected")
@@ -210,7 +207,7 @@ def measure_sensitivity(
 
 
 def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
-    """Arrange the frequencies one after another, each over whole periods."""
+    """Arrange the frequencies one after another, each for a whole number of periods."""
     pieces: list[_SinePiece] = []
     begin = 0
     for frequency in frequencies:
@@ -224,10 +221,10 @@ def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
 
 
 def _fit_sine(position: FloatArray, piece: _SinePiece, rate: float) -> tuple[complex, float]:
-    """Return the complex amplitude relative to the sine of a piece, and the rms of the residual."""
+    """Return the complex ratio of the response to the sine, and the rms of the residual."""
     ticks = np.arange(piece.measured_from, piece.end)
     phase = 2.0 * np.pi * piece.frequency / rate * (ticks - piece.begin)
-    # The mean and a slow drift do not belong to the response.
+    # The mean and a slow drift are not part of the response.
     drift = np.linspace(-1.0, 1.0, len(ticks))
     basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(phase), drift])
     measured = position[piece.measured_from : piece.end]
@@ -247,15 +244,15 @@ STEP_FIGURES = (
     "current_rate_rms_A_per_s",
     "heat_W",
 )
-"""Names of the metrics of one step; docs/simulate.md explains them."""
+"""Names of the metrics of a step; docs/simulate.md explains them."""
 _FIGURES_BY_MAXIMUM = (OVERSHOOT, NOISE)
-"""Metrics whose value is the larger one of a step up and a step down. All other metrics are
-averaged."""
+"""Metrics of which the larger value of a step up and a step down counts. All others are averaged.
+"""
 
 
 @dataclass(frozen=True)
 class StepRun:
-    """One run of steps: a variant at one gap and one load with one noise seed."""
+    """Data for a run of steps: a variant at one gap and one load, with one noise seed."""
 
     setup: BearingSetup
     gap: float
@@ -265,27 +262,27 @@ class StepRun:
 
 
 class StepResult(NamedTuple):
-    """The metrics of one step of a run."""
+    """The metrics of one step in a run."""
 
-    height: float  # m
-    figures: Mapping[str, float]  # by :data:`STEP_FIGURES`
+    height: float  # height, m
+    figures: Mapping[str, float]  # metrics by :data:`STEP_FIGURES`
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepCell(CaseFigures):
-    """The metrics of one variant, gap, load and height over all seeds, by :data:`STEP_FIGURES`.
+    """The metrics of a variant at one gap, load and height over all seeds, by :data:`STEP_FIGURES`.
 
-    Both directions of a seed give one value: their mean, or the maximum of overshoot and noise.
+    Both directions of a seed give one value: the maximum for overshoot and noise, else the mean.
     """
 
     variant: MethodName
-    gap: float  # m
+    gap: float  # gap, m
     height: float
-    load: float  # N
+    load: float  # load, N
 
     @property
     def has_overshoot(self) -> bool:
-        """Whether the overshoot is significantly larger than the noise in it."""
+        """Whether the overshoot is significantly larger than its noise."""
         return self.interval(OVERSHOOT).exceeds(self.interval(NOISE))
 
     def as_dict(self) -> dict[str, Any]:
@@ -295,13 +292,13 @@ class StepCell(CaseFigures):
 
 
 def position_resolution(rig: BodyRig) -> float:
-    """Return the resolution of the position sensor, rms of noise and quantisation, m."""
+    """Return the resolution of the position sensor, m: the rms of noise and quantisation."""
     sensor = rig.settings.gap_sensor
     return math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
 
 
 def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
-    """Run all steps of a run; returns their metrics, and the time of a loss (s) or None."""
+    """Run all steps of a run; return their metrics, and the time of a levitation loss (s) or None."""
     rig = run.setup.rig
     scenario = plan_steps(rig, run.setup.controller, run.gap, run.heights, run.load)
     recording = SimulatedLoop(run.setup, run.seed).run(scenario)
@@ -354,7 +351,7 @@ def compare_steps(
 
 
 def merge_directions(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
-    """Return the metrics of steps up and down of one height together; None if there are no steps."""
+    """Return the common metrics of steps up and down of one height; None if there are no steps."""
     step_figures = [step.figures for step in steps if math.isclose(step.height, height, rel_tol=1e-6)]
     return {
         name: float(
@@ -370,17 +367,17 @@ def default_seeds(rig: BodyRig) -> range:
 
 
 SWEEP_AMPLITUDE_M = 0.5e-6
-"""Amplitude of the swept sine, m."""
+"""Amplitude of the stepped sine, m."""
 
 
 class _LevitationLostError(Exception):
-    """Levitation was lost during a sweep."""
+    """Error: levitation was lost during a sweep."""
 
 
 def measure_loop_sensitivity(
     setup: BearingSetup, gap: float, load: float, frequencies: FloatArray, seed: int
 ) -> Sensitivity | None:
-    """Measure the sensitivity of a setup with a swept sine; None if levitation was lost."""
+    """Measure the sensitivity of a setup with a stepped sine; return None if levitation was lost."""
     rig = setup.rig
     loop = SimulatedLoop(setup, seed)
     loop.run(ScenarioBuilder(rig, gap, load).lift_off(setup.controller).build())
@@ -399,15 +396,15 @@ def measure_loop_sensitivity(
 
 @dataclass(frozen=True)
 class StepComparison:
-    """Metrics of one step, up and down, with every variant."""
+    """Metrics of a step, up and down, with every variant."""
 
-    gap: float  # gap around which the step is made, m
-    load: float  # N
-    height: float  # m
-    cells: Mapping[MethodName, StepCell]  # by variant
+    gap: float  # gap on which the step is centred, m
+    load: float  # load, N
+    height: float  # height, m
+    cells: Mapping[MethodName, StepCell]  # metrics by variant
 
     def figure(self, name: str) -> Mapping[MethodName, Interval]:
-        """Return a metric of every variant; without a mean if levitation was lost."""
+        """Return a metric for every variant, without a mean if levitation was lost."""
         return {key: cell.interval(name) for key, cell in self.cells.items()}
 
 
@@ -420,14 +417,14 @@ def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:
 
 
 def compare_overshoots(step: StepComparison, variant: MethodName, baseline: MethodName) -> ComparedFigure:
-    """Compare the overshoots of two variants in a step, above the larger of their noise values."""
+    """Compare the overshoots of two variants in a step, as far as they exceed both noise values."""
     overshoot, noise = step.figure(OVERSHOOT), step.figure(NOISE)
     noise_floor = max(noise[variant].mean, noise[baseline].mean)
     return compare("overshoot", baseline, overshoot[variant], overshoot[baseline], noise_floor)
 
 
 def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgement:
-    """Assess a variant, or the most complete hysteresis model if it uses none."""
+    """Assess a variant. If it has no hysteresis model, assess the most complete model instead."""
     models = [name for name in MODEL_METHODS if any(name in step.cells for step in steps)]
     model = variant if variant in MODEL_METHODS or not models else models[-1]
     if model not in MODEL_METHODS:
@@ -450,7 +447,7 @@ def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgeme
 def _compare_with(
     steps: Sequence[StepComparison], variant: MethodName, baselines: Sequence[MethodName | None]
 ) -> list[ComparedFigure]:
-    """Compare a variant with another one, in all steps in which neither lost levitation."""
+    """Compare a variant with a baseline for each step, if neither lost levitation in this step."""
     differences = [
         compare_overshoots(step, variant, baseline)
         for step, baseline in zip(steps, baselines, strict=True)

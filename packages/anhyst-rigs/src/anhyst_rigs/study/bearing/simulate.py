@@ -55,9 +55,9 @@ COMPARED_VARIANTS = (
     "flux",
     *(name for name in MODEL_METHODS if name not in ("at-rest", "fused")),
 )
-"""Variants that are compared with that of the controller file; ``flux`` only with a Hall probe."""
+"""Variants that are compared with that of the controller file; ``flux`` requires a Hall probe."""
 _WORK_OF_PARTS = (5.0, 4.0)
-"""Work of the model and the first run, and of the steps, relative to that of another experiment."""
+"""Work of model and first run, then of the steps, relative to that of another experiment."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -148,7 +148,7 @@ class Simulation(StudyResult):
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is beneficial, by the overshoots of all steps."""
+        """Whether compensation is beneficial, judged by the overshoots of all steps."""
         return judge_steps(group_by_step(self.cells), self.main_variant)
 
     @property
@@ -157,7 +157,7 @@ class Simulation(StudyResult):
         return self.controller.settings.compensation.variant
 
     def facts(self) -> dict[str, str]:
-        """Return overshoot and standstill of every variant at the highest step."""
+        """Return the overshoot and the standstill rms of every variant at the highest step."""
         facts = {"rig": self.rig.settings.name, "controller": self.main_variant}
         for name in self.setups:
             highest_step = [cell for cell in self.cells if cell.variant == name][-1]
@@ -169,7 +169,7 @@ class Simulation(StudyResult):
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the metrics of all steps, one row per variant, gap and height, SI and per cent."""
+        """Return the metrics of all steps, one row per variant, gap and height, SI or per cent."""
         names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
         rows = []
         for cell in self.cells:
@@ -180,7 +180,7 @@ class Simulation(StudyResult):
 
     @cached_property
     def figures(self) -> dict[str, Any]:
-        """The content of ``figures.json``; infinite if a level was not reached, null in the file."""
+        """The content of ``figures.json``, with infinity for levels that were not reached."""
         rig, controller = self.rig.settings, self.controller.settings
         sensitivities = {
             name: {"peak": response.peak, "peak_Hz": response.peak_frequency, "zone": response.zone}
@@ -213,7 +213,7 @@ class Simulation(StudyResult):
         return self.figures
 
     def draw(self, ax: Axes) -> None:
-        """Draw the steps of every variant: gap over time, one noise seed."""
+        """Draw the gap over time during the steps, for every variant and one noise seed."""
         for name, run in self.step_recordings.items():
             ax.plot(run["t_s"], 1e3 * run["gap_m"], lw=0.9, label=name)
         ax.set_xlabel("time [s]")
@@ -289,7 +289,7 @@ def simulate_bearing(
 
 
 def _output_paths(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
-    """Return the files that are written for a recording."""
+    """Return the paths of the files that are written together with a recording."""
     if out is None:
         return ()
     check_recording(out)
@@ -303,7 +303,7 @@ def _write_model(
     """Write the identified model, if the controller file names none."""
     if controller.model is None:
         magnets = calibrated_magnets(rig, knowledge, controller.settings.compensation.variant)
-        # each magnet of a calibrated pair has its own model
+        # Each magnet of a calibrated pair has its own model.
         identified = knowledge if len(magnets) > 1 else magnets[0]
         write_model(identified.model, _model_path(out))
 
@@ -316,7 +316,7 @@ def _model_path(out: PathLike) -> Path:
 def _make_compared_setups(
     main_setup: BearingSetup, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> tuple[dict[MethodName, BearingSetup], dict[MethodName, str]]:
-    """Make the setups of all variants; returns errors for variants that cannot be made."""
+    """Make the setups of all variants; return errors for the variants that cannot be made."""
     setups: dict[MethodName, BearingSetup] = {}
     failed: dict[MethodName, str] = {}
     eddy_variants: tuple[MethodName, ...] = ("at-rest",) if knowledge.model.has_layers else ()

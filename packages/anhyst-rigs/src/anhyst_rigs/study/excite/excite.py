@@ -1,8 +1,7 @@
 """Measure the loops of a rig's magnet or piezo stage, and write them with their history.
 
-At each gap a probe finds the largest current, and then the designed records are measured. The
-functions of this module measure virtual rigs. The module `on_board` measures with a running
-controller.
+At each gap, a probe first finds the largest current. Then the designed records are measured. This
+module measures virtual rigs. The module `on_board` measures with a running controller.
 """
 
 from __future__ import annotations
@@ -49,38 +48,38 @@ from anhyst_rigs.study.excite.design import (
 )
 
 MeasureFunction = Callable[[Specimen, Progress | None], "Excitation"]
-"""Measures the loops of a specimen."""
+"""Function that measures the loops of a specimen."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadSpecimen:
-    """A specimen with the files that describe it."""
+    """A specimen, and the files that describe it."""
 
     specimen: Specimen
-    input_files: tuple[Path, ...]  # must not be overwritten
-    measure: MeasureFunction  # measures the virtual rig
+    input_files: tuple[Path, ...]  # files that must not be overwritten
+    measure: MeasureFunction  # function that measures the virtual rig
 
 
 class HasSpecimen(Protocol):
     """A kind of rig whose loops can be measured."""
 
     def specimen(self, rig: PathLike) -> ReadSpecimen:
-        """Read the specimen of a rig file."""
+        """Return the specimen that a rig file describes."""
 
 
 def read_specimen(path: PathLike) -> ReadSpecimen:
-    """Read the specimen of a rig file of any kind."""
+    """Return the specimen of a rig file of any kind."""
     return require_capability(require_rig(path, "excite"), HasSpecimen).specimen(path)
 
 
 def read_stack_specimen(path: PathLike) -> ReadSpecimen:
-    """Read the rig file of a piezo stage."""
+    """Return the specimen of a piezo stage from its rig file."""
     stack = read_piezo_rig(path)
     return ReadSpecimen(stack_specimen(stack), (stack.path,), partial(measure_stack, stack))
 
 
 def read_force_specimen(path: PathLike) -> ReadSpecimen:
-    """Read the rig file of an actuator whose force is controlled."""
+    """Return the actuator of a force-control rig file as specimen."""
     rig = read_rig(path)
     solenoid = rig.settings.solenoid
     files = [rig.path] if solenoid is None else [rig.path, rig.path.parent / solenoid.file]
@@ -91,12 +90,12 @@ def read_force_specimen(path: PathLike) -> ReadSpecimen:
 
 
 def read_bearing_specimen(path: PathLike) -> ReadSpecimen:
-    """Read the rig file of a bearing."""
+    """Return the specimen of a bearing from its rig file."""
     return _read_body_specimen(read_bearing(path))
 
 
 def read_stage_specimen(path: PathLike) -> ReadSpecimen:
-    """Read the rig file of a stage."""
+    """Return the specimen of a stage from its rig file."""
     return _read_body_specimen(read_stage(path))
 
 
@@ -111,38 +110,36 @@ def _read_body_specimen(rig: BodyRig) -> ReadSpecimen:
 
 
 SLOPE_WINDOW_RATIO = 0.1
-"""Half-width of the current window about the operating point in which the slope of the force is
-fitted, as a fraction of the peak."""
+"""Half-width of the current window for the slope of the force, as a fraction of the peak."""
 FAST_RATE_MARGIN = 1.5
-"""Ratio of the fastest measured rate to the rate that the set-point needs; a note recommends this
-ratio."""
+"""Recommended ratio of the fastest measured rate to the rate that the set-point requires."""
 PROBE_FORCE_RATIO = 0.95
 """Fraction of the force limit at which the probe stops."""
 _PROBE_SEED = 1000
-"""Record number of the probe in the seed of its noise."""
+"""Number that stands for the probe in the seed of its noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProbedGap:
-    """Result of the probe at a gap, before loops are measured."""
+    """The result of the probe at a gap, before loops are measured."""
 
-    gap: float  # m; nan for a piezo stage
-    peak: Bound  # largest current, A, and its limit
-    largest_force: float  # largest force of the probe, N
-    operating_current: float  # current of the operating point, A
+    gap: float  # gap, m; nan for a piezo stage
+    peak: Bound  # largest current, A, and the limit that sets it
+    largest_force: float  # largest force during the probe, N
+    operating_current: float  # current at the operating point, A
     is_force_reached: bool  # whether the operating current gives the operating force
-    # rate of the current that the set-point needs there, A/s; 0: unknown
+    # rate of the current that the set-point requires at this gap, A/s; 0: unknown
     required_rate: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class DriveHistory:
-    """All samples of the drive, including rests."""
+    """All samples of the drive, including the rests."""
 
-    time: FloatArray  # s
-    current: FloatArray  # A
-    gap: FloatArray  # m
-    # warmth of the winding, 1 at the largest continuous current, or nan if unknown
+    time: FloatArray  # time, s
+    current: FloatArray  # current, A
+    gap: FloatArray  # gap, m
+    # warmth of the winding: 1 at the largest continuous current; nan if unknown
     warmth: FloatArray
 
 
@@ -158,7 +155,7 @@ class Excitation:
         In the order of the measurement, from the largest gap to the smallest.
     drive_history : DriveHistory
     notes : tuple of str
-        Restrictions of the design, and their keys.
+        Restrictions of the design, and the keys that cause them.
     """
 
     loops: Loops
@@ -205,13 +202,13 @@ class Excitation:
 
     @property
     def begins_demagnetised(self) -> bool:
-        """Whether every record begins with demagnetised iron."""
+        """Whether the iron is demagnetised at the beginning of every record."""
         return all(loop.history.kind == "demagnetised" for loop in self.loops.loops)
 
 
 @dataclass(slots=True)
 class _DriveLog:
-    """All samples that have been driven."""
+    """All samples that have been driven up to now."""
 
     specimen: Specimen
     time: float = 0.0
@@ -232,13 +229,13 @@ class _DriveLog:
         return time
 
     def rest(self, seconds: float, gap: float) -> None:
-        """Append a rest without current."""
+        """Append a time without current."""
         count = int(np.ceil(seconds / self.specimen.sample_s))
         if count > 0:
             self.append(np.zeros(count), gap)
 
     def cool_for(self, current: FloatArray, gap: float) -> None:
-        """Append a rest that is long enough for the winding to stay cool during a path."""
+        """Append a time without current, so that the winding stays cool during a path."""
         winding = self.specimen.winding
         if winding is not None:
             max_warmth = winding.max_start_warmth(current, self.specimen.sample_s)
@@ -251,8 +248,8 @@ class _DriveLog:
 def measure_gaps(specimen: Specimen, progress: Progress | None = None) -> Excitation:
     """Measure loops at every gap, within the limits.
 
-    Gaps are measured from the largest to the smallest. The flux increases from gap to gap, so that
-    conditioning removes the history of earlier gaps. A probe at each gap raises the current once
+    The measurement begins at the largest gap. From gap to gap, the flux increases, so that
+    conditioning removes the history of earlier gaps. At each gap, a probe raises the current once
     until current, force or winding reaches its limit. This peak limits all records at the gap.
     """
     assert specimen.held_rig is not None
@@ -284,7 +281,10 @@ def measure_gaps(specimen: Specimen, progress: Progress | None = None) -> Excita
 
 
 def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None = None) -> Excitation:
-    """Measure loops of a piezo stage in one continuous drive after long rest at 0 V, with creep."""
+    """Measure the loops of a piezo stage in one continuous drive, including its creep.
+
+    The stage has been at 0 V for a long time before.
+    """
     log, thermal_peak, no_gap = _DriveLog(specimen), find_thermal_peak(specimen), math.nan
     seed = [rig.settings.seed, _PROBE_SEED]
     rise = sweep_path([0.0, thermal_peak.value], current_step(specimen))
@@ -314,7 +314,7 @@ def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None =
 def _probe_gap(
     specimen: Specimen, magnet: HeldMagnet, log: _DriveLog, gap: float, number: int, thermal_peak: Bound
 ) -> ProbedGap:
-    """Raise the current once until a quantity reaches its limit, and return to zero."""
+    """Raise the current once until a quantity reaches its limit, then return to zero."""
     assert specimen.held_rig is not None
     path = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     log.cool_for(np.concatenate([path, path[::-1]]), gap)
@@ -336,7 +336,7 @@ def evaluate_probe(
     """Evaluate the first increase of the current at a gap."""
     peak = thermal_peak
     if forces[-1] >= PROBE_FORCE_RATIO * specimen.max_force.value:
-        # The previous sample is certainly below the limit.
+        # The sample before it is certainly below the limit.
         peak = Bound(float(driven[max(driven.size - 2, 0)]), specimen.max_force.key)
     if driven.size < 3:
         raise InputError(
@@ -354,7 +354,7 @@ def evaluate_probe(
 
 
 def _required_rate(specimen: Specimen, current: FloatArray, force: FloatArray, operating: float) -> float:
-    """Return the rate of the current for the fastest demanded change of the force, A/s."""
+    """Return the rate of the current that the fastest demanded change of the force requires, A/s."""
     is_near = np.abs(current - operating) <= SLOPE_WINDOW_RATIO * current[-1]
     if specimen.demanded_force_rate == 0.0 or np.count_nonzero(is_near) < 3:
         return 0.0
@@ -365,7 +365,7 @@ def _required_rate(specimen: Specimen, current: FloatArray, force: FloatArray, o
 def _record_loop(
     specimen: Specimen, magnet: HeldMagnet, sensors: Sensors, log: _DriveLog, gap: float, record: Record
 ) -> Loop:
-    """Bring the iron into the initial state of a record, and measure it."""
+    """Bring the iron into the initial state of a record, then measure the record."""
     log.cool_for(record.full_path(specimen.sample_s), gap)
     log.append(record.approach, gap)
     for reversal in record.approach_reversals:
@@ -388,7 +388,7 @@ def _record_loop(
 
 
 def check_operating_force(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) -> None:
-    """Raise an InputError if the operating force is not reached at any gap."""
+    """Raise an InputError if the operating force cannot be reached at any gap."""
     if any(probed_gap.is_force_reached for probed_gap in probed_gaps):
         return
     best_gap = max(probed_gaps, key=lambda probed_gap: probed_gap.largest_force)
@@ -405,7 +405,7 @@ def check_operating_force(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
 
 
 def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) -> list[str]:
-    """Describe the restrictions of the design, with the keys that cause them."""
+    """Describe the restrictions of the design, and the keys that cause them."""
     notes = []
     unit, answer = specimen.units
     if specimen.sweep_rate > specimen.max_rate.value:

@@ -1,4 +1,4 @@
-"""Compile the controller of a stage to a folder of C, with a simulated motion as golden vectors.
+"""Compile the controller of a stage to a folder of C, with golden vectors for its tests.
 
 Golden vectors are inputs and expected outputs of each tick. They come from a simulation of the test
 set-point, followed by commands to switch off, to lift and to land.
@@ -52,9 +52,9 @@ from anhyst_rigs.rig.stage.recording import find_stage_loss
 from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motion, tick_times
 
 ROWS_PER_COMMAND = 20
-"""Rows after each command at the end of the golden vectors."""
+"""Number of rows after each command at the end of the golden vectors."""
 MAX_FLIGHT_ROWS = 2000
-"""Largest number of ticks of the motion in the golden vectors: rest, acceleration and cruise."""
+"""Largest number of ticks in the golden vectors' motion: rest, acceleration and constant speed."""
 
 
 def compile_stage(
@@ -98,7 +98,7 @@ def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> Compi
 
 
 def _refuse_uncompilable(rig: BodyRig, io: SignalFormat, rate: float | None) -> None:
-    """Reject options and settings that cannot be compiled or contradict the rig file."""
+    """Raise an error if options or settings cannot be compiled or contradict the rig file."""
     if io == "q15" or (io == "q31" and rig.settings.tracking.format != "fixed"):
         raise InputError(
             f"--io: {io} does not suit this stage; give f32, or q31 if control.format of the rig "
@@ -149,11 +149,11 @@ def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageContro
 
 
 def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
-    """Simulate the test set-point and return inputs and outputs of the controller, by column.
+    """Simulate the test set-point; return the inputs and outputs of the controller by column.
 
-    A new controller computes the outputs from inputs in its own number format. If it monitors
-    currents, the current of the first magnet is 0 in the last rows of the flight. Commands to
-    switch off, lift and land follow.
+    A new controller computes the outputs from the inputs in its number format. If the controller
+    monitors the currents, the current of the first magnet is 0 in the last rows of the motion.
+    Commands to switch off, to lift and to land follow.
     """
     file = setup.rig.settings
     magnets, heads = len(file.body_magnets), len(file.position_sensors)
@@ -176,9 +176,9 @@ def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
 
 
 def _encode_inputs(setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_row: int) -> NDArray[Any]:
-    """Return the inputs of a controller in its own number format.
+    """Return the inputs of a controller in its number format.
 
-    Rows from ``wrench_row`` on are the wrench; rows from ``gap_row`` on are gaps and currents.
+    Rows from ``wrench_row`` on are the wrench; rows from ``gap_row`` on are gaps, then currents.
     """
     if setup.number_format != "fixed":
         return inputs.astype(np.float32)
@@ -191,7 +191,7 @@ def _encode_inputs(setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_r
 
 
 def _simulate_inputs(setup: StageSetup) -> FloatArray:
-    """Return the simulated inputs: head errors from their targets, wrench, gaps and currents."""
+    """Return simulated inputs: deviations of the heads from their targets, wrench, gaps, currents."""
     rig, file = setup.rig, setup.rig.settings
     motion = scan_motion(file.scan, file.scan.test_m_per_s2)
     rows = min(MAX_FLIGHT_ROWS, motion_ticks(rig, motion))

@@ -1,9 +1,9 @@
 """Design the shortest move that makes the calibration errors of a stage's magnets identifiable.
 
-The move has the turnarounds of the rig file's set-point, along each coordinate that the long stroke
-follows, without a cruise. It must resemble the set-point, because the calibration also absorbs
-errors of the hysteresis model. The parameter estimator computes what a simulated flight of the
-nominal stage shows.
+The move has the turnarounds of the rig file's set-point, without phases of constant speed, along
+each coordinate that the long stroke follows. It must resemble the set-point, because the
+calibration also absorbs errors of the hysteresis model. The parameter estimator computes the
+information in a simulated motion of the nominal stage.
 """
 
 from __future__ import annotations
@@ -40,12 +40,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ACCELERATION_RATIOS = np.arange(1.0, 0.0, -0.05)
-"""Fractions of the set-point's accelerations that are tried; the largest feasible one is used."""
+"""Tested fractions of the set-point's accelerations; the largest feasible fraction is used."""
 MAX_FORCE_RATIO = 0.95
-"""Largest force that a leg may demand, as a fraction of a magnet's largest force."""
+"""Largest force that a leg of the move may demand, as a fraction of a magnet's largest force."""
 Legs = Mapping[str, SetPoint]
-"""The leg of each coordinate. A leg is a motion from rest to rest; legs follow one after another.
-"""
+"""Legs by coordinate. A leg is a motion from rest to rest; the legs follow one after another."""
 
 
 def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
@@ -63,7 +62,7 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
             continue
         ratio = float(ACCELERATION_RATIOS[is_feasible][0])
         accelerations = [ratio * acceleration for acceleration in scan.train_m_per_s2]
-        # an odd number, so that the second repetition is reversed
+        # The number must be odd, so that the second repetition is reversed.
         accelerations += accelerations[: 1 - len(accelerations) % 2]
         phases, last_acceleration = (scan.jerk_phase_s, scan.snap_phase_s), accelerations[0]
         speeds = np.geomspace(max(accelerations) * phases[0], ratio * scan.speed_m_per_s, 3).tolist()
@@ -77,9 +76,9 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
 
 
 def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
-    """Simulate a stage that follows legs from rest with demagnetised iron and mass feedforward."""
+    """Simulate a stage that follows legs from rest, with demagnetised iron and mass feedforward."""
     rig, file = setup.rig, setup.rig.settings
-    start_s = COMPARISON_START_S  # the magnets take up the weight before this time
+    start_s = COMPARISON_START_S  # The magnets take up the weight before this time.
     n = round((start_s + sum(leg.duration for leg in legs.values())) / rig.dt)
     time = tick_times(rig, n + 1)
     position, frame, acceleration = np.zeros((3, n + 1, len(file.body.free)))
@@ -97,7 +96,7 @@ def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
 
 
 def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
-    """Return the shortest of the legs that identify the largest number of parameters."""
+    """Return the shortest of those legs that identify the largest number of parameters."""
     candidates = list[list[tuple[str, SetPoint, FloatArray] | None]]()
     for axis, motions in candidate_legs(setup.rig).items():
         rows = [estimator.information_rows(fly_legs(setup, {axis: leg})) for leg in motions]
@@ -113,17 +112,17 @@ def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
 
 @dataclass(frozen=True)
 class Information:
-    """Information about the parameters from a simulated motion of the nominal stage."""
+    """The information about the parameters from a simulated motion of the nominal stage."""
 
     duration_s: float
-    condition: float  # condition number of the information, scaled by the priors
+    condition: float  # condition number of the information matrix, scaled by the priors
     left: Mapping[ParameterName, float]  # ratio of posterior to prior standard deviation
     hidden: Sequence[ParameterName]
 
 
 @dataclass(frozen=True)
 class CalibratingMove:
-    """A calibration move and its simulated flight.
+    """A calibration move and its simulation.
 
     Parameters
     ----------
@@ -132,7 +131,7 @@ class CalibratingMove:
     run : Recording
         Recording of the virtual stage, an input of ``anhyst calibrate``.
     move, work : Information
-        Information of the move, and of the rig file's training set-point.
+        Information from the move, and from the training set-point of the rig file.
     """
 
     legs: Legs
@@ -146,7 +145,7 @@ class CalibratingMove:
         return {"legs": legs, "move": asdict(self.move), "work": asdict(self.work)}
 
     def figure(self) -> Figure:
-        """Draw the acceleration of every coordinate, one after another."""
+        """Draw the accelerations of all coordinates, one after another."""
         from matplotlib.figure import Figure
 
         figure, begin = Figure(figsize=(8.0, 3.6), layout="constrained"), 0.0
@@ -161,7 +160,7 @@ class CalibratingMove:
 
 
 def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> CalibratingMove:
-    """Design the move of a stage, simulate it, and compute the information about each parameter."""
+    """Design the move of a stage, simulate it, and compute its information about each parameter."""
     refuse_slow_amplifier(rig)
     identified_magnet, scan = magnet or identify_stage_magnet(rig), rig.settings.scan
     setup = make_stage(rig, identified_magnet, COMPENSATOR)
@@ -190,7 +189,7 @@ def excite_to_calibrate(rig: PathLike, out: PathLike, *, plot: PathLike | None =
     Parameters
     ----------
     rig, out : path-like
-        Rig file of a stage, and recording to write, the input of ``anhyst calibrate``.
+        Rig file of a stage, and recording to write, which is an input of ``anhyst calibrate``.
     plot : path-like, optional
         Picture of the move to write, ``.png``, ``.svg`` or ``.pdf``.
 

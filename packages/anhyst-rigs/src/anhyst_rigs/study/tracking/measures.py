@@ -1,8 +1,8 @@
-"""Measure the errors of a stage run, and simulate the loss of magnets and position heads.
+"""Measure the errors of a stage in a run, and simulate the loss of magnets and position heads.
 
-The measures are servo error, moving average over a slit, settling time and force error. In the loss
-study, each amplifier or head fails in a separate run. Set-point and long stroke brake to rest when
-the controller detects the loss. They continue if the remaining magnets can make the rest of the
+The measures are servo error, moving average over a slit, settling time and force error. In the
+study of losses, each amplifier or head fails in a separate run. When the controller detects the
+loss, set-point and long stroke brake to rest, unless the remaining magnets can follow the
 set-point.
 """
 
@@ -52,9 +52,9 @@ from anhyst_rigs.rig.stage.setpoint import (
 from anhyst_rigs.study.engine.table import Metric
 
 SETTLING_BANDS_M = (50e-9, 10e-9)
-"""Error bands of the settling time, m."""
+"""Error bands for the settling times, m."""
 EXPOSURE_DELAY_S = 5e-3
-"""Time from the end of the acceleration to the first window of the moving average, s."""
+"""Time from the end of the acceleration until the moving average begins, s."""
 
 
 PEAK_ERROR = Metric("peak_m", "peak", "nm", 1e9)
@@ -74,19 +74,19 @@ METRICS = (
 
 @dataclass(frozen=True)
 class Measures:
-    """Measures of one run from the second scan on, because the first begins demagnetised."""
+    """Measures of a run, from the second scan on, because the first scan begins demagnetised."""
 
     peak_m: float  # largest error
     rms_m: float  # rms error
     # largest moving average and standard deviation over the slit, in windows that begin at least 5
-    # ms after the acceleration and end with the cruise
+    # ms after the acceleration and end with the phase of constant speed
     average_m: float
     deviation_m: float
-    # time from the end of the acceleration until the error stays within 50 and 10 nm, mean of the
-    # scans; a scan that never does counts with its whole cruise
+    # time from the end of the acceleration until the error stays within 50 or 10 nm, mean over the
+    # scans; for a scan that does not settle, the whole phase of constant speed
     settling_50_s: float
     settling_10_s: float
-    force_peak_N: float  # largest error of the force against the delayed demand
+    force_peak_N: float  # largest difference between the force and the delayed demand
     force_rms_N: float
 
     @property
@@ -100,7 +100,7 @@ LOST_MEASURES = Measures(*[float("inf")] * 8)
 
 
 def cross_talk_metrics(file: RigFile) -> list[Metric]:
-    """Return the metrics of :func:`cross_talk`."""
+    """Return the metrics that :func:`cross_talk` measures."""
     units = {axis: axis_unit(axis) for axis in stationary_axes(file)}
     return [Metric(f"{axis}_{u}", f"{axis}, largest", f"n{u}", 1e9) for axis, u in units.items()]
 
@@ -114,7 +114,7 @@ def stationary_axes(file: RigFile) -> list[str]:
 def cross_talk(run: Recording, motion: SetPoint, stationary: Sequence[str]) -> dict[str, float]:
     """Return the largest error of each coordinate that the set-point does not move, m or rad.
 
-    Keys contain axis and unit. The first scan is skipped.
+    The keys contain axis and unit. The first scan is skipped.
     """
     names = [f"{axis}_{axis_unit(axis)}" for axis in stationary]
     if run.loss is not None:
@@ -125,7 +125,7 @@ def cross_talk(run: Recording, motion: SetPoint, stationary: Sequence[str]) -> d
 
 
 def cruise_slices(motion: SetPoint, dt: float) -> list[slice]:
-    """Return the ticks of each cruise except the one after the first acceleration."""
+    """Return the ticks of each phase at constant speed, except after the first acceleration."""
     pulses = motion.pulses
     ends = [begin for begin, _, _ in pulses[1:]] + [motion.duration]
     slices = [
@@ -136,7 +136,7 @@ def cruise_slices(motion: SetPoint, dt: float) -> list[slice]:
 
 
 def settling_times(run: Recording, motion: SetPoint, band: float) -> list[float]:
-    """Return for each scan the time until the error stays within a band, s."""
+    """Return, for each scan, the time until the error stays within a band, s."""
     error, dt = run["error_m"], run.dt
     return [dt * settling_tick(error[cruise], band) for cruise in cruise_slices(motion, dt)]
 
@@ -144,7 +144,7 @@ def settling_times(run: Recording, motion: SetPoint, band: float) -> list[float]
 def slit_statistics(
     error: FloatArray, motion: SetPoint, slit: float, dt: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Return moving average and standard deviation of an error over a slit, s, in each cruise."""
+    """Return moving average and standard deviation of an error over a slit, s, for each scan."""
     delay_ticks, slit_ticks = round(EXPOSURE_DELAY_S / dt), round(slit / dt)
     return [
         moving_statistics(error[cruise.start + delay_ticks : cruise.stop], slit_ticks)
@@ -153,7 +153,7 @@ def slit_statistics(
 
 
 def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
-    """Compute the measures of a run, with a slit in s."""
+    """Compute the measures of a run; the length of the slit is in s."""
     if run.loss is not None:
         return LOST_MEASURES
     windows = slit_statistics(run["error_m"], motion, slit, run.dt)
@@ -172,21 +172,21 @@ def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
 
 
 EARLIEST_LOSS_S = 0.01
-"""Earliest loss of a magnet, s. Before it the magnets take up the weight in one step."""
+"""Earliest loss of a magnet, s. Before this time, the magnets take up the weight in one step."""
 HOLD_TIME_S = 0.1
-"""Simulated time after the body has braked, s."""
+"""Time that is simulated after the body has braked, s."""
 FINAL_WINDOW_S = 0.02
-"""Length of the window of the final error, s."""
+"""Length of the window in which the final error is measured, s."""
 LIFT_COMMAND_S = 0.2
-"""Time of the lift command for a body at rest on its stops, s."""
+"""Time of the command that lifts a body from its stops, s."""
 LAND_COMMAND_S = 0.45
-"""Time of the landing command, s."""
+"""Time of the command that lands the body, s."""
 SLIDE_LIMIT_S = 0.02
-"""Time from touchdown until the body counts as at rest, s. The model has no friction."""
+"""Time from touchdown until the body counts as at rest, s. The plant has no friction."""
 BRAKING_RATIOS = (1.0, 0.5, 0.25, 0.1)
-"""Candidates for the deceleration, as fractions of the largest acceleration."""
+"""Tested decelerations, as fractions of the largest acceleration."""
 _LOST_MAGNET_FACTOR = 256
-"""Factor of the highest number of a lost magnet in the recorded state word."""
+"""Factor by which the number of a lost magnet is multiplied in the recorded state word."""
 LOSS_TITLE = "loss of a levitating body's magnet, when it pulls most, or of a head"
 LOSS_COLUMNS = (
     "lost",
@@ -210,30 +210,29 @@ LOSS_NOTES = (
 
 @dataclass(frozen=True, kw_only=True)
 class LossResult:
-    """Behaviour of a body after the loss of a magnet or a head, or in a lift-off."""
+    """What happens to a body after the loss of a magnet or a head, or in a lift-off."""
 
     magnet: str
     at_s: float
     current_A: float | None = None
     spare: bool = False  # whether the remaining magnets or heads are sufficient
-    noticed_s: float | None = None  # delay of the detection, or None if it was not detected
-    # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" (it hit a stop while levitated),
-    # "lifts off" or "stays"
+    noticed_s: float | None = None  # delay of the detection; None if the loss was not detected
+    # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" (the body hit a stop while it
+    # was controlled), "lifts off" or "stays"
     outcome: str
     # largest error of each coordinate after the loss, and at the end; empty if the body is down
     error: dict[str, float]
     error_end: dict[str, float]
-    # contact speeds relative to the long stroke: downwards, and in any direction at a magnet; 0
-    # without contact
+    # contact speeds relative to the long stroke: downwards, and in any direction at a magnet
     down_m_per_s: float
     touch_m_per_s: float
-    # contact speeds if all currents end at the detection (`let_go`), and without detection
-    # (`unaware`)
+    # both contact speeds if all currents end at the detection (`let_go`), and if the controller
+    # does not detect the loss (`unaware`)
     let_go: tuple[float, float]
     unaware: tuple[float, float]
 
     def table_cells(self) -> list[str]:
-        """Return the table row, with the columns of :data:`LOSS_COLUMNS`."""
+        """Return the row of a table with the columns of :data:`LOSS_COLUMNS`."""
 
         def format_largest(error: Mapping[str, float]) -> str:
             max_errors = [
@@ -261,16 +260,16 @@ def _controller_state(run: Recording) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Plan:
-    """Sampled set-point of a flight; the force has one sample less."""
+    """A sampled set-point. The feedforward force has one sample less than the position."""
 
-    position: FloatArray  # m
-    acceleration: FloatArray  # m/s2
-    feedforward: FloatArray  # N
+    position: FloatArray  # position, m
+    acceleration: FloatArray  # acceleration, m/s2
+    feedforward: FloatArray  # feedforward force, N
 
 
 @dataclass(frozen=True)
 class LossFlights:
-    """Simulated motions along the test set-point, in which a magnet or a head is lost."""
+    """Simulated motions along the test set-point, in each of which a magnet or a head is lost."""
 
     setup: StageSetup
     gains: Feedforward
@@ -278,7 +277,7 @@ class LossFlights:
     seed: int = 1
 
     def run_all(self) -> list[LossResult]:
-        """Run a flight for each magnet of the case, then for each head, then the lift-off."""
+        """Simulate the loss of each magnet of the case, then of each head, then the lift-off."""
         file, test_plan, case = self._rig.settings, self._test_plan(), self.case
         magnet_names = [magnet.name for magnet in file.body_magnets]
         nominal_run = self._fly(test_plan, {})
@@ -315,7 +314,7 @@ class LossFlights:
     def _run_failure(
         self, name: str, tick: int, fault_word: int, magnet: int, test_plan: _Plan
     ) -> LossResult:
-        """Simulate a failure at a tick, or at the time of the case, and the reaction."""
+        """Simulate a failure at a tick, or at the time given by the case, and the reaction to it."""
         dt, file = self._rig.dt, self._rig.settings
         if self.case.at_s is not None:
             tick = min(round(self.case.at_s / dt), len(test_plan.feedforward) - 1)
@@ -394,9 +393,9 @@ class LossFlights:
         return _Plan(position, acceleration, feedforward_force(self.setup, motion, self.gains))
 
     def _braking_plan(self, magnet: int, test_plan: _Plan, tick: int) -> _Plan:
-        """Return the plan that brakes to rest from a tick on and then holds the position.
+        """Return a plan that brakes to rest from a tick on, and then holds the position.
 
-        First the acceleration falls to zero linearly, in one jerk phase of the set-point.
+        First, the acceleration decreases linearly to zero in a jerk phase of the set-point.
         """
         rig = self._rig
         file = self._rig.settings
@@ -450,7 +449,7 @@ class LossFlights:
         )
 
     def _can_make(self, magnet: int, feedforward: FloatArray) -> bool:
-        """Whether the magnets can make the fed-forward forces without one magnet."""
+        """Whether the magnets can apply the feedforward forces without one magnet."""
         file = self._rig.settings
         layout = wrench_layout(file, usual_allocation(file), self._rig.idle_force)
         layout.lose(magnet)
