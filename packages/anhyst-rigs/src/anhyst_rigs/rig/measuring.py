@@ -100,8 +100,7 @@ def measure_at_gap(
 ) -> list[Loop]:
     """Measure all records of a campaign at one of its gaps.
 
-    With `fast_rates`, A/s, all records are measured in time, and full cycles at each rate are
-    added.
+    With `fast_rates`, A/s, records are measured in time, and full cycles at each rate are added.
     """
     gap, conditioning, high = (campaign.gaps_m[index], conditioning_path(campaign), campaign.current_max_A)
     sweep_rate, sample_s = campaign.sweep_A_per_s, campaign.sample_s

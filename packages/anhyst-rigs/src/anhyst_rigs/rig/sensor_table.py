@@ -90,8 +90,7 @@ class GapSensorTable(DigitisedSensorTable):
         missing_keys = {*GAP_SENSOR_DEFAULTS[self.kind]} - self.model_fields_set
         if self.step_m is not None or self.adc_bits is not None:
             missing_keys -= _RESOLUTION_KEYS
-        # These values are set without validation, because defaults do not count as keys of the
-        # file.
+        # Set without validation, because the defaults do not count as keys of the file.
         self.__dict__.update({key: GAP_SENSOR_DEFAULTS[self.kind][key] for key in missing_keys})
         return self
 

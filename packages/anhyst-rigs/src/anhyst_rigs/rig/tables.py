@@ -265,10 +265,8 @@ class Spreads:
     """Quantities that differ between plants: names in a drift, and keys in ``[spread]``."""
 
     rig_wide: Mapping[str, str]
-    # quantities that differ between magnets
-    magnet: Mapping[str, str] = field(default_factory=dict)
-    # quantities that differ between position heads
-    head: Mapping[str, str] = field(default_factory=dict)
+    magnet: Mapping[str, str] = field(default_factory=dict)  # different for each magnet
+    head: Mapping[str, str] = field(default_factory=dict)  # different for each position head
 
     @property
     def keys(self) -> list[str]:

@@ -92,8 +92,7 @@ class ActuatorKind:
     output: str
     # descriptions of the keys of ``magnet.numbers``, whose values are all above 0
     numbers: Mapping[str, str]
-    # function that adds these parameters to a circuit
-    circuit: Callable[[Poles, Mapping[str, float]], Poles]
+    circuit: Callable[[Poles, Mapping[str, float]], Poles]  # function that adds these to a circuit
 
 
 ACTUATORS: Registry[ActuatorKind] = Registry(
@@ -101,8 +100,7 @@ ACTUATORS: Registry[ActuatorKind] = Registry(
     {"electromagnet": ActuatorKind("force", {}, lambda poles, _: poles)},
     lambda found, _: "" if isinstance(found, ActuatorKind) else "and it is not an ActuatorKind",
 )
-"""Kinds of actuators by name: built-in ones and plug-ins with the entry point ``anhyst.actuators``.
-"""
+"""Kinds of actuators by name: built-in and plug-in ones (entry point ``anhyst.actuators``)."""
 
 
 @dataclass(frozen=True, slots=True)

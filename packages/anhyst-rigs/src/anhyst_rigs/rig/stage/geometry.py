@@ -53,8 +53,7 @@ def head_lines(file: RigFile) -> list[tuple[list[float], list[float]]]:
 def pose_at_body(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArray:
     """Convert poses from heads on the ground, one row per tick, to poses of the body.
 
-    A rotation th of the body moves the points that these heads measure: p + target x th
-    (``axes.h``).
+    A rotation th moves the points that these heads measure by target x th, as in ``axes.h``.
     """
     if not file.has_ground_heads:
         return poses

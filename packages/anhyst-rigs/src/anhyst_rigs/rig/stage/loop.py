@@ -142,8 +142,8 @@ def track(
 ) -> Recording:
     """Run a motion that begins at rest with demagnetised iron.
 
-    `learnt_force` is added to the feedforward. The controller does not know `load`, N, along the
-    set-point.
+    `learnt_force` adds to the feedforward. `load`, N, along the set-point, is unknown to the
+    controller.
     """
     rig, n = setup.rig, motion_ticks(setup.rig, motion)
     time = tick_times(rig, n + 1)

@@ -84,8 +84,7 @@ class StageFigures(GainFigures):
 
 @dataclass(frozen=True)
 class PiezoFigures(GainFigures):
-    """Metrics of the gains of a piezo stage on its triangle, with the sensitivity of the linear
-    loop."""
+    """Metrics of a piezo stage on its triangle; the sensitivity is that of the linear loop."""
 
     cost_name = "error_rms_m"
     error_rms_m: float = 0.0
@@ -132,8 +131,7 @@ def format_figure(name: str, value: float) -> str:
 
 @dataclass(frozen=True)
 class Aims:
-    """Upper limits of the metrics of gains; a tuning minimises one further metric within these
-    limits."""
+    """Upper limits of the metrics of gains. Within them, a tuning minimises one further metric."""
 
     overshoot_percent: float | None = 2.0  # None: no limit
     peak_sensitivity: float = 3.0
