@@ -1,9 +1,9 @@
 """Protect the server from foreign requests, and queue rows of samples for each browser.
 
 A frame is little-endian: ``u32 rows``, ``u32 columns``, ``f64 first``, ``f64 last`` (first and last
-tick), ``f64 ticks[rows]``, ``f32 data[columns][rows]``, ``u32 thinned``. In a thinned frame, a run
-of ticks is replaced by two rows with the smallest and the largest value of every signal. Therefore,
-no spike is lost, but the values of one row can belong to different ticks.
+tick), ``f64 ticks[rows]``, ``f32 data[columns][rows]``, ``u32 thinned``. In a thinned frame, two
+rows with the smallest and the largest value of every signal replace a run of ticks. Therefore, no
+spike is lost, but the values of one row can belong to different ticks.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""The page may load only its own files, without inline scripts and styles."""
+"""Rule that the page may load only its own files, without inline scripts and styles."""
 
 _SECURITY_HEADERS = (
     (b"content-security-policy", CONTENT_SECURITY_POLICY.encode()),
@@ -40,7 +40,7 @@ _SECURITY_HEADERS = (
 
 
 def read_address(text: str, token: bool) -> tuple[str, int]:
-    """Return the host and the port of an address to listen on."""
+    """Return the host and the port on which the server listens, from the text of an option."""
     host, colon, port = text.rpartition(":")
     host = host.strip("[]") if colon else "127.0.0.1"
     try:
@@ -77,11 +77,10 @@ def allowed_host_names(host: str, port: int) -> frozenset[str]:
 
 
 class RequestGuard:
-    """Rejects requests from other sites, and adds the security headers to answers.
+    """A filter that rejects requests from other sites, and adds security headers to answers.
 
-    The header ``Host`` must be an allowed name. Therefore, DNS rebinding fails. A request from a
-    page of another site has a foreign origin and is rejected. A WebSocket without an origin is
-    rejected too.
+    The header ``Host`` must be an allowed name, so that DNS rebinding fails. A request from a page
+    of another site has a foreign origin and is rejected, as is a WebSocket without an origin.
     """
 
     def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
@@ -89,7 +88,7 @@ class RequestGuard:
         self._host_names = names
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or reject it."""
+        """Pass a request to the application, or reject it."""
         if not self._is_allowed(scope):
             await _reject_request(scope, receive, send)
         else:
@@ -106,7 +105,7 @@ class RequestGuard:
 
 
 class MessageRateLimit:
-    """A limit on the message rate that allows short bursts (token bucket)."""
+    """A limit on the rate of messages that allows short bursts (token bucket)."""
 
     def __init__(self, rate: float, max_burst: int) -> None:
         self._rate_Hz = rate
@@ -130,7 +129,7 @@ def _header(scope: Scope, name: bytes) -> list[str]:
 
 
 async def _reject_request(scope: Scope, receive: Receive, send: Send) -> None:
-    """Answer 403. For a WebSocket, closing it before it opens has the same effect."""
+    """Answer with the status 403. For a WebSocket, closing it before it opens has the same effect."""
     if scope["type"] == "websocket":
         await receive()
         await send({"type": "websocket.close", "code": 1008})
@@ -150,27 +149,26 @@ def _add_security_headers(send: Send) -> Send:
 
 
 MAX_FRAME_ROWS = 4000
-"""Maximum number of rows in the queue of one page. If it is exceeded, rows are thinned to half of
-this number."""
+"""Maximum number of rows in the queue of one page; more rows are thinned to half of this number."""
 
 _MAX_QUEUED_RUNS = 64
-"""Maximum number of runs in the queue of one page; the oldest ones are dropped."""
+"""Maximum number of runs of rows in the queue of one page; the oldest runs are dropped."""
 
 _FRAME_HEADER = struct.Struct("<IIdd")
 _RUN_HEADER = struct.Struct("<I")
 
 
 class RowRun(NamedTuple):
-    """Rows of consecutive ticks."""
+    """Rows of successive ticks without a gap."""
 
     first_tick: int  # first tick of the rows
     last_tick: int
     rows: FloatArray  # column 0 is the tick; shape (n, 1 + signals)
-    is_thinned: bool  # whether the rows are smallest and largest values
+    is_thinned: bool  # whether the rows are extremes of longer intervals
 
 
 def thin_to_extremes(rows: FloatArray, max_rows: int) -> FloatArray:
-    """Return the smallest and the largest value of every column for each interval of rows."""
+    """Return, for each interval of rows, two rows: smallest and largest value of every column."""
     if len(rows) <= max_rows:
         return rows
     stretch = -(-len(rows) // (max_rows // 2))
@@ -182,7 +180,7 @@ def thin_to_extremes(rows: FloatArray, max_rows: int) -> FloatArray:
 
 
 def encode_frame(run: RowRun) -> bytes:
-    """Return the frame of a run of rows."""
+    """Return the frame that transmits a run of rows."""
     rows = run.rows
     head = _FRAME_HEADER.pack(len(rows), rows.shape[1] - 1, run.first_tick, run.last_tick)
     ticks = rows[:, 0].astype("<f8").tobytes()
@@ -191,7 +189,7 @@ def encode_frame(run: RowRun) -> bytes:
 
 
 class RowQueue:
-    """The rows that wait for one page. Its size is limited, and adding rows never blocks."""
+    """The rows that wait for one page. The queue has a limited size, and adding rows never blocks."""
 
     def __init__(self, max_rows: int = MAX_FRAME_ROWS, ticks_per_row: int = 1) -> None:
         self._max_rows = max_rows

@@ -36,14 +36,13 @@ from anhyst_rigs.study.improve import (
 from anhyst_rigs.study.prepared_benches import Improvable, PreparedBoard
 
 Work = Callable[..., Mapping[str, Any]]
-"""A function of a module. It is called with a :data:`anhyst.support.jobs.Progress` and its
-arguments."""
+"""Function of a module, called with a :data:`anhyst.support.jobs.Progress` and its arguments."""
 
 OnEnd = Callable[[Mapping[str, Any] | str], None]
-"""Called with the result, or with the reason why there is no result."""
+"""Function that is called with the result, or with the reason why there is none."""
 
 _PROCESS_NICENESS = 10
-"""Niceness of the process: the bench has priority."""
+"""Niceness of the separate process, which gives the bench priority."""
 
 
 class ProcessJob:
@@ -63,14 +62,14 @@ class ProcessJob:
         self._thread.start()
 
     def cancel(self) -> None:
-        """End the process without a result."""
+        """Kill the process; there is no result."""
         self._cancelled = True
         self._started.wait()
         self._process.kill()
         self._thread.join()
 
     def _listen(self) -> None:
-        self._process.start()  # takes some time; the caller does not wait for it
+        self._process.start()  # The start takes some time, for which the caller does not wait.
         self._sender.close()
         self._started.set()
         outcome: Mapping[str, Any] | str = "the work ended without a result; see the terminal"
@@ -89,7 +88,7 @@ class ProcessJob:
 
 
 def _run_in_process(sender: Connection, work: Work, arguments: tuple[Any, ...]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Only the server may end this process.
     if hasattr(os, "nice"):
         os.nice(_PROCESS_NICENESS)
 
@@ -103,21 +102,22 @@ def _run_in_process(sender: Connection, work: Work, arguments: tuple[Any, ...]) 
 
 
 _CANCEL_TIMEOUT_S = 5.0
-"""Maximum time to stop the controller and to restore its settings at the end of the session, s."""
+"""Longest time for stopping the controller and restoring its settings at the end of the session, s.
+"""
 
 
 class OperatorSeat(DrivenBoard, Protocol):
-    """Access to the running controller for a measurement."""
+    """Exclusive access of a measurement to the running controller."""
 
     def cancel(self) -> None:
-        """Make the next access raise an error once. The measurement then stops the controller."""
+        """Make the next access raise an error, so that the measurement stops the controller."""
 
     def close(self) -> None:
-        """Release the controller, so that the operator can use it again."""
+        """End the access, so that the operator can use the controller again."""
 
 
 class BoardJob:
-    """A measurement on the running controller."""
+    """A measurement through the running controller."""
 
     def __init__(
         self,
@@ -132,11 +132,11 @@ class BoardJob:
         self._thread.start()
 
     def cancel(self) -> None:
-        """End the measurement without a result after the controller has stopped."""
+        """Cancel the measurement: the controller stops, and there is no result."""
         self._seat.cancel()
 
     def wait(self) -> None:
-        """Wait until the measurement has ended. Must not be called in the thread of the bench."""
+        """Wait until the measurement has ended; the thread of the bench must not call this."""
         self._thread.join(_CANCEL_TIMEOUT_S)
 
     def _run(self) -> None:
@@ -164,17 +164,17 @@ class BlockHolder(Protocol):
 
 
 IMPROVEMENT_STEPS = ("measure", "identify", "compile", "swap")
-"""The steps in their order."""
+"""All steps of an improvement, in their order."""
 
 _REQUIRED_STEP = {"identify": "measure", "compile": "identify", "swap": "compile", "files": "measure"}
-"""The step whose result each step requires."""
+"""For each step, the step whose result it requires."""
 
 _STEP_ORDERS = (*IMPROVEMENT_STEPS, "back", "cancel", "files", "watch")
-"""All orders of a page to the improver."""
+"""All orders that a page can send to the improver."""
 
 
 class Improver:
-    """The results of the steps for a bench, and at most one running job."""
+    """The results of all steps for a bench, and at most one running job."""
 
     def __init__(self, prepared: Improvable, bench: BlockHolder) -> None:
         self.known_model = make_model_with_loops(prepared.measured_loops, prepared.model)
@@ -192,11 +192,11 @@ class Improver:
 
     @property
     def folder(self) -> Path:
-        """Folder for the files of the steps."""
+        """Folder with the files that the steps write."""
         return Path(self._folder.name)
 
     def limits(self) -> Mapping[str, Any]:
-        """Return the limits that a measurement observes."""
+        """Return the limits within which loops are measured."""
         return excitation_limits(self._prepared)
 
     @property
@@ -205,7 +205,7 @@ class Improver:
         return isinstance(self._job, BoardJob)
 
     def measure(self, tighter_limits: Mapping[str, float], seat: Callable[[], OperatorSeat]) -> None:
-        """Start measuring loops, with some limits tightened."""
+        """Start to measure loops; some limits may be tighter."""
         prepared, folder = self._prepared, self.folder
         tighten_limits(prepared.specimen(), tighter_limits)
         if not isinstance(prepared, PreparedBoard):
@@ -218,15 +218,15 @@ class Improver:
         self._start_job("measure", lambda ended: BoardJob(work, seat, ended))
 
     def identify(self) -> None:
-        """Start identifying a model from the loops."""
+        """Start to identify a model from the measured loops."""
         self._start_process_job("identify", identify_model, self.known_model.model)
 
     def compile(self) -> None:
-        """Start compiling the model for the running board."""
+        """Start to compile the identified model for the running board."""
         self._start_process_job("compile", compile_block)
 
     def swap(self) -> int:
-        """Activate the new model; return the tick. Must be called in the thread of the bench."""
+        """Activate the new model; return the tick. Only the thread of the bench may call this."""
         self._check("swap")
         assert self._new_model is not None
         tick = self._swap_block(self._new_block, self._new_model)
@@ -234,18 +234,18 @@ class Improver:
         return tick
 
     def swap_back(self) -> int:
-        """Activate the model before the last swap. Must be called in the thread of the bench."""
+        """Activate the model that was replaced. Only the thread of the bench may call this."""
         self._check("back")
         assert self._previous is not None
         return self._swap_block(*self._previous)
 
     def model_to_monitor(self) -> ModelWithLoops:
-        """Return the model with which the rows of the bench can be compared."""
+        """Return the model with which rows of the bench can be compared."""
         self._check("watch")
         return self.known_model
 
     def cancel(self) -> None:
-        """End the running job without a result; a measurement first stops the rig."""
+        """Cancel the running job; there is no result. A measurement stops the rig first."""
         if isinstance(self._job, BoardJob):
             self._job.cancel()
             return
@@ -255,13 +255,13 @@ class Improver:
             self._error_text = f"{self._step}: cancelled"
 
     def files(self) -> Mapping[str, str]:
-        """Return the text of all files of the steps, by name."""
+        """Return the texts of all files that the steps wrote, by file name."""
         names = (LOOPS_FILE, str(Path(LOOPS_FILE).with_suffix(".toml")), MODEL_FILE)
         paths = [self.folder / name for name in names]
         return {path.name: path.read_text("utf-8") for path in paths if path.exists()}
 
     def status(self) -> Mapping[str, Any]:
-        """Return the state of the running step for a page."""
+        """Return the state of the running step, which a page shows."""
         job = self._job
         return {
             "step": self._step if job is not None else "",
@@ -300,9 +300,9 @@ class Improver:
         self._folder.cleanup()
 
     def check_after_reconnect(self) -> None:
-        """Forget the swap if a returned controller has lost the swapped block.
+        """Discard the swap if a reconnected controller has lost the swapped block.
 
-        Must be called in the thread of the bench.
+        Only the thread of the bench may call this.
         """
         if self._previous is None or self._bench.read_block() == self._active_block:
             return
@@ -331,7 +331,7 @@ class Improver:
         self._job = make(ended)
 
     def _store_result(self, step: str, result: Mapping[str, Any]) -> None:
-        """Store the result of a step and discard the results of later steps."""
+        """Store the result of a step, and discard the results of all later steps."""
         shown_values = {name: value for name, value in result.items() if name != "words"}
         if "words" in result:
             self._new_block = list(result["words"])

@@ -20,11 +20,10 @@ from anhyst_rigs.dashboard.sets import FILE_SUFFIX, changed_values
 from anhyst_rigs.rig.bench.protocol import DemandRange, Parameter, Signal
 
 _MAX_QUEUED_CHUNKS = 1000
-"""Maximum number of chunks that wait for a measurement; larger than its largest delay."""
+"""Maximum number of chunks that wait for a measurement; its delays never need as many."""
 
 _CHUNK_TIMEOUT_S = 0.1
-"""Maximum waiting time for a chunk, s. After it, the measurement checks whether the controller is
-lost."""
+"""Longest wait for a chunk, s. Then the measurement checks whether the controller is lost."""
 
 
 class SessionSeat:
@@ -48,7 +47,7 @@ class SessionSeat:
         return self._session.bench.loss_reason
 
     def advance(self, ticks: int) -> FloatArray:
-        """Return the next rows: usually the requested number, and none from a lost controller."""
+        """Return the next rows, usually as many as requested; none if the controller is lost."""
         parts = [np.empty((0, 1 + len(self.signals)))]
         while sum(map(len, parts)) * self.ticks_per_row < ticks:
             if self._cancelled.is_set():
@@ -85,11 +84,11 @@ class SessionSeat:
         return self._session.run_between_chunks(lambda: self._session.apply(values))
 
     def cancel(self) -> None:
-        """Make the next access raise an error once. The measurement then stops the controller."""
+        """Make the next access raise an error, so that the measurement stops the controller."""
         self._cancelled.set()
 
     def close(self) -> None:
-        """Release the controller, so that the operator can use it again."""
+        """End the access, so that the operator can use the controller again."""
         self._rows.close()
 
 
@@ -98,7 +97,7 @@ _StepAction = Callable[[LiveSession, Improver, str, Fields], Fields]
 
 
 def perform_improvement_step(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Execute the field ``step`` of a message."""
+    """Execute the step that the field ``step`` of a message names."""
     step = str(fields.get("step"))
     action = _STEP_ACTIONS.get(step)
     if action is None:
@@ -135,7 +134,8 @@ def _swap_model_and_log(exchange: Callable[[Improver], int], text: str) -> _Step
         session.log_change(client_name, text)
         session.curves = improver.known_model.curves
         if session.monitored_model is not None:
-            session.monitor(improver.model_to_monitor())  # restart with the new model
+            # The monitoring restarts with the new model.
+            session.monitor(improver.model_to_monitor())
         return {"applied": tick}
 
     return act
@@ -169,11 +169,11 @@ _STEP_ACTIONS: Mapping[str, _StepAction] = {
 OrderAction = Callable[[LiveSession, str, Fields], Fields]
 
 _MAX_STAGED_PARAMETERS = 200
-"""Maximum number of parameters in one message."""
+"""Largest number of parameters in one message."""
 
 
 def perform(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Execute the order in a message from a page. Must be called in the thread of the bench."""
+    """Execute the order in a message from a page; only the thread of the bench may call this."""
     action = _ORDER_ACTIONS.get(str(fields.get("do")))
     if action is None:
         raise InputError(f"no order '{str(fields.get('do'))[:40]}'", code="unknown-order", key="do")
@@ -289,7 +289,7 @@ def _record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 
 
 def _learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Start or stop learning from the motion, or discard the estimates."""
+    """Start or stop the calibration from the motion, or discard the estimates."""
     learner = session.learner
     if learner is None:
         raise InputError(
@@ -317,7 +317,7 @@ def _read_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 
 
 ORDERS_BESIDE_BENCH: Mapping[str, OrderAction] = {"save set": _save_set, "read set": _read_set}
-"""Orders that access the disk and not the bench. The bench does not wait for them."""
+"""Orders that access only the disk. The bench does not wait for them."""
 
 _ORDER_ACTIONS: Mapping[str, OrderAction] = {
     "command": _command,
@@ -333,5 +333,5 @@ _ORDER_ACTIONS: Mapping[str, OrderAction] = {
 
 
 def describe_parameters(session: LiveSession) -> list[dict[str, Any]]:
-    """Return the description of the parameters for a page."""
+    """Return the descriptions of the parameters for a page."""
     return [parameter._asdict() for parameter in session.parameters]

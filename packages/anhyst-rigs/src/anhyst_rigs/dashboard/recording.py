@@ -1,7 +1,8 @@
 """Record the ticks of a bench to files.
 
-:class:`TickRecorder` buffers the last seconds and writes a recording from a given start to a given
-end, or from a level crossing. :class:`MdfRecorder` and :class:`CsvRecorder` write the files.
+:class:`TickRecorder` buffers the last seconds. It writes a recording from a given start to a given
+end, or from the tick at which a signal crosses a level. :class:`MdfRecorder` and
+:class:`CsvRecorder` write the files.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bench.protocol import Signal, Subscription
 
 _BLOCK_HEADER = struct.Struct("<4s4xQQ")
-"""Header of an MDF block: name, length, number of links."""
+"""Header of an MDF block: name, length and number of links."""
 
 _IDENTIFICATION = struct.pack("<8s8s8s4xH34x", b"MDF     ", b"4.10    ", b"anhyst  ", 410)
 _UTC_OFFSETS_VALID, _FLOAT_TYPE, _MASTER_CHANNEL, _TIME_SYNC = 2, 4, 2, 1
@@ -32,7 +33,7 @@ _MARKER_EVENT, _CAUSED_BY_USER = 6, 4
 
 
 class RecordingFile(ABC):
-    """A new file for rows and notes, which are written when they arrive."""
+    """A new file, into which rows and notes are written immediately."""
 
     def __init__(self, path: Path, rate: float) -> None:
         self.path = path
@@ -47,7 +48,7 @@ class RecordingFile(ABC):
 
     @abstractmethod
     def write_note(self, tick: int, text: str) -> None:
-        """Write a note about a change after a tick."""
+        """Write a note about a change that follows a tick."""
 
     def close(self) -> None:
         """Close the file."""
@@ -55,17 +56,17 @@ class RecordingFile(ABC):
 
 
 class MdfRecorder(RecordingFile):
-    """Writes rows and notes to an MDF 4.1 file that is readable even if the process is killed.
+    """A writer of MDF 4.1 files that are readable even if the process is killed.
 
-    Each block is written before it is linked, so that a reader always finds complete blocks. Every
-    signal is a channel of 64-bit floats. A note is a marker at its tick.
+    Each block is written before another block links to it, so that a reader finds only complete
+    blocks. Every signal is a channel of 64-bit floats. A note is a marker at its tick.
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
         super().__init__(path, rate)
         self._end = 0
         self._next_data = self._next_event = self._count = 0
-        self._data = (0, 0)  # address and length of the current data block
+        self._data = (0, 0)  # address and length of the data block that is being written
         self._write_header(signals)
 
     def write_rows(self, rows: FloatArray) -> None:
@@ -97,7 +98,7 @@ class MdfRecorder(RecordingFile):
             self._data = (0, 0)
 
     def _write_header(self, signals: Sequence[Signal]) -> None:
-        """Write everything before the rows: header, history, channel group and channels."""
+        """Write all blocks before the rows: header, history, channel group and channels."""
         start_time_ns = time.time_ns()
         self._write_bytes(_IDENTIFICATION)
         header = self._write_block(
@@ -132,7 +133,7 @@ class MdfRecorder(RecordingFile):
         return self._write_block(b"CN", links, body)
 
     def _open_data(self, before: int) -> None:
-        """Start a new data block at the end, with a list block that the previous list links to."""
+        """Append a new data block, and a list block for it, to which the previous list links."""
         address = self._end + _BLOCK_HEADER.size + 2 * 8 + struct.calcsize("<B3xIQ")
         listed = self._write_block(b"DL", (0, address), struct.pack("<B3xIQ", 0, 1, before))
         self._data = self._write_block(b"DT", (), b""), _BLOCK_HEADER.size
@@ -163,15 +164,14 @@ class MdfRecorder(RecordingFile):
 
 
 HEADERS = {"gap": "gap_m", "force": "F_N", "current": "I_A", "load": "load_N"}
-"""Column names with which a recording can be read as a measurement; other signals keep their names.
-"""
+"""Column names with which a recording is a valid measurement; other signals keep their names."""
 
 
 class CsvRecorder(RecordingFile):
-    """Writes complete lines to a CSV file that is readable even if the process is killed.
+    """A writer of complete lines to a CSV file that is readable even if the process is killed.
 
-    Numbers are read back bit for bit. Integers are written without a decimal point, and values that
-    are not finite as ``nan``.
+    Numbers are restored exactly when read. Integers are written without a decimal point, and values
+    that are not finite as ``nan``.
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
@@ -187,7 +187,7 @@ class CsvRecorder(RecordingFile):
         self.rows += len(rows)
 
     def write_note(self, tick: int, text: str) -> None:
-        """Write a comment line between the rows."""
+        """Write a note as a comment line between the rows."""
         self._write(f"# after tick {tick}, {' '.join(text.split())}\n".encode())
 
     def _write(self, lines: bytes) -> None:
@@ -201,7 +201,7 @@ _RECORDERS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {".csv": CsvRe
 
 
 def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> RecordingFile:
-    """Create the file of a recording; its suffix selects the format."""
+    """Create the file for a recording; its extension selects the format."""
     kind = _RECORDERS.get(path.suffix.lower())
     if kind is None:
         raise InputError(
@@ -216,7 +216,7 @@ def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recor
 
 
 def _format_rows(table: FloatArray) -> bytes:
-    """Return rows as lines. The JSON writer is ten times faster than formatting in Python."""
+    """Return rows as lines of text. The JSON writer is ten times faster than formatting in Python."""
     text = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2] + b"\n"
     for old, new in ((b"],[", b"\n"), (b".0,", b","), (b".0\n", b"\n"), (b"null", b"nan")):
         text = text.replace(old, new)
@@ -224,26 +224,26 @@ def _format_rows(table: FloatArray) -> bytes:
 
 
 def column_header(signal: Signal) -> str:
-    """Return the column header of a signal, with its unit."""
+    """Return the column header for a signal, including its unit."""
     unit = signal.unit.replace("/", "_per_").replace("^", "")
     return HEADERS.get(signal.name) or (f"{signal.name}_{unit}" if unit else signal.name)
 
 
 BUFFER_S = 10.0
-"""Duration of the buffer with every tick, s of the bench."""
+"""Length of the buffer that contains every tick, s of the bench."""
 
 MAX_RECORDING_S = 86400.0
 
 _BUFFER_SLACK_S = 1.0
 _ROWS_PER_WRITE = 4000
-"""Maximum number of buffered rows that are written between two chunks of the bench."""
+"""Largest number of buffered rows that are written between two chunks of the bench."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,99}")
 _MAX_WRITE_DELAY_S = 0.1
 
 
 class RingBuffer:
-    """The last rows, with every tick."""
+    """A buffer of the last rows that contains every tick."""
 
     def __init__(self, rows: int, columns: int) -> None:
         self.total = 0
@@ -261,40 +261,40 @@ class RingBuffer:
         self.total += len(rows)
 
     def read(self, first: int, last: int) -> FloatArray:
-        """Return the rows ``first`` to ``last - 1``, numbered from the first row of the session."""
+        """Return the rows ``first`` to ``last - 1``, counted from the first row of the session."""
         return self._rows[np.arange(first, last) % len(self._rows)]
 
     def find_tick(self, tick: int) -> int:
-        """Return the number of the first buffered row at or after a tick."""
+        """Return the number of the first buffered row at a tick or after it."""
         oldest = max(0, self.total - len(self._rows))
         return oldest + int(np.searchsorted(self.read(oldest, self.total)[:, 0], tick))
 
 
 class LevelCrossing(NamedTuple):
-    """The crossing of a level by a signal."""
+    """A condition: a signal crosses a level."""
 
-    column: int  # column of the signal
-    level: float  # unit of the signal, SI
+    column: int  # column of the signal in the rows
+    level: float  # level, in the SI unit of the signal
     is_rising: bool
 
     def find(self, values: FloatArray) -> int | None:
-        """Return the index of the first sample that crosses the level; None if no sample does."""
+        """Return the index of the first sample after a crossing; None if there is no crossing."""
         is_beyond = values >= self.level if self.is_rising else values <= self.level
         indices = np.flatnonzero(is_beyond[1:] & ~is_beyond[:-1])
         return int(indices[0]) + 1 if len(indices) else None
 
 
 class RecordingSpan(NamedTuple):
-    """The start and the duration of a recording."""
+    """Start and duration of a recording."""
 
-    # time before the start or before the crossing, s; 0 to :data:`BUFFER_S`
+    # time before the start or the crossing, s; 0 to :data:`BUFFER_S`
     pretrigger_s: float = 0.0
-    duration_s: float = math.inf  # duration after the start, s; infinite until it is stopped
-    crossing: LevelCrossing | None = None  # start condition
+    duration_s: float = math.inf  # duration after the start, s; infinite if the user must stop it
+    crossing: LevelCrossing | None = None  # condition for the start; None: immediately
 
 
 class TickRecorder:
-    """Buffers the last seconds with every tick, and writes recordings to one folder."""
+    """A recorder that buffers the last seconds with every tick, and writes recordings to a folder."""
 
     def __init__(
         self, signals: Sequence[Signal], rate: float, folder: Path, notify: Callable[[str], None]
@@ -309,19 +309,20 @@ class TickRecorder:
         self._file: RecordingFile | None = None
         self._span = RecordingSpan()
         self._next_row: int | None = (
-            None  # number of the next row to write; None while waiting for a crossing
+            # number of the row that is written next; None while the recording waits for a crossing
+            None
         )
-        self._first_tick, self._last_tick = 0, math.inf  # ticks
+        self._first_tick, self._last_tick = 0, math.inf  # first and last tick of the recording
 
     def make_level_crossing(self, signal: str, level: float, rising: bool) -> LevelCrossing:
-        """Return a start condition: a signal crosses a level."""
+        """Return the start condition that a signal crosses a level."""
         names = [one.name for one in self._signals]
         if signal not in names:
             raise InputError(f"trigger: no signal '{signal[:40]}'", code="no-such-signal", key="trigger")
         return LevelCrossing(1 + names.index(signal), level, rising)
 
     def start(self, name: str, span: RecordingSpan, tick: int) -> None:
-        """Start a recording in a new file of the folder."""
+        """Start a recording in a new file in the folder."""
         if not _NAME.fullmatch(name):
             raise InputError(
                 "record: a name is of letters, digits, blanks, points, _ and -, without a folder",
@@ -348,7 +349,7 @@ class TickRecorder:
             self.start_in_file(start_recording(self.folder / name, self._signals, self._rate), span, tick)
 
     def start_in_file(self, file: RecordingFile, span: RecordingSpan, tick: int) -> None:
-        """Start a recording in an open file."""
+        """Start a recording in a file that is already open."""
         with self._lock:
             self.error_text = ""
             self._file, self._span, self._next_row = file, span, None
@@ -356,25 +357,26 @@ class TickRecorder:
                 self._set_limits_around(tick + 1)
 
     def stop(self, tick: int) -> None:
-        """End the recording after a tick. If it still waits for a crossing, its file is removed."""
+        """End the recording after a tick; remove its file if it still waits for a crossing."""
         with self._lock:
             if self._file is None:
                 raise InputError("record: no recording runs", code="no-recording", key="record")
             if self._next_row is None:
                 path = self._file.path
                 self._close_file("left, nothing crossed")
-                path.unlink()  # after closing: Windows cannot remove an open file
+                # This must follow the closing, because Windows cannot remove an open file.
+                path.unlink()
             else:
                 self._last_tick = min(self._last_tick, tick)
 
     def note(self, tick: int, text: str) -> None:
-        """Write a note to the running recording."""
+        """Write a note into the active recording."""
         with self._lock:
             if self._file is not None:
                 self._write_or_stop(lambda file: file.write_note(tick, text))
 
     def run(self, subscription: Subscription) -> None:
-        """Buffer and write all rows of a subscription until it ends; runs in its own thread."""
+        """Buffer and write all rows of a subscription until it ends; needs a separate thread."""
         while True:
             try:
                 rows = subscription.get(0.0 if self._has_rows_to_write() else _MAX_WRITE_DELAY_S)
@@ -393,7 +395,7 @@ class TickRecorder:
                 self._close_file("written")
 
     def status(self) -> Mapping[str, Any] | None:
-        """Return the state of the running recording for a page."""
+        """Return the state of the active recording, which a page shows."""
         with self._lock:
             file = self._file
             if file is None:
@@ -401,7 +403,7 @@ class TickRecorder:
             return {"file": file.path.name, "rows": file.rows, "waits": self._next_row is None}
 
     def _buffer_rows(self, rows: FloatArray) -> None:
-        """Add rows to the buffer and search them for the crossing."""
+        """Add rows to the buffer, and search them for a level crossing."""
         last = self._ring.total - 1
         self._ring.append(rows)
         crossing = self._span.crossing
@@ -414,17 +416,17 @@ class TickRecorder:
             self._notify(f"{self._file.path.name}: tick {int(searched_rows[row, 0])} crossed the level")
 
     def _set_limits_around(self, tick: int) -> None:
-        """Set the first and the last tick of the recording relative to a tick."""
+        """Set the first and the last tick of the recording relative to a given tick."""
         self._first_tick = tick - round(self._span.pretrigger_s * self._rate)
         self._last_tick = tick - 1 + self._span.duration_s * self._rate
         self._next_row = self._ring.find_tick(self._first_tick)
 
     def _has_rows_to_write(self) -> bool:
-        """Whether buffered rows have not been written yet."""
+        """Whether some buffered rows have not been written yet."""
         return self._file is not None and self._next_row is not None and self._next_row < self._ring.total
 
     def _write_waiting_rows(self) -> None:
-        """Write some of the waiting rows; close the file after its last tick."""
+        """Write some of the rows that wait; close the file after its last tick."""
         if self._next_row is None or not self._ring.total:
             return
         end = min(self._ring.total, self._next_row + _ROWS_PER_WRITE)
@@ -437,7 +439,7 @@ class TickRecorder:
             self._close_file("written")
 
     def _write_or_stop(self, write: Callable[[RecordingFile], None]) -> None:
-        """Write to the file. An error of the disk ends the recording, not the bench."""
+        """Write to the file. A disk error ends the recording, but not the bench."""
         if self._file is None:
             return
         try:

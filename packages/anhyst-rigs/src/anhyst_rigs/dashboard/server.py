@@ -1,4 +1,4 @@
-"""Serve the page, its files and one WebSocket for each browser."""
+"""Serve the page, its files, and one WebSocket for each browser."""
 
 from __future__ import annotations
 
@@ -30,12 +30,11 @@ from anhyst_rigs.rig.bench.protocol import Parameter
 from anhyst_rigs.study.improve import DrawnLoop
 
 HANDOVER_TIMEOUT_S = 10.0
-"""Time after which a requesting browser becomes the operator if the current operator does not
-answer, s."""
+"""Time in which an operator must answer a request for control, s; then the request is granted."""
 
 
 class OperatorDesk:
-    """Decides which browser operates the bench; all others watch."""
+    """The rule which browser operates the bench; all other browsers only watch."""
 
     def __init__(self) -> None:
         self.operator = 0
@@ -43,29 +42,26 @@ class OperatorDesk:
         self._request_time = 0.0
 
     def join(self, client: int) -> None:
-        """Add a browser. It becomes the operator if there is none."""
+        """Add a browser, which becomes the operator if there is none."""
         if not self.operator:
             self.operator = client
 
     def leave(self, client: int) -> None:
-        """Remove a browser. If it was the operator, the requesting browser takes over."""
+        """Remove a browser. If it was the operator, the browser that requests control takes over."""
         if self.requesting == client:
             self.requesting = 0
         if self.operator == client:
             self.operator, self.requesting = self.requesting, 0
 
     def request(self, client: int) -> None:
-        """Request control; without an operator it is granted immediately.
-
-        Only one request can wait.
-        """
+        """Request control for a browser; it is granted if nobody operates. Only one can wait."""
         if not self.operator:
             self.operator = client
         elif client != self.operator and not self.requesting:
             self.requesting, self._request_time = client, time.monotonic()
 
     def answer(self, client: int, hand_over: bool) -> None:
-        """Grant or reject the waiting request; only the operator can do this."""
+        """Grant or reject the waiting request; only the operator may answer."""
         if client == self.operator and self.requesting:
             self.operator = self.requesting if hand_over else self.operator
             self.requesting = 0
@@ -77,7 +73,7 @@ class OperatorDesk:
 
 
 def make_welcome_message(session: LiveSession, title: str, client_number: int) -> Mapping[str, Any]:
-    """Return the first message to a page."""
+    """Return the first message that a page receives."""
     bench = session.bench
     return {
         "kind": "bench",
@@ -106,7 +102,7 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
 
 
 def describe_loops(session: LiveSession) -> list[dict[str, Any]]:
-    """Return the loops that the page draws below the running one."""
+    """Return the loops that the page draws behind the running loop."""
     return [curve._asdict() for curve in session.curves]
 
 
@@ -133,7 +129,7 @@ _Result = TypeVar("_Result")
 
 
 class Client:
-    """A connected browser and the data that wait for it."""
+    """A browser that is connected, and the data that wait for it."""
 
     def __init__(self, number: int, socket: WebSocket, ticks_per_row: int) -> None:
         self.number = number
@@ -147,15 +143,15 @@ class Client:
 
     @property
     def name(self) -> str:
-        """Name in the log."""
+        """Name of the browser in the log."""
         return f"browser {self.number}"
 
     def queue_message(self, message: Mapping[str, Any]) -> None:
-        """Queue a message; it is sent before the next frame."""
+        """Queue a message, which is sent before the next frame."""
         self._answers.append(message)
 
     async def send_waiting(self) -> None:
-        """Send all waiting data. A slow browser makes this call slow."""
+        """Send all data that wait; this takes long if the browser is slow."""
         while self._answers:
             await self.send_message(self._answers.popleft())
         for run in self.outbox.take_all():
@@ -167,7 +163,7 @@ class Client:
 
 
 class LiveServer:
-    """Connects browsers with a session."""
+    """A server that connects browsers with a session."""
 
     def __init__(self, session: LiveSession, title: str, names: frozenset[str], token: str = "") -> None:
         self.session = session
@@ -192,7 +188,7 @@ class LiveServer:
             return
 
     async def _has_token(self, socket: WebSocket) -> bool:
-        """Whether a browser sends the token, if one is required."""
+        """Whether a browser sends the token, if a token is required."""
         if not self._token:
             return True
         await socket.send_text(json.dumps({"kind": "token"}))
@@ -222,7 +218,7 @@ class LiveServer:
             del self._clients[client.number]
 
     async def _send_frames(self, client: Client) -> None:
-        """Send frames as fast as the browser accepts them, and the status periodically."""
+        """Send frames as fast as the browser accepts them, and the status at regular times."""
         clock = asyncio.get_running_loop().time
         due = 0.0
         try:
@@ -234,7 +230,7 @@ class LiveServer:
                 await client.send_waiting()
                 await asyncio.sleep(1.0 / _FRAME_RATE_HZ)
         except (WebSocketDisconnect, RuntimeError):
-            return  # the browser left during a transmission; the receiver detects this too
+            return  # The browser left during a transmission, which the receiver detects too.
 
     async def _send_status(self, client: Client) -> None:
         await client.send_message(self._make_status(client))
@@ -281,7 +277,7 @@ class LiveServer:
             await self._handle_message(client, message)
 
     async def _handle_message(self, client: Client, message: Mapping[str, Any]) -> None:
-        """Execute the order of a browser and answer it. Every browser may stop the rig."""
+        """Execute the order of a browser, and answer it. Every browser may stop the rig."""
         number = message.get("id")
         try:
             result = await self._perform_order(client, message)
@@ -311,7 +307,7 @@ class LiveServer:
 
 
 def page_routes(name: str) -> list[BaseRoute]:
-    """Return the routes of a page and of its files."""
+    """Return the routes for a page and its files."""
 
     async def page(_request: object) -> FileResponse:
         return FileResponse(ASSETS_FOLDER / name)

@@ -1,4 +1,4 @@
-"""Save the active parameters under a name in a folder, and read such parameter sets."""
+"""Save the active parameters as a named set in a folder, and read such parameter sets."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MAX_FILE_BYTES = 1 << 20
 
 
 class ParameterSets:
-    """The parameter sets of a folder."""
+    """The parameter sets in a folder."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -31,7 +31,7 @@ class ParameterSets:
         self._list_names()
 
     def save(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """Save the active values under a new name."""
+        """Save the active values as a set with a new name."""
         path = self._path(name)
         self._list_names()
         if name in self.names:
@@ -50,7 +50,7 @@ class ParameterSets:
         self._list_names()
 
     def read(self, name: str) -> dict[str, dict[str, Any]]:
-        """Return the value and the unit of each parameter of a set, by name."""
+        """Return the value and the unit of each parameter in a set, by parameter name."""
         path = self._path(name)
         try:
             with path.open(encoding="utf-8") as file:
@@ -92,7 +92,7 @@ def _read_entry(file: str, key: object, entry: object) -> dict[str, Any]:
 def changed_values(
     parameters: Sequence[Parameter], saved: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, float]:
-    """Return the values of a set that differ from the active ones."""
+    """Return the values in a set that differ from the active ones."""
     current = {parameter.name: parameter for parameter in parameters}
     for name, saved_value in saved.items():
         if name not in current:

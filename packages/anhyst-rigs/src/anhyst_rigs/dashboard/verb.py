@@ -29,12 +29,11 @@ from anhyst_rigs.study.prepared_benches import Prepared
 from anhyst_rigs.study.tracking.online_calibration import BenchCalibrator
 
 _MAX_CONNECTIONS = 512
-"""Maximum number of connections. It is half of the number of files that most systems allow a
-process."""
+"""Maximum number of connections: half of the number of files that most systems allow a process."""
 
 _PING_TIMEOUT_S = 60.0
-"""A browser that does not answer a ping within this time has left, s. A slow browser first draws
-frames."""
+"""Time after which a browser that does not answer a ping counts as gone, s. A slow one draws first.
+"""
 
 _SHUTDOWN_S = 2
 """Time for browsers to disconnect when the server ends, s."""
@@ -61,7 +60,7 @@ def listen_on(host: str, port: int) -> socket.socket:
 def make_server(
     session: LiveSession, title: str, address: tuple[str, int], token: str = ""
 ) -> uvicorn.Server:
-    """Return the server of a session's page."""
+    """Return the server for the page of a session."""
     return make_quiet_server(
         LiveServer(session, title, allowed_host_names(*address), token).app,
         ws="websockets-sansio",
@@ -74,11 +73,11 @@ def make_server(
 
 
 _SWITCH_INTERVAL_S = 0.5e-3
-"""Time after which a thread yields to the pacer, s. Python's default of 5 ms is several chunks."""
+"""Time after which a thread must yield to the pacer, s; Python's 5 ms would be several chunks."""
 
 
 def reduce_latency() -> None:
-    """Reduce the delays that other threads and the garbage collection cause in the pacer."""
+    """Reduce the delays of the pacer that other threads and the garbage collection cause."""
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     gc.collect()
     gc.freeze()
@@ -102,7 +101,7 @@ def serve(
         with raised_priority():
             server.run(sockets=[listening_socket])
     except KeyboardInterrupt:
-        pass  # the normal way to end the server
+        pass  # Ctrl-C is the normal end of the server.
     finally:
         session.close()
         listening_socket.close()
@@ -185,13 +184,13 @@ def live(
 def _open_bench(
     rig: Path, controller: PathLike | None, url: str | None, known: PathLike | None, progress: Progress | None
 ) -> tuple[Bench, Improver | None, BenchCalibrator | None]:
-    """Open a virtual rig with its improver and estimator, or a running controller."""
+    """Open a virtual rig or a running controller, with an improver and an estimator if possible."""
     if url is not None:
         on_board = None if known is None else prepare_board(known, rig)
         board = open_board(rig, url)
         return board, None if on_board is None else Improver(on_board, board), None
     with prepare_cached(rig, controller, progress) as prepared:
-        return open_prepared(prepared)  # the firmware continues without the folder
+        return open_prepared(prepared)  # The firmware does not need the folder any more.
 
 
 def open_prepared(prepared: Prepared) -> tuple[Bench, Improver | None, BenchCalibrator | None]:

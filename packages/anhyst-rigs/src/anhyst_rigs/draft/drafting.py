@@ -1,4 +1,4 @@
-"""Write a folder with a runnable rig from measured loops, as ``anhyst init`` does."""
+"""Write a folder with a rig that is ready to run, from measured loops: the command ``anhyst init``."""
 
 from __future__ import annotations
 
@@ -32,38 +32,38 @@ BEARING_COMMANDS = (
     "anhyst simulate {out}/rig.toml --out {out}/run.csv",
     "anhyst tune {out}/rig.toml --out {out}/tuned",
 )
-"""Commands to run in a drafted bearing."""
+"""Commands that can be run next with a drafted bearing."""
 FORCE_COMMANDS = ("anhyst force-control {out}/rig.toml --out {out}/run",)
-"""Commands to run in a drafted force rig."""
+"""Commands that can be run next with a drafted force rig."""
 STAGE_COMMANDS = ("anhyst simulate {out}/rig.toml --out {out}/run.csv",)
-"""Commands to run in a drafted stage."""
+"""Commands that can be run next with a drafted stage."""
 PIEZO_COMMANDS = (
     "anhyst simulate {out}/rig.toml --out {out}/run.csv",
     "anhyst tune {out}/rig.toml --out {out}/tuned",
     "anhyst excite {out}/rig.toml --out {out}/own.csv",
 )
-"""Commands to run in a drafted piezo stage."""
+"""Commands that can be run next with a drafted piezo stage."""
 
 RIG_FILE = "rig.toml"
 """Name of the rig file."""
 CONTROLLER_FILE = "controller.toml"
 """Name of the controller file."""
 LOOPS_FOLDER = "loops"
-"""Folder for copies of the loops, so that their names cannot collide with other files."""
+"""Folder for copies of the loops, in which their names cannot collide with those of other files."""
 
 
 @dataclass(frozen=True)
 class Drafted:
-    """Files of a draft.
+    """The files of a draft.
 
     Parameters
     ----------
     out : Path
         The folder.
     files : tuple of str
-        In the folder.
+        Names of the files in the folder.
     run : tuple of str
-        Next commands.
+        Commands that can be run next.
     found : tuple of str, optional
         Properties of the loops, one for each line.
     guessed : mapping of str to str, optional
@@ -97,7 +97,7 @@ def init_bearing(
     options: ReadOptions | None = None,
     progress: Progress | None = None,
 ) -> Drafted:
-    """Write rig and controller file of a bearing, and a copy of the loops."""
+    """Write the rig file and the controller file of a bearing, and a copy of the loops."""
     check_new(out, [RIG_FILE, CONTROLLER_FILE, LOOPS_FOLDER])
     options = options or ReadOptions()
     source = _LoopSource(paths, options)
@@ -121,7 +121,7 @@ def init_bearing(
 
 
 def _init_piezo(loops: Loops, source: _LoopSource, out: PathLike, request: MachineRequest) -> Drafted:
-    """Write the rig file of a piezo stage, and a copy of the loops to which its stack is fitted."""
+    """Write the rig file of a piezo stage, and a copy of the loops to which the stack is fitted."""
     if request != MachineRequest():
         raise InputError(
             "--mass, --load and --gap are for magnets, but loops over a voltage belong to a piezo "
@@ -168,7 +168,7 @@ def init_rig(
 
 
 class _LoopSource:
-    """The loops of a draft: names and copies."""
+    """The loops of a draft, their names, and the copies of their files."""
 
     def __init__(self, paths: Sequence[PathLike], options: ReadOptions) -> None:
         self.name = Path(paths[0]).resolve().name
@@ -198,7 +198,7 @@ def _write_draft(
     found: tuple[str, ...],
     machine: Machine | None = None,
 ) -> Drafted:
-    """Write the files and describe the draft."""
+    """Write the files, and return a description of the draft."""
     add_files(out, {name: draft.text for name, draft in files.items()}, source.copies)
     return Drafted(
         Path(out),

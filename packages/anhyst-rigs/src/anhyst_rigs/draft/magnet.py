@@ -1,4 +1,4 @@
-"""Evaluate the loops of a magnet for a draft, and complete the data of its machine by guesses."""
+"""Evaluate the loops of a magnet for a draft, and guess the missing data of its machine."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import round_down, round_nearest
 
 TOP_CURRENT_RATIO = 0.95
-"""Fraction of the largest current above which samples determine its force."""
+"""Fraction of the largest current, above which samples determine the force at this current."""
 
 USABLE_FORCE_RATIO = 0.95
 """Fraction of the measured force that a controller may demand."""
 
 MAX_DEMAND_TO_SMALLEST_FORCE = 4.0
-"""Largest ratio of the demanded force to the force at the gap where the magnet is weakest."""
+"""Largest ratio of a demanded force to the smallest force over all gaps at the largest current."""
 
 MIN_LOAD_RATIO = 0.01
-"""Smallest load, as a fraction of the usable force at the operating gap. A smaller load is within
-the uncertainty of the loops."""
+"""Smallest load, as a fraction of the usable force at the operating gap. The loops are too
+uncertain for a smaller load."""
 
 MIN_BRANCH_SAMPLES = 12
-"""Smallest number of samples of a branch for an estimate of its noise."""
+"""Smallest number of samples of a branch from which its noise is estimated."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMagnet:
-    """A magnet as described by its loops."""
+    """A magnet, described by its loops."""
 
-    loops: Loops  # force over current at one or several gaps; slow loops only
+    loops: Loops  # only slow loops of force over current, at one or several gaps
     gaps: FloatArray  # measured gaps, m, ascending; shape (g,)
     current_high: float  # largest current that was measured at every gap, A
-    forces: FloatArray  # force at that current, N; shape (g,)
-    # rates of the fastest loops, Hz and A/s, or None if the rate does not matter
+    forces: FloatArray  # force at this current, N; shape (g,)
+    # cycle rate, Hz, and current rate, A/s, of the fastest loops; None if rates do not matter
     fastest: tuple[float, float] | None = None
 
     def usable_force(self, gap: float) -> float:
         """Return the largest force that a controller may demand at a gap, N.
 
-        It is a little below the loops at this gap. It is also limited relative to the force at the
-        gap where the magnet is weakest. Beyond this limit, the fitted model would extrapolate.
+        It is slightly below the force of the loops at this gap. It is also limited relative to the
+        smallest force over all gaps, because the fitted model would otherwise extrapolate.
         """
-        # The reciprocal root of the force is nearly linear in the gap.
+        # The reciprocal root of the force is almost linear in the gap.
         force = float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
         return min(USABLE_FORCE_RATIO * force, MAX_DEMAND_TO_SMALLEST_FORCE * float(self.forces.min()))
 
     def slopes(self, force: float, gap: float) -> Tangent:
-        """Return the slopes of the force with respect to current and gap at an operating point."""
+        """Return the slopes of the force over current and over gap at an operating point."""
         force_high = self.usable_force(gap)
         if force < MIN_LOAD_RATIO * force_high:
             raise InputError(
@@ -93,7 +93,7 @@ class MeasuredMagnet:
 
     @property
     def pace(self) -> tuple[float, float] | None:
-        """Time between rows, s, and rate of the current, A/s; None without times."""
+        """Sample interval, s, and rate of the current, A/s; None if the loops have no times."""
         steps, sweeps = [], []
         for loop in self.loops.loops:
             if loop.time is None:
@@ -107,13 +107,13 @@ class MeasuredMagnet:
 
 
 def evaluate_loops(loops: Loops) -> MeasuredMagnet:
-    """Evaluate the loops of a magnet."""
+    """Evaluate the loops of a magnet, and return the result."""
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
     fastest, loops = _fastest_rate(loops), select_slow_loops(loops)
     groups = loops.by_schedule()
     current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
-    current_high = round_nearest(current_high, 3)  # readings are noisy
+    current_high = round_nearest(current_high, 3)  # because readings are noisy
     if not current_high > 0.0:
         text = "at one gap no current above 0 A was measured; invert the sign of the current"
         raise InputError(text, code="current-negative")
@@ -126,7 +126,7 @@ def evaluate_loops(loops: Loops) -> MeasuredMagnet:
 
 
 def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
-    """Return the rates of the fastest loops, Hz and A/s, or None if the rate does not matter."""
+    """Return cycle rate, Hz, and current rate, A/s, of the fastest loops; None if irrelevant."""
     speeds = group_by_speed(loops)
     if speeds is None or find_rate_effect(loops, speeds) is None:
         return None
@@ -150,18 +150,18 @@ GRAVITY_M_PER_S2 = 9.81
 """Acceleration of gravity, m/s^2."""
 
 MIN_LIFT_RATIO = 1.1
-"""Smallest ratio of the magnet's force to the load, at every gap, for a reliable lift-off."""
+"""Smallest ratio of the magnet's force to the load at any gap, for a reliable lift-off."""
 
 DEFAULT_LOAD_RATIO = 0.5
-"""Default load, as a fraction of the force at the gap where the magnet is weakest."""
+"""Default load, as a fraction of the smallest force over all gaps at the largest current."""
 
 STOP_CLEARANCE_RATIO = 0.05
-"""Smallest distance between the operating gap and a stop, as a fraction of the travel."""
+"""Smallest distance of the operating gap from a stop, as a fraction of the travel."""
 
 
 @dataclass(frozen=True, slots=True)
 class MachineRequest:
-    """Data of a machine that a user gives, or None for values to guess."""
+    """Data of a machine that the user gives; None for values that are to be guessed."""
 
     mass: float | None = None  # moving mass, kg
     load: float | None = None  # load that opens the gap, N
@@ -170,7 +170,7 @@ class MachineRequest:
 
 @dataclass(frozen=True, slots=True)
 class GuessedValue:
-    """A value, and the source of its guess; empty if it was given."""
+    """A value, and the source of its guess, which is empty if the user gave the value."""
 
     number: float
     guess: str = ""
@@ -180,7 +180,7 @@ class GuessedValue:
 class Machine:
     """Moving mass, load and operating gap of a machine."""
 
-    mass: GuessedValue  # kg, N, m
+    mass: GuessedValue  # mass, kg; load, N; gap, m
     load: GuessedValue
     gap: GuessedValue
     stops: tuple[float, float]  # smallest and largest gap, m
@@ -192,7 +192,7 @@ class Machine:
         return min(gap - self.stops[0], self.stops[1] - gap)
 
     def list_guesses(self) -> dict[str, str]:
-        """Return guessed options with their values, and the sources of the guesses."""
+        """Return the options that were guessed, with their values and the sources of the guesses."""
         return {
             f"--{name} {value.number:g}": value.guess
             for name, value in {"mass": self.mass, "load": self.load, "gap": self.gap}.items()
@@ -201,7 +201,7 @@ class Machine:
 
 
 def guess_missing_machine_data(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
-    """Return the data of a machine; values that the user did not give are guessed."""
+    """Return the data of a machine, and guess values that the user did not give."""
     for name, number, unit in (
         ("mass", request.mass, "kg"),
         ("load", request.load, "N"),
@@ -246,7 +246,7 @@ def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue
 
 
 def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue:
-    weakest = int(magnet.forces.argmin())  # the largest gap, except for a solenoid with a cone
+    weakest = int(magnet.forces.argmin())  # the largest gap, unless a solenoid has a cone
     weakest_force, weakest_gap = float(magnet.forces[weakest]), float(magnet.gaps[weakest])
     if request.load is not None:
         load = GuessedValue(request.load)

@@ -1,7 +1,7 @@
 """Fit a piezo stack with Bouc-Wen hysteresis and creep to loops of displacement against voltage.
 
 The displacement of a free stack is ``d*u + b*u^2 - h`` plus creep, with the voltage u and ``dh =
-a*du - beta*|du|*h - gamma*du*|h|``. Because ``h`` is proportional to ``a``, one least-squares
+a*du - beta*|du|*h - gamma*du*|h|``. Because ``h`` is proportional to ``a``, a single least-squares
 problem gives d, b and a, with d and a not negative. An outer search varies beta, gamma, the lag of
 the measurement and the fractions of the creep.
 """
@@ -24,54 +24,55 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import Draft, render_draft
 
 CREEP_TIME_RATIOS = (1 / 100, 1 / 10, 1.0)
-"""Time constants of creep, as fractions of the longest record. The record contains only the
-beginning of slower creep."""
+"""Time constants of creep, as fractions of the longest record, which shows slower creep
+incompletely."""
 MIN_CREEP_CYCLES = 2.0
-"""Shortest time constant of creep in cycles, if all loops have one rate; shorter creep looks like a
-wider loop."""
+"""Shortest time constant of creep in cycles, if all loops have one rate; shorter creep looks like
+width."""
 MAX_LAG_SAMPLES = 3.0
-"""Longest lag in samples if loops have several rates; with one rate the limit is one sample."""
+"""Longest lag if the loops have several rates, in samples; for a single rate, it is one sample."""
 MIN_RATE_RATIO = 3.0
-"""Smallest ratio of rates that counts as several rates."""
+"""Smallest ratio of the fastest to the slowest rate that counts as several rates."""
 MAX_CREEP_RESIDUAL_RATIO = 0.97
-"""Largest ratio of the residuals with and without creep that justifies creep."""
+"""Largest ratio of the residual with creep to that without, for which creep is included."""
 OUTLIER_RATIO = 10.0
-"""Residual of an outlier, relative to the median residual."""
+"""Ratio to the median residual, above which a residual counts as an outlier."""
 MAX_OUTLIER_SHARE = 0.02
 """Largest fraction of outliers that are excluded. If there are more, all samples are used."""
 MAX_RESIDUAL_RATIO = 0.05
-"""Largest rms residual of loops that count as loops of a stack, as a fraction of the stroke."""
+"""Largest rms residual with which loops count as those of a stack, as a fraction of the stroke."""
 MAX_FIT_SAMPLES = 6_000
-"""Largest number of fitted samples."""
+"""Largest number of samples in the fit."""
 INITIAL_LOG_BETAS = (0.5, 2.5)
-"""Initial guesses of the logarithm of beta times the range of the voltage."""
+"""Initial guesses of the logarithm of beta times the voltage range."""
 _TINY = 1e-12
 
 
 @dataclass(frozen=True)
 class FittedStack:
-    """A stack fitted to loops, with the keys of ``[[stack]]``."""
+    """A stack that was fitted to loops, with the keys of ``[[stack]]``."""
 
     numbers: dict[str, float]
-    creep_times: tuple[float, ...]  # s
+    creep_times: tuple[float, ...]  # time constants of the creep, s
     creep_shares: tuple[float, ...]
-    low: float  # range of the voltage, V
+    low: float  # ends of the voltage range, V
     high: float
     stroke: float  # range of the displacement, m
-    remains: float  # displacement at the lowest voltage after the highest, the lower limit of a stage, m
-    rms: float  # residual, m
-    rms_without_creep: float  # residual without creep, m
-    has_times: bool  # without times creep is unknown
+    # displacement at the lowest voltage after the highest, the lower limit of a stage, m
+    remains: float
+    rms: float  # rms residual, m
+    rms_without_creep: float  # rms residual without creep, m
+    has_times: bool  # whether the loops have times, without which creep is unknown
 
     @property
     def fit_text(self) -> str:
-        """Residual of the fit, in words."""
+        """Residual of the fit as text."""
         size, stroke = f"{1e6 * self.rms:.3g}", f"{1e6 * self.stroke:.3g}"
         return f"{size} um rms, {100.0 * self.rms / self.stroke:.2g} % of the stroke of {stroke} um"
 
     @property
     def creep_text(self) -> str:
-        """Fitted creep, or the reason why there is none."""
+        """Creep that was fitted, or the reason why there is none, as text."""
         if not self.has_times:
             return "the loops have no times"
         if not self.creep_times:
@@ -127,7 +128,7 @@ def fit_stack(loopset: Loops) -> FittedStack:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Result of a fit.
+    """The result of a fit.
 
     ``shape`` contains the logarithm of beta times the voltage range, the ratio of gamma to beta,
     the lag in samples, and the fractions of the creep.
@@ -136,12 +137,12 @@ class _Fit:
     shape: FloatArray
     creep_times: tuple[float, ...]
     weights: FloatArray  # stroke, bend, slope and offset, relative to the ranges
-    deviation: FloatArray  # m
-    rms: float  # m
+    deviation: FloatArray  # residuals, m
+    rms: float  # rms residual, m
 
 
 class _FitProblem:
-    """Loops and the least-squares problem; voltages are fractions of their range."""
+    """The loops and the least-squares problem, in which voltages are fractions of their range."""
 
     def __init__(self, loopset: Loops) -> None:
         stride = 1 + sum(loop.n for loop in loopset.loops) // MAX_FIT_SAMPLES
@@ -179,12 +180,12 @@ class _FitProblem:
         self.masks = [np.ones(loop.input[self.selection].size, dtype=np.bool_) for loop in self.loops]
 
     def displacements(self) -> list[FloatArray]:
-        """Return the displacements that are fitted, m."""
+        """Return the displacements to which the stack is fitted, m."""
         pairs = zip(self.loops, self.masks, strict=True)
         return [loop.output[self.selection][mask] for loop, mask in pairs]
 
     def fit(self, creep_times: tuple[float, ...], initial: _Fit | None = None) -> _Fit:
-        """Find the shape with the smallest residual."""
+        """Return the fit with the smallest residual."""
         from scipy.optimize import least_squares
 
         min_creep_shares = [0.0] * len(creep_times)
@@ -207,7 +208,7 @@ class _FitProblem:
         return min(fits, key=lambda fit: fit.rms)
 
     def exclude_outliers(self, fit: _Fit) -> None:
-        """Exclude a few samples with a large residual, such as those while an amplifier starts."""
+        """Exclude samples with a large residual if they are few, as while an amplifier starts."""
         is_close = np.abs(fit.deviation) <= OUTLIER_RATIO * np.median(np.abs(fit.deviation))
         if np.count_nonzero(~is_close) <= MAX_OUTLIER_SHARE * is_close.size:
             ends = np.cumsum([mask.size for mask in self.masks])[:-1]
@@ -222,7 +223,8 @@ class _FitProblem:
             for loop, mask in zip(self.loops, self.masks, strict=True)
         ]
         matrix, target = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
-        signed_columns = np.hstack([matrix, -matrix[:, 1::2]])  # two columns may have either sign
+        # Two of the columns may have either sign.
+        signed_columns = np.hstack([matrix, -matrix[:, 1::2]])
         normal = signed_columns.T @ signed_columns
         factor = np.linalg.cholesky(normal + 1e-12 * np.trace(normal) * np.eye(normal.shape[0]))
         weights, _ = nnls(factor.T, np.linalg.solve(factor, signed_columns.T @ target), maxiter=1000)
@@ -248,9 +250,9 @@ class _FitProblem:
     def _creep(
         self, loop: Loop, columns: FloatArray, creep_shares: FloatArray, creep_times: Sequence[float]
     ) -> FloatArray:
-        """Return the creep of some columns.
+        """Return the creep of given columns.
 
-        It starts at rest at the first sample. For a steady-state loop, it starts about the mean.
+        It begins at rest at the first sample; for a steady-state loop, it begins about the mean.
         """
         from scipy.signal import lfilter
 
@@ -267,8 +269,8 @@ class _FitProblem:
 def bouc_wen_state(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
     """Return h of the Bouc-Wen model for a = 1 along a drive that begins without hysteresis.
 
-    The solution is exact between reversal points. With the travel v and g = h in its direction,
-    dg/dv = 1 - beta*g - gamma*|g|, where gamma is ``ratio`` times beta.
+    The solution is exact between reversal points. With the travel v and with g = h in its
+    direction, dg/dv = 1 - beta*g - gamma*|g|, where gamma is ``ratio`` times beta.
     """
     step = np.diff(drive)
     moving = np.flatnonzero(step)
@@ -299,10 +301,10 @@ def _branch(travel: FloatArray, start: float, beta: float, ratio: float) -> Floa
 
 
 EXAMPLE_RESONANCE_HZ = 480.0
-"""Resonance of the example, Hz; loops do not show it."""
+"""Resonance of the example, Hz, because loops do not show a resonance."""
 
 DEFAULT_NOISE_RATIO = 1e-4
-"""Default noise, as a fraction of the stroke, if the loops show none."""
+"""Noise as a fraction of the stroke, if the loops contain no noise."""
 
 
 def draft_piezo(name: str, loops: Loops, stack: FittedStack) -> Draft:

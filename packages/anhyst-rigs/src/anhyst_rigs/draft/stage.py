@@ -1,7 +1,7 @@
-"""Draft the rig file of a one-axis stage between two magnets from the loops of one of them.
+"""Draft the rig file of a one-axis stage between two magnets, from the loops of one of them.
 
-The rules use the ratios of ``examples/stage``: its loops and its mass give the values of its rig
-file.
+The rules use the ratios of ``examples/stage``: from its loops and its mass, they reproduce the
+values in its rig file.
 """
 
 from __future__ import annotations
@@ -16,21 +16,23 @@ from anhyst_rigs.draft.text import Draft, render_draft, round_down, round_neares
 RATE_HZ = 20e3
 """Tick rate, Hz."""
 ACCELERATING_FORCE_RATIO = 0.9
-"""Fraction of the largest force that accelerates the mass; the rest is for the feedback."""
+"""Fraction of the largest force that accelerates the mass; the rest is reserved for the feedback.
+"""
 PEAK_M_PER_S2 = 22.0
-"""Acceleration for the guess of the mass, m/s^2."""
+"""Acceleration from which the mass is guessed, m/s^2."""
 TRAINING_RATIOS = (1.0, 0.7, 0.4, 0.9, 0.5)
-"""Turnarounds of the training set-point, as fractions of the largest acceleration."""
+"""Accelerations of the training set-point's turnarounds, as fractions of the largest acceleration.
+"""
 TEST_RATIOS = (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
-"""Turnarounds of the test set-point, as fractions of the largest acceleration."""
+"""Accelerations of the test set-point's turnarounds, as fractions of the largest acceleration."""
 JERK_PHASE_S = 7.5e-3
-"""Jerk phase of the set-point, s."""
+"""Duration of the jerk phase of the set-point, s."""
 FULL_SWINGS_PER_JERK_PHASE = 10.0
-"""Ratio of the jerk phase to the time for a full-range current swing."""
+"""Ratio of the jerk phase to the time of a current swing over the full range."""
 
 
 def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: MachineRequest) -> Draft:
-    """Draft the rig file of a stage between two of these magnets."""
+    """Draft the rig file of a stage that moves between two magnets of the measured type."""
     low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if not 0.0 < low < high:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Render drafts as commented TOML with rounded numbers, and collect the guesses."""
+"""Render drafts as TOML with comments and rounded numbers, and collect the guesses."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from anhyst.support.toml_text import toml_key, toml_value, with_comment
 
 MAX_PREFIXED_VALUE = 1e-2
-"""Values below this limit are written with exponents of milli, micro and nano."""
+"""Limit below which values are written with exponents of milli, micro or nano."""
 
 
 class Draft(NamedTuple):
-    """A drafted file."""
+    """The text of a drafted file, and its guesses."""
 
     text: str
-    guesses: dict[str, str]  # key with its table and value, and the source of the guess
+    guesses: dict[str, str]  # guesses: key with table and value, and the source of the guess
 
 
 _TABLE_NAMES = {("sensor", "of"): "{}_sensor.", ("case", "kind"): "{}."}
-"""Name of a table in a list in :attr:`Draft.guesses`, by the key that identifies it."""
+"""Name of a table of a list in :attr:`Draft.guesses`, by the key that distinguishes the tables."""
 _COMMENT_MARK = "  # "
 _GUESS_MARK = "; guess: "
 
 
 def render_draft(template: str, **values: Any) -> Draft:
-    """Render a template; align its comments and collect those that mark a guess."""
+    """Render a template; align its comments, and collect those that contain a guess."""
     rendered = _templates().get_template(f"{template}.toml.j2").render(values)
     lines, guesses, section, table = [], {}, "", ""
     for line in rendered.removesuffix("\n").split("\n"):
@@ -51,7 +51,7 @@ def render_draft(template: str, **values: Any) -> Draft:
 
 @cache
 def _templates() -> Environment:
-    """Return the template environment: numbers are written as TOML, texts unchanged."""
+    """Return the environment for templates: numbers are written as TOML, texts unchanged."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
         undefined=StrictUndefined,
@@ -71,7 +71,7 @@ def _templates() -> Environment:
 
 
 def format_toml(value: object) -> str:
-    """Write a value as TOML; small numbers get exponents of milli, micro and nano, without loss.
+    """Write a value as TOML; small numbers get exponents of milli, micro or nano, without loss.
 
     >>> format_toml([0.45e-3, 50e-9, 20.0])
     '[0.45e-3, 50e-9, 20.0]'
@@ -94,7 +94,7 @@ _SLACK = 1e-9
 
 
 def round_nearest(value: float, digits: int = 2) -> float:
-    """Round to a number of significant digits."""
+    """Round a value to a number of significant digits."""
     return float(f"{value:.{digits - 1}e}")
 
 

@@ -1,4 +1,4 @@
-"""Build the firmware of a board from its sources and a compiled compensator."""
+"""Build the firmware of a board from its sources and from a compiled compensator."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _COMPILE_TIME_LIMIT_S = 300.0
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """The properties of a board."""
+    """How the firmware of a board is built."""
 
-    folders: tuple[str, ...]  # folders of ``firmware/boards`` with its sources
-    cpu: str = ""  # processor name of zig; empty for this PC
-    # header with instructions of the processor, from the folder ``port`` of a compiled folder
+    folders: tuple[str, ...]  # folders in ``firmware/boards`` that contain its sources
+    cpu: str = ""  # name of the processor in zig; empty for this PC
+    # header with processor instructions, from the folder ``port`` of a compiled folder
     port_header: str = ""
     options: tuple[str, ...] = ()  # further compiler options
 
@@ -66,19 +66,19 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
 
 
 def check_compiler(board: str) -> None:
-    """Check that the compiler for a board is installed."""
+    """Raise an error if the compiler for a board is not installed."""
     _compiler_command(board)
 
 
 def firmware_folder() -> Path:
-    """Return the folder of the firmware sources."""
+    """Return the folder that contains the sources of the firmware."""
     return shipped_folder("anhyst_rigs", "firmware", "_firmware", "boards")
 
 
 def _read_actuator_name(folder: Path) -> str:
     """Return the C name of the actuator of a compiled folder.
 
-    Refuses a rate that is not a whole number of 10 to 1,000,000 ticks per second.
+    Raise an error if the rate is not a whole number of 10 to 1,000,000 ticks per second.
     """
     require_kind(folder, [COMPILED_FOLDER])
     path = folder / _MANIFEST
@@ -107,7 +107,7 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     if controller_kind == "position":
         sources.append(folder / f"{actuator}_controller.c")
     else:
-        # A compensator without controller has no states, but the firmware has.
+        # A folder without a position controller lacks this source, which the firmware needs.
         sources.append(core_folder() / "src" / "control" / "supervisor.c")
     include.append(core_folder() / "include")
     for part in ("app", "link", "services", "xcp", controller_kind):
@@ -162,7 +162,8 @@ def _run_compiler(command: Sequence[str], board: str) -> str:
             text=True,
             timeout=_COMPILE_TIME_LIMIT_S,
             check=False,
-            cwd=firmware_folder() / "boards" / "cortex-m",  # linker scripts are included from here
+            # The compiler finds linker scripts from this folder.
+            cwd=firmware_folder() / "boards" / "cortex-m",
         )
     except subprocess.TimeoutExpired:
         raise NegativeResult(

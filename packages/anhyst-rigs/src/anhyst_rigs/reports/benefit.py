@@ -1,7 +1,7 @@
 """Draw the map of the benefit of compensation for different irons, and write its page.
 
-Each cell of the map is an iron with a certain loop width and reversible fraction. Its value is a
-metric of the run with compensation, divided by the same metric of a run without.
+Each cell of the map is an iron with a certain loop width and a certain reversible fraction. Its
+value is the ratio of a metric with compensation to the same metric without compensation.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ from anhyst_rigs.study.benefit import (
 from anhyst_rigs.study.engine.table import Metric
 
 STRONGEST_BASELINE = "the strongest baseline"
-_DARK_RATIO = 0.45  # ratio below which the text is white on a dark colour
-_SHORT_NAMES = {"linearised": "lin.", "single-valued": "single"}  # for narrow squares
+_DARK_RATIO = 0.45  # ratio below which the colour is so dark that the text is white
+_SHORT_NAMES = {"linearised": "lin.", "single-valued": "single"}  # names for narrow squares
 _HATCHES: Mapping[str, dict[str, Any]] = {
     "loss": {"ec": ALARM_COLOUR, "hatch": "xxxx"},
     "no gain": {"ec": SHADE_COLOUR, "hatch": "////"},
@@ -65,12 +65,12 @@ ComparedCells = Sequence[tuple[MapCell, MethodComparison]]
 
 
 def _case_text(case: float | str) -> str:
-    """Return a case as text: the height of a step, or its description."""
+    """Return a case as text: the height of its step, or its name."""
     return f"{1e6 * case:g} µm" if isinstance(case, float) else case
 
 
 def compare_with_baselines(gains: Benefit, key: str) -> dict[str, ComparedCells]:
-    """Return, for each baseline, the comparison of every cell of the map with this baseline."""
+    """Return, for each baseline, the comparison of every map cell with this baseline."""
     by_baseline = {
         "ratio": [cell.ratio for cell in gains.cells],
         STRONGEST_BASELINE: [cell.strongest for cell in gains.cells],
@@ -85,7 +85,7 @@ def compare_with_baselines(gains: Benefit, key: str) -> dict[str, ComparedCells]
 
 @use_report_style
 def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
-    """Draw ratios for all irons: one row of maps per baseline, and one column per case."""
+    """Draw the ratios for all irons: one row of maps per baseline, and one column per case."""
     baselines = compare_with_baselines(gains, metric.key)
     cases = list(dict.fromkeys(cell.case for cell in gains.cells))
     figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(cases)))
@@ -119,14 +119,14 @@ def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> 
         x = shares.index(cell.iron.reversible_fraction)
         ratios[y, x] = _ratio_or_nan(comparison)
         _label_cell(ax, (x, y), baseline, cell, comparison)
-    # Squares instead of an image, because identifiers must be unique on a page.
+    # A mesh of squares replaces an image, because identifiers must be unique on a page.
     mesh = ax.pcolormesh(
         np.arange(len(shares) + 1) - 0.5,
         np.arange(len(widths) + 1) - 0.5,
         np.ma.masked_invalid(np.minimum(ratios, 2.0)),
         cmap="PuOr_r",
         norm=TwoSlopeNorm(1.0, 0.0, 2.0),
-        zorder=0.5,  # below the hatching
+        zorder=0.5,  # The mesh is drawn below the hatching.
     )
     ax.grid(visible=False)
     ax.set_xticks(range(len(shares)), ["unchanged" if share is None else f"{share:g}" for share in shares])
@@ -135,14 +135,14 @@ def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> 
 
 
 def _ratio_or_nan(comparison: MethodComparison) -> float:
-    """Return the ratio of a metric with and without compensation; NaN if a run was lost."""
+    """Return the ratio of a metric with and without compensation; NaN if a run lost control."""
     return math.nan if comparison.quotient is None else comparison.quotient.value
 
 
 def _label_cell(
     ax: Axes, position: tuple[int, int], map_baseline: str, cell: MapCell, comparison: MethodComparison
 ) -> None:
-    """Write the ratio into its square, and hatch the square if a benefit is not certain."""
+    """Write the ratio into its square, and hatch the square if there is no significant gain."""
     x, y = position
     ratio, baseline = _ratio_or_nan(comparison), comparison.baseline
     text = "lost" if math.isnan(ratio) else f"{ratio:.2f}"
@@ -249,7 +249,7 @@ def _benefit_section(gains: Benefit) -> Section:
 
 
 def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) -> str:
-    """Return a sentence with the number of irons with a gain and a loss, and the largest gain."""
+    """Return a sentence with the numbers of gains and losses, and with the largest gain."""
     gain_cells = [pair for pair in cells if pair[1].outcome == "gain"]
     loss_count, no_potential_count = (
         sum(comparison.outcome == outcome for _, comparison in cells)

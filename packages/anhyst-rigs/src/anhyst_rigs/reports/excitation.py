@@ -1,4 +1,4 @@
-"""Draw the figure of an excitation: the drive against time, and the measured loops."""
+"""Draw a loop measurement: the drive against time, and the measured loops."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from anhyst_rigs.study.excite.excite import Excitation
 
 _MAX_LINE_POINTS = 20_000
-"""Maximum number of points per line."""
+"""Maximum number of points of a line."""
 
 
 def figure_excitation(excitation: Excitation) -> Figure:
-    """Draw the drive against time with the I^2 t of the winding, and the measured loops next to it."""
+    """Draw the drive and the winding's I^2 t against time, and the measured loops to the right."""
     from matplotlib.figure import Figure
 
     played = excitation.drive_history

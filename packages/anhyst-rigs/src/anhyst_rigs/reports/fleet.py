@@ -1,4 +1,4 @@
-"""The page of a fleet of magnets: good magnets, outliers, and the scatter of the parameters."""
+"""Write the page of a fleet of magnets: good magnets, outliers, and the scatter of the parameters."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _scatter_section(fleet: Fleet) -> Section:
 
 
 def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
-    """Return a table of the mean and the scatter of each quantity."""
+    """Return a table with the mean and the scatter of each quantity."""
     rows = [
         (name, f"{mean:.4g}", f"{scatter:.2g}", f"{100.0 * scatter / abs(mean):.2g}" if mean else "")
         for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)

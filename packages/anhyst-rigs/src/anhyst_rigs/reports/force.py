@@ -1,4 +1,4 @@
-"""Figures and page of open-loop force control (section III of the paper), from recordings."""
+"""Draw the figures of open-loop force control (section III of the paper), and write the page."""
 
 from __future__ import annotations
 
@@ -135,12 +135,13 @@ _DRAWN_ERRORS: Mapping[str, MethodName] = {
     "simplified": "simplified",
     "single": "single-valued",
 }
-"""Controllers whose errors are drawn if they ran: the models, and the best single-valued curve."""
+"""Controllers whose errors are drawn if they ran: those with a model, and the single-valued curve.
+"""
 MAX_TITLE_LETTERS = 62
-"""Maximum length of a line above a panel, in letters."""
+"""Largest number of letters of a line above a panel."""
 
 MIN_THINNED_POINTS = 1500
-"""A thinned curve has at least this number of points, and less than twice this number."""
+"""Smallest number of points of a thinned curve, which has less than twice this number."""
 
 
 CAPTIONS: Mapping[str, str] = {
@@ -149,25 +150,25 @@ CAPTIONS: Mapping[str, str] = {
     "moving": "With the armature moving over its stroke.",
     "fig6": "Hardware.",
 }
-"""Captions of the figures on the page, in their order."""
+"""Captions of the figures, in the order of the page."""
 
 
 def simulate(task: SimulationTask) -> ForceControl:
-    """Run the firmware in this process on the demands of a rig."""
+    """Run the firmware in this process with the demands of a rig."""
     if not task.writes_files:
         raise InputError("force control: needs an output folder", code="missing", key="--out")
     return run_firmware(task, "library")
 
 
 def run_firmware(task: SimulationTask, board: str) -> ForceControl:
-    """Run the firmware on a board on the demands of a rig."""
+    """Run the firmware on a board with the demands of a rig."""
     controlled = force_control(task.rig, task.out, board=board, progress=task.progress)
     draw_all(controlled)
     return controlled
 
 
 def map_benefit(rig: ForceControlRig, task: SimulationTask) -> tuple[Benefit, str]:
-    """Return the benefit map of an actuator with other irons, and its page."""
+    """Return the benefit map of an actuator with other irons, and the page with this map."""
     return map_plants(complete_rig(rig, read_rig_loops(rig)), task)
 
 
@@ -190,7 +191,7 @@ def terminal_summary(result: ForceControl) -> TerminalSummary:
 
 
 def draw_all(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
-    """Write all figures as PNG and SVG into the folder of a run, and the page with them."""
+    """Write all figures as PNG and SVG into the folder of a run, and a page that contains them."""
     stages: dict[str, list[ForceOutcome]] = {}
     for outcome in result.outcomes:
         stages.setdefault(outcome.trial.stage, []).append(outcome)
@@ -244,7 +245,7 @@ def _headline(result: ForceControl, verified: bool) -> Headline:
 
 
 def _tiles(result: ForceControl) -> tuple[Tile, ...]:
-    """Return the largest errors of the fastest demand with a fixed armature."""
+    """Return the largest errors for the fastest demand with a fixed armature."""
     demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
     fastest_demand = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
     fixed_trials = (
@@ -262,7 +263,7 @@ def _tiles(result: ForceControl) -> tuple[Tile, ...]:
 
 
 def comparison_table(result: ForceControl) -> PageTable:
-    """Return the largest and rms errors of each controller, by group of trials and demand."""
+    """Return the largest and the rms error of each controller, by group of trials and demand."""
     groups = worst_errors(
         result.figures["trials"], lambda trial: f"{STAGE_TITLES[stage_key(trial)]}, {trial['demand']}"
     )
@@ -278,14 +279,14 @@ def comparison_table(result: ForceControl) -> PageTable:
 
 @use_report_style
 def figure_constant_gap(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw forces and errors at the end of the stroke, one column per demand (paper, Fig. 7)."""
+    """Draw forces and errors at the end of the stroke: one column per demand (paper, Fig. 7)."""
     unknown_starts = [outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"]
     return _draw_columns(rig, unknown_starts, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0)
 
 
 @use_report_style
 def figure_moving(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw forces, errors and position with a moving armature, one column per demand."""
+    """Draw forces, errors and position with a moving armature: one column per demand."""
     rows = {"force (N)": 3.0, "true force - demand (N)": 2.0, "gap (mm)": 1.2}
     return _draw_columns(rig, outcomes, rows, 7.0)
 
@@ -293,7 +294,7 @@ def figure_moving(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Fig
 def _draw_columns(
     rig: ForceControlRig, outcomes: Sequence[ForceOutcome], rows: Mapping[str, float], height: float
 ) -> Figure:
-    """Draw forces and errors, and the gap if it has a row, one column per demand."""
+    """Draw forces and errors, and the gap if it has a row: one column per demand."""
     figure = new_figure(height, width=4.8 * len(outcomes))
     axes = figure.subplots(
         len(rows), len(outcomes), squeeze=False, sharex="col", height_ratios=[*rows.values()]
@@ -314,7 +315,7 @@ def _draw_columns(
 
 @use_report_style
 def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw forces and errors at several positions: a row of forces and a row of errors per demand.
+    """Draw forces and errors at several positions: one row of each per demand.
 
     Fig. 8 of the paper shows only the forces, in which good compensation is not visible.
     """
@@ -346,7 +347,7 @@ def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> 
 
 
 def _draw_forces(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome) -> None:
-    """Draw four forces: demanded, measured, of the simulated program, and with the constant ratio."""
+    """Draw demanded, measured and simulated force, and the force with the constant ratio."""
     curves = (
         ("demand", outcome.trial.demand.force, DEMAND_COLOUR, 4.0, "-"),
         ("constant ratio", outcome.recordings["ratio"]["force_read_N"], FALLING_COLOUR, 0.9, "-"),

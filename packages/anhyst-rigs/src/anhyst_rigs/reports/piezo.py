@@ -1,4 +1,4 @@
-"""The page and the figure of a piezo stage that follows a triangle."""
+"""Write the page of a piezo stage that follows a triangle, and draw its figure."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ COLOURS = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 
 @use_report_style
 def figure_tracking(tracked: PiezoTracking) -> Figure:
-    """Draw the reference and the deviation of each controller in the evaluated cycles."""
+    """Draw the reference, and the deviation of each controller, in the evaluated cycles."""
     figure = new_figure(6.5)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
     judged = slice(tracked.first_evaluated_tick, None)
@@ -47,7 +47,7 @@ def figure_tracking(tracked: PiezoTracking) -> Figure:
 
 
 def comparison_table(tracked: PiezoTracking) -> PageTable:
-    """Return the deviations of each controller from the triangle."""
+    """Return the deviations from the triangle for each controller."""
     errors = {COMPENSATION_TITLES[name]: figures for name, figures in tracked.errors.items()}
     return method_table(
         "Deviation from the triangle",
@@ -57,7 +57,7 @@ def comparison_table(tracked: PiezoTracking) -> PageTable:
 
 
 def terminal_summary(tracked: PiezoTracking) -> TerminalSummary:
-    """Return the terminal output of a piezo stage."""
+    """Return the terminal output for a piezo stage."""
     return TerminalSummary(
         [comparison_table(tracked)], [f"rms with compensation over without: {tracked.deviation_ratio():.2f}"]
     )

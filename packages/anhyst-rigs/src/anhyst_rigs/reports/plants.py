@@ -1,4 +1,4 @@
-"""The page and the figure of a Monte Carlo study: plants of any kind of rig with random drift."""
+"""Write the page of a Monte Carlo study, and draw its figure: plants of any kind with random drift."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _drift_section(runs: MonteCarlo) -> Section:
 
 
 def percentile_table(runs: MonteCarlo) -> PageTable:
-    """Return a table of percentiles of all plants, for each metric and variant."""
+    """Return a table with percentiles over all plants, for each metric and variant."""
     rows = [
         [_figure_title(figure, case), name, *(format_number(value, 3) for value in percentiles)]
         for figure in runs.plants.figures
@@ -121,7 +121,7 @@ def _figure_title(figure: PlantMetric, case: str) -> str:
 
 
 def _worst_plants(runs: MonteCarlo) -> Items:
-    """Return the worst plant of each case of the first metric, with its drift."""
+    """Return the worst plant for each case of the first metric, with the drift of this plant."""
     figure, own_method = runs.plants.figures[0], runs.plants.own_method
     rows = []
     for case, name in enumerate(figure.case_names):
@@ -148,9 +148,9 @@ def _drift_text(drift: Drift) -> str:
 
 @use_report_style
 def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figure:
-    """Draw the distribution of metrics among the plants, with percentiles marked.
+    """Draw the distribution of metrics over the plants, and mark the percentiles.
 
-    Each variant has one value per plant, which is infinite if the plant lost control.
+    Each variant has one value per plant, which is infinite if control was lost.
     """
     figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
     axes = create_panels(figure, len(spreads))

@@ -1,4 +1,4 @@
-"""Write the page of a stage: how much compensation improves on the best baseline, and its limits."""
+"""Write the page of a stage: the benefit of compensation over the best baseline, and its limits."""
 
 from __future__ import annotations
 
@@ -85,12 +85,12 @@ def limit_texts(study: TrackingStudy) -> list[str]:
 
 
 _SHOWN_BEFORE_S = 5e-3
-"""Time shown before the turnaround, s."""
+"""Time that is drawn before the turnaround, s."""
 
 
 @use_report_style
 def figure_scan(variants: Mapping[MethodName, VariantResult], motion: SetPoint, slit: float) -> Figure:
-    """Draw set-point, error, moving average and force error over the last scan."""
+    """Draw acceleration, error, moving average and force error during the last scan."""
     figure = new_figure(9.6)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=(1.1, 2, 2, 1.6))
     first_run = next(iter(variants.values())).recording
@@ -119,7 +119,7 @@ def figure_scan(variants: Mapping[MethodName, VariantResult], motion: SetPoint, 
 
 
 def _moving_average(run: Recording, slit: float, begin: float) -> tuple[FloatArray, FloatArray]:
-    """Return the moving average at the middle of its window: time in ms, error in nm."""
+    """Return the moving average against the time of the window's middle, nm and ms."""
     mean, _ = moving_statistics(run["error_m"], round(slit / run.dt))
     time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin)
     is_shown = time >= -1e3 * _SHOWN_BEFORE_S
@@ -128,7 +128,7 @@ def _moving_average(run: Recording, slit: float, begin: float) -> tuple[FloatArr
 
 @use_report_style
 def figure_settling(variants: Mapping[MethodName, VariantResult], cruise: float) -> Figure:
-    """Draw histograms of the settling times of all scans and seeds, one row per variant."""
+    """Draw histograms of the settling times of all scans and seeds: one row per variant."""
     figure = new_figure(0.9 * len(variants) + 1.0)
     axes = figure.subplots(len(variants), 2, sharex=True, squeeze=False)
     edges = 1e3 * np.linspace(0.0, cruise, 51)
@@ -145,7 +145,7 @@ def figure_settling(variants: Mapping[MethodName, VariantResult], cruise: float)
 
 @use_report_style
 def figure_learning(variants: Mapping[MethodName, VariantResult]) -> Figure:
-    """Draw the peak error over the trials of learning control."""
+    """Draw the peak error of each trial of learning control."""
     figure = new_figure(3.2)
     ax = figure.subplots()
     for name, variant in variants.items():
@@ -158,7 +158,7 @@ def figure_learning(variants: Mapping[MethodName, VariantResult]) -> Figure:
 
 
 def terminal_summary(study: TrackingStudy) -> TerminalSummary:
-    """Return the terminal output of a stage."""
+    """Return the terminal output for a stage."""
     lines = [
         f"mean of {study.rig.settings.noise_seeds} noise seeds with its 95 % interval; gains found "
         "on the training set-point",
@@ -194,7 +194,7 @@ def render(study: TrackingStudy, command: str) -> str:
 
 
 def comparison_table(study: TrackingStudy) -> PageTable:
-    """Return a table with the metrics of all variants on the test motion."""
+    """Return a table with the metrics of all variants on the test set-point."""
     return method_table(
         f"All variants on the test set-point, crossover {study.rig.settings.tracking.crossover_Hz:g} Hz",
         METRICS,
@@ -206,7 +206,7 @@ def comparison_table(study: TrackingStudy) -> PageTable:
 
 
 def cross_tables(study: TrackingStudy) -> list[PageTable]:
-    """Return tables of coordinates that the set-point does not move; none for one coordinate."""
+    """Return tables for the coordinates that the set-point does not move, if there are any."""
     metrics = cross_talk_metrics(study.rig.settings)
     if not metrics:
         return []
@@ -230,7 +230,7 @@ def cross_tables(study: TrackingStudy) -> list[PageTable]:
 
 
 def loss_tables(study: TrackingStudy) -> list[PageTable]:
-    """Return a table of the runs in which a magnet or a head fails; none without such runs."""
+    """Return a table of the runs in which a magnet or a head fails; none if there are no such runs."""
     rows = [loss.table_cells() for loss in study.losses]
     return [make_table(LOSS_TITLE, LOSS_COLUMNS, rows, " ".join(LOSS_NOTES), texts=2)] if rows else []
 

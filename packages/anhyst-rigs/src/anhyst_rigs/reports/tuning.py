@@ -1,4 +1,4 @@
-"""Draw the figure of all gains that tuning tried, and of those that it selected."""
+"""Draw the figure of all gains that a tuning has tried, and of those that it selected."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from anhyst_rigs.study.tuning.result import RESULT_FILES, Tuning, meets_other_ai
 
 @dataclass(frozen=True)
 class GainsPoint:
-    """A set of gains that tuning tried."""
+    """A set of gains that a tuning has tried."""
 
-    variant: MethodName  # variant with which it was tried
+    variant: MethodName  # variant to which these gains belong
     reached: float  # minimised metric, SI unit; infinite if the trial failed
-    peak: float  # peak of the sensitivity
-    meets_other_aims: bool  # whether it meets the other requirements (overshoot, noise, effort)
+    peak: float  # peak sensitivity
+    meets_other_aims: bool  # whether the gains meet all other aims
 
 
 @use_report_style
@@ -35,7 +35,7 @@ def figure_pareto(
     metric: Metric,
     limits: tuple[float | None, float | None],
 ) -> Figure:
-    """Draw peak sensitivity against the minimised metric, and the requirements for both, if any."""
+    """Draw peak sensitivity against the minimised metric, with the limits of both, if any."""
     figure = new_figure(4.6)
     ax = figure.add_subplot()
     finite = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
@@ -79,7 +79,7 @@ def figure_pareto(
 
 
 def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
-    """Return the candidates that no other candidate beats in both metrics, ascending in the first."""
+    """Return the candidates that no other one beats in both metrics, in order of the first metric."""
     front: list[GainsPoint] = []
     for candidate in sorted(candidates, key=lambda each: (each.reached, each.peak)):
         if not front or candidate.peak < front[-1].peak:
@@ -88,7 +88,7 @@ def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
 
 
 def write_pareto(tuning: Tuning, folder: Path) -> None:
-    """Draw the minimised metric and the peak sensitivity of all gains tried: ``pareto.png``."""
+    """Write ``pareto.png``: minimised metric and peak sensitivity of all gains that were tried."""
 
     def gains_point(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
         has_met_other_aims = meets_other_aims(aims, figures)

@@ -1,4 +1,4 @@
-"""The block diagram of the simulated loop with its actual values (paper, Fig. 10)."""
+"""Draw the block diagram of the simulated loop with its actual values (paper, Fig. 10)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def diagram_blocks(rig: BodyRig, controller: ControllerTable) -> Mapping[str, Di
 
 
 def compensator_inputs(controller: ControllerTable) -> str:
-    """Return the inputs of the compensator in addition to the demanded force."""
+    """Return the inputs that the compensator has in addition to the demanded force."""
     inputs = ["gap"]
     if controller.compensation.applied == "measured":
         inputs.append("current")
@@ -180,7 +180,7 @@ def _count_text(plant: RigFile) -> str:
 
 
 def _format_gain(value: float) -> str:
-    """Return a gain as text; very large and very small ones have a power of ten."""
+    """Return a gain as text; very large and very small gains are written with a power of ten."""
     if value == 0.0:
         return "0"
     power = 3 * math.floor(math.log10(abs(value)) / 3.0)
@@ -209,7 +209,7 @@ _FIGURE_SIZE_IN = (_LEFT_EDGE_IN + 4 * BOX_WIDTH_IN + 3 * _BOX_GAP_IN + 0.5, 4.8
 
 @use_report_style
 def figure_structure(rig: BodyRig, controller: ControllerTable) -> Figure:
-    """Draw the loop: the controller above, the magnet and the armature below."""
+    """Draw the control loop, with the controller above, and the magnet and the armature below."""
     figure, ax = new_diagram(*_FIGURE_SIZE_IN)
     blocks = diagram_blocks(rig, controller)
     columns = [
@@ -243,7 +243,7 @@ def _draw_signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
             FALLING_COLOUR if index == 2 else RISING_COLOUR,
         )
         draw_label(ax, (x - 0.5 * _BOX_GAP_IN, _MIDDLE_ROW_IN + 0.08), name)
-    # The reference comes from the left, the measured gap from below.
+    # The reference comes from the left, and the measured gap from below.
     draw_arrow(ax, [(0.06, _TOP_ROW_IN), (_LEFT_EDGE_IN, _TOP_ROW_IN)])
     draw_label(ax, (0.5 * _LEFT_EDGE_IN, _TOP_ROW_IN + 0.08), "gap\ndemand")
     draw_arrow(ax, [(columns[0], _MIDDLE_ROW_IN + half_height), (columns[0], _TOP_ROW_IN - half_height)])

@@ -1,4 +1,4 @@
-"""Figures of a simulated bearing over time, in the force-current plane, and over frequency."""
+"""Draw figures of a simulated bearing: over time, in the force-current plane, and over frequency."""
 
 from __future__ import annotations
 
@@ -39,29 +39,29 @@ from anhyst_rigs.study.engine.table import Interval
 Recordings = Mapping[MethodName, Recording]
 """Recordings of the same scenario, by variant."""
 
-_SHOWN_BEFORE_S = 2e-3  # time shown before a step
+_SHOWN_BEFORE_S = 2e-3  # time that is drawn before a step, s
 _SHOWN_AFTER_S = 0.02
-_MAX_SEGMENT_TICKS = 4096  # maximum length of a segment, ticks
-_SPECTRUM_BINS = 120  # number of bins
+_MAX_SEGMENT_TICKS = 4096  # largest length of a segment for a spectrum, ticks
+_SPECTRUM_BINS = 120  # number of frequency bins in a spectrum
 
 
 @dataclass(frozen=True)
 class StepPanel:
-    """One step of the reference, with several variants."""
+    """A step of the reference, simulated with several variants."""
 
-    step: ReferenceStep  # step with its ticks in the recordings
+    step: ReferenceStep  # the step, with its ticks in the recordings
     recordings: Recordings  # recording of each variant
-    overshoot: Mapping[MethodName, Interval]  # over the noise seeds, % of the height
+    overshoot: Mapping[MethodName, Interval]  # overshoot over the noise seeds, % of the height
 
     @property
     def gap(self) -> float:
-        """Mean gap of the step, m."""
+        """Gap in the middle of the step, m."""
         return 0.5 * (self.step.before + self.step.after)
 
 
 @use_report_style
 def figure_steps(panels: Sequence[StepPanel]) -> Figure:
-    """Draw step responses (paper, Fig. 11), one panel per step, each with its deviation below."""
+    """Draw step responses (paper, Fig. 11): one panel per step, each with its deviation below."""
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
     figure = new_figure(4.8 * rows, width=4.8 * columns)
@@ -76,7 +76,7 @@ def figure_steps(panels: Sequence[StepPanel]) -> Figure:
 
 
 def _part_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, Recording]:
-    """Return the time since the step in ms, and the part of a recording that is shown."""
+    """Return the time relative to the step in ms, and the part of a recording that is drawn."""
     step, recording = panel.step, panel.recordings[name]
     tick = recording["t_s"][1] - recording["t_s"][0]
     first_tick = max(step.begin - round(_SHOWN_BEFORE_S / tick), 0)
@@ -85,7 +85,7 @@ def _part_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, R
 
 
 def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
-    """Draw how far the gap moves past the new reference, in % of the step height.
+    """Draw the distance of the gap beyond the new reference, in % of the step height.
 
     The vertical axis is scaled to the largest overshoot.
     """
@@ -133,7 +133,7 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
 
 @use_report_style
 def figure_forces(recordings: Recordings) -> Figure:
-    """Draw demanded and true force against time and their difference, one column per variant."""
+    """Draw demanded and true force against time, and their difference: one column per variant."""
     names = in_report_order(recordings)
     figure = new_figure(4.6, width=max(9.6, 3.0 * len(names)))
     axes = figure.subplots(2, len(names), squeeze=False, sharex=True, sharey="row", height_ratios=(3, 2))
@@ -159,7 +159,7 @@ def figure_forces(recordings: Recordings) -> Figure:
 
 @use_report_style
 def figure_tracking(recordings: Recordings, title: str) -> Figure:
-    """Draw the position error with a moving reference or a load, and the position or current."""
+    """Draw the position error for a moving reference or a load, and the position or the current."""
     names = in_report_order(recordings)
     first = recordings[names[0]]
     factor = 1e3 if first["t_s"][-1] - first["t_s"][0] < 0.5 else 1.0
@@ -219,12 +219,12 @@ def figure_standstill(recordings: Recordings) -> Figure:
 
 
 def _amplitude_density(recording: Recording, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
-    from scipy.signal import welch  # slow to import
+    from scipy.signal import welch  # imported here because it loads slowly
 
     rate = 1.0 / (recording["t_s"][1] - recording["t_s"][0])
     frequency, power = welch(deviation, rate, nperseg=min(_MAX_SEGMENT_TICKS, deviation.size))
     frequency, power = frequency[1:], power[1:]
-    # Average in as many bins as are visible on a logarithmic axis.
+    # The spectrum is averaged in as many bins as are visible on a logarithmic axis.
     bin_of = np.digitize(frequency, np.geomspace(frequency[0], frequency[-1] * 1.001, _SPECTRUM_BINS + 1))
     used = np.unique(bin_of)
     means = [(frequency[bin_of == i].mean(), power[bin_of == i].mean()) for i in used]
@@ -232,20 +232,20 @@ def _amplitude_density(recording: Recording, deviation: FloatArray) -> tuple[Flo
     return middle, np.sqrt(mean)
 
 
-_BRANCH_SAMPLES = 400  # samples per branch of an identified loop
+_BRANCH_SAMPLES = 400  # number of samples on each branch of an identified loop
 
 
 @dataclass(frozen=True)
 class LoopCurve:
     """A loop in the force-current plane."""
 
-    gap: float  # m
-    current: FloatArray  # current in A, force in N
+    gap: float  # gap, m
+    current: FloatArray  # current, A, and force, N
     force: FloatArray
 
 
 def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
-    """Return the measured loops of the nearest gaps: one on each side, if there are two."""
+    """Return the measured loops of the nearest gap on each side, if there is one."""
     loops_by_gap = [(loop.schedule_value, loop) for loop in loops.loops]
     gaps = sorted({value for value, _ in loops_by_gap if value is not None})
     lower_gap = [value for value in gaps if value <= gap][-1:]
@@ -258,7 +258,7 @@ def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
 
 
 def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCurve:
-    """Return the steady-state loop of a model between two currents."""
+    """Return the steady-state loop that a model predicts between two currents."""
     rising = np.linspace(low, high, _BRANCH_SAMPLES)
     current = np.concatenate([rising, rising[-2::-1]])
     force = model.predict(current, gap, history="settled").output
@@ -271,8 +271,8 @@ def figure_force_current(
 ) -> Figure:
     """Draw true force against true current of a run, with measured and identified loops.
 
-    Below, the single-valued curve through each loop is subtracted from it, because the loop width
-    is only a few per cent of the force.
+    Below, the single-valued curve through each loop is subtracted, because the loop width is only a
+    few per cent of the force.
     """
     figure = new_figure(6.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
@@ -298,7 +298,7 @@ _AXIS_COLUMNS = ("current_A", "force_N")
 
 
 def _draw_widths(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
-    """Draw loops after subtraction of the single-valued curve of their gap."""
+    """Draw loops minus the single-valued curve of their gap."""
     differences = []
     for gap in dict.fromkeys(loop.gap for loop in measured):
         differences += _subtract_curve([loop for loop in measured if loop.gap == gap])
@@ -334,16 +334,16 @@ def _axis_limits(rows: Sequence[FloatArray]) -> tuple[float, float]:
 
 _ZONE_COLOURS = ("#E4F2EC", "#FFF7DC", "#FCE6D2", "#F8D7DA")
 _MIN_LEVEL_DB = -40.0
-_MAX_LEVEL_DB = 20.0  # upper end of the axis, unless the peak is higher
+_MAX_LEVEL_DB = 20.0  # upper end of the axis, unless a peak is higher
 
 
 @dataclass(frozen=True)
 class Response:
-    """A complex frequency response."""
+    """A complex response as a function of frequency."""
 
-    frequency: FloatArray  # Hz, ascending; shape (n,)
-    value: NDArray[np.complex128]  # sensitivity or loop gain; shape (n,)
-    note: str = ""  # remark for the legend, such as an unstable loop
+    frequency: FloatArray  # frequency, Hz, ascending; shape (n,)
+    value: NDArray[np.complex128]  # value of the sensitivity or of the loop gain; shape (n,)
+    note: str = ""  # remark for the legend, for example that the loop is unstable
 
     @property
     def decibel(self) -> FloatArray:
@@ -362,7 +362,7 @@ Responses = Mapping[MethodName, Response]
 
 @use_report_style
 def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
-    """Draw the sensitivity of the running loop and of the linearised loop, with the zones."""
+    """Draw the sensitivities of the running loop and of the linearised loop, with the zones."""
     figure = new_figure(4.4)
     ax = figure.add_subplot()
     highest = max((curve.decibel.max() for curve in measured.values()), default=0.0)
@@ -390,7 +390,7 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
 
 
 def _draw_zones(ax: Axes, top: float) -> None:
-    """Shade and name the zones by which a sensitivity is evaluated."""
+    """Shade and label the zones in which a sensitivity is rated."""
     edges = [_MIN_LEVEL_DB, *(20.0 * math.log10(limit) for limit in ZONE_LIMITS.values()), top]
     names = [*ZONE_LIMITS, "D"]
     for name, fill, low, high in zip(names, _ZONE_COLOURS, edges[:-1], edges[1:], strict=True):
@@ -408,7 +408,7 @@ def _draw_zones(ax: Axes, top: float) -> None:
 
 @use_report_style
 def figure_bode(loops: Responses) -> Figure:
-    """Draw magnitude and phase of the loop gain of the linearised loop."""
+    """Draw the magnitude and the phase of the linearised loop's gain."""
     figure = new_figure(5.0)
     above, below = figure.subplots(2, 1, sharex=True)
     for name in in_report_order(loops):
@@ -430,7 +430,7 @@ def figure_bode(loops: Responses) -> Figure:
 
 @use_report_style
 def figure_nyquist(loops: Responses) -> Figure:
-    """Draw the loop gain in the complex plane, with the circle that zone A does not enter."""
+    """Draw the loop gain in the complex plane, with the circle that zone A excludes."""
     figure = new_figure(5.2, width=7.2)
     ax = figure.add_subplot()
     unit_circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 361))

@@ -1,4 +1,4 @@
-"""The report of a simulated bearing: a self-contained HTML page."""
+"""Write the report of a simulated bearing as a self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _MAX_TILES = 4
 
 
 def render(subject: SimulationSubject) -> str:
-    """Return the text of the report; equal subjects give equal texts."""
+    """Return the text of the report; the same subject always gives the same text."""
     sections = (
         structure_section(subject.rig, subject.controller, subject.all_variants),
         _step_section(subject),
@@ -94,7 +94,7 @@ def plant_text(rig: BodyRig) -> str:
 
 
 def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
-    """Return the overshoot of each step height at the operating gap, and of the best baseline."""
+    """Return the overshoot at the operating gap by step height, and that of the best baseline."""
     tiles = []
     gap = subject.rig.settings.gap_m
     for step in subject.steps:
@@ -113,7 +113,7 @@ def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
 
 
 def _overshoot_comparison(step: StepComparison, variant: MethodName) -> Iterable[str]:
-    """Yield the overshoot of a variant, of the strongest baseline and with measured flux."""
+    """Yield texts with the overshoots of a variant, the strongest baseline, and measured flux."""
     yield f"{variant}: {overshoot_text(step, variant)}"
     baseline = strongest_baseline(step.figure(OVERSHOOT))
     if baseline not in (None, variant):

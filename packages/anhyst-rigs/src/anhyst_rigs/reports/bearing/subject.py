@@ -1,4 +1,4 @@
-"""Data, tables and sentences of the report of a bearing; any part of the data can be missing."""
+"""Collect data, tables and sentences for the report of a bearing; parts of the data may be missing."""
 
 from __future__ import annotations
 
@@ -45,48 +45,50 @@ from anhyst_rigs.study.engine.table import CaseFigures, ComparedFigure, Metric, 
 
 @dataclass(frozen=True)
 class Tracking:
-    """One experiment with every variant: a trajectory, a load step, or a recovery."""
+    """An experiment with every variant: a trajectory, a load step, or a recovery."""
 
     title: str  # name of the experiment
-    recordings: Mapping[MethodName, Recording]  # recordings, cut to the part that is shown
+    recordings: Mapping[MethodName, Recording]  # recordings, reduced to the part that is drawn
 
 
 @dataclass(frozen=True)
 class SimulationSubject:
-    """All data of the report of a simulation."""
+    """All data that the report of a simulation can contain."""
 
     rig: BodyRig
-    # controller; the others are compared with its variant
+    # settings of the controller; all other variants are compared with its variant
     controller: ControllerTable
-    seeds: int  # noise seeds for each interval
-    panels: tuple[StepPanel, ...] = ()  # panels of the step responses (paper, Fig. 11)
-    steps: tuple[StepComparison, ...] = ()  # figures of all steps
-    experiments: Experiments | None = None  # all other experiments
-    # runs for demanded and true force
+    seeds: int  # number of noise seeds for each interval
+    panels: tuple[StepPanel, ...] = ()  # panels of step responses (paper, Fig. 11)
+    steps: tuple[StepComparison, ...] = ()  # metrics of all steps
+    experiments: Experiments | None = None  # metrics of all other experiments
+    # runs for the figure of demanded and true force
     forces: Mapping[MethodName, Recording] = field(default_factory=dict)
-    run: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs that are drawn with the loops
-    measured: tuple[LoopCurve, ...] = ()  # measured loops of the nearest gaps
-    identified: LoopCurve | None = None  # loop of the model at the gap of the run
-    tracked: tuple[Tracking, ...] = ()  # trajectories, load steps, recoveries
-    standstill: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs at standstill, levitated
-    # measured sensitivity; sensitivity and loop gain of the linearised loop
+    # runs for the figure of the loops
+    run: Mapping[MethodName, Recording] = field(default_factory=dict)
+    measured: tuple[LoopCurve, ...] = ()  # measured loops at the nearest gaps
+    identified: LoopCurve | None = None  # loop that the model predicts at the gap of the run
+    tracked: tuple[Tracking, ...] = ()  # trajectories, load steps and recoveries
+    standstill: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs at standstill
+    # measured sensitivity, then sensitivity and loop gain of the linearised loop
     sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     linear_sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     loop_gain: Mapping[MethodName, Response] = field(default_factory=dict)
-    margins: Mapping[MethodName, Margins] = field(default_factory=dict)  # margins of the linearised loop
-    notes: tuple[Note, ...] = ()  # for the head of the page
-    # SHA-256 of the input files by name
+    # margins of the linearised loop
+    margins: Mapping[MethodName, Margins] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()  # notes for the head of the page
+    # SHA-256 of each input file, by file name
     files: Mapping[str, str] = field(default_factory=dict)
     command: str = ""  # command that repeats the study
 
     @property
     def variant(self) -> MethodName:
-        """Variant of the controller, with which the others are compared."""
+        """Variant of the controller, with which all other variants are compared."""
         return self.controller.compensation.variant
 
     @property
     def baselines(self) -> list[MethodName]:
-        """The other variants of the steps, in report order."""
+        """All other variants of the steps, in report order."""
         methods = {name for step in self.steps for name in step.cells}
         return [name for name in in_report_order(methods) if name != self.variant]
 
@@ -97,23 +99,23 @@ class SimulationSubject:
         return in_report_order({self.variant, *variants})
 
     def step_text(self, step: StepComparison) -> str:
-        """Return a step as text, with the load only if there are several loads."""
+        """Return a description of a step; it mentions the load only if there are several loads."""
         place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
         has_several_loads = len({step.load for step in self.steps}) > 1
         return f"{place}, {step.load:g}{NBSP}N" if has_several_loads else place
 
 
-_SHOWN_S = 0.03  # length of the shown part of a step, s
+_SHOWN_S = 0.03  # length of the part of a step that is drawn, s
 _FORCE_VARIANTS = (
     "ratio",
     "single-valued",
     "full",
-)  # variants whose forces are shown, in addition to that of the controller
+)  # variants whose forces are drawn, in addition to that of the controller
 _FREQUENCY_COUNT = 400
 
 
 def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
-    """Gather the data of a report; trajectories and load steps are simulated again."""
+    """Return the data of a report; trajectories and load steps are simulated again."""
     rig, settings = simulation.rig, simulation.rig.settings
     steps = group_by_step(simulation.cells)
     upward_steps = [step for step in simulation.scenario.steps if step.after < step.before]
@@ -189,8 +191,8 @@ def _linear_responses(
 ) -> tuple[dict[MethodName, Response], dict[MethodName, Response]]:
     """Return loop gain and sensitivity of the linearised loops.
 
-    The loops use `ratio` and the variant of the controller file. This variant is treated as if it
-    knew the static slopes, unless it consists of constants.
+    The loops are those of `ratio` and of the variant in the controller file. Unless this variant
+    consists of constants, it is treated as if it knew the static slopes exactly.
     """
     frequency = np.geomspace(5.0, 0.4 * simulation.rig.settings.timing.rate_Hz, _FREQUENCY_COUNT)
     gains: dict[MethodName, Response] = {}
@@ -207,7 +209,7 @@ def _linear_responses(
 def _run_variants(
     setups: Mapping[MethodName, BearingSetup], scenario: Scenario, begin: int
 ) -> Mapping[MethodName, Recording]:
-    """Simulate a scenario with every variant; return the part after a tick.
+    """Simulate a scenario with every variant; return the recordings from a tick on.
 
     Runs that lost levitation are omitted.
     """
@@ -221,7 +223,7 @@ def _run_variants(
 
 
 def _run_tracking(setups: Mapping[MethodName, BearingSetup], settings: RigFile) -> Iterator[Tracking]:
-    """Simulate trajectories and load steps for figures."""
+    """Simulate the trajectories and load steps for the figures."""
     setup = next(iter(setups.values()))
     for shape in settings.trajectories:
         recordings = _run_variants(setups, *experiments.plan_trajectory(setup, shape))
@@ -237,7 +239,7 @@ def _run_tracking(setups: Mapping[MethodName, BearingSetup], settings: RigFile) 
 
 
 WITHIN_NOISE = "≤ noise"
-"""Remark on an overshoot that is not certainly larger than the noise at standstill."""
+"""Remark on an overshoot that is not significantly larger than the noise at standstill."""
 SETTLING = Metric("settling_in_noise_s", "Settling time", "ms", 1e3)
 STANDSTILL_OF_STEP = Metric("standstill_rms_m", "Standstill", "nm", 1e9)
 STEADY_ERROR = Metric("steady_error_m", "Steady-state error", "nm", 1e9)
@@ -263,7 +265,7 @@ STEP_TABLES: Mapping[Metric, str] = {
     Metric("current_rate_rms_A_per_s", "Current effort", "A/s"): "Root mean square of the "
     "current's rate of change.",
 }
-"""Metrics of steps, and the captions of their tables."""
+"""Metrics of steps, with the captions of their tables."""
 STANDSTILL_METRICS = (
     Metric("rms_m", "Position at a standstill, rms", "nm", 1e9),
     Metric("mean_error_m", "Mean error at a standstill", "nm", 1e9),
@@ -282,7 +284,7 @@ EVENT_EXCESS = (
 
 
 def difference_text(figure: ComparedFigure) -> str:
-    """Return a comparison as text, such as "54 % less"."""
+    """Return the result of a comparison as text, such as "54 % less"."""
     if figure.is_better:
         return f"{format_number(100.0 * (1.0 - figure.ratio), 2)}{NBSP}% less"
     if figure.is_worse:
@@ -291,18 +293,18 @@ def difference_text(figure: ComparedFigure) -> str:
 
 
 def _noise_remark(cell: CaseFigures) -> str:
-    """Return the remark on an overshoot that is not larger than the noise at standstill."""
+    """Return the remark on an overshoot if it does not exceed the noise at standstill."""
     is_noise = isinstance(cell, StepCell) and not cell.has_overshoot and not cell.lost
     return WITHIN_NOISE if is_noise else ""
 
 
 def overshoot_text(step: StepComparison, name: MethodName) -> str:
-    """Return the overshoot of a variant, and whether it is noise."""
+    """Return the overshoot of a variant as text, with a remark if it may be only noise."""
     return f"{interval_text(step.figure(OVERSHOOT)[name], '%')} {_noise_remark(step.cells[name])}".rstrip()
 
 
 def benefit_table(subject: SimulationSubject) -> PageTable | None:
-    """Return a table with the reduction of the overshoot for each step and baseline."""
+    """Return a table with the reduction of the overshoot for each step and each baseline."""
     steps = [step for step in subject.steps if subject.variant in step.cells]
     baselines = subject.baselines
     if not steps or not baselines:
@@ -370,7 +372,7 @@ def step_tables(subject: SimulationSubject) -> list[PageTable]:
 
 
 def standstill_tables(figures: VariantFigures) -> list[PageTable]:
-    """Return the metrics at standstill, and the variants whose armature has a limit cycle."""
+    """Return the metrics at standstill, and the limit cycles of each variant."""
     cycles = make_table(
         "Limit cycles at a standstill",
         ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
@@ -392,7 +394,7 @@ def _cycle_row(figures: ExperimentFigures) -> tuple[str, str, str]:
 
 
 def experiment_tables(experiments: Experiments) -> list[PageTable]:
-    """Return the metrics of trajectories, load steps and disturbing events."""
+    """Return the metrics of the trajectories, the load steps and the disturbing events."""
     trajectories = {
         f"{shape.kind} of {1e6 * shape.amplitude_m:g}{NBSP}µm at {shape.frequency_Hz:g}{NBSP}Hz": by_variant
         for shape, by_variant in experiments.trajectories
@@ -447,7 +449,7 @@ def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
 
 
 def settling_sentence(subject: SimulationSubject) -> str:
-    """Return a sentence about settling time and steady-state error, as in the paper."""
+    """Return a sentence about settling time and steady-state error, which the paper also compares."""
     if "ratio" not in subject.baselines:
         return ""
     counts = []
@@ -457,7 +459,7 @@ def settling_sentence(subject: SimulationSubject) -> str:
             for row in [step.figure(metric.key) for step in subject.steps]
             if subject.variant in row and "ratio" in row
         ]
-        pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # levitation was lost
+        pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # Levitation was lost.
         if pairs:
             own_range, ratio_range = (
                 _range_text([metric.factor * value for value in values], metric.unit)

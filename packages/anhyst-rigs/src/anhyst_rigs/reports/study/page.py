@@ -1,4 +1,4 @@
-"""Provide the common parts of the pages of all studies: colours, diagrams, tables, file origins."""
+"""Provide common parts for the pages of all studies: colours, diagrams, tables, origin of files."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ INK_COLOUR = "#000000"
 SHADE_COLOUR = "#8C8C8C"
 PALE_COLOUR = "#C4C4C4"
 
-# Okabe-Ito colours, and dashes for print without colour.
+# These are Okabe-Ito colours, and dashes for prints without colour.
 _LINE_STYLES: Mapping[MethodName, tuple[str, Any]] = {
     "ratio": (FALLING_COLOUR, "-"),
     "secant": ("#7A4B21", (0, (1, 1))),
@@ -71,7 +71,7 @@ _INTERVAL_DIGITS = 2
 _MEAN_DIGITS = 4
 _MAX_DECIMALS = 3
 MAX_CURVE_POINTS = 1200
-"""Maximum number of points per curve in a figure."""
+"""Maximum number of points of a curve in a figure."""
 
 
 def line_style(variant: MethodName) -> dict[str, Any]:
@@ -89,8 +89,7 @@ def in_report_order(variants: Iterable[str]) -> list[MethodName]:
 def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
     """Return rows of equal length with no more points than a plot can show.
 
-    In each interval, the lowest and the highest value of the last row are kept, so that peaks
-    remain.
+    In each interval, the lowest and the highest value of the last row remain, so that peaks do.
     """
     values = rows[-1]
     stretch = math.ceil(2 * values.size / MAX_CURVE_POINTS)
@@ -106,9 +105,9 @@ def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
 
 
 def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0) -> str:
-    """Return a mean with the half width of its confidence interval, rounded up.
+    """Return a mean and the half-width of its confidence interval, rounded up, as text.
 
-    An infinite time is "never". If levitation was lost, the number of losses is returned.
+    An infinite time becomes "never". If levitation was lost, the text is the number of losses.
 
     >>> interval_text(Interval(8.1234, 0.213, 20), "%").replace(NBSP, " ")
     '8.12 ± 0.22 %'
@@ -138,7 +137,7 @@ def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0
 
 
 def legend_below(figure: Figure, *axes: Axes, columns: int = 4) -> None:
-    """Add one legend for several panels below them, with each label once."""
+    """Add a common legend below several panels; each label occurs once."""
     labels: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
@@ -150,7 +149,7 @@ _TONE_OF_LEVEL: Mapping[Level, Tone] = {"yes": "good", "mixed": "warn", "no": "w
 
 
 def verdict_note(judgement: Judgement) -> Note:
-    """Return a verdict as a note."""
+    """Return a note with a verdict."""
     text = f"{judgement.text[:1].upper()}{judgement.text[1:]}."
     return Note(_TONE_OF_LEVEL[judgement.level], VERDICT_TITLES[judgement.level], text)
 
@@ -162,7 +161,7 @@ PLANT_FILL = "#F4F6F8"
 _BOX_EDGE_COLOUR = "#333333"
 _TITLE_SIZE_PT = 8.5
 _TEXT_SIZE_PT = 7.5
-_LINE_SPACING_IN = 0.155  # distance between lines
+_LINE_SPACING_IN = 0.155  # distance from one line of text to the next
 _MAX_TEXT_SHARE = 0.86  # largest width of a text, as a fraction of the width of its box
 Point = tuple[float, float]
 
@@ -171,12 +170,12 @@ Point = tuple[float, float]
 class DiagramBlock:
     """A block of a diagram."""
 
-    title: str  # title
-    lines: tuple[str, ...]  # values
+    title: str  # title of the block
+    lines: tuple[str, ...]  # further lines with values
 
 
 def new_diagram(width: float, height: float) -> tuple[Figure, Axes]:
-    """Create a diagram with a scale of one unit per inch."""
+    """Create an empty diagram whose unit of length is one inch."""
     figure = new_figure(height, width=width)
     figure.set_layout_engine("none")
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -190,7 +189,7 @@ def new_diagram(width: float, height: float) -> tuple[Figure, Axes]:
 def draw_box(
     ax: Axes, centre: Point, name: str, block: DiagramBlock, fill: str, height: float = BOX_HEIGHT_IN
 ) -> None:
-    """Draw a box with its title and the lines below it."""
+    """Draw a box with its title and further lines of text."""
     x, y = centre
     shape = FancyBboxPatch(
         (x - 0.5 * BOX_WIDTH_IN, y - 0.5 * height),
@@ -228,7 +227,7 @@ def _shrink_to_box(text: Text) -> None:
 
 
 def draw_arrow(ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, **style: Any) -> None:
-    """Draw an arrow along several points, with its head at the last one."""
+    """Draw an arrow through several points, with its head at the last point."""
     xs, ys = zip(*corners, strict=True)
     if len(corners) > 2:
         ax.plot(xs[:-1], ys[:-1], color=colour, lw=1.3, solid_joinstyle="round")
@@ -239,7 +238,7 @@ def draw_arrow(ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, 
 def draw_label(
     ax: Axes, at: Point, text: str, horizontal_alignment: str = "center", vertical_alignment: str = "bottom"
 ) -> None:
-    """Write a label at a point."""
+    """Write a label at a given point."""
     ax.text(*at, text, ha=horizontal_alignment, va=vertical_alignment, fontsize=_TEXT_SIZE_PT)
 
 
@@ -260,7 +259,7 @@ _METHOD_REMARKS: Mapping[MethodName, str] = {
 
 
 class TerminalSummary(NamedTuple):
-    """Terminal output of a study, except losses and verdict."""
+    """Terminal output of a study, without losses and verdict."""
 
     tables: Sequence[PageTable]
     lines: Sequence[str]
@@ -269,7 +268,7 @@ class TerminalSummary(NamedTuple):
 def page_text(
     kind: str, head: Headline, sections: Sequence[Section | None], source: str = "a simulation"
 ) -> str:
-    """Return the page of a study; empty sections are omitted."""
+    """Return the page of a study; sections without content are omitted."""
     nonempty = [section for section in sections if section is not None and section.blocks]
     return render_page(head, nonempty, running_version(), kind=kind, source=source)
 
@@ -281,7 +280,7 @@ def write_page(path: PathLike, text: str) -> None:
 
 
 def origin_section(files: Mapping[str, str], command: str = "", seed: int | None = None) -> Section:
-    """Return the section with the files of a study, their SHA-256, and the command that repeats it."""
+    """Return the section with the SHA-256 of all input files and the command that repeats a study."""
     rows: list[list[str | Cell]] = [
         [name, Cell(f"{digest[:16]}…", code=True)] for name, digest in files.items()
     ]
@@ -293,17 +292,17 @@ def origin_section(files: Mapping[str, str], command: str = "", seed: int | None
 
 
 def file_hashes(files: Sequence[Path]) -> dict[str, str]:
-    """Return the SHA-256 of files by name."""
+    """Return the SHA-256 of each file, by file name."""
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 def picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
-    """Return a figure with its description in words and its caption."""
+    """Return a figure with its caption and with a description in words."""
     return Picture(svg_text(figure, key), alt, caption)
 
 
 def comparison_tile(metric: Metric, own_value: float, other_value: float, name: str) -> Tile:
-    """Return a tile with a large number and the value with which it is compared."""
+    """Return a tile with a number in large type, and with the value with which it is compared."""
     texts = [
         f"{format_number(metric.factor * value, 2)}{NBSP}{metric.unit}" for value in (own_value, other_value)
     ]
@@ -316,9 +315,9 @@ def method_table(
     methods: Mapping[str, Callable[[str], Interval | None]],
     caption: str = "",
 ) -> PageTable:
-    """Return a table of one case: one row per method and one column per metric.
+    """Return a table for one case: one row per method and one column per metric.
 
-    Each method is given as a function from the key of a metric to its value.
+    Each method is given as a function that returns its value for the key of a metric.
     """
 
     def cell(interval_of: Callable[[str], Interval | None], metric: Metric) -> str:
@@ -331,11 +330,11 @@ def method_table(
 def case_table(
     metric: Metric, cases: Cases, caption: str = "", remark: Callable[[CaseFigures], str] | None = None
 ) -> PageTable:
-    """Return a table of one metric: one row per case and one column per method."""
+    """Return a table for one metric: one row per case and one column per method."""
     methods = in_report_order(name for row in cases.values() for name in row)
 
     def cell(case: str, name: MethodName) -> str:
-        """Return a value and its remark; a line can break only between them."""
+        """Return a value and its remark; a line break is possible only between them."""
         if name not in cases[case]:
             return interval_text(None)
         figures = cases[case][name]
