@@ -17,15 +17,15 @@ enum {
      open, the frame is answered and has no effect. */
   LINK_TYPE_HELLO = 1,
   LINK_TYPE_HEARTBEAT = 2, /* Requests the status. */
-  /* The demanded force, valid from the next tick on. No effect outside the state run and on a
-     position controller. */
+  /* The demanded force, valid from the next tick on. It has no effect outside the state run, or on
+     a position controller. */
   LINK_TYPE_DEMAND = 3,
   LINK_TYPE_COMMAND = 4, /* Changes the state. Detail of the answer: the new state. */
   LINK_TYPE_SETTING_READ = 5, /* Requests a setting. */
   LINK_TYPE_SETTING_WRITE = 6, /* Changes a setting, valid from the next tick on. */
-  /* Announces a parameter block and discards words of an incomplete one. */
+  /* Announces a parameter block, and discards the words of an incomplete block. */
   LINK_TYPE_BLOCK_BEGIN = 7,
-  /* The next words of the block. Detail of the answer: the next offset. */
+  /* Sends the next words of the block. Detail of the answer: the next offset. */
   LINK_TYPE_BLOCK_DATA = 8,
   /* Checks the block and activates it between two ticks. After an error, the old block remains
      active. Detail of the answer: the generation of the active block. */
@@ -34,15 +34,15 @@ enum {
   /* The target position, valid from the next tick on; before a lift, the first target. A position
      outside the range is rejected, and a force controller rejects every target. */
   LINK_TYPE_TARGET = 14,
-  /* Stores the active block for the next start, if the board has non-volatile memory. Allowed only
-     in idle or ready at zero current, because the board may stop its ticks for seconds. Detail: the
-     generation of the block. */
+  /* Stores the active block for the next start, if the board has non-volatile memory. This is
+     allowed only in the state idle or ready and at zero current, because the board may stop its
+     ticks for seconds. Detail of the answer: the generation of the block. */
   LINK_TYPE_KEEP = 15,
-  /* An XCP command; an empty frame requests only samples. Only the command of an unlocked master
-     counts as a heartbeat, not the frame. */
+  /* An XCP command; an empty frame requests only samples. The frame itself is not a heartbeat, but
+     a command of an unlocked master is. */
   LINK_TYPE_XCP = 16,
   LINK_TYPE_INFO = 129, /* Identification of the controller. */
-  LINK_TYPE_STATUS = 130, /* State and signals of the tick in the header. */
+  LINK_TYPE_STATUS = 130, /* State and signals at the tick that the header contains. */
   LINK_TYPE_ACK = 131, /* The request was executed. */
   LINK_TYPE_NAK = 132, /* The request was rejected and had no effect. */
   LINK_TYPE_SETTING = 133, /* The value of a setting. */
@@ -77,10 +77,10 @@ enum {
   LINK_REASON_COUNT = 15
 };
 
-/* The controlled quantity. */
+/* Controlled quantity. */
 enum {
-  LINK_BODY_FORCE = 0, /* the force of a magnet */
-  LINK_BODY_POSITION = 1, /* the position of a levitating armature */
+  LINK_BODY_FORCE = 0, /* force of a magnet */
+  LINK_BODY_POSITION = 1, /* position of a levitated armature */
   LINK_BODY_COUNT = 2
 };
 
@@ -163,20 +163,20 @@ static inline void link_get_hello(link_hello *m, const uint8_t *p)
 #define LINK_SIZE_HEARTBEAT 0
 
 #define LINK_SIZE_DEMAND 4
-/* force: q31 of the full-scale force */
+/* force: demanded force, q31 of full scale */
 static inline int32_t link_get_demand(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_COMMAND 2
-/* command: one of command */
+/* command: value of the enum command */
 static inline uint16_t link_get_command(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_SETTING_READ 2
-/* setting: one of setting */
+/* setting: value of the enum setting */
 static inline uint16_t link_get_setting_read(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_SETTING_WRITE 6
 typedef struct {
-  uint16_t setting; /* one of setting */
+  uint16_t setting; /* value of the enum setting */
   int32_t value;
 } link_setting_write;
 static inline void link_get_setting_write(link_setting_write *m, const uint8_t *p)
@@ -187,9 +187,9 @@ static inline void link_get_setting_write(link_setting_write *m, const uint8_t *
 
 #define LINK_SIZE_BLOCK_BEGIN 8
 typedef struct {
-  uint16_t words; /* length of the block */
+  uint16_t words; /* number of words of the block */
   uint16_t generation; /* generation of the block */
-  uint32_t checksum; /* CRC-32 of all its words, low byte first */
+  uint32_t checksum; /* CRC-32 of all words of the block, low byte first */
 } link_block_begin;
 static inline void link_get_block_begin(link_block_begin *m, const uint8_t *p)
 {
@@ -208,8 +208,8 @@ static inline uint16_t link_get_block_swap(const uint8_t *p) { return link_get_u
 
 #define LINK_SIZE_BLOCK_READ 4
 typedef struct {
-  uint16_t offset; /* first requested word */
-  uint16_t words; /* number of words, 1..118 */
+  uint16_t offset; /* index of the first requested word */
+  uint16_t words; /* number of requested words, 1..118 */
 } link_block_read;
 static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
 {
@@ -218,7 +218,7 @@ static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
 }
 
 #define LINK_SIZE_TARGET 4
-/* position: q31 of the position controller's full scale */
+/* position: target position, q31 of full scale */
 static inline int32_t link_get_target(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_KEEP 0
@@ -236,7 +236,7 @@ typedef struct {
   uint16_t ramp; /* time from full current to zero in the safe state, ms */
   uint32_t model; /* first 32 bits of the model's hash */
   uint32_t rate; /* ticks per second */
-  uint16_t body; /* controlled quantity, one of body */
+  uint16_t body; /* controlled quantity, a value of the enum body */
   uint16_t magnets; /* number of magnets: 1, or an opposing pair */
 } link_info;
 static inline void link_put_info(uint8_t *p, const link_info *m)
@@ -256,9 +256,9 @@ static inline void link_put_info(uint8_t *p, const link_info *m)
 
 #define LINK_SIZE_STATUS 54
 typedef struct {
-  uint8_t state; /* one of state */
-  uint8_t fault; /* latched reason, one of fault */
-  uint16_t flags; /* bits of flag */
+  uint8_t state; /* value of the enum state */
+  uint8_t fault; /* latched fault, a value of the enum fault */
+  uint16_t flags; /* bits of the enum flag */
   int32_t demand; /* active demand, q31 */
   int32_t force; /* measured force, q30 */
   int32_t gap; /* measured gap, q30 */
@@ -268,7 +268,7 @@ typedef struct {
   uint16_t bad_frames; /* damaged frames, modulo 65536 */
   uint16_t lost_frames; /* missing sequence numbers, modulo 65536 */
   uint16_t missed_ticks; /* missed ticks since power-on, modulo 65536 */
-  uint16_t phase; /* one of phase */
+  uint16_t phase; /* value of the enum phase */
   int32_t position; /* last plausible position, q31 */
   int32_t reference; /* reference position, q31 */
   uint32_t cycles; /* processor cycles of the longest tick; 0: not counted */
@@ -298,7 +298,7 @@ static inline void link_put_status(uint8_t *p, const link_status *m)
 #define LINK_SIZE_ACK 4
 typedef struct {
   uint16_t request; /* type of the request */
-  uint16_t detail; /* see the request */
+  uint16_t detail; /* detail that the description of the request defines */
 } link_ack;
 static inline void link_put_ack(uint8_t *p, const link_ack *m)
 {
@@ -309,8 +309,8 @@ static inline void link_put_ack(uint8_t *p, const link_ack *m)
 #define LINK_SIZE_NAK 6
 typedef struct {
   uint16_t request; /* type of the request */
-  uint16_t reason; /* one of reason */
-  uint16_t detail; /* see the reason */
+  uint16_t reason; /* value of the enum reason */
+  uint16_t detail; /* detail that the description of the reason defines */
 } link_nak;
 static inline void link_put_nak(uint8_t *p, const link_nak *m)
 {
@@ -321,7 +321,7 @@ static inline void link_put_nak(uint8_t *p, const link_nak *m)
 
 #define LINK_SIZE_SETTING 6
 typedef struct {
-  uint16_t setting; /* one of setting */
+  uint16_t setting; /* value of the enum setting */
   int32_t value;
 } link_setting;
 static inline void link_put_setting(uint8_t *p, const link_setting *m)
@@ -339,14 +339,14 @@ static inline void link_put_block_words(uint8_t *p, uint16_t offset) { link_put_
 #define LINK_SIZE_PLANT_SAMPLE 32
 /* Plant to controller: the sensor readings at the beginning of a tick. */
 typedef struct {
-  uint32_t tick; /* counts from 1 */
-  int32_t gap; /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
-  int32_t force; /* q30 of the full-scale force */
-  int32_t position; /* q31 of the position controller's full scale */
+  uint32_t tick; /* number of the tick, counted from 1 */
+  int32_t gap; /* gap, q30: 0 and 1.0 at the low and high end of the model's gaps */
+  int32_t force; /* force, q30 of full scale */
+  int32_t position; /* position, q31 of full scale */
   /* current of the first magnet, q30 of full scale; current of the second magnet, q30 of full scale
      */
   int32_t current[2];
-  uint32_t status; /* bits of PORT_... in port/port.h */
+  uint32_t status; /* status bits, see PORT_... in port/port.h */
 } link_plant_sample;
 /* Returns whether the record is valid; fills it in any case. */
 static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
@@ -364,7 +364,7 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
 #define LINK_SIZE_PLANT_DRIVE 40
 /* Controller to plant: the currents for the next tick, and signals for recordings. */
 typedef struct {
-  uint32_t tick; /* tick of the sample from which the record was computed */
+  uint32_t tick; /* tick of the sample from which these currents were computed */
   /* commanded current of the first magnet, q31 of full scale; commanded current of the second
      magnet, q31 of full scale */
   int32_t drive[2];
@@ -373,7 +373,7 @@ typedef struct {
   int32_t demand; /* active demand, q31 of the full-scale force */
   int32_t reference; /* reference position, q31 of the controller's full scale */
   int32_t flux; /* flux of the first magnet's model after the commit, q30 */
-  int32_t expected; /* force of this model, q31 */
+  int32_t expected; /* force that this model predicts, q31 */
 } link_plant_drive;
 static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
 {

@@ -36,7 +36,7 @@ from enum import IntEnum, IntFlag
 BASES = '''
 @dataclass(frozen=True)
 class Message:
-    """A payload: fixed fields, followed in some types by an array of numbers."""
+    """A payload of fixed fields; some types of message end with an array of numbers."""
 
     TYPE: ClassVar[int]
     ANSWER: ClassVar[int]  # type of the answer to a request; 0: the message is an answer
@@ -71,7 +71,7 @@ class Message:
 
 @dataclass(frozen=True)
 class PlantRecord:
-    """A record of the plant's bus: 32-bit words, the last one a check word."""
+    """A record of the plant's bus: 32-bit words, of which the last one is a check word."""
 
     FIXED: ClassVar[struct.Struct]
 
@@ -79,13 +79,13 @@ class PlantRecord:
         cls.FIXED = struct.Struct(form)
 
     def pack(self) -> bytes:
-        """Return the record with its check."""
+        """Return the record as bytes, with its check word."""
         body = self.FIXED.pack(*vars(self).values())
         return body + struct.pack("<I", _check(body))
 
     @classmethod
     def unpack(cls, record: bytes) -> Self:
-        """Return what the record says; ValueError where length or check are wrong."""
+        """Return the content of a record; raise ValueError if its length or check word is wrong."""
         body = record[:-4]
         if len(body) != cls.FIXED.size or record[-4:] != struct.pack("<I", _check(body)):
             raise ValueError(f"{cls.__name__}: not a record of the plant's bus")
@@ -164,9 +164,9 @@ def frames_module(frames: Entry, signals: Entry) -> str:
         for s in signals["setting"]
     ]
     parts.append(
-        'class SettingRange(NamedTuple):\n    """What a setting may be."""\n\n'
+        'class SettingRange(NamedTuple):\n    """Permitted range and initial value of a setting."""\n\n'
         "    low: int\n    high: int\n    start: int\n"
-        "    start_ms: int  # the same of a setting in ticks, else 0\n    while_running: bool\n"
+        "    start_ms: int  # initial value of a setting in ticks, ms; else 0\n    while_running: bool\n"
     )
     parts.append("SETTINGS = {\n" + "\n".join(rows) + "\n}\n\n" + BASES)
     by_name = {frame["name"]: frame for frame in frames["frame"]}

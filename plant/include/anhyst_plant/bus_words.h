@@ -9,19 +9,19 @@
 
 /* Plant to controller: the sensor readings at the beginning of a tick. */
 enum {
-  ANHYST_BUS_SAMPLE_TICK, /* counts from 1 */
-  ANHYST_BUS_SAMPLE_GAP, /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
-  ANHYST_BUS_SAMPLE_FORCE, /* q30 of the full-scale force */
-  ANHYST_BUS_SAMPLE_POSITION, /* q31 of the position controller's full scale */
+  ANHYST_BUS_SAMPLE_TICK, /* number of the tick, counted from 1 */
+  ANHYST_BUS_SAMPLE_GAP, /* gap, q30: 0 and 1.0 at the low and high end of the model's gaps */
+  ANHYST_BUS_SAMPLE_FORCE, /* force, q30 of full scale */
+  ANHYST_BUS_SAMPLE_POSITION, /* position, q31 of full scale */
   ANHYST_BUS_SAMPLE_CURRENT, /* current of the first magnet, q30 of full scale */
   ANHYST_BUS_SAMPLE_CURRENT_2, /* current of the second magnet, q30 of full scale */
-  ANHYST_BUS_SAMPLE_STATUS, /* bits of PORT_... in port/port.h */
+  ANHYST_BUS_SAMPLE_STATUS, /* status bits, see PORT_... in port/port.h */
   ANHYST_BUS_SAMPLE_WORDS
 };
 
 /* Controller to plant: the currents for the next tick, and signals for recordings. */
 enum {
-  ANHYST_BUS_DRIVE_TICK, /* tick of the sample from which the record was computed */
+  ANHYST_BUS_DRIVE_TICK, /* tick of the sample from which these currents were computed */
   ANHYST_BUS_DRIVE_DRIVE, /* commanded current of the first magnet, q31 of full scale */
   ANHYST_BUS_DRIVE_DRIVE_2, /* commanded current of the second magnet, q31 of full scale */
   ANHYST_BUS_DRIVE_STATE, /* state + 256*fault */
@@ -29,7 +29,7 @@ enum {
   ANHYST_BUS_DRIVE_DEMAND, /* active demand, q31 of the full-scale force */
   ANHYST_BUS_DRIVE_REFERENCE, /* reference position, q31 of the controller's full scale */
   ANHYST_BUS_DRIVE_FLUX, /* flux of the first magnet's model after the commit, q30 */
-  ANHYST_BUS_DRIVE_EXPECTED, /* force of this model, q31 */
+  ANHYST_BUS_DRIVE_EXPECTED, /* force that this model predicts, q31 */
   ANHYST_BUS_DRIVE_WORDS
 };
 

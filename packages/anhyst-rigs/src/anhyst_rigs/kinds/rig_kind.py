@@ -53,8 +53,7 @@ class RigKind(FileKind):
 
     def __getattr__(self, method: str) -> Any:
         """Import and return the function of a method."""
-        # absent while copying
-        places: Mapping[str, str] = self.__dict__.get("places", {})
+        places: Mapping[str, str] = self.__dict__.get("places", {})  # absent while copying
         if method not in places:
             raise AttributeError(f"'{method}' is not among the places", name=method, obj=self)
         module, _, name = places[method].partition(":")

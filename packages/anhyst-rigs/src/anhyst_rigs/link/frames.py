@@ -38,10 +38,10 @@ class Reason(IntEnum):
 
 
 class Body(IntEnum):
-    """The controlled quantity."""
+    """Controlled quantity."""
 
-    FORCE = 0  # the force of a magnet
-    POSITION = 1  # the position of a levitating armature
+    FORCE = 0  # force of a magnet
+    POSITION = 1  # position of a levitated armature
 
 
 class Setting(IntEnum):
@@ -68,12 +68,12 @@ class Setting(IntEnum):
 
 
 class SettingRange(NamedTuple):
-    """What a setting may be."""
+    """Permitted range and initial value of a setting."""
 
     low: int
     high: int
     start: int
-    start_ms: int  # the same of a setting in ticks, else 0
+    start_ms: int  # initial value of a setting in ticks, ms; else 0
     while_running: bool
 
 
@@ -97,7 +97,7 @@ SETTINGS = {
 
 @dataclass(frozen=True)
 class Message:
-    """A payload: fixed fields, followed in some types by an array of numbers."""
+    """A payload of fixed fields; some types of message end with an array of numbers."""
 
     TYPE: ClassVar[int]
     ANSWER: ClassVar[int]  # type of the answer to a request; 0: the message is an answer
@@ -132,7 +132,7 @@ class Message:
 
 @dataclass(frozen=True)
 class PlantRecord:
-    """A record of the plant's bus: 32-bit words, the last one a check word."""
+    """A record of the plant's bus: 32-bit words, of which the last one is a check word."""
 
     FIXED: ClassVar[struct.Struct]
 
@@ -140,13 +140,13 @@ class PlantRecord:
         cls.FIXED = struct.Struct(form)
 
     def pack(self) -> bytes:
-        """Return the record with its check."""
+        """Return the record as bytes, with its check word."""
         body = self.FIXED.pack(*vars(self).values())
         return body + struct.pack("<I", _check(body))
 
     @classmethod
     def unpack(cls, record: bytes) -> Self:
-        """Return what the record says; ValueError where length or check are wrong."""
+        """Return the content of a record; raise ValueError if its length or check word is wrong."""
         body = record[:-4]
         if len(body) != cls.FIXED.size or record[-4:] != struct.pack("<I", _check(body)):
             raise ValueError(f"{cls.__name__}: not a record of the plant's bus")
@@ -180,10 +180,10 @@ class HeartbeatRequest(Message, code=0x02, answer=0x82, form="<"):
 class DemandRequest(Message, code=0x03, answer=0x82, form="<i"):
     """The demanded force, valid from the next tick on.
 
-    No effect outside the state run and on a position controller.
+    It has no effect outside the state run, or on a position controller.
     """
 
-    force: int  # q31 of the full-scale force
+    force: int  # demanded force, q31 of full scale
 
 
 @dataclass(frozen=True)
@@ -193,36 +193,36 @@ class CommandRequest(Message, code=0x04, answer=0x83, form="<H"):
     Detail of the answer: the new state.
     """
 
-    command: int  # one of command
+    command: int  # value of the enum command
 
 
 @dataclass(frozen=True)
 class SettingReadRequest(Message, code=0x05, answer=0x85, form="<H"):
     """Requests a setting."""
 
-    setting: int  # one of setting
+    setting: int  # value of the enum setting
 
 
 @dataclass(frozen=True)
 class SettingWriteRequest(Message, code=0x06, answer=0x85, form="<Hi"):
     """Changes a setting, valid from the next tick on."""
 
-    setting: int  # one of setting
+    setting: int  # value of the enum setting
     value: int
 
 
 @dataclass(frozen=True)
 class BlockBeginRequest(Message, code=0x07, answer=0x83, form="<HHI"):
-    """Announces a parameter block and discards words of an incomplete one."""
+    """Announces a parameter block, and discards the words of an incomplete block."""
 
-    words: int  # length of the block
+    words: int  # number of words of the block
     generation: int  # generation of the block
-    checksum: int  # CRC-32 of all its words, low byte first
+    checksum: int  # CRC-32 of all words of the block, low byte first
 
 
 @dataclass(frozen=True)
 class BlockDataRequest(Message, code=0x08, answer=0x83, form="<H", tail="h"):
-    """The next words of the block.
+    """Sends the next words of the block.
 
     Detail of the answer: the next offset.
     """
@@ -246,8 +246,8 @@ class BlockSwapRequest(Message, code=0x09, answer=0x83, form="<H"):
 class BlockReadRequest(Message, code=0x0A, answer=0x86, form="<HH"):
     """Requests words of the active block."""
 
-    offset: int  # first requested word
-    words: int  # number of words, 1..118
+    offset: int  # index of the first requested word
+    words: int  # number of requested words, 1..118
 
 
 @dataclass(frozen=True)
@@ -257,15 +257,15 @@ class TargetRequest(Message, code=0x0E, answer=0x82, form="<i"):
     A position outside the range is rejected, and a force controller rejects every target.
     """
 
-    position: int  # q31 of the position controller's full scale
+    position: int  # target position, q31 of full scale
 
 
 @dataclass(frozen=True)
 class KeepRequest(Message, code=0x0F, answer=0x83, form="<"):
     """Stores the active block for the next start, if the board has non-volatile memory.
 
-    Allowed only in idle or ready at zero current, because the board may stop its ticks for seconds.
-    Detail: the generation of the block.
+    This is allowed only in the state idle or ready and at zero current, because the board may stop
+    its ticks for seconds. Detail of the answer: the generation of the block.
     """
 
 
@@ -273,7 +273,7 @@ class KeepRequest(Message, code=0x0F, answer=0x83, form="<"):
 class XcpRequest(Message, code=0x10, answer=0x89, form="<", tail="B"):
     """An XCP command; an empty frame requests only samples.
 
-    Only the command of an unlocked master counts as a heartbeat, not the frame.
+    The frame itself is not a heartbeat, but a command of an unlocked master is.
     """
 
     command: tuple[int, ...]
@@ -292,17 +292,17 @@ class InfoAnswer(Message, code=0x81, form="<HHHHHHHIIHH"):
     ramp: int  # time from full current to zero in the safe state, ms
     model: int  # first 32 bits of the model's hash
     rate: int  # ticks per second
-    body: int  # controlled quantity, one of body
+    body: int  # controlled quantity, a value of the enum body
     magnets: int  # number of magnets: 1, or an opposing pair
 
 
 @dataclass(frozen=True)
 class StatusAnswer(Message, code=0x82, form="<BBHiiiiiHHHHHiiiiI"):
-    """State and signals of the tick in the header."""
+    """State and signals at the tick that the header contains."""
 
-    state: int  # one of state
-    fault: int  # latched reason, one of fault
-    flags: int  # bits of flag
+    state: int  # value of the enum state
+    fault: int  # latched fault, a value of the enum fault
+    flags: int  # bits of the enum flag
     demand: int  # active demand, q31
     force: int  # measured force, q30
     gap: int  # measured gap, q30
@@ -312,7 +312,7 @@ class StatusAnswer(Message, code=0x82, form="<BBHiiiiiHHHHHiiiiI"):
     bad_frames: int  # damaged frames, modulo 65536
     lost_frames: int  # missing sequence numbers, modulo 65536
     missed_ticks: int  # missed ticks since power-on, modulo 65536
-    phase: int  # one of phase
+    phase: int  # value of the enum phase
     position: int  # last plausible position, q31
     reference: int  # reference position, q31
     current_2: int  # measured current of the second magnet, q30
@@ -325,7 +325,7 @@ class AckAnswer(Message, code=0x83, form="<HH"):
     """The request was executed."""
 
     request: int  # type of the request
-    detail: int  # see the request
+    detail: int  # detail that the description of the request defines
 
 
 @dataclass(frozen=True)
@@ -333,15 +333,15 @@ class NakAnswer(Message, code=0x84, form="<HHH"):
     """The request was rejected and had no effect."""
 
     request: int  # type of the request
-    reason: int  # one of reason
-    detail: int  # see the reason
+    reason: int  # value of the enum reason
+    detail: int  # detail that the description of the reason defines
 
 
 @dataclass(frozen=True)
 class SettingAnswer(Message, code=0x85, form="<Hi"):
     """The value of a setting."""
 
-    setting: int  # one of setting
+    setting: int  # value of the enum setting
     value: int
 
 
@@ -364,20 +364,20 @@ class XcpPacketsAnswer(Message, code=0x89, form="<", tail="B"):
 class PlantSample(PlantRecord, form="<IiiiiiI"):
     """Plant to controller: the sensor readings at the beginning of a tick."""
 
-    tick: int  # counts from 1
-    gap: int  # q30: 0 is the low end of the model's gaps, 1.0 the high one
-    force: int  # q30 of the full-scale force
-    position: int  # q31 of the position controller's full scale
+    tick: int  # number of the tick, counted from 1
+    gap: int  # gap, q30: 0 and 1.0 at the low and high end of the model's gaps
+    force: int  # force, q30 of full scale
+    position: int  # position, q31 of full scale
     current: int  # current of the first magnet, q30 of full scale
     current_2: int  # current of the second magnet, q30 of full scale
-    status: int  # bits of PORT_... in port/port.h
+    status: int  # status bits, see PORT_... in port/port.h
 
 
 @dataclass(frozen=True)
 class PlantDrive(PlantRecord, form="<IiiIIiiii"):
     """Controller to plant: the currents for the next tick, and signals for recordings."""
 
-    tick: int  # tick of the sample from which the record was computed
+    tick: int  # tick of the sample from which these currents were computed
     drive: int  # commanded current of the first magnet, q31 of full scale
     drive_2: int  # commanded current of the second magnet, q31 of full scale
     state: int  # state + 256*fault
@@ -385,7 +385,7 @@ class PlantDrive(PlantRecord, form="<IiiIIiiii"):
     demand: int  # active demand, q31 of the full-scale force
     reference: int  # reference position, q31 of the controller's full scale
     flux: int  # flux of the first magnet's model after the commit, q30
-    expected: int  # force of this model, q31
+    expected: int  # force that this model predicts, q31
 
 
 ANSWERS: dict[int, type[Message]] = {

@@ -51,12 +51,13 @@ def excite(
 
     The armature is fixed at every gap. The drive consists of nested major loops, first-order
     reversal curves, and minor loops around the operating point. The operating point is approached
-    from below, from above and with a decaying sine. Every record begins demagnetised, or
-    conditioned if the amplifier has no negative current. Current, its rate, force and I^2 t of the
-    winding stay within the limits of the rig file. The command reports where a limit reduced the
-    drive. For a piezo stage, it records displacement over voltage in the same way, and two fast
-    cycles. The rig is simulated. With `xcp` or `port`, it is a real rig whose armature is fixed at
-    one gap. Its controller drives the current and is stopped afterwards.
+    from below, from above and with a decaying sine. At the beginning of every record, the iron is
+    demagnetised, or conditioned if the amplifier cannot drive a negative current. The current, its
+    rate, the force and the I^2 t of the winding stay within the limits of the rig file. The command
+    reports each limit that reduced the drive. For a piezo stage, it records displacement against
+    voltage in the same way, and two fast cycles. The rig is simulated. With `xcp` or `port`, the
+    controller of a real rig, whose armature is fixed at one gap, drives the current and is stopped
+    afterwards.
 
     Parameters
     ----------
@@ -65,10 +66,10 @@ def excite(
     out : path-like, ``FILE``
         CSV file to write, with a sidecar .toml of the same name.
     calibrate : bool
-        Instead, run the shortest motion of a stage that shows the errors of its magnets. FILE is
-        the recording for anhyst calibrate.
+        Instead, run the shortest motion of a stage that reveals the errors of its magnets. FILE is
+        then the recording for anhyst calibrate.
     plot : path-like, ``FILE``, optional
-        Plot the drive and the loops, or the motion (png, svg or pdf).
+        Picture of the drive and the loops, or of the motion (png, svg or pdf).
     folder : path-like, ``FOLDER``, optional
         With `xcp` or `port`: the compiled folder of the firmware.
     xcp : str, ``HOST:PORT``, optional
@@ -81,7 +82,7 @@ def excite(
     Returns
     -------
     Excitation or CalibratingMove
-        The loops, the largest drive at each gap, and what limited it; or the motion.
+        The loops, the largest drive at each gap, and the limit that set it; or the motion.
 
     Raises
     ------

@@ -32,11 +32,11 @@ def force_control(
 ) -> ForceControl:
     """Control the force of a magnet in open loop, with and without compensation.
 
-    Models are identified from the loops of the rig, compiled, and built into the firmware. The
-    firmware controls the simulated magnet over its serial link: at the end of the stroke, at
-    several positions, and with a moving armature. For comparison, the command runs the simulated
-    program, a constant ratio of force and current, and the best single-valued curve. It writes
-    recordings, figures.json, figures 6 to 8 of the paper, and report.html.
+    Models are identified from the loops of the rig, compiled, and built into the firmware. Through
+    its serial link, the firmware gets force demands for the simulated magnet: at the end of the
+    stroke, at several positions, and with a moving armature. For comparison, the command also runs
+    the simulated program, a constant ratio of current to force, and the best single-valued curve.
+    It writes recordings, figures.json, figures 6 to 8 of the paper, and report.html.
 
     If loops are given, the command first creates a rig in the folder, like anhyst init
     --force-control. Finally, it verifies the compiled C of all gaps, like anhyst verify.
