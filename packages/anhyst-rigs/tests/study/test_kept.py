@@ -76,5 +76,5 @@ def test_a_cache_that_cannot_be_written_is_none_and_a_full_one_forgets(
     with prepare_cached(rig, None) as prepared:
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
         for number in range(MAX_CACHED_BENCHES + 3):
-            bench._store(prepared, cache_folder("benches") / str(number))
+            bench._store_prepared(prepared, cache_folder("benches") / str(number))
     assert len(list(cache_folder("benches").iterdir())) == MAX_CACHED_BENCHES

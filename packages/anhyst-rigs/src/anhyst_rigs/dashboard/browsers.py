@@ -95,8 +95,8 @@ class RequestGuard:
             await self._app(scope, receive, _add_security_headers(send))
 
     def _is_allowed(self, scope: Scope) -> bool:
-        hosts = _header(scope, b"host")
-        origins = _header(scope, b"origin")
+        hosts = _header_values(scope, b"host")
+        origins = _header_values(scope, b"origin")
         if len(hosts) != 1 or hosts[0] not in self._host_names:
             return False
         if not origins:
@@ -124,7 +124,7 @@ class MessageRateLimit:
         return True
 
 
-def _header(scope: Scope, name: bytes) -> list[str]:
+def _header_values(scope: Scope, name: bytes) -> list[str]:
     return [value.decode("latin-1") for key, value in scope["headers"] if key == name]
 
 
@@ -134,8 +134,8 @@ async def _reject_request(scope: Scope, receive: Receive, send: Send) -> None:
         await receive()
         await send({"type": "websocket.close", "code": 1008})
         return
-    head = [(b"content-type", b"text/plain; charset=utf-8"), *_SECURITY_HEADERS]
-    await send({"type": "http.response.start", "status": 403, "headers": head})
+    response_headers = [(b"content-type", b"text/plain; charset=utf-8"), *_SECURITY_HEADERS]
+    await send({"type": "http.response.start", "status": 403, "headers": response_headers})
     await send({"type": "http.response.body", "body": b"another host or origin\n"})
 
 
@@ -171,8 +171,8 @@ def thin_to_extremes(rows: FloatArray, max_rows: int) -> FloatArray:
     """Return, for each interval of rows, two rows: smallest and largest value of every column."""
     if len(rows) <= max_rows:
         return rows
-    stretch = -(-len(rows) // (max_rows // 2))
-    begins = np.arange(0, len(rows), stretch)
+    interval_rows = -(-len(rows) // (max_rows // 2))
+    begins = np.arange(0, len(rows), interval_rows)
     pairs = np.empty((2 * len(begins), rows.shape[1]))
     np.fmin.reduceat(rows, begins, out=pairs[0::2])
     np.fmax.reduceat(rows, begins, out=pairs[1::2])
@@ -182,10 +182,10 @@ def thin_to_extremes(rows: FloatArray, max_rows: int) -> FloatArray:
 def encode_frame(run: RowRun) -> bytes:
     """Return the frame that transmits a run of rows."""
     rows = run.rows
-    head = _FRAME_HEADER.pack(len(rows), rows.shape[1] - 1, run.first_tick, run.last_tick)
+    frame_header = _FRAME_HEADER.pack(len(rows), rows.shape[1] - 1, run.first_tick, run.last_tick)
     ticks = rows[:, 0].astype("<f8").tobytes()
     data = np.ascontiguousarray(rows[:, 1:].T, dtype="<f4").tobytes()
-    return head + ticks + data + _RUN_HEADER.pack(run.is_thinned)
+    return frame_header + ticks + data + _RUN_HEADER.pack(run.is_thinned)
 
 
 class RowQueue:
@@ -208,12 +208,12 @@ class RowQueue:
             return
         breaks = np.flatnonzero(np.diff(rows[:, 0]) != self._tick_step) + 1
         with self._lock:
-            for part in np.split(rows, breaks):
-                self._append(RowRun(int(part[0, 0]), int(part[-1, 0]), part, False))
+            for run_rows in np.split(rows, breaks):
+                self._append_run(RowRun(int(run_rows[0, 0]), int(run_rows[-1, 0]), run_rows, False))
             if self.waiting > self._max_rows:
-                kept = list(self._runs)[-_MAX_QUEUED_RUNS:]
-                share = max(2, self._max_rows // (2 * len(kept)))
-                self._runs = deque(_thin_run(run, share) for run in kept)
+                remaining_runs = list(self._runs)[-_MAX_QUEUED_RUNS:]
+                max_run_rows = max(2, self._max_rows // (2 * len(remaining_runs)))
+                self._runs = deque(_thin_run(run, max_run_rows) for run in remaining_runs)
 
     def take_all(self) -> list[RowRun]:
         """Return all waiting rows and empty the queue."""
@@ -221,12 +221,12 @@ class RowQueue:
             runs, self._runs = list(self._runs), deque()
         return runs
 
-    def _append(self, new: RowRun) -> None:
-        if self._runs and self._runs[-1].last_tick + self._tick_step == new.first_tick:
-            old = self._runs.pop()
-            rows = np.concatenate((old.rows, new.rows))
-            new = RowRun(old.first_tick, new.last_tick, rows, old.is_thinned)
-        self._runs.append(new)
+    def _append_run(self, new_run: RowRun) -> None:
+        if self._runs and self._runs[-1].last_tick + self._tick_step == new_run.first_tick:
+            old_run = self._runs.pop()
+            rows = np.concatenate((old_run.rows, new_run.rows))
+            new_run = RowRun(old_run.first_tick, new_run.last_tick, rows, old_run.is_thinned)
+        self._runs.append(new_run)
 
 
 def _thin_run(run: RowRun, max_rows: int) -> RowRun:

@@ -106,6 +106,6 @@ class Connection(H11Protocol):
             (host, _), *_ = Counter(
                 connection_of_host.host for connection_of_host in close_times
             ).most_common(1)
-            oldest = min((one for one in close_times if one.host == host), key=close_times.__getitem__)
+            oldest = min((other for other in close_times if other.host == host), key=close_times.__getitem__)
             del close_times[oldest]
             oldest.drop()

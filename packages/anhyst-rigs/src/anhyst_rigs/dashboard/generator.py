@@ -169,13 +169,13 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
     ]
     if not lines:
         raise InputError("own CSV: is empty; begin it with a header such as t_s,gap_um", code="no-data")
-    number, header = lines[0]
-    units = _read_header_units(number, header, unit)
+    number, header_line = lines[0]
+    units = _read_header_units(number, header_line, unit)
     rows: list[tuple[float, float]] = []
     for number, cells in lines[1:]:
         time, value = _read_row(number, cells, units)
-        last = rows[-1][0] if rows else -1.0
-        if time <= last:
+        last_time = rows[-1][0] if rows else -1.0
+        if time <= last_time:
             raise InputError(
                 f"own CSV: line {number}: the time is not later than in the previous row",
                 code="time-not-rising",
@@ -194,10 +194,10 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
     return WaveTable(table[:, 0], table[:, 1], begin)
 
 
-def _read_header_units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
+def _read_header_units(number: int, header_cells: list[str], unit: str) -> tuple[Unit, Unit]:
     """Return the units of the two columns."""
-    units = [unit for unit in (parse_header(cell).unit for cell in header) if unit is not None]
-    if len(header) == len(units) == 2:
+    units = [unit for unit in (parse_header(cell).unit for cell in header_cells) if unit is not None]
+    if len(header_cells) == len(units) == 2:
         time, value = units
         if time.dimension == "time" and value.dimension == require_unit(unit).dimension:
             return time, value
@@ -212,7 +212,7 @@ def _read_header_units(number: int, header: list[str], unit: str) -> tuple[Unit,
 def _read_row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
     if len(cells) != 2:
         raise InputError(f"own CSV: line {number}: {len(cells)} columns, not two", code="fields-missing")
-    row = []
+    row_values = []
     for cell, unit in zip(cells, units, strict=True):
         try:
             value = unit.value_to_si(float(cell))
@@ -222,8 +222,8 @@ def _read_row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[
             ) from None
         if not math.isfinite(value):
             raise InputError(f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite")
-        row.append(value)
-    return row[0], row[1]
+        row_values.append(value)
+    return row_values[0], row_values[1]
 
 
 _CHUNK_S = 0.001
@@ -233,7 +233,7 @@ _CHUNK_S = 0.001
 class DrivenBench(Bench):
     """A bench that adds a generator to another bench, and stores the target and the load."""
 
-    def __init__(self, bench: Bench, refused: Callable[[str], None], happened: Callable[[str], None]) -> None:
+    def __init__(self, bench: Bench, on_refusal: Callable[[str], None], log: Callable[[str], None]) -> None:
         self.rate, self.ticks_per_row, self.has_own_clock = (
             bench.rate,
             bench.ticks_per_row,
@@ -243,8 +243,8 @@ class DrivenBench(Bench):
         self.demand_range, self.max_load = bench.demand_range, bench.max_load
         self.body = getattr(bench, "body", None)
         self.target = bench.demand_range.value
-        self._on_refusal = refused
-        self._on_event = happened
+        self._on_refusal = on_refusal
+        self._on_event = log
         self.load_N: float | None = None
         self.generator: Wave | None = None  # signal that is added to the target
         self._bench = bench
@@ -287,18 +287,18 @@ class DrivenBench(Bench):
     def generate(self, generator: Wave | None) -> None:
         """Start a generator, or stop it and return to the plain target."""
         if generator is not None:
-            self._check(self.target, generator)
+            self._check_generator(self.target, generator)
         elif self.generator is None:
             return
         self._bench.demand(self.target)
         self.generator = generator
 
-    def _check(self, target: float, generator: Wave) -> None:
-        aim, (lowest, highest) = self.demand_range, generator.range
-        if not aim.low <= target + lowest <= target + highest <= aim.high:
+    def _check_generator(self, target: float, generator: Wave) -> None:
+        demand, (lowest, highest) = self.demand_range, generator.range
+        if not demand.low <= target + lowest <= target + highest <= demand.high:
             raise InputError(
-                f"generator: {target + lowest:g} to {target + highest:g} {aim.unit} is not within "
-                f"{aim.low:g} to {aim.high:g} {aim.unit}; set a target in between, or take less",
+                f"generator: {target + lowest:g} to {target + highest:g} {demand.unit} is not within "
+                f"{demand.low:g} to {demand.high:g} {demand.unit}; set a target in between, or take less",
                 code="out-of-range",
                 key="generator",
             )
@@ -306,7 +306,7 @@ class DrivenBench(Bench):
     def demand(self, value: float) -> None:
         """Set the target, m or N; an active generator continues to be added to it."""
         if self.generator is not None:
-            self._check(value, self.generator)
+            self._check_generator(value, self.generator)
         self._bench.demand(value)
         self.target = value
 

@@ -48,14 +48,14 @@ _PROCESS_NICENESS = 10
 class ProcessJob:
     """A computation in a separate process."""
 
-    def __init__(self, work: Work, *given: Any, ended: OnEnd) -> None:
+    def __init__(self, work: Work, *work_arguments: Any, on_end: OnEnd) -> None:
         self.share = 0.0
-        self._on_end = ended
+        self._on_end = on_end
         self._cancelled = False
         context = get_context("spawn")
         self._receiver, self._sender = context.Pipe(duplex=False)
         self._process = context.Process(
-            target=_run_in_process, args=(self._sender, work, given), name="job", daemon=True
+            target=_run_in_process, args=(self._sender, work, work_arguments), name="job", daemon=True
         )
         self._started = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="job", daemon=True)
@@ -123,10 +123,10 @@ class BoardJob:
         self,
         work: Callable[[Progress, OperatorSeat], Mapping[str, Any]],
         seat: Callable[[], OperatorSeat],
-        ended: OnEnd,
+        on_end: OnEnd,
     ) -> None:
         self.share = 0.0
-        self._work, self._on_end = work, ended
+        self._work, self._on_end = work, on_end
         self._seat = seat()
         self._thread = threading.Thread(target=self._run, name="measuring", daemon=True)
         self._thread.start()
@@ -227,7 +227,7 @@ class Improver:
 
     def swap(self) -> int:
         """Activate the new model; return the tick. Only the thread of the bench may call this."""
-        self._check("swap")
+        self._check_step("swap")
         assert self._new_model is not None
         tick = self._swap_block(self._new_block, self._new_model)
         self._store_result("swap", {"tick": tick})
@@ -235,13 +235,13 @@ class Improver:
 
     def swap_back(self) -> int:
         """Activate the model that was replaced. Only the thread of the bench may call this."""
-        self._check("back")
+        self._check_step("back")
         assert self._previous is not None
         return self._swap_block(*self._previous)
 
     def model_to_monitor(self) -> ModelWithLoops:
         """Return the model with which rows of the bench can be compared."""
-        self._check("watch")
+        self._check_step("watch")
         return self.known_model
 
     def cancel(self) -> None:
@@ -268,28 +268,28 @@ class Improver:
             "share": job.share if job is not None else 0.0,
             "seconds": time.monotonic() - self._start_time if job is not None else 0.0,
             "trouble": self._error_text,
-            "refused": {step: str(why) for step in _STEP_ORDERS if (why := self._refusal_reason(step))},
+            "refused": {step: str(reason) for step in _STEP_ORDERS if (reason := self._refusal_reason(step))},
         }
 
     def _refusal_reason(self, step: str) -> InputError | None:
         """Return why a step is not possible now, or None if it is possible."""
-        needed, code, why = _REQUIRED_STEP.get(step), "step-missing", ""
+        required_step, code, reason = _REQUIRED_STEP.get(step), "step-missing", ""
         if step == "watch" and not self._prepared.has_single_magnet:
             code = "force-of-a-pair"
-            why = "for a pair of magnets, only the sum of both forces is known"
+            reason = "for a pair of magnets, only the sum of both forces is known"
         elif step in (*IMPROVEMENT_STEPS, "back") and self._job is not None:
-            code, why = "busy", f"{self._step} is still running; wait, or cancel it"
+            code, reason = "busy", f"{self._step} is still running; wait, or cancel it"
         elif step == "cancel" and self._job is None:
-            why = "nothing is under way"
+            reason = "nothing is under way"
         elif step == "back" and self._previous is None:
-            why = "no model was swapped yet"
-        elif needed is not None and needed not in self.results:
-            why = f"{needed} comes first"
-        return InputError(f"{step}: {why}", code=code, key=step) if why else None
+            reason = "no model was swapped yet"
+        elif required_step is not None and required_step not in self.results:
+            reason = f"{required_step} comes first"
+        return InputError(f"{step}: {reason}", code=code, key=step) if reason else None
 
-    def _check(self, step: str) -> None:
-        if why := self._refusal_reason(step):
-            raise why
+    def _check_step(self, step: str) -> None:
+        if reason := self._refusal_reason(step):
+            raise reason
 
     def close(self) -> None:
         """End the job and delete the files."""
@@ -308,15 +308,15 @@ class Improver:
             return
         self.known_model = self._first_model
         self._previous = None
-        self.results = {name: one for name, one in self.results.items() if name != "swap"}
+        self.results = {name: result for name, result in self.results.items() if name != "swap"}
 
-    def _start_process_job(self, step: str, work: Work, *given: Any) -> None:
+    def _start_process_job(self, step: str, work: Work, *work_arguments: Any) -> None:
         self._start_job(
-            step, lambda ended: ProcessJob(work, self._prepared, self.folder, *given, ended=ended)
+            step, lambda ended: ProcessJob(work, self._prepared, self.folder, *work_arguments, on_end=ended)
         )
 
     def _start_job(self, step: str, make: Callable[[OnEnd], ProcessJob | BoardJob]) -> None:
-        self._check(step)
+        self._check_step(step)
         self._step, self._error_text, self._start_time = step, "", time.monotonic()
 
         def ended(outcome: Mapping[str, Any] | str) -> None:
@@ -335,9 +335,9 @@ class Improver:
         shown_values = {name: value for name, value in result.items() if name != "words"}
         if "words" in result:
             self._new_block = list(result["words"])
-        kept = IMPROVEMENT_STEPS[: IMPROVEMENT_STEPS.index(step)]
+        kept_steps = IMPROVEMENT_STEPS[: IMPROVEMENT_STEPS.index(step)]
         self.results = {
-            **{name: one for name, one in self.results.items() if name in kept},
+            **{name: old_result for name, old_result in self.results.items() if name in kept_steps},
             step: shown_values,
         }
 

@@ -48,8 +48,8 @@ class SessionSeat:
 
     def advance(self, ticks: int) -> FloatArray:
         """Return the next rows, usually as many as requested; none if the controller is lost."""
-        parts = [np.empty((0, 1 + len(self.signals)))]
-        while sum(map(len, parts)) * self.ticks_per_row < ticks:
+        row_blocks = [np.empty((0, 1 + len(self.signals)))]
+        while sum(map(len, row_blocks)) * self.ticks_per_row < ticks:
             if self._cancelled.is_set():
                 self._cancelled.clear()
                 raise InputError("cancelled", code="cancelled")
@@ -59,8 +59,8 @@ class SessionSeat:
                 break
             if chunk is None:
                 raise InputError(self._session.end_reason or "the bench is closed", code="bench-closed")
-            parts.append(chunk)
-        return np.concatenate(parts)
+            row_blocks.append(chunk)
+        return np.concatenate(row_blocks)
 
     def command(self, command: Command) -> None:
         """Send a command."""
@@ -109,7 +109,7 @@ def perform_improvement_step(session: LiveSession, client_name: str, fields: Fie
     return action(session, session.improver, client_name, fields)
 
 
-def _measure(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
+def _execute_measure(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
     limits = fields.get("limits", {})
     if not isinstance(limits, dict):
         raise InputError("limits: name none", code="missing", key="limits")
@@ -119,9 +119,9 @@ def _measure(session: LiveSession, improver: Improver, client_name: str, fields:
     return {}
 
 
-def _run_and_log(do: Callable[[Improver], None], text: str) -> _StepAction:
+def _run_and_log(start_step: Callable[[Improver], None], text: str) -> _StepAction:
     def act(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
-        do(improver)
+        start_step(improver)
         session.log_change(client_name, text)
         return {}
 
@@ -141,11 +141,11 @@ def _swap_model_and_log(exchange: Callable[[Improver], int], text: str) -> _Step
     return act
 
 
-def _files(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
+def _execute_files(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
     return {"files": improver.files()}
 
 
-def _watch(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
+def _execute_watch(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
     is_on = fields.get("on") is True
     session.monitor(improver.model_to_monitor() if is_on else None)
     session.log_change(
@@ -155,14 +155,14 @@ def _watch(session: LiveSession, improver: Improver, client_name: str, fields: F
 
 
 _STEP_ACTIONS: Mapping[str, _StepAction] = {
-    "measure": _measure,
+    "measure": _execute_measure,
     "identify": _run_and_log(Improver.identify, "a model is identified"),
     "compile": _run_and_log(Improver.compile, "the model is compiled"),
     "swap": _swap_model_and_log(Improver.swap, "the new model is swapped in"),
     "back": _swap_model_and_log(Improver.swap_back, "the previous model is swapped in"),
     "cancel": _run_and_log(Improver.cancel, "work cancelled"),
-    "files": _files,
-    "watch": _watch,
+    "files": _execute_files,
+    "watch": _execute_watch,
 }
 
 
@@ -183,7 +183,7 @@ def perform(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     return {"tick": session.bench.tick, **action(session, client_name, fields)}
 
 
-def _command(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_command(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     name = str(fields.get("name"))
     commands = {command.name.lower(): command for command in session.bench.commands}
     if name not in commands:
@@ -196,26 +196,26 @@ def _command(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     return {}
 
 
-def _target(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_target(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     value = read_finite_number(fields, "value")
     session.bench.demand(value)
     session.log_change(client_name, f"target {value:g}")
     return {}
 
 
-def _load(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_load(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     value = read_finite_number(fields, "value")
     session.bench.load(value)
     session.log_change(client_name, f"load {value:g} N")
     return {}
 
 
-def _generator(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_generator(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     if fields.get("shape") is None:
         session.generate(None)
         session.log_change(client_name, "generator off")
         return {}
-    wave = _wave(session, fields)
+    wave = _read_wave(session, fields)
     session.generate(wave)
     (_, shape), *rest = wave.as_dict().items()
     units = {"amplitude": f" {session.bench.demand_range.unit}", "rows": "", "lasts": " s"}
@@ -224,28 +224,28 @@ def _generator(session: LiveSession, client_name: str, fields: Fields) -> Fields
     return {}
 
 
-def _wave(session: LiveSession, fields: Fields) -> Wave:
+def _read_wave(session: LiveSession, fields: Fields) -> Wave:
     begin, shape = session.bench.tick + 1, str(fields["shape"])
     if shape == "own CSV":
         return read_wave_table(str(fields.get("text", "")), session.bench.demand_range.unit, begin)
     amplitude = read_finite_number(fields, "amplitude")
     if shape == "chirp":
-        low, high, lasts = (read_finite_number(fields, name) for name in ("low", "high", "lasts"))
-        return Chirp(amplitude, low, high, lasts, begin)
+        low, high, duration = (read_finite_number(fields, name) for name in ("low", "high", "lasts"))
+        return Chirp(amplitude, low, high, duration, begin)
     return PeriodicWave(shape, amplitude, read_finite_number(fields, "frequency"), begin)
 
 
-def _apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    staged = fields.get("values")
-    if not isinstance(staged, dict) or not 1 <= len(staged) <= _MAX_STAGED_PARAMETERS:
+def _execute_apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+    new_values = fields.get("values")
+    if not isinstance(new_values, dict) or not 1 <= len(new_values) <= _MAX_STAGED_PARAMETERS:
         raise InputError("values: names no parameter", code="missing", key="values")
-    values = {str(name): read_finite_number(staged, name) for name in staged}
+    values = {str(name): read_finite_number(new_values, name) for name in new_values}
     tick = session.apply(values)
     session.log_change(client_name, ", ".join(f"{name} = {value:g}" for name, value in values.items()))
     return {"applied": tick, "parameters": describe_parameters(session)}
 
 
-def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     if session.bench.has_own_clock:
         raise InputError(
             "time: a board runs at its own speed, which cannot be changed",
@@ -272,7 +272,7 @@ def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     return {}
 
 
-def _record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     tick, name = session.bench.tick, fields.get("file")
     if name is None:
         session.recorder.stop(tick)
@@ -282,8 +282,8 @@ def _record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
         crossing = session.recorder.make_level_crossing(
             str(fields["signal"]), read_finite_number(fields, "level"), fields.get("rising") is not False
         )
-    lasts = read_finite_number(fields, "lasts") if fields.get("lasts") is not None else math.inf
-    session.record(str(name), RecordingSpan(read_finite_number(fields, "before"), lasts, crossing))
+    duration = read_finite_number(fields, "lasts") if fields.get("lasts") is not None else math.inf
+    session.record(str(name), RecordingSpan(read_finite_number(fields, "before"), duration, crossing))
     session.log_change(client_name, f"record {name}")
     return {}
 
@@ -320,13 +320,13 @@ ORDERS_BESIDE_BENCH: Mapping[str, OrderAction] = {"save set": _save_set, "read s
 """Orders that access only the disk. The bench does not wait for them."""
 
 _ORDER_ACTIONS: Mapping[str, OrderAction] = {
-    "command": _command,
-    "target": _target,
-    "load": _load,
-    "generator": _generator,
-    "apply": _apply,
-    "pace": _pace,
-    "record": _record,
+    "command": _execute_command,
+    "target": _execute_target,
+    "load": _execute_load,
+    "generator": _execute_generator,
+    "apply": _execute_apply,
+    "pace": _execute_pace,
+    "record": _execute_record,
     "improve": perform_improvement_step,
     "learn": _learn,
 }

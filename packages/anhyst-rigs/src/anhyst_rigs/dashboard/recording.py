@@ -101,7 +101,7 @@ class MdfRecorder(RecordingFile):
         """Write all blocks before the rows: header, history, channel group and channels."""
         start_time_ns = time.time_ns()
         self._write_bytes(_IDENTIFICATION)
-        header = self._write_block(
+        header_address = self._write_block(
             b"HD", (0,) * 6, struct.pack("<Qhh4B2d", start_time_ns, 0, 0, 2, 0, 0, 0, 0, 0)
         )
         tool = self._write_text(
@@ -116,14 +116,14 @@ class MdfRecorder(RecordingFile):
         columns = [Signal("t", "s", "time"), Signal("tick", "", "number of the tick"), *signals]
         for index in reversed(range(len(columns))):
             channels = self._write_channel(columns[index], index, channels)
-        row = struct.pack("<QQHH4xII", 0, 0, 0, 0, 8 * len(columns), 0)
-        group = self._write_block(b"CG", (0, channels, self._write_text("bench"), 0, 0, 0), row)
+        group_fields = struct.pack("<QQHH4xII", 0, 0, 0, 0, 8 * len(columns), 0)
+        group = self._write_block(b"CG", (0, channels, self._write_text("bench"), 0, 0, 0), group_fields)
         self._count = group + _BLOCK_HEADER.size + 6 * 8 + 8
         data_group = self._write_block(b"DG", (0, group, 0, 0), struct.pack("<B7x", 0))
         self._next_data = data_group + _BLOCK_HEADER.size + 2 * 8
-        self._next_event = header + _BLOCK_HEADER.size + 4 * 8
-        self._write_address(header + _BLOCK_HEADER.size, data_group)
-        self._write_address(header + _BLOCK_HEADER.size + 8, history)
+        self._next_event = header_address + _BLOCK_HEADER.size + 4 * 8
+        self._write_address(header_address + _BLOCK_HEADER.size, data_group)
+        self._write_address(header_address + _BLOCK_HEADER.size + 8, history)
 
     def _write_channel(self, signal: Signal, index: int, following: int) -> int:
         unit = self._write_text(signal.unit) if signal.unit else 0
@@ -132,13 +132,13 @@ class MdfRecorder(RecordingFile):
         body = struct.pack("<4B4I2BH6d", *kind, _FLOAT_TYPE, 0, 8 * index, 64, 0, 0, 0, 0, 0, *(0.0,) * 6)
         return self._write_block(b"CN", links, body)
 
-    def _open_data(self, before: int) -> None:
+    def _open_data(self, earlier_address: int) -> None:
         """Append a new data block, and a list block for it, to which the previous list links."""
         address = self._end + _BLOCK_HEADER.size + 2 * 8 + struct.calcsize("<B3xIQ")
-        listed = self._write_block(b"DL", (0, address), struct.pack("<B3xIQ", 0, 1, before))
+        list_address = self._write_block(b"DL", (0, address), struct.pack("<B3xIQ", 0, 1, earlier_address))
         self._data = self._write_block(b"DT", (), b""), _BLOCK_HEADER.size
-        self._write_address(self._next_data, listed)
-        self._next_data = listed + _BLOCK_HEADER.size
+        self._write_address(self._next_data, list_address)
+        self._next_data = list_address + _BLOCK_HEADER.size
 
     def _write_text(self, text: str, kind: bytes = b"TX") -> int:
         return self._write_block(kind, (), text.encode() + b"\0")
@@ -146,8 +146,8 @@ class MdfRecorder(RecordingFile):
     def _write_block(self, kind: bytes, links: Sequence[int], body: bytes) -> int:
         """Append a block and return its address."""
         address, size = self._end, _BLOCK_HEADER.size + 8 * len(links) + len(body)
-        head = _BLOCK_HEADER.pack(b"##" + kind, size, len(links)) + struct.pack(f"<{len(links)}Q", *links)
-        self._write_bytes(head + body + b"\0" * (-size % 8))
+        header = _BLOCK_HEADER.pack(b"##" + kind, size, len(links)) + struct.pack(f"<{len(links)}Q", *links)
+        self._write_bytes(header + body + b"\0" * (-size % 8))
         return address
 
     def _write_bytes(self, data: bytes) -> None:
@@ -176,8 +176,8 @@ class CsvRecorder(RecordingFile):
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
         super().__init__(path, rate)
-        heads = [column_header(signal) for signal in signals]
-        self._write((",".join(["tick", "t_s", *heads]) + "\n").encode())
+        column_titles = [column_header(signal) for signal in signals]
+        self._write((",".join(["tick", "t_s", *column_titles]) + "\n").encode())
 
     def write_rows(self, rows: FloatArray) -> None:
         """Write rows; column 0 is the tick."""
@@ -238,7 +238,7 @@ _BUFFER_SLACK_S = 1.0
 _ROWS_PER_WRITE = 4000
 """Largest number of buffered rows that are written between two chunks of the bench."""
 
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,99}")
+_NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,99}")
 _MAX_WRITE_DELAY_S = 0.1
 
 
@@ -254,15 +254,15 @@ class RingBuffer:
         size = len(self._rows)
         self.total += max(0, len(rows) - size)
         rows = rows[-size:]
-        at = self.total % size
-        head = min(len(rows), size - at)
-        self._rows[at : at + head] = rows[:head]
-        self._rows[: len(rows) - head] = rows[head:]
+        first_index = self.total % size
+        first_count = min(len(rows), size - first_index)
+        self._rows[first_index : first_index + first_count] = rows[:first_count]
+        self._rows[: len(rows) - first_count] = rows[first_count:]
         self.total += len(rows)
 
-    def read(self, first: int, last: int) -> FloatArray:
+    def read(self, first_row: int, last_row: int) -> FloatArray:
         """Return the rows ``first`` to ``last - 1``, counted from the first row of the session."""
-        return self._rows[np.arange(first, last) % len(self._rows)]
+        return self._rows[np.arange(first_row, last_row) % len(self._rows)]
 
     def find_tick(self, tick: int) -> int:
         """Return the number of the first buffered row at a tick or after it."""
@@ -314,16 +314,16 @@ class TickRecorder:
         )
         self._first_tick, self._last_tick = 0, math.inf  # first and last tick of the recording
 
-    def make_level_crossing(self, signal: str, level: float, rising: bool) -> LevelCrossing:
+    def make_level_crossing(self, signal: str, level: float, is_rising: bool) -> LevelCrossing:
         """Return the start condition that a signal crosses a level."""
-        names = [one.name for one in self._signals]
+        names = [column_signal.name for column_signal in self._signals]
         if signal not in names:
             raise InputError(f"trigger: no signal '{signal[:40]}'", code="no-such-signal", key="trigger")
-        return LevelCrossing(1 + names.index(signal), level, rising)
+        return LevelCrossing(1 + names.index(signal), level, is_rising)
 
     def start(self, name: str, span: RecordingSpan, tick: int) -> None:
         """Start a recording in a new file in the folder."""
-        if not _NAME.fullmatch(name):
+        if not _NAME_PATTERN.fullmatch(name):
             raise InputError(
                 "record: a name is of letters, digits, blanks, points, _ and -, without a folder",
                 code="bad-name",
@@ -404,16 +404,16 @@ class TickRecorder:
 
     def _buffer_rows(self, rows: FloatArray) -> None:
         """Add rows to the buffer, and search them for a level crossing."""
-        last = self._ring.total - 1
+        last_row = self._ring.total - 1
         self._ring.append(rows)
         crossing = self._span.crossing
         if self._file is None or self._next_row is not None or crossing is None:
             return
-        searched_rows = self._ring.read(max(last, 0), self._ring.total)
-        row = crossing.find(searched_rows[:, crossing.column])
-        if row is not None:
-            self._set_limits_around(int(searched_rows[row, 0]))
-            self._notify(f"{self._file.path.name}: tick {int(searched_rows[row, 0])} crossed the level")
+        searched_rows = self._ring.read(max(last_row, 0), self._ring.total)
+        index = crossing.find(searched_rows[:, crossing.column])
+        if index is not None:
+            self._set_limits_around(int(searched_rows[index, 0]))
+            self._notify(f"{self._file.path.name}: tick {int(searched_rows[index, 0])} crossed the level")
 
     def _set_limits_around(self, tick: int) -> None:
         """Set the first and the last tick of the recording relative to a given tick."""
@@ -448,8 +448,8 @@ class TickRecorder:
             self.error_text = f"{self._file.path.name}: {error.strerror}"
             self._close_file("broke off")
 
-    def _close_file(self, how: str) -> None:
+    def _close_file(self, end_reason: str) -> None:
         if self._file is not None:
             self._file.close()
-            self._notify(f"{self._file.path.name}: {how}, {self._file.rows} ticks")
+            self._notify(f"{self._file.path.name}: {end_reason}, {self._file.rows} ticks")
         self._file, self._next_row, self._last_tick, self._span = (None, None, math.inf, RecordingSpan())

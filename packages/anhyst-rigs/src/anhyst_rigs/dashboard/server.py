@@ -80,7 +80,7 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
         "title": title,
         "you": client_number,
         "rate": bench.rate,
-        "signals": [{**one._asdict(), "head": column_header(one)} for one in bench.signals],
+        "signals": [{**signal._asdict(), "head": column_header(signal)} for signal in bench.signals],
         "aim": bench.demand_range._asdict(),
         "load_most": bench.max_load,
         "body": bench.body,
@@ -107,7 +107,7 @@ def describe_loops(session: LiveSession) -> list[dict[str, Any]]:
 
 
 def _enum_names(kind: type[IntEnum]) -> dict[str, str]:
-    return {str(int(one)): one.name.lower().replace("_", " ") for one in kind}
+    return {str(int(member)): member.name.lower().replace("_", " ") for member in kind}
 
 
 ASSETS_FOLDER = Path(__file__).with_name("assets")
@@ -220,11 +220,11 @@ class LiveServer:
     async def _send_frames(self, client: Client) -> None:
         """Send frames as fast as the browser accepts them, and the status at regular times."""
         clock = asyncio.get_running_loop().time
-        due = 0.0
+        due_time = 0.0
         try:
             while True:
-                if clock() >= due:
-                    due = clock() + _STATUS_PERIOD_S
+                if clock() >= due_time:
+                    due_time = clock() + _STATUS_PERIOD_S
                     self.desk.check_timeout()
                     await self._send_status(client)
                 await client.send_waiting()
@@ -242,7 +242,7 @@ class LiveServer:
             client.curves = self.session.curves
             await client.send_message({"kind": "loops", "loops": describe_loops(self.session)})
         learner = self.session.learner
-        laps = [one for one in tuple(learner.laps) if one.tick > client.sent_laps] if learner else ()
+        laps = [lap for lap in tuple(learner.laps) if lap.tick > client.sent_laps] if learner else ()
         if laps:
             client.sent_laps = laps[-1].tick
             await client.send_message({"kind": "learnt", "laps": [one._asdict() for one in laps]})
@@ -253,7 +253,7 @@ class LiveServer:
 
     def _make_status(self, client: Client) -> Mapping[str, Any]:
         entries = list(self.session.log)
-        new = min(self.session.log_entry_count - client.sent_log_entries, len(entries))
+        new_count = min(self.session.log_entry_count - client.sent_log_entries, len(entries))
         client.sent_log_entries = self.session.log_entry_count
         status = self.session.status()
         if self.desk.operator != client.number:
@@ -264,7 +264,7 @@ class LiveServer:
             "operator": self.desk.operator,
             "asking": self.desk.requesting,
             "browsers": len(self._clients),
-            "log": [entry._asdict() for entry in entries[len(entries) - new :]],
+            "log": [entry._asdict() for entry in entries[len(entries) - new_count :]],
         }
 
     async def _receive_messages(self, client: Client) -> None:

@@ -48,30 +48,30 @@ def disturbs_measurement(order: str) -> bool:
     return order != "stop" and (order in _MOVING_ORDERS or order.upper() in Command.__members__)
 
 
-def refuse_all(bench: Bench, why: str) -> dict[str, str]:
+def refuse_all(bench: Bench, reason: str) -> dict[str, str]:
     """Return every order with the given reason."""
-    return dict.fromkeys((*_commands(bench), *_MOVING_ORDERS, *_OTHER_ORDERS), why)
+    return dict.fromkeys((*_commands_by_name(bench), *_MOVING_ORDERS, *_OTHER_ORDERS), reason)
 
 
 def find_refusals(
-    bench: Bench, state: ControllerStatus | None, ended: str, measured: str
+    bench: Bench, state: ControllerStatus | None, end_reason: str, measured: str
 ) -> Mapping[str, str]:
     """Return the orders that are not possible now, with the reason for each."""
-    if ended:
-        return refuse_all(bench, ended)
+    if end_reason:
+        return refuse_all(bench, end_reason)
     if bench.loss_reason or state is None:
         return dict.fromkeys(
-            (*_commands(bench), *_MOVING_ORDERS), bench.loss_reason or "no sample has come yet"
+            (*_commands_by_name(bench), *_MOVING_ORDERS), bench.loss_reason or "no sample has come yet"
         )
-    reasons = {name: refusal_reason(command, state) for name, command in _commands(bench).items()}
+    reasons = {name: refusal_reason(command, state) for name, command in _commands_by_name(bench).items()}
     if bench.demand_range.unit == "N":
         reasons |= dict.fromkeys(("target", "generator"), demand_refusal(state.state))
     if measured:
         reasons |= {name: measured for name in (*reasons, *_MOVING_ORDERS) if disturbs_measurement(name)}
-    return {name: why for name, why in reasons.items() if why}
+    return {name: reason for name, reason in reasons.items() if reason}
 
 
-def _commands(bench: Bench) -> dict[str, Command]:
+def _commands_by_name(bench: Bench) -> dict[str, Command]:
     return {command.name.lower(): command for command in bench.commands}
 
 
@@ -110,7 +110,7 @@ class LiveSession:
     ) -> None:
         self.learner = learner
         self.bench = DrivenBench(
-            bench, lambda why: self.log_change("bench", f"generator off: {why}"), self._log_event
+            bench, lambda reason: self.log_change("bench", f"generator off: {reason}"), self._log_event
         )
         self.curves = tuple(curves)
         self.improver = improver
@@ -231,7 +231,7 @@ class LiveSession:
         """Return the state that a page shows in addition to the signals."""
         pacing, generator = self.pacer.pacing(), self.bench.generator
         controller_state = controller_status(self._values) if self._values else None
-        refused = find_refusals(self.bench, controller_state, self.end_reason, self.driven_reason)
+        refusals = find_refusals(self.bench, controller_state, self.end_reason, self.driven_reason)
         return {
             "tick": pacing.tick,
             "speed": pacing.speed,
@@ -245,7 +245,7 @@ class LiveSession:
             "load": self.bench.load_N,
             "state": int(self._values.get("state", 0)),
             "fault": int(self._values.get("fault", 0)),
-            "refused": refused,
+            "refused": refusals,
             "next": self._next_step(controller_state),
             "generator": None if generator is None else generator.as_dict(),
             "recording": self.recorder.status(),

@@ -17,7 +17,7 @@ from anhyst_rigs.rig.bench.protocol import Parameter
 FILE_SUFFIX = ".parameters.json"
 
 _FORMAT = "anhyst-parameters"
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,59}")
+_NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,59}")
 _MAX_SETS = 200
 _MAX_FILE_BYTES = 1 << 20
 
@@ -32,7 +32,7 @@ class ParameterSets:
 
     def save(self, name: str, parameters: Sequence[Parameter]) -> None:
         """Save the active values as a set with a new name."""
-        path = self._path(name)
+        path = self._set_path(name)
         self._list_names()
         if name in self.names:
             raise InputError(f"{path.name}: exists already; choose a new name", code="exists-already")
@@ -42,7 +42,7 @@ class ParameterSets:
                 code="too-many-sets",
                 key="sets",
             )
-        values = {one.name: {"value": one.value, "unit": one.unit} for one in parameters}
+        values = {entry.name: {"value": entry.value, "unit": entry.unit} for entry in parameters}
         saved = datetime.now(UTC).isoformat(timespec="seconds")
         content = {"format": _FORMAT, "version": 1, "saved": saved, "parameters": values}
         with atomic_writer(path) as file:
@@ -51,7 +51,7 @@ class ParameterSets:
 
     def read(self, name: str) -> dict[str, dict[str, Any]]:
         """Return the value and the unit of each parameter in a set, by parameter name."""
-        path = self._path(name)
+        path = self._set_path(name)
         try:
             with path.open(encoding="utf-8") as file:
                 content = json.loads(file.read(_MAX_FILE_BYTES))
@@ -64,10 +64,10 @@ class ParameterSets:
         values = content.get("parameters")
         if not isinstance(values, dict):
             raise InputError(f"{path.name}: parameters: are missing", code="missing", key="parameters")
-        return {str(key): _read_entry(path.name, key, one) for key, one in values.items()}
+        return {str(key): _read_entry(path.name, key, entry) for key, entry in values.items()}
 
-    def _path(self, name: str) -> Path:
-        if not _NAME.fullmatch(name):
+    def _set_path(self, name: str) -> Path:
+        if not _NAME_PATTERN.fullmatch(name):
             raise InputError(
                 "set: a name is of letters, digits, blanks, points, _ and -, without a folder",
                 code="bad-name",
@@ -77,7 +77,7 @@ class ParameterSets:
 
     def _list_names(self) -> None:
         names = (path.name.removesuffix(FILE_SUFFIX) for path in self._folder.glob(f"*{FILE_SUFFIX}"))
-        self.names = tuple(sorted(name for name in names if _NAME.fullmatch(name))[:_MAX_SETS])
+        self.names = tuple(sorted(name for name in names if _NAME_PATTERN.fullmatch(name))[:_MAX_SETS])
 
 
 def _read_entry(file: str, key: object, entry: object) -> dict[str, Any]:

@@ -66,17 +66,17 @@ class StartProgress:
 @contextmanager
 def serve_start_page(listening_socket: socket.socket, title: str, work: str) -> Iterator[StartProgress]:
     """Serve the page on a listening socket until the build has ended."""
-    start = StartProgress(title, work)
-    app = RequestGuard(start.app(), allowed_host_names(*listening_socket.getsockname()[:2]))
+    progress = StartProgress(title, work)
+    app = RequestGuard(progress.app(), allowed_host_names(*listening_socket.getsockname()[:2]))
     server = make_quiet_server(app, timeout_graceful_shutdown=1)
     # The server closes only its own socket; the server of the rig continues to use the port.
     page_socket = listening_socket.dup()
     thread = Thread(target=server.run, args=([page_socket],), name="anhyst-start", daemon=True)
     thread.start()
     try:
-        yield start
+        yield progress
     except Exception as error:
-        start.fail(word_for_reader(str(error)))
+        progress.fail(word_for_reader(str(error)))
         raise
     finally:
         server.should_exit = True

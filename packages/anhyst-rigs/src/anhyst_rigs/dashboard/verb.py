@@ -146,10 +146,10 @@ def live(
     title = name if url is None else f"{name} at {url}"
     work = f"building model and controller of {name}" if url is None else f"connecting to {url}"
     with listen_on(*read_address(listen, token)) as listening_socket:
-        with serve_start_page(listening_socket, title, work) as start:
+        with serve_start_page(listening_socket, title, work) as start_progress:
 
             def report_progress(completed: float, total: float) -> None:
-                start.update(completed, total)
+                start_progress.update(completed, total)
                 if progress is not None:
                     progress(completed, total)
 

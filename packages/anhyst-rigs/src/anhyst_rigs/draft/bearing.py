@@ -94,12 +94,12 @@ def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
     force_per_metre = mass * (2.0 * math.pi * bandwidth) ** 2
     authority = MAX_STEP_FORCE_RATIO * min(load, force_high - load) / force_per_metre
     highest = step_down(min(machine.clearance, authority))
-    heights = tuple(round_nearest(share * highest) for share in (0.1, 0.2, 0.5, 1.0))
+    heights = tuple(round_nearest(travel_fraction * highest) for travel_fraction in (0.1, 0.2, 0.5, 1.0))
     travel = machine.stops[1] - machine.stops[0]
     sensor_step = min(50e-9, step_down(heights[0] / 50.0))
     speed = math.sqrt(2.0 * travel * (force_high + 1.2 * force_high) / mass)
     inductance = tangent.k_i**2 / stiffness
-    swing = (
+    load_amplitude = (
         math.pi * FULL_SWING_PER_BANDWIDTH * bandwidth + 1.0 / WINDING_TIME_CONSTANT_S
     ) * magnet.current_high
     return BearingDesign(
@@ -108,7 +108,7 @@ def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
         rate=rate,
         inductance=inductance,
         amplifier_bandwidth=round_nearest(min(AMPLIFIER_PER_BANDWIDTH * bandwidth, rate / 8.0)),
-        supply=step_up(inductance * swing, SUPPLY_STEPS),
+        supply=step_up(inductance * load_amplitude, SUPPLY_STEPS),
         force_high=force_high,
         heights=heights,
         sensor_step=sensor_step,

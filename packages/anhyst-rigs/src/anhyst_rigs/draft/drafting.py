@@ -137,12 +137,12 @@ def _init_piezo(loops: Loops, source: _LoopSource, out: PathLike, request: Machi
     except InputError as error:
         raise error.with_location(source.text) from error
     files = {RIG_FILE: draft_piezo(source.name, loops, stack)}
-    found = (
+    found_texts = (
         f"stack of {1e6 * stack.stroke:.4g} um from {stack.low:.4g} to {stack.high:.4g} V",
         f"residual of the Bouc-Wen model: {stack.fit_text}",
         f"creep: {stack.creep_text}",
     )
-    return _write_draft(out, files, source, PIEZO_COMMANDS, found)
+    return _write_draft(out, files, source, PIEZO_COMMANDS, found_texts)
 
 
 def init_rig(
@@ -195,7 +195,7 @@ def _write_draft(
     files: Mapping[str, Draft],
     source: _LoopSource,
     run: Sequence[str],
-    found: tuple[str, ...],
+    found_texts: tuple[str, ...],
     machine: Machine | None = None,
 ) -> Drafted:
     """Write the files, and return a description of the draft."""
@@ -204,7 +204,7 @@ def _write_draft(
         Path(out),
         (*files, *source.copies),
         tuple(command.format(out=Path(out)) for command in run),
-        found,
+        found_texts,
         {} if machine is None else machine.list_guesses(),
         {name: draft.guesses for name, draft in files.items()},
     )

@@ -64,12 +64,12 @@ def draft_force_control(magnet: MeasuredMagnet, source: dict[str, Any]) -> Draft
         sweep=sweep,
         swing=magnet.current_high / FULL_SWING_S,
         force=round_down(MAX_DEMAND_RATIO * float(magnet.forces.min())),
-        triangles=_triangles(cycle_Hz),
+        triangles=_triangle_records(cycle_Hz),
         gaps=gaps,
     )
 
 
-def _triangles(cycle_Hz: float) -> list[tuple[str, float, float, float, int, str]]:
+def _triangle_records(cycle_Hz: float) -> list[tuple[str, float, float, float, int, str]]:
     """Return slow triangles; for a solid core, one slow and one fast triangle."""
     if not cycle_Hz:
         return [("wide", 0.05, 0.95, 2.0, 2, EXAMPLE_NOTE), ("inner", 0.3, 0.7, 2.0, 2, EXAMPLE_NOTE)]

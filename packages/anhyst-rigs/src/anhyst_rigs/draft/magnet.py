@@ -67,8 +67,8 @@ class MeasuredMagnet:
                 code="load-too-small",
                 key="load",
             )
-        ends = float(self.gaps[0]), float(self.gaps[-1])
-        tangent = fit_plane(fit_surface(self.loops, (0.0, force_high), ends), force, gap, force_high)
+        end_gaps = float(self.gaps[0]), float(self.gaps[-1])
+        tangent = fit_plane(fit_surface(self.loops, (0.0, force_high), end_gaps), force, gap, force_high)
         if not tangent.current_per_force > 0.0:
             raise InputError(
                 f"at {force:.4g} N and a gap of {gap:g} m the force does not rise with the "
@@ -138,8 +138,8 @@ def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
     """Return the force at the largest current, N, from a line through the samples near it."""
     current = np.concatenate([loop.input for loop in group])
     force = np.concatenate([loop.output for loop in group])
-    top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_RATIO) * current_high
-    current, force = current[top], force[top]
+    is_at_top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_RATIO) * current_high
+    current, force = current[is_at_top], force[is_at_top]
     if np.ptp(current) < 0.1 * (1.0 - TOP_CURRENT_RATIO) * current_high:
         return float(np.mean(force))
     _, level = np.polyfit(current - current_high, force, 1)

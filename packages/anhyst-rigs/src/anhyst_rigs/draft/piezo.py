@@ -77,9 +77,9 @@ class FittedStack:
             return "the loops have no times"
         if not self.creep_times:
             return "the loops show none: it barely reduces the residual"
-        shares = zip(self.creep_shares, self.creep_times, strict=True)
-        listed = ", ".join(f"{100 * share:.2g} % in {time:.2g} s" for share, time in shares)
-        return f"{listed}; without creep the residual is {1e6 * self.rms_without_creep:.3g} um"
+        share_and_time = zip(self.creep_shares, self.creep_times, strict=True)
+        texts = ", ".join(f"{100 * ratio:.2g} % in {time:.2g} s" for ratio, time in share_and_time)
+        return f"{texts}; without creep the residual is {1e6 * self.rms_without_creep:.3g} um"
 
 
 def fit_stack(loopset: Loops) -> FittedStack:
@@ -104,7 +104,7 @@ def fit_stack(loopset: Loops) -> FittedStack:
         )
     span, low = problem.span, problem.low / problem.span
     beta, ratio = math.exp(fit.shape[0]), float(fit.shape[1])
-    remaining = bouc_wen_state(np.array([0.0, problem.high / span, low]), beta, ratio)[-1]
+    remaining_state = bouc_wen_state(np.array([0.0, problem.high / span, low]), beta, ratio)[-1]
     numbers = {
         "stroke_m_per_V": stroke / span,
         "bend_m_per_V2": bend / span**2,
@@ -118,8 +118,8 @@ def fit_stack(loopset: Loops) -> FittedStack:
         creep_shares=tuple(fit.shape[3:].tolist()),
         low=problem.low,
         high=problem.high,
-        stroke=max(float(np.ptp(answer)) for answer in problem.displacements()),
-        remains=float(stroke * low + bend * low**2 - slope * remaining),
+        stroke=max(float(np.ptp(displacement)) for displacement in problem.displacements()),
+        remains=float(stroke * low + bend * low**2 - slope * remaining_state),
         rms=fit.rms,
         rms_without_creep=without_creep.rms,
         has_times=problem.sample_s > 0.0,
@@ -160,12 +160,12 @@ class _FitProblem:
                 code="output-falls",
             )
         self.span = self.high - self.low
-        times = [loop.time for loop in self.loops if loop.time is not None]
-        has_times = len(times) == len(self.loops)
-        self.sample_s = min(float(np.median(np.diff(time))) for time in times) if has_times else 0.0
+        loop_times = [loop.time for loop in self.loops if loop.time is not None]
+        has_times = len(loop_times) == len(self.loops)
+        self.sample_s = min(float(np.median(np.diff(time))) for time in loop_times) if has_times else 0.0
         rates = [cycle_rate(loop.input, loop.time) for loop in self.loops]
         has_several_rates = max(rates) >= MIN_RATE_RATIO * min(rates) > 0.0
-        longest = max(float(time[-1] - time[0]) for time in times) if has_times else 0.0
+        longest = max(float(time[-1] - time[0]) for time in loop_times) if has_times else 0.0
         min_time = (
             0.0
             if has_several_rates or not max(rates)
@@ -173,9 +173,9 @@ class _FitProblem:
         )
         self.max_lag = (MAX_LAG_SAMPLES if has_several_rates else 1.0) if self.sample_s else 0.0
         self.creep_times = tuple(
-            part * longest
-            for part in CREEP_TIME_RATIOS
-            if part * longest >= max(min_time, 10.0 * self.sample_s, 1e-9)
+            time_ratio * longest
+            for time_ratio in CREEP_TIME_RATIOS
+            if time_ratio * longest >= max(min_time, 10.0 * self.sample_s, 1e-9)
         )
         self.masks = [np.ones(loop.input[self.selection].size, dtype=np.bool_) for loop in self.loops]
 
@@ -191,35 +191,39 @@ class _FitProblem:
         min_creep_shares = [0.0] * len(creep_times)
         low = [-3.0, 0.0, 0.0, *min_creep_shares]
         high = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
-        shapes = [[start, 0.3, 0.0] for start in INITIAL_LOG_BETAS] if initial is None else [initial.shape]
-        fits = []
+        shapes = [[guess, 0.3, 0.0] for guess in INITIAL_LOG_BETAS] if initial is None else [initial.shape]
+        candidates = []
         for shape in shapes:
             result = least_squares(
-                lambda point: self._solve(point, creep_times)[1],
+                lambda point: self._solve_weights(point, creep_times)[1],
                 np.clip([*shape[:3], *(0.005 for _ in creep_times)], low, high),
                 bounds=(low, high),
                 x_scale=[1.0, 1.0, 0.3, *(0.01 for _ in creep_times)],
                 diff_step=1e-4,
                 max_nfev=50,
             )
-            weights, deviation = self._solve(result.x, creep_times)
+            weights, deviation = self._solve_weights(result.x, creep_times)
             rms = float(np.sqrt(np.mean(deviation**2)))
-            fits.append(_Fit(result.x, creep_times, weights, deviation * self.stroke, rms * self.stroke))
-        return min(fits, key=lambda fit: fit.rms)
+            candidates.append(
+                _Fit(result.x, creep_times, weights, deviation * self.stroke, rms * self.stroke)
+            )
+        return min(candidates, key=lambda fit: fit.rms)
 
     def exclude_outliers(self, fit: _Fit) -> None:
         """Exclude samples with a large residual if they are few, as while an amplifier starts."""
         is_close = np.abs(fit.deviation) <= OUTLIER_RATIO * np.median(np.abs(fit.deviation))
         if np.count_nonzero(~is_close) <= MAX_OUTLIER_SHARE * is_close.size:
-            ends = np.cumsum([mask.size for mask in self.masks])[:-1]
-            self.masks = np.split(is_close, ends)
+            loop_ends = np.cumsum([mask.size for mask in self.masks])[:-1]
+            self.masks = np.split(is_close, loop_ends)
 
-    def _solve(self, shape: FloatArray, creep_times: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    def _solve_weights(
+        self, shape: FloatArray, creep_times: tuple[float, ...]
+    ) -> tuple[FloatArray, FloatArray]:
         """Return the weights of voltage, its square, hysteresis and offset, and the residual."""
         from scipy.optimize import nnls
 
         rows = [
-            self._regressors(loop, shape, creep_times)[self.selection][mask]
+            self._regressor_matrix(loop, shape, creep_times)[self.selection][mask]
             for loop, mask in zip(self.loops, self.masks, strict=True)
         ]
         matrix, target = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
@@ -232,22 +236,22 @@ class _FitProblem:
         weights = weights[:4]
         return weights, matrix @ weights - target
 
-    def _regressors(self, loop: Loop, shape: FloatArray, creep_times: tuple[float, ...]) -> FloatArray:
+    def _regressor_matrix(self, loop: Loop, shape: FloatArray, creep_times: tuple[float, ...]) -> FloatArray:
         drive = loop.input / self.span
         if shape[2] and loop.time is not None:
             drive = np.interp(loop.time - shape[2] * self.sample_s, loop.time, drive)
         turning_points = [0.0, *(point / self.span for point in loop.history.turning_points)]
-        lead = np.array(turning_points)
+        earlier_voltages = np.array(turning_points)
         if loop.history.kind == "settled":
-            lead = np.concatenate([lead, drive])
-        full_drive = np.concatenate([lead, drive])
-        hysteretic = bouc_wen_state(full_drive, math.exp(shape[0]), float(shape[1]))[lead.size :]
+            earlier_voltages = np.concatenate([earlier_voltages, drive])
+        full_drive = np.concatenate([earlier_voltages, drive])
+        hysteretic = bouc_wen_state(full_drive, math.exp(shape[0]), float(shape[1]))[earlier_voltages.size :]
         columns = np.stack([drive, drive**2, -hysteretic, np.ones(drive.size)], axis=1)
         if creep_times and loop.time is not None:
-            columns[:, :3] += self._creep(loop, columns[:, :3], shape[3:], creep_times)
+            columns[:, :3] += self._creep_columns(loop, columns[:, :3], shape[3:], creep_times)
         return columns
 
-    def _creep(
+    def _creep_columns(
         self, loop: Loop, columns: FloatArray, creep_shares: FloatArray, creep_times: Sequence[float]
     ) -> FloatArray:
         """Return the creep of given columns.
@@ -259,10 +263,10 @@ class _FitProblem:
         is_settled = loop.history.kind == "settled"
         initial = columns.mean(axis=0) if is_settled else columns[0]
         creep = np.zeros_like(columns)
-        for time, share in zip(creep_times, creep_shares, strict=True):
+        for time, creep_share in zip(creep_times, creep_shares, strict=True):
             decay = math.exp(-self.sample_s / time)
-            start = decay * initial[None]
-            creep += share * lfilter([1.0 - decay], [1.0, -decay], columns, axis=0, zi=start)[0]
+            initial_creep = decay * initial[None]
+            creep += creep_share * lfilter([1.0 - decay], [1.0, -decay], columns, axis=0, zi=initial_creep)[0]
         return creep
 
 
@@ -283,19 +287,19 @@ def bouc_wen_state(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
     for begin, end in pairwise([0, *reversals.tolist(), drive.size - 1]):
         travel = np.abs(drive[begin : end + 1] - drive[begin])
         sign = 1.0 if drive[end] > drive[begin] else -1.0
-        branch = _branch(travel, sign * last_state, beta, ratio)
+        branch = _branch_state(travel, sign * last_state, beta, ratio)
         state[begin : end + 1] = sign * branch
         last_state = float(state[end])
     return state
 
 
-def _branch(travel: FloatArray, start: float, beta: float, ratio: float) -> FloatArray:
+def _branch_state(travel: FloatArray, start_state: float, beta: float, ratio: float) -> FloatArray:
     """Solve dg/dv = 1 - beta*g - gamma*|g| from an initial value; the sign of g sets the rate."""
     rate_above, rate_below = beta * (1.0 + ratio), beta * (1.0 - ratio) or _TINY
-    start = min(start, (1.0 - _TINY) / rate_above)  # g approaches 1/above from below
-    initial_rate = rate_above if start >= 0.0 else rate_below
+    start_state = min(start_state, (1.0 - _TINY) / rate_above)  # g approaches 1/above from below
+    initial_rate = rate_above if start_state >= 0.0 else rate_below
     # travel, counted from the point at which g is zero
-    travel_from_zero = travel - math.log1p(-start * initial_rate) / initial_rate
+    travel_from_zero = travel - math.log1p(-start_state * initial_rate) / initial_rate
     rate = np.where(travel_from_zero < 0.0, rate_below, rate_above)
     return np.asarray(-np.expm1(-rate * travel_from_zero) / rate)
 

@@ -74,6 +74,6 @@ def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: Machine
             inductance * magnet.current_high * FULL_SWINGS_PER_JERK_PHASE / JERK_PHASE_S, SUPPLY_STEPS
         ),
         speed=round_nearest(0.5 * max_acceleration / PEAK_M_PER_S2),
-        train=[round_nearest(part * max_acceleration) for part in TRAINING_RATIOS],
+        train=[round_nearest(training_ratio * max_acceleration) for training_ratio in TRAINING_RATIOS],
         test=[round_nearest(part * max_acceleration) for part in TEST_RATIOS],
     )

@@ -84,7 +84,7 @@ def format_toml(value: object) -> str:
         case list():
             return f"[{', '.join(map(format_toml, value))}]"
         case Mapping():
-            inside = ", ".join(f"{toml_key(key)} = {format_toml(item)}" for key, item in value.items())
+            inside = ", ".join(f"{toml_key(key)} = {format_toml(entry)}" for key, entry in value.items())
             return f"{{ {inside} }}"
     return toml_value(value)
 
@@ -118,8 +118,8 @@ def step_up(value: float, steps: Sequence[float] = ONE_TWO_FIVE) -> float:
 def step_down(value: float) -> float:
     """Round a positive value down to 1, 2, 5, 10, 20, ..."""
     decade = math.floor(math.log10(value) + _SLACK)
-    share = value / 10.0**decade * (1.0 + _SLACK)
-    return float(f"{max(step for step in ONE_TWO_FIVE if step <= share):g}e{decade}")
+    mantissa = value / 10.0**decade * (1.0 + _SLACK)
+    return float(f"{max(step for step in ONE_TWO_FIVE if step <= mantissa):g}e{decade}")
 
 
 def _round_in_decade(value: float, digits: int, round_whole: Callable[[float], int], slack: float) -> float:

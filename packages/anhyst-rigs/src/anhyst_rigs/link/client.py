@@ -121,10 +121,10 @@ class ControllerLink:
         """
         if not 1 <= window <= MAX_WINDOW:
             raise InputError(f"window {window}: choose 1 to {MAX_WINDOW}", code="out-of-range", key="window")
-        flow, remaining = _DemandFlow(self), iter(forces)
+        flow, remaining_forces = _DemandFlow(self), iter(forces)
         with self._lock:
             while True:
-                flow.send(islice(remaining, window - len(flow.waiting)))
+                flow.send(islice(remaining_forces, window - len(flow.waiting)))
                 if not flow.waiting:
                     return
                 flow.receive()
@@ -144,7 +144,7 @@ class ControllerLink:
 
     def write_block(self, words: Sequence[int]) -> int:
         """Send a parameter block and activate it between two ticks; return the active generation."""
-        all_words = [int(word) for word in words]
+        all_words = [int(code) for code in words]
         if len(all_words) <= GENERATION_INDEX:
             text = f"a block of {len(all_words)} words: is too short; send a complete block"
             raise InputError(text, code="block-too-short")
@@ -342,9 +342,9 @@ class _DemandFlow:
         if oldest_demand.status is not None:
             return
         if time.monotonic() >= self._deadline:
-            self._repeat([demand for demand in self.waiting if demand.status is None])
+            self._repeat_demands([demand for demand in self.waiting if demand.status is None])
         elif oldest_demand.attempts == 1 and any(demand.status for demand in self.waiting):
-            self._repeat([oldest_demand])  # A newer demand was answered, so this one was lost.
+            self._repeat_demands([oldest_demand])  # A newer demand was answered, so this one was lost.
 
     def _store_answer(self, demand: _SentDemand, frame: Frame) -> bool:
         """Store an answer; return False if this demand and all later ones had to be sent again."""
@@ -357,7 +357,7 @@ class _DemandFlow:
             return False
         raise InputError(f"{self.controller.url}: {answer} in answer to a demand", code="unexpected-answer")
 
-    def _repeat(self, demands: list[_SentDemand]) -> None:
+    def _repeat_demands(self, demands: list[_SentDemand]) -> None:
         if demands[0].attempts >= self.controller.attempts:
             raise self.controller.make_timeout_error()
         for demand in demands:

@@ -100,7 +100,7 @@ def _read_actuator_name(folder: Path) -> str:
 def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     board = BOARDS[name]
     root = firmware_folder()
-    board_folders = [root / "boards" / part for part in board.folders]
+    board_folders = [root / "boards" / board_folder for board_folder in board.folders]
     controller_kind = "position" if (folder / f"{actuator}_controller.c").is_file() else "force"
     sources = [*sorted(folder.glob("src/*/*.c")), folder / f"{actuator}_parameters.c"]
     include = [root, folder / "include", folder, *board_folders]

@@ -78,7 +78,7 @@ class FirmwareTarget:
         identification = (TARGET, "firmware", "mps2-an385 in QEMU", "zig cc -Os")
         try:
             host, board = (
-                _run(runner, build(name, bundle.folder, folder / f"firmware-{name}"), steps, seed)
+                _run_program(runner, build(name, bundle.folder, folder / f"firmware-{name}"), steps, seed)
                 for name, runner in (("host", run_host), ("qemu-mps2", run_qemu))
             )
         except (InputError, NegativeResult) as error:
@@ -95,7 +95,7 @@ class FirmwareTarget:
 FIRMWARE = FirmwareTarget()
 
 
-def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
+def _run_program(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
     random = Random(seed)
     plant = WalkingPlant(seed)
     statuses = []

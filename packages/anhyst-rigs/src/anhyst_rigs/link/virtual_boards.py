@@ -207,8 +207,8 @@ class LibraryBoard:
         """Run one tick."""
         if self._is_off:
             raise ValueError("the board is switched off")
-        words = sample.FIXED.pack(*vars(sample).values())
-        self._firmware.library_tick(self._memory, words, self._drive_buffer)
+        sample_bytes = sample.FIXED.pack(*vars(sample).values())
+        self._firmware.library_tick(self._memory, sample_bytes, self._drive_buffer)
         return PlantDrive(*PlantDrive.FIXED.unpack(self._drive_buffer.raw))
 
     def write(self, data: bytes) -> None:

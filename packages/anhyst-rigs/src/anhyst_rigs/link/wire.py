@@ -23,8 +23,8 @@ from anhyst.support.states import Fault, State
 from anhyst.support.xcp_map import MAX_PACKET_BYTES, SEED_SECRET
 from anhyst_rigs.link.frames import VERSION, Message, StatusAnswer
 
-_HEAD = struct.Struct("<BBBBI")
-_CHECK = struct.Struct("<I")
+_FRAME_HEAD = struct.Struct("<BBBBI")
+_CHECKSUM = struct.Struct("<I")
 _MAX_FRAME_BYTES = 254
 """Number of stored bytes of an incomplete frame; every frame is shorter."""
 
@@ -65,8 +65,8 @@ class Status:
 def encode(message: Message, sequence: int, tick: int = 0, version: int = VERSION) -> bytes:
     """Return a message as a frame that ends with a zero byte."""
     payload = message.pack()
-    body = _HEAD.pack(version, message.TYPE, sequence, len(payload), tick) + payload
-    return cobs_encode(body + _CHECK.pack(zlib.crc32(body))) + b"\0"
+    body = _FRAME_HEAD.pack(version, message.TYPE, sequence, len(payload), tick) + payload
+    return cobs_encode(body + _CHECKSUM.pack(zlib.crc32(body))) + b"\0"
 
 
 def cobs_encode(body: bytes) -> bytes:
@@ -97,13 +97,13 @@ class Receiver:
         """Add received bytes; return the frames that are then complete."""
         if not data:
             return []
-        *pieces, incomplete = (self._incomplete + data).split(b"\0")
+        *packets, incomplete = (self._incomplete + data).split(b"\0")
         frames = []
-        for piece in pieces:
-            frame = _parse_frame(piece)
+        for packet in packets:
+            frame = _parse_frame(packet)
             if frame is not None:
                 frames.append(frame)
-            elif piece:
+            elif packet:
                 self.bad_count += 1
         self._incomplete = incomplete[-_MAX_FRAME_BYTES:]
         return frames
@@ -111,12 +111,12 @@ class Receiver:
 
 def _parse_frame(stuffed: bytes) -> Frame | None:
     body = cobs_decode(stuffed)
-    if body is None or len(body) < _HEAD.size + _CHECK.size:
+    if body is None or len(body) < _FRAME_HEAD.size + _CHECKSUM.size:
         return None
-    frame = body[: -_CHECK.size]
-    version, kind, sequence, length, tick = _HEAD.unpack_from(frame)
-    payload = frame[_HEAD.size :]
-    if length != len(payload) or body[-_CHECK.size :] != _CHECK.pack(zlib.crc32(frame)):
+    frame = body[: -_CHECKSUM.size]
+    version, kind, sequence, length, tick = _FRAME_HEAD.unpack_from(frame)
+    payload = frame[_FRAME_HEAD.size :]
+    if length != len(payload) or body[-_CHECKSUM.size :] != _CHECKSUM.pack(zlib.crc32(frame)):
         return None
     return Frame(version, kind, sequence, tick, payload)
 

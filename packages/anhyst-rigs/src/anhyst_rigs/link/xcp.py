@@ -274,7 +274,7 @@ class XcpMaster:
 
     def swap_block(self, words: Sequence[int]) -> None:
         """Download another parameter block, and activate it between two ticks."""
-        block_words = [int(word) for word in words]
+        block_words = [int(code) for code in words]
         with self._line.lock:
             self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 1)))
             try:
@@ -472,11 +472,11 @@ class XcpBridge:
     def _forward(self, command: bytes) -> list[bytes]:
         """Return the packets with which the controller answers a command, or an empty command."""
         answer = self._controller.request(frames.XcpRequest(tuple(command)), frames.XcpPacketsAnswer)
-        remaining, packets = bytes(answer.packets), []
-        while remaining:
-            end = 1 + remaining[0]
-            packets.append(remaining[1:end])
-            remaining = remaining[end:]
+        remaining_bytes, packets = bytes(answer.packets), []
+        while remaining_bytes:
+            end = 1 + remaining_bytes[0]
+            packets.append(remaining_bytes[1:end])
+            remaining_bytes = remaining_bytes[end:]
         return packets
 
     def _disconnect(self) -> None:

@@ -79,10 +79,10 @@ def _scatter_section(fleet: Fleet) -> Section:
     values = np.array([columns[name] for name in fleet.quantities]).T
     size = np.where(spread.mean != 0.0, np.abs(spread.mean), 1.0)
     for index in range(len(fleet.quantities)):
-        share = 100.0 * (values[:, index] - spread.mean[index]) / size[index]
+        percent_deviation = 100.0 * (values[:, index] - spread.mean[index]) / size[index]
         is_outlier = spread.outlier
-        ax.plot(share[~is_outlier], np.full((~is_outlier).sum(), index), "|", ms=9, color="C0")
-        ax.plot(share[is_outlier], np.full(is_outlier.sum(), index), "x", ms=6, color="C3")
+        ax.plot(percent_deviation[~is_outlier], np.full((~is_outlier).sum(), index), "|", ms=9, color="C0")
+        ax.plot(percent_deviation[is_outlier], np.full(is_outlier.sum(), index), "x", ms=6, color="C3")
     ax.set_yticks(range(len(fleet.quantities)), fleet.quantities, fontsize="small")
     ax.set_xlabel("deviation from the mean [%]")
     ax.set_xscale("symlog", linthresh=10.0)
@@ -101,8 +101,8 @@ def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
         (name, f"{mean:.4g}", f"{scatter:.2g}", f"{100.0 * scatter / abs(mean):.2g}" if mean else "")
         for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)
     ]
-    head = ("quantity", "mean", "scatter", "%")
-    return make_table("Mean and scatter over the fleet", head, rows)
+    table_header = ("quantity", "mean", "scatter", "%")
+    return make_table("Mean and scatter over the fleet", table_header, rows)
 
 
 def _magnet_section(fleet: Fleet) -> Section:
@@ -115,12 +115,12 @@ def _magnet_section(fleet: Fleet) -> Section:
         )
     ]
     rows.sort(key=lambda row: -float(row[2]))
-    head = ("magnet", "good", "own, %", "shared, %", "distance")
+    table_header = ("magnet", "good", "own, %", "shared, %", "distance")
     caption = (
         "The magnets with the largest errors come first. Rms errors in % of the largest output; "
         "distance from the mean in standard deviations."
     )
-    blocks: list[Block] = [make_table("Magnets", head, rows[:_MAX_ROWS], caption, texts=2)]
+    blocks: list[Block] = [make_table("Magnets", table_header, rows[:_MAX_ROWS], caption, texts=2)]
     if len(rows) > _MAX_ROWS:
         blocks.append(Text(f"The other {len(rows) - _MAX_ROWS} are in fleet.csv."))
     if fleet.failed:

@@ -67,7 +67,7 @@ def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
     settings = rig.settings
     amplifier, force = settings.amplifier, settings.force_sensor
     gap = settings.gap_sensor
-    actuator, turns = rig.actuator_name_and_turns
+    actuator, turn_count = rig.actuator_name_and_turns
     held_gaps = settings.held_case.gaps_m
     left, middle, right, above, below = 1.3, 4.8, 8.3, 3.2, 1.2
     boxes = {
@@ -84,7 +84,7 @@ def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
         ),
         (right, below): (
             actuator,
-            f"{turns} turns, {settings.force.force_max_N:g} N",
+            f"{turn_count} turns, {settings.force.force_max_N:g} N",
             f"gap {1e3 * min(held_gaps):g} to {1e3 * max(held_gaps):g} mm",
         ),
         (middle, below): (
@@ -194,7 +194,7 @@ def draw_all(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
     """Write all figures as PNG and SVG into the folder of a run, and a page that contains them."""
     stages: dict[str, list[ForceOutcome]] = {}
     for outcome in result.outcomes:
-        stages.setdefault(outcome.trial.stage, []).append(outcome)
+        stages.setdefault(outcome.trial.trial_stage, []).append(outcome)
     rig = result.rig
     pages = {
         "fig6": figure_hardware(rig, str(result.figures["board"])),
@@ -325,22 +325,22 @@ def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> 
     axes = figure.subplots(
         2 * len(names), columns, squeeze=False, sharey="row", height_ratios=(3, 2) * len(names)
     )
-    for name, row, errors in zip(names, axes[::2], axes[1::2], strict=True):
+    for name, error_axes, errors in zip(names, axes[::2], axes[1::2], strict=True):
         members = [outcome for outcome in outcomes if outcome.trial.demand.name == name]
-        for ax, below, outcome in zip(row, errors, members, strict=False):
+        for ax, error_ax, outcome in zip(error_axes, errors, members, strict=False):
             _draw_forces(ax, rig, outcome)
             ax.set_title(f"{_position_text(outcome)}\n{name}")
             ax.tick_params(labelbottom=False)
-            _draw_deviations(below, rig, outcome, title=False)
-            worst = (
+            _draw_deviations(error_ax, rig, outcome, title=False)
+            worst_error = (
                 f"{controller} {_worst_percent(rig, outcome, controller):.1f}"
                 for controller in ("full", "single")
             )
-            below.set_title(f"{'; '.join(worst)} %", fontsize=8.0, weight="normal")
-            below.set_xlabel("time (s)")
-        for empty in (*row[len(members) :], *errors[len(members) :]):
+            error_ax.set_title(f"{'; '.join(worst_error)} %", fontsize=8.0, weight="normal")
+            error_ax.set_xlabel("time (s)")
+        for empty in (*error_axes[len(members) :], *errors[len(members) :]):
             empty.remove()
-        row[0].set_ylabel("force (N)")
+        error_axes[0].set_ylabel("force (N)")
         errors[0].set_ylabel("true force - demand (N)")
     legend_below(figure, axes[0, 0], axes[1, 0], columns=int(figure.get_figwidth() / 2.4))
     return figure

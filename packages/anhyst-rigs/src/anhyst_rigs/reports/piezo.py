@@ -34,9 +34,9 @@ def figure_tracking(tracked: PiezoTracking) -> Figure:
     figure = new_figure(6.5)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
     judged = slice(tracked.first_evaluated_tick, None)
-    full = tracked.runs["full"]
-    time = full["t_s"][judged]
-    upper.plot(time, 1e6 * full["reference_m"][judged], color="0.3")
+    full_run = tracked.runs["full"]
+    time = full_run["t_s"][judged]
+    upper.plot(time, 1e6 * full_run["reference_m"][judged], color="0.3")
     upper.set_ylabel("reference (µm)")
     for name, run in tracked.runs.items():
         label = f"{COMPENSATION_TITLES[name]}: {1e9 * tracked.errors[name]['rms_m']:.0f} nm rms"
@@ -66,11 +66,11 @@ def terminal_summary(tracked: PiezoTracking) -> TerminalSummary:
 def render(tracked: PiezoTracking, command: str) -> str:
     """Return the page of a piezo stage."""
     file = tracked.rig.settings
-    moved, baseline = file.displacement_case, tracked.errors["none"]
-    head = Headline(
+    displacement_case, baseline = file.displacement_case, tracked.errors["none"]
+    headline = Headline(
         title=file.name,
-        description=f"A piezo stage that follows a triangle of {1e6 * moved.stroke_m:g}{NBSP}µm, "
-        f"{moved.frequency_Hz:g} times a second, at {file.timing.rate_Hz:g} ticks a second.",
+        description=f"A piezo stage that follows a triangle of {1e6 * displacement_case.stroke_m:g}{NBSP}µm, "
+        f"{displacement_case.frequency_Hz:g} times a second, at {file.timing.rate_Hz:g} ticks a second.",
         basis="Simulated. The inverse model is identified from loops of the simulated stage, with "
         "the noise of its sensor.",
         notes=(verdict_note(tracked.verdict),),
@@ -91,7 +91,7 @@ def render(tracked: PiezoTracking, command: str) -> str:
         Section("tracking", "Following the triangle", (tracking_picture,)),
         origin_section(file_hashes([tracked.rig.path]), command, file.seed),
     ]
-    return page_text("Piezo stage", head, sections)
+    return page_text("Piezo stage", headline, sections)
 
 
 def simulate(task: SimulationTask) -> PiezoTracking:

@@ -110,10 +110,10 @@ def percentile_table(runs: MonteCarlo) -> PageTable:
         for case_index, case in enumerate(figure.case_names)
         for name in in_report_order(runs.runs)
         for values in (runs.values(name, figure.key, case_index),)
-        for percentiles in ([figure.factor * percentile(values, p) for p in PERCENTILES],)
+        for percentiles in ([figure.factor * percentile(values, percentage) for percentage in PERCENTILES],)
     ]
-    head = ["figure", "variant", *(f"{percent:g} %" for percent in PERCENTILES)]
-    return make_table("Percentiles", head, rows, texts=2)
+    table_header = ["figure", "variant", *(f"{percent:g} %" for percent in PERCENTILES)]
+    return make_table("Percentiles", table_header, rows, texts=2)
 
 
 def _figure_title(figure: PlantMetric, case: str) -> str:
@@ -126,12 +126,12 @@ def _worst_plants(runs: MonteCarlo) -> Items:
     rows = []
     for case, name in enumerate(figure.case_names):
         values = runs.values(own_method, figure.key, case)
-        worst = int(np.argmax(values))
+        number = int(np.argmax(values))
         value_text = "lost"
-        if math.isfinite(values[worst]):
-            value_text = f"{format_number(figure.factor * values[worst], 2)}{NBSP}{figure.unit}"
+        if math.isfinite(values[number]):
+            value_text = f"{format_number(figure.factor * values[number], 2)}{NBSP}{figure.unit}"
         text = (
-            f"{_figure_title(figure, name)}, {value_text}: plant {worst}, {_drift_text(runs.drifts[worst])}"
+            f"{_figure_title(figure, name)}, {value_text}: plant {number}, {_drift_text(runs.drifts[number])}"
         )
         rows.append(text)
     return Items(f"Worst plants of {own_method}", tuple(rows))
@@ -157,9 +157,9 @@ def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figu
     for ax, (title, by_method) in zip(axes, spreads.items(), strict=True):
         for name in in_report_order(by_method):
             values = np.sort(by_method[name])
-            share = 100.0 * np.arange(1, values.size + 1) / values.size
+            plant_percent = 100.0 * np.arange(1, values.size + 1) / values.size
             finite = np.isfinite(values)
-            ax.plot(values[finite], share[finite], **line_style(name), label=name)
+            ax.plot(values[finite], plant_percent[finite], **line_style(name), label=name)
             marks = [percentile(values.tolist(), percent) for percent in PERCENTILES]
             ax.plot(marks, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
         ax.set_title(title)

@@ -60,10 +60,10 @@ def limit_texts(study: TrackingStudy) -> list[str]:
     name = study.memoryless
 
     def compare(own_value: float, baseline: float, title: str) -> str:
-        word = "nothing to gain" if own_value >= baseline else f"{own_value / baseline:.2g} of it"
+        comparison = "nothing to gain" if own_value >= baseline else f"{own_value / baseline:.2g} of it"
         if baseline <= SETTLING_BANDS_M[-1]:
-            word = f"little to gain, because the baseline is within {1e9 * SETTLING_BANDS_M[-1]:g} nm"
-        return f"{title}: {1e9 * own_value:.3g} nm against {1e9 * baseline:.3g} nm of '{name}', {word}"
+            comparison = f"little to gain, because the baseline is within {1e9 * SETTLING_BANDS_M[-1]:g} nm"
+        return f"{title}: {1e9 * own_value:.3g} nm against {1e9 * baseline:.3g} nm of '{name}', {comparison}"
 
     return [
         compare(
@@ -95,16 +95,16 @@ def figure_scan(variants: Mapping[MethodName, VariantResult], motion: SetPoint, 
     axes = figure.subplots(4, 1, sharex=True, height_ratios=(1.1, 2, 2, 1.6))
     first_run = next(iter(variants.values())).recording
     begin, length, _ = motion.pulses[-1]
-    part = slice(round((begin - _SHOWN_BEFORE_S) / first_run.dt), len(first_run))
-    time = 1e3 * (first_run["t_s"][part] - begin)
-    _, acceleration, _, _ = motion.derivatives_at(first_run["t_s"][part])
+    shown_part = slice(round((begin - _SHOWN_BEFORE_S) / first_run.dt), len(first_run))
+    time = 1e3 * (first_run["t_s"][shown_part] - begin)
+    _, acceleration, _, _ = motion.derivatives_at(first_run["t_s"][shown_part])
     axes[0].plot(time, acceleration, color=INK_COLOUR, lw=1.2)
     axes[0].set_ylabel("acceleration [m/s²]")
     for name, variant in variants.items():
         run = variant.recording
-        axes[1].plot(*thin_curves(time, 1e9 * run["error_m"][part]), label=name, **line_style(name))
+        axes[1].plot(*thin_curves(time, 1e9 * run["error_m"][shown_part]), label=name, **line_style(name))
         axes[2].plot(*thin_curves(*_moving_average(run, slit, begin)), **line_style(name))
-        axes[3].plot(*thin_curves(time, run["force_error_N"][part]), **line_style(name))
+        axes[3].plot(*thin_curves(time, run["force_error_N"][shown_part]), **line_style(name))
     axes[1].set_ylabel("error [nm]")
     axes[2].set_ylabel(f"mean over {1e3 * slit:g} ms [nm]")
     axes[3].set_ylabel("force error [N]")
@@ -240,11 +240,11 @@ def _headline(study: TrackingStudy) -> Headline:
     note = verdict_note(study.verdict)
     notes = [replace(note, tone="bad") if study.lost_in else note]
     notes += [verdict_note(verdict) for verdict in study.verdicts.values()]
-    notes += [Note("warn", "Left out", f"{name}: {why}.") for name, why in study.left_out.items()]
-    free = ", ".join(plant.body.free)
+    notes += [Note("warn", "Left out", f"{name}: {reason}.") for name, reason in study.left_out.items()]
+    axes = ", ".join(plant.body.free)
     return Headline(
         title=plant.name,
-        description=f"A mass of {plant.body.mass_kg:g}{NBSP}kg, free in {free}, between "
+        description=f"A mass of {plant.body.mass_kg:g}{NBSP}kg, free in {axes}, between "
         f"{_COUNT_WORDS.get(len(plant.body_magnets), str(len(plant.body_magnets)))} magnets at "
         f"{1e3 * study.rig.gap:g}{NBSP}mm on a long stroke with an error of "
         f"{1e6 * plant.frame.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
@@ -275,10 +275,10 @@ _COUNT_WORDS = {2: "two", 3: "three", 8: "eight", 10: "ten"}
 
 def _scan_section(study: TrackingStudy) -> Section:
     not_lost = {name: variant for name, variant in study.variants.items() if variant.recording.loss is None}
-    shown = not_lost or study.variants
-    names = ", ".join(shown)
+    has_runs = not_lost or study.variants
+    names = ", ".join(has_runs)
     scan = study.rig.settings.scan
-    figure = figure_scan(shown, scan_motion(scan, scan.test_m_per_s2), scan.slit_s)
+    figure = figure_scan(has_runs, scan_motion(scan, scan.test_m_per_s2), scan.slit_s)
     caption = (
         "The last scan of the test set-point: acceleration, error of the true position, its mean "
         "over the slit, and true force minus the demand one delay earlier. Error and mean are "
@@ -293,7 +293,7 @@ def _scan_section(study: TrackingStudy) -> Section:
 def _limit_section(study: TrackingStudy) -> Section:
     columns: tuple[tuple[str, Callable[[VariantResult], float]], ...] = (
         ("small forces: peak [nm]", lambda variant: 1e9 * variant.small_force_measures.peak_m),
-        ("mean over the slit [nm]", lambda one: 1e9 * one.small_force_measures.average_m),
+        ("mean over the slit [nm]", lambda figures: 1e9 * figures.small_force_measures.average_m),
         ("standstill, rms [nm]", lambda one: 1e9 * one.standstill_m),
         ("one repeated set-point: peak [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.peak_m),
         ("mean over the slit [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.average_m),
@@ -303,7 +303,7 @@ def _limit_section(study: TrackingStudy) -> Section:
         [name, *(format_number(value(one), 3) for _, value in columns)]
         for name, one in study.variants.items()
     ]
-    head = ["variant", *(title for title, _ in columns)]
+    table_header = ["variant", *(title for title, _ in columns)]
     return Section(
         "limits",
         "Small forces, standstill, one repeated set-point",
@@ -312,7 +312,7 @@ def _limit_section(study: TrackingStudy) -> Section:
             make_table(
                 "The same gains with a tenth of the accelerations; at standstill; gains found on "
                 "the test set-point itself",
-                head,
+                table_header,
                 rows,
             ),
         ),

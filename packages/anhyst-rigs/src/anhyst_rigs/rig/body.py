@@ -267,22 +267,22 @@ def plant_faults(file: RigFile) -> Iterator[FileFault]:
 
 def _pair_faults(file: RigFile) -> Iterator[FileFault]:
     """Find wrong magnets: a bearing has one magnet that pulls, or two that oppose each other."""
-    first, opposite, gap_sum = file.magnet, file.opposite, file.gap_total_m
-    if first.is_bidirectional:
+    first_magnet, opposite_magnet, gap_sum = file.magnet, file.opposite, file.gap_total_m
+    if first_magnet.is_bidirectional:
         text = "is bidirectional, which only a stage supports; choose another kind"
-        yield FileFault(file.key_path(first, "kind"), text, code="not-for-this-kind")
-    if first.direction != AGAINST_X["d"]:
+        yield FileFault(file.key_path(first_magnet, "kind"), text, code="not-for-this-kind")
+    if first_magnet.direction != AGAINST_X["d"]:
         text = f"the first magnet must pull along {AGAINST_X['d']}, towards smaller gaps; correct it"
-        yield FileFault(file.key_path(first, "direction"), text, code="wrong-direction")
-    if opposite is None or gap_sum is None:
+        yield FileFault(file.key_path(first_magnet, "direction"), text, code="wrong-direction")
+    if opposite_magnet is None or gap_sum is None:
         return
-    if opposite.direction != ALONG_X["d"]:
+    if opposite_magnet.direction != ALONG_X["d"]:
         text = f"a second magnet must oppose the first along {ALONG_X['d']}; correct it"
-        yield FileFault(file.key_path(opposite, "direction"), text, code="wrong-direction")
+        yield FileFault(file.key_path(opposite_magnet, "direction"), text, code="wrong-direction")
     if not (high := file.body.stop_high_m) < gap_sum:
         text = f"both gaps sum to {gap_sum:g} m, which must exceed stop_high_m, {high:g} m, or the "
         text += "body touches the second magnet; raise it"
-        yield FileFault(file.key_path(opposite, "gap_m"), text, code="range-too-narrow")
+        yield FileFault(file.key_path(opposite_magnet, "gap_m"), text, code="range-too-narrow")
 
 
 def _delay_faults(file: RigFile) -> Iterator[FileFault]:
@@ -322,8 +322,8 @@ def _case_faults(file: RigFile) -> Iterator[FileFault]:
                 break
     for trajectory in file.trajectories:
         amplitude = trajectory.amplitude_m
-        ends = file.gap_m - amplitude, file.gap_m + amplitude
-        yield from travel_faults(trajectory, ("amplitude_m",), "the reference", *ends)
+        end_gaps = file.gap_m - amplitude, file.gap_m + amplitude
+        yield from travel_faults(trajectory, ("amplitude_m",), "the reference", *end_gaps)
     hold_s, rate = step.hold_s, file.timing.rate_Hz
     if round(hold_s * rate) < MIN_HOLD_TICKS:
         text = f"holds a step for {hold_s * rate:.3g} ticks of 1/{rate:g} s"

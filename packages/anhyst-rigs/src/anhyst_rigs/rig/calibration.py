@@ -174,12 +174,12 @@ def read_calibration(
             code="mass-differs",
             key="mass_kg",
         )
-    expected = {*parameter_names}
+    expected_names = {*parameter_names}
     for method in file.method:
         names = {number.name for number in method.parameter}
         kinds = {parameter_kind(name) for name in names}
-        missing_names = {name for name in expected - names if parameter_kind(name) in kinds}
-        for name in sorted(names - expected) or sorted(missing_names):
+        missing_names = {name for name in expected_names - names if parameter_kind(name) in kinds}
+        for name in sorted(names - expected_names) or sorted(missing_names):
             raise InputError(
                 f"{path}: {name}: the parameters are not those of {rig}; calibrate again",
                 code="unknown-name",

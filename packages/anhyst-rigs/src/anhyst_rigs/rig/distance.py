@@ -36,9 +36,9 @@ def make_path_follower(magnet: Magnet) -> PathFollower:
 def simulate_loop(follow: PathFollower, loop: Loop, zero: float = 0.0) -> FloatArray:
     """Return the quasi-static force of a magnet along a loop, after the history of this loop."""
     assert loop.schedule is not None
-    before = np.array(loop.history.turning_points) - zero
-    if before.size:
-        follow(before, np.array(loop.history.schedule_at_points(loop.schedule[0]), dtype=np.float64))
+    points = np.array(loop.history.turning_points) - zero
+    if points.size:
+        follow(points, np.array(loop.history.schedule_at_points(loop.schedule[0]), dtype=np.float64))
     current = loop.input - zero
     if loop.history.kind == "settled":
         follow(current, loop.schedule)  # One cycle brings the pinned cells to their steady state.
@@ -60,8 +60,8 @@ def simulate_loop_in_time(magnet: Magnet, loop: Loop, zero: float = 0.0) -> Floa
     rows = np.column_stack([loop.input - zero, loop.schedule, steps]).tolist()
     for _ in range(_STEADY_STATE_CYCLES if loop.history.kind == "settled" else 1):
         force = []
-        for row in rows:
-            coil.lead(*row)
+        for sample in rows:
+            coil.lead(*sample)
             force.append(coil.force)
     return np.array(force)
 
@@ -70,34 +70,34 @@ def simulate_loop_in_time(magnet: Magnet, loop: Loop, zero: float = 0.0) -> Floa
 class LoopDeviation:
     """Deviation of forces over all samples of all loops."""
 
-    mean: float  # mean and largest absolute deviation, N
-    worst: float
+    mean_deviation: float  # mean and largest absolute deviation, N
+    max_deviation: float
     force_max: float  # largest force in the loops, N
 
     @property
     def text(self) -> str:
         """Mean and largest deviation, in N and as percentage of the largest force."""
-        parts = (
+        deviation_texts = (
             f"{name} {value:.3g} N ({100.0 * value / self.force_max:.2g} %)"
-            for name, value in (("mean", self.mean), ("worst", self.worst))
+            for name, value in (("mean", self.mean_deviation), ("worst", self.max_deviation))
         )
-        return ", ".join(parts)
+        return ", ".join(deviation_texts)
 
     def as_dict(self) -> dict[str, float]:
         """Return all values, with units in the keys."""
         return {
-            "mean_N": self.mean,
-            "worst_N": self.worst,
-            "mean_percent": 100.0 * self.mean / self.force_max,
-            "worst_percent": 100.0 * self.worst / self.force_max,
+            "mean_N": self.mean_deviation,
+            "worst_N": self.max_deviation,
+            "mean_percent": 100.0 * self.mean_deviation / self.force_max,
+            "worst_percent": 100.0 * self.max_deviation / self.force_max,
         }
 
 
 def measure_deviation(loops: Loops, force: Callable[[Loop], FloatArray]) -> LoopDeviation:
     """Return the deviation of predicted forces from loops."""
-    misses = np.abs(np.concatenate([force(loop) - loop.output for loop in loops.loops]))
+    deviations = np.abs(np.concatenate([force(loop) - loop.output for loop in loops.loops]))
     largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
-    return LoopDeviation(float(misses.mean()), float(misses.max()), largest)
+    return LoopDeviation(float(deviations.mean()), float(deviations.max()), largest)
 
 
 def measure_model_deviation(loops: Loops, model: Model) -> LoopDeviation:
@@ -138,15 +138,15 @@ class PlantCheck:
                 "the compensator's own model determines the plant's force, so its gain here is not "
                 'evidence; set kind = "electromagnet" and iron = "from loops"'
             ]
-        if not self.plant.mean > MAX_MEAN_DEVIATION_RATIO * self.model.mean:
+        if not self.plant.mean_deviation > MAX_MEAN_DEVIATION_RATIO * self.model.mean_deviation:
             return []
-        remedy = 'set iron = "from loops"'
+        advice = 'set iron = "from loops"'
         if self.is_fitted:
-            remedy = "give more keys of the magnet, or correct the history of the loops"
+            advice = "give more keys of the magnet, or correct the history of the loops"
         return [
-            f"the mean deviation from the loops is {self.plant.mean:.3g} N for the plant and "
-            f"{self.model.mean:.3g} N for the compensator's model: errors of this size come from "
-            f"the plant, not from the measured magnet; {remedy}"
+            f"the mean deviation from the loops is {self.plant.mean_deviation:.3g} N for the plant and "
+            f"{self.model.mean_deviation:.3g} N for the compensator's model: errors of this size come from "
+            f"the plant, not from the measured magnet; {advice}"
         ]
 
     def as_dict(self) -> dict[str, Any]:

@@ -26,9 +26,8 @@ from anhyst_rigs.rig.tables import SPREADS
 MAX_SAMPLE_SIGMA = 3.0
 """Limit at which the sampled normal distributions are truncated, in standard deviations."""
 _UNITS = {"gap_offset": ("m", 1.0), "eddy": ("s", 1.0), "cable": ("N_per_m", 1.0)}
-"""Unit in files, and factor to it, of each quantity that is not relative."""
 _UNITS |= {f"place_{axis}": ("m", 1.0) for axis in "xyz"}
-"""Of what is not relative: unit and factor in files."""
+"""Unit in files, and factor to it, of each quantity that is not relative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +63,12 @@ class Drift:
     def as_dict(self) -> dict[str, float]:
         """Return all nonzero differences; keys contain units and numbers of magnets and heads."""
         values = {drift.name: getattr(self, drift.name) for drift in fields(self)}
-        parts = {"magnet": values.pop("magnets"), "head": values.pop("heads")}
-        drifted = {name: value for name, value in values.items() if value}
-        units = {name: _UNITS.get(name, ("percent", 100.0)) for name in drifted}
-        return {f"{name}_{unit}": factor * drifted[name] for name, (unit, factor) in units.items()} | {
-            f"{part}_{number}_{key}": value
-            for part, drifts in parts.items()
+        drifts_by_part = {"magnet": values.pop("magnets"), "head": values.pop("heads")}
+        nonzero_drifts = {name: value for name, value in values.items() if value}
+        units = {name: _UNITS.get(name, ("percent", 100.0)) for name in nonzero_drifts}
+        return {f"{name}_{unit}": factor * nonzero_drifts[name] for name, (unit, factor) in units.items()} | {
+            f"{part_name}_{number}_{key}": value
+            for part_name, drifts in drifts_by_part.items()
             for number, drift in enumerate(drifts, 1)
             for key, value in drift.as_dict().items()
         }
@@ -100,10 +99,10 @@ def _sample_spreads(file: RigFile, spreads: Mapping[str, str], rng: np.random.Ge
     for name, key in spreads.items():
         if name == "conductivity" and file.magnet.solid is None:
             continue
-        share = 0.01 if key.endswith("_percent") else 1.0
+        unit_factor = 0.01 if key.endswith("_percent") else 1.0
         while abs(value := float(rng.standard_normal())) > MAX_SAMPLE_SIGMA:
             pass
-        changes[name] = share * getattr(file.spread, key) * value
+        changes[name] = unit_factor * getattr(file.spread, key) * value
     if "eddy" in changes:
         changes["eddy"] = abs(changes["eddy"])
     return Drift(**changes)
@@ -122,8 +121,8 @@ def drifted_file(file: RigFile, drift: Drift) -> RigFile:
     if file.stacks:
         for key in ("stroke_m_per_V", "bend_m_per_V2", "slope_m_per_V"):
             changes[f"stack.{key}"] = (1.0 + drift.stroke) * getattr(file.stack, key)
-        shares = [(1.0 + drift.creep) * share for share in file.stack.creep_shares]
-        changes["stack.creep_shares"] = shares
+        creep_shares = [(1.0 + drift.creep) * creep_share for creep_share in file.stack.creep_shares]
+        changes["stack.creep_shares"] = creep_shares
         changes["flexure.resonance_Hz"] = (1.0 + drift.resonance) * file.flexure.resonance_Hz
     if file.magnets and file.bodies:
         changes |= _body_changes(file, drift)
@@ -184,9 +183,9 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     )
 
 
-def _shift_position(place: Sequence[float], drift: Drift) -> list[float]:
+def _shift_position(position: Sequence[float], drift: Drift) -> list[float]:
     shift = (drift.place_x, drift.place_y, drift.place_z)
-    return [coordinate + displacement for coordinate, displacement in zip(place, shift, strict=True)]
+    return [coordinate + displacement for coordinate, displacement in zip(position, shift, strict=True)]
 
 
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
@@ -214,12 +213,12 @@ def drifted_law(model: Model, drift: Drift) -> Model:
     }
     changed_parameters: dict[str, Parameter] = {}
     for role, factor in factors.items():
-        for spec in model.operator_law.with_role(role):
-            value = model.parameters[spec.name]
-            changed_parameters[spec.name] = (
-                tuple(min(factor * coefficient, spec.high) for coefficient in value)
+        for parameter_spec in model.operator_law.with_role(role):
+            value = model.parameters[parameter_spec.name]
+            changed_parameters[parameter_spec.name] = (
+                tuple(min(factor * coefficient, parameter_spec.high) for coefficient in value)
                 if isinstance(value, tuple)
-                else min(factor * value, spec.high)
+                else min(factor * value, parameter_spec.high)
             )
     return replace(model, parameters={**model.parameters, **changed_parameters})
 
@@ -236,7 +235,7 @@ def _drifted_cells(model: Model, drift: Drift) -> Model:
         thresholds=(1.0 + drift.pinning) * cells.thresholds,
         weights=(1.0 + drift.saturation) * factors[:, None] * cells.weights,
     )
-    removed_names = {spec.name for spec in model.operator_law.parameters}
+    removed_names = {parameter_spec.name for parameter_spec in model.operator_law.parameters}
     removed_names -= {spec.name for spec in get_law(model.law, drifted_weights).parameters}
     parameters = {name: value for name, value in model.parameters.items() if name not in removed_names}
     return replace(model, cells=drifted_weights, parameters=parameters)

@@ -184,7 +184,7 @@ class RigFile(Table):
 
     def key_path(self, table: Table, *keys: str | int) -> KeyPath:
         """Return the position of a table or its key in the file, for messages."""
-        return (*next(place for place, listed in self.tables() if listed is table), *keys)
+        return (*next(table_path for table_path, file_table in self.tables() if file_table is table), *keys)
 
     def with_changes(self, changes: Mapping[str, Any]) -> RigFile:
         """Return a file with changed values, keyed by attributes such as ``body.mass_kg``.
@@ -198,29 +198,29 @@ class RigFile(Table):
         return file
 
     def _with_gap(self, gap: float) -> RigFile:
-        shift, opposite = gap - self.gap_m, self.opposite
+        shift, opposite_magnet = gap - self.gap_m, self.opposite
         file = self.with_table_replaced(self.magnet, self.magnet.model_copy(update={"gap_m": gap}))
-        if opposite is None:
+        if opposite_magnet is None:
             return file
-        moved_opposite = opposite.model_copy(update={"gap_m": opposite.gap_m - shift})
-        return file.with_table_replaced(opposite, moved_opposite)
+        moved_opposite = opposite_magnet.model_copy(update={"gap_m": opposite_magnet.gap_m - shift})
+        return file.with_table_replaced(opposite_magnet, moved_opposite)
 
     def _with_value(self, path: list[str], value: Any) -> RigFile:
         attribute, *inner_path = path
         field = f"given_{attribute}" if f"given_{attribute}" in type(self).model_fields else attribute
         table = getattr(self, attribute)
-        changed = _set_nested(table, inner_path, value) if inner_path else value
+        new_table = _set_nested(table, inner_path, value) if inner_path else value
         if attribute == "iron":
-            changed = changed.model_copy(update={"name": table.name})
+            new_table = new_table.model_copy(update={"name": table.name})
         if field in type(self).model_fields:
-            return self.model_copy(update={field: changed})
-        return self.with_table_replaced(table, changed)
+            return self.model_copy(update={field: new_table})
+        return self.with_table_replaced(table, new_table)
 
-    def with_table_replaced(self, table: Table, other: Table) -> RigFile:
+    def with_table_replaced(self, table: Table, new_table: Table) -> RigFile:
         """Return a file in which another table replaces one of a list."""
         key, number = self.key_path(table)
         tables = list(getattr(self, _LIST_FIELDS[str(key)]))
-        tables[int(number)] = other
+        tables[int(number)] = new_table
         return self.model_copy(update={_LIST_FIELDS[str(key)]: tables})
 
 

@@ -65,24 +65,24 @@ def identify_magnet_with_ripple(
     cell_misclosures = squared_misclosures(loops, [model])
     if cell_misclosures.size == 0 or cell_misclosures.mean() <= _NOISE_MEAN_SQUARE:
         return cell_magnet
-    alternative = identify_magnet(loops, options.model_copy(update={"law": _ACCOMMODATING_LAW}))
-    squared_errors = squared_misclosures(loops, [model, alternative.model])
+    candidate = identify_magnet(loops, options.model_copy(update={"law": _ACCOMMODATING_LAW}))
+    squared_errors = squared_misclosures(loops, [model, candidate.model])
     cell_error, alternative_error = squared_errors.mean(axis=0).tolist()
     is_better = (
         len(squared_errors) * (cell_error - alternative_error) / max(alternative_error, 1.0)
         > _MIN_STANDARD_ERRORS**2
     )
-    if is_better and alternative.model.acceptance().passed is not False and is_usable(alternative):
+    if is_better and candidate.model.acceptance().passed is not False and is_usable(candidate):
         text = f"law {_ACCOMMODATING_LAW} is used, which drifts as well; "
         text += "'fused' with a probe is better"
     elif is_better or cell_error > _MAX_NOISE_MEAN_SQUARE:
-        alternative = cell_magnet
+        candidate = cell_magnet
         text = "no law describes this; 'single-valued' may be better than 'full', and a probe is better"
     else:
         return cell_magnet
     text = f"minor loops do not close: this iron has no return-point memory; {text}"
     warnings.warn(text, ReturnPointMemoryWarning, stacklevel=3)
-    return alternative
+    return candidate
 
 
 def fit_compensators(
@@ -94,15 +94,15 @@ def fit_compensators(
 ) -> list[ForceController]:
     """Fit the compensator of a variant to each magnet at an operating point."""
     probe = calibrate_probe(rig) if variant in FLUX_PROBE_METHODS else None
-    fitted = []
+    fitted_compensators = []
     for magnet in magnets:
         sources = Sources(operating_point, magnet.loops, magnet.model, probe)
         compensator = make_compensator(variant, sources, number_format)
         if magnet.loop_width_change and isinstance(compensator.parameters, PlayMap):
-            wider = compensator.parameters.widened(magnet.loop_width_change)
-            compensator = replace(compensator, parameters=wider)
-        fitted.append(compensator)
-    return fitted
+            wider_parameters = compensator.parameters.widened(magnet.loop_width_change)
+            compensator = replace(compensator, parameters=wider_parameters)
+        fitted_compensators.append(compensator)
+    return fitted_compensators
 
 
 def calibrate_magnet(
@@ -118,15 +118,15 @@ def calibrate_magnet(
     parameter block made from them is calibrated. `scale` and `width_change` are relative changes,
     `gap_zero` is in m. The valid range of gaps is extended at both ends by `gap_margin`, m.
     """
-    current_factor, measured = 1.0 + scale, magnet.loops
+    current_factor, measured_loops = 1.0 + scale, magnet.loops
     loops = [
         replace(loop, input=loop.input / current_factor, schedule=loop.schedule + gap_zero)
-        for loop in measured.loops
+        for loop in measured_loops.loops
         if loop.schedule is not None
     ]
     model = drifted_law(magnet.model, Drift(pinning=width_change)) if width_change else magnet.model
     parameters, valid = model.parameters, model.valid
-    changed = {
+    model_changes = {
         "c_H": map_parameter(parameters["c_H"], lambda value: current_factor * value),
         "in_0": map_parameter(parameters["in_0"], lambda value: 1.0 / current_factor * value),
     }
@@ -137,8 +137,8 @@ def calibrate_magnet(
             valid, input=(low_current / current_factor, high_current / current_factor), schedule=gap_range
         )
     nodes = tuple(gap + gap_zero for gap in model.nodes)
-    model = replace(model, nodes=nodes, parameters={**parameters, **changed}, valid=valid)
-    return IdentifiedMagnet(replace(measured, loops=tuple(loops)), model, width_change)
+    model = replace(model, nodes=nodes, parameters={**parameters, **model_changes}, valid=valid)
+    return IdentifiedMagnet(replace(measured_loops, loops=tuple(loops)), model, width_change)
 
 
 def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:

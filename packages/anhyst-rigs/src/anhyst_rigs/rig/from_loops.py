@@ -58,9 +58,9 @@ MAX_FORCE_FLUX_DENSITY_T = 1.2
 RELATIVE_DEVIATION_SIGMA = 0.003 * 0.1
 """Relative mean deviation that costs as much as a parameter one sigma from its prior mean."""
 
-COARSE_SAMPLES = 600
+GUESS_SAMPLES = 600
 """Number of samples with which initial guesses are compared."""
-FINE_SAMPLES = 2400
+FIT_SAMPLES = 2400
 """Number of samples to which the plant is fitted."""
 
 PINNING_STARTS = (-1.0, 0.5, 1.5)
@@ -104,7 +104,7 @@ class FittedPlant:
 
 
 def check_plant_against_loops(
-    fitted: FittedPlant | None,
+    fitted_plant: FittedPlant | None,
     loops: Loops,
     model: Model,
     force: Callable[[Loop, float], FloatArray],
@@ -114,13 +114,13 @@ def check_plant_against_loops(
 
     `force` returns the force of the plant along a loop for a zero error of the current, A.
     """
-    zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
+    zeros = (0.0, 0.0) if fitted_plant is None else (fitted_plant.zero_current, fitted_plant.zero_force)
     return PlantCheck(
         plant=measure_deviation(loops, lambda loop: force(loop, zeros[0]) + zeros[1]),
         model=measure_model_deviation(loops, model),
         is_same_law=is_same_law,
-        is_fitted=fitted is not None,
-        guessed_keys=() if fitted is None else fitted.guessed_keys,
+        is_fitted=fitted_plant is not None,
+        guessed_keys=() if fitted_plant is None else fitted_plant.guessed_keys,
     )
 
 
@@ -131,18 +131,18 @@ def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
 
 def _fit_uncached(loops: Loops, table: MagnetTable) -> FittedPlant:
     slow_loops = select_slow_loops(loops)
-    fit = _StaticFit(thin_loops(slow_loops, COARSE_SAMPLES), table)
+    fit = _StaticFit(thin_loops(slow_loops, GUESS_SAMPLES), table)
     best_result = min(
         (fit.minimise(fit.initial_guess(pinning)) for pinning in PINNING_STARTS), key=lambda result: result[0]
     )
-    fit = _StaticFit(thin_loops(slow_loops, FINE_SAMPLES), table)
+    fit = _StaticFit(thin_loops(slow_loops, FIT_SAMPLES), table)
     _, parameters = fit.minimise(best_result[1])
-    turns = round(fit.turns(parameters))
+    turn_count = round(fit.estimate_turns(parameters))
     if table.turns is None:
-        fit = _StaticFit(fit.loops, table.model_copy(update={"turns": turns}))
+        fit = _StaticFit(fit.loops, table.model_copy(update={"turns": turn_count}))
         _, parameters = fit.minimise(fit.initial_guess(0.0))
-    fitted = fit.make_plant(parameters, table)
-    return replace(fitted, solid=table.solid and _fit_solid(loops, fitted, table.solid))
+    fitted_plant = fit.make_plant(parameters, table)
+    return replace(fitted_plant, solid=table.solid and _fit_solid(loops, fitted_plant, table.solid))
 
 
 class RigWithMagnet(Protocol):
@@ -163,17 +163,17 @@ def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
     file = rig.settings
     if file.solenoid is not None or not file.magnet.has_iron_from_loops or file.iron is not None:
         return rig
-    fitted = fit_magnet(loops, file.magnet)
-    completed = file.with_table_replaced(file.magnet, file.magnet.model_copy(update=fitted.magnet_keys))
-    irons = [*file.irons, fitted.steel]
-    return replace(rig, settings=completed.model_copy(update={"irons": irons}), fitted=fitted)
+    plant = fit_magnet(loops, file.magnet)
+    new_file = file.with_table_replaced(file.magnet, file.magnet.model_copy(update=plant.magnet_keys))
+    irons = [*file.irons, plant.steel]
+    return replace(rig, settings=new_file.model_copy(update={"irons": irons}), fitted=plant)
 
 
-def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTable:
+def _fit_solid(loops: Loops, plant: FittedPlant, given: SolidTable) -> SolidTable:
     """Fit the omitted keys of solid iron: conductivity, and length of its flux path."""
-    if (given.path_m or 0.0) > fitted.poles.iron_length:
+    if (given.path_m or 0.0) > plant.poles.iron_length:
         raise InputError(
-            f"magnet.solid.path_m is longer than the {fitted.poles.iron_length:.3g} m of the path "
+            f"magnet.solid.path_m is longer than the {plant.poles.iron_length:.3g} m of the path "
             "in the iron; lower it, or give iron_length_m",
             code="too-long",
             key="magnet.solid.path_m",
@@ -189,27 +189,27 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
             key="magnet.solid",
         )
     fast_loops = [loop for group in speeds.fast for loop in group]
-    fast = thin_loops(loops.with_loops(fast_loops), FAST_LOOP_SAMPLES * len(fast_loops))
+    fit_loops = thin_loops(loops.with_loops(fast_loops), FAST_LOOP_SAMPLES * len(fast_loops))
     max_force = largest_output(loops)
-    weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * max_force * math.sqrt(sum(loop.n for loop in fast.loops)))
+    weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * max_force * math.sqrt(sum(loop.n for loop in fit_loops.loops)))
 
     def table(parameters: FloatArray) -> SolidTable:
         conductivity = given.conductivity_S_per_m or STEEL_CONDUCTIVITY_S_PER_M * math.exp(parameters[0])
-        path = given.path_m or fitted.poles.iron_length * _logistic(parameters[1])
+        path = given.path_m or plant.poles.iron_length * _logistic(parameters[1])
         return given.model_copy(update={"conductivity_S_per_m": conductivity, "path_m": path})
 
-    def misses(parameters: FloatArray) -> FloatArray:
-        solid = table(parameters).make_solid_iron(fitted.poles.iron_length)
-        magnet = make_iron_magnet(fitted.poles, fitted.steel, solid=solid)
+    def residuals(parameters: FloatArray) -> FloatArray:
+        solid = table(parameters).make_solid_iron(plant.poles.iron_length)
+        magnet = make_iron_magnet(plant.poles, plant.steel, solid=solid)
         deviations = [
-            simulate_loop_in_time(magnet, loop, fitted.zero_current) + fitted.zero_force - loop.output
-            for loop in fast.loops
+            simulate_loop_in_time(magnet, loop, plant.zero_current) + plant.zero_force - loop.output
+            for loop in fit_loops.loops
         ]
         return np.concatenate([weight * np.concatenate(deviations), parameters / _LOG_CONDUCTIVITY_SIGMA])
 
-    starts = (np.array([log_conductivity, 0.0]) for log_conductivity in LOG_CONDUCTIVITY_STARTS)
-    start = min(starts, key=lambda at: float(np.sum(misses(at) ** 2)))
-    return table(least_squares(misses, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-3, xtol=1e-4).x)
+    start_points = (np.array([log_conductivity, 0.0]) for log_conductivity in LOG_CONDUCTIVITY_STARTS)
+    start_point = min(start_points, key=lambda point: float(np.sum(residuals(point) ** 2)))
+    return table(least_squares(residuals, start_point, max_nfev=MAX_EVALUATIONS, diff_step=1e-3, xtol=1e-4).x)
 
 
 class _StaticFit:
@@ -220,10 +220,10 @@ class _StaticFit:
         self._table = table
         self._max_force = max(float(np.max(loop.output)) for loop in loops.loops)
         self._max_current = max(float(np.max(np.abs(loop.input))) for loop in loops.loops)
-        expected = _parameter_priors(loops, table, self._max_force)
-        self._names = tuple(expected)
-        self._prior_mean = np.array([mean for mean, _ in expected.values()])
-        self._prior_sigma = np.array([sigma for _, sigma in expected.values()])
+        parameter_priors = _parameter_priors(loops, table, self._max_force)
+        self._names = tuple(parameter_priors)
+        self._prior_mean = np.array([mean for mean, _ in parameter_priors.values()])
+        self._prior_sigma = np.array([sigma for _, sigma in parameter_priors.values()])
         samples = sum(loop.n for loop in loops.loops)
         self._weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * self._max_force * math.sqrt(samples))
 
@@ -233,18 +233,18 @@ class _StaticFit:
         parameters[self._names.index("pinning")] = pinning
         return parameters
 
-    def minimise(self, start: FloatArray) -> tuple[float, FloatArray]:
+    def minimise(self, start_point: FloatArray) -> tuple[float, FloatArray]:
         """Minimise the cost from an initial guess; return the smallest cost and its parameters."""
-        result = least_squares(self._residuals, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-4)
+        result = least_squares(self._residuals, start_point, max_nfev=MAX_EVALUATIONS, diff_step=1e-4)
         return float(result.cost), result.x
 
-    def turns(self, at: FloatArray) -> float:
+    def estimate_turns(self, point: FloatArray) -> float:
         """Return the number of turns for given parameters, before rounding."""
-        return self._make_poles_and_steel(self._named_parameters(at))[0].turns
+        return self._make_poles_and_steel(self._named_parameters(point))[0].turns
 
-    def make_plant(self, at: FloatArray, table: MagnetTable) -> FittedPlant:
+    def make_plant(self, point: FloatArray, table: MagnetTable) -> FittedPlant:
         """Return the magnet for given parameters."""
-        values = self._named_parameters(at)
+        values = self._named_parameters(point)
         poles, steel = self._make_poles_and_steel(values)
         resistance = (
             WINDING_RESISTIVITY_OHM_M
@@ -252,17 +252,17 @@ class _StaticFit:
             * poles.turns**2
             / math.sqrt(poles.width * poles.depth)
         )
-        guessed = [key for key in ("resistance_ohm", "iron_length_m") if getattr(table, key) is None]
+        guessed_keys = [key for key in ("resistance_ohm", "iron_length_m") if getattr(table, key) is None]
         return FittedPlant(
             replace(poles, resistance=table.resistance_ohm or resistance),
             steel,
             values["zero_current"] * self._max_current,
             values["zero_force"] * self._max_force,
-            tuple(guessed),
+            tuple(guessed_keys),
         )
 
-    def _named_parameters(self, at: FloatArray) -> dict[str, float]:
-        return dict(zip(self._names, (self._prior_mean + self._prior_sigma * at).tolist(), strict=True))
+    def _named_parameters(self, point: FloatArray) -> dict[str, float]:
+        return dict(zip(self._names, (self._prior_mean + self._prior_sigma * point).tolist(), strict=True))
 
     def _make_poles_and_steel(self, values: Mapping[str, float]) -> tuple[Poles, NamedCells]:
         table = self._table
@@ -280,22 +280,22 @@ class _StaticFit:
             joints=math.exp(values["joints"]) if table.joints_m is None else table.joints_m,
         )
         saturation, knee = math.exp(values["saturation"]), math.exp(values["knee"])
-        sharp = _logistic(values["sharp"])
+        sharp_fraction = _logistic(values["sharp"])
         steel = NamedCells.model_construct(
             name=FROM_LOOPS,
             cells=PINNED_CELL_COUNT,
             reversible_fraction=_logistic(values["reversible"]),
             pinning_scale_A_per_m=math.exp(values["pinning"]),
             pinning_shape=math.exp(values["shape"]),
-            saturation_sharp_T=saturation * sharp,
+            saturation_sharp_T=saturation * sharp_fraction,
             knee_sharp_A_per_m=knee,
-            saturation_slow_T=saturation * (1.0 - sharp),
+            saturation_slow_T=saturation * (1.0 - sharp_fraction),
             knee_slow_A_per_m=knee * math.exp(values["knee_ratio"]),
         )
         return poles, steel
 
-    def _residuals(self, at: FloatArray) -> FloatArray:
-        values = self._named_parameters(at)
+    def _residuals(self, point: FloatArray) -> FloatArray:
+        values = self._named_parameters(point)
         poles, steel = self._make_poles_and_steel(values)
         magnet = make_iron_magnet(poles, steel)
         zero_current = values["zero_current"] * self._max_current
@@ -304,20 +304,20 @@ class _StaticFit:
             simulate_loop(make_path_follower(magnet), loop, zero_current) + zero_force - loop.output
             for loop in self.loops.loops
         ]
-        return np.concatenate([self._weight * np.concatenate(deviations), at])
+        return np.concatenate([self._weight * np.concatenate(deviations), point])
 
 
-def _parameter_priors(loops: Loops, table: MagnetTable, top: float) -> dict[str, tuple[float, float]]:
+def _parameter_priors(loops: Loops, table: MagnetTable, max_force: float) -> dict[str, tuple[float, float]]:
     """Return the prior mean and standard deviation of all parameters, as logarithms or log odds."""
-    area, turns = MU_0 * top / MAX_FORCE_FLUX_DENSITY_T**2, 0.0
+    area, expected_turns = MU_0 * max_force / MAX_FORCE_FLUX_DENSITY_T**2, 0.0
     width, depth = table.pole_width_m, table.pole_depth_m
     if width and depth:
         area = width * depth
-    turns = table.turns or math.sqrt(_estimate_turns_squared_area(loops) / area)
+    expected_turns = table.turns or math.sqrt(_estimate_turns_squared_area(loops) / area)
     side = math.sqrt(area)
-    expected = {
+    expected_values = {
         "side": (math.log(side), 1.0),
-        "turns": (math.log(turns), 2.0),
+        "turns": (math.log(expected_turns), 2.0),
         "leakage": (math.log(MU_0 * side), 1.0),
         "joints": (math.log(1e-3 * side), 1.0),
         "knee": (math.log(250.0), 1.0),
@@ -336,7 +336,7 @@ def _parameter_priors(loops: Loops, table: MagnetTable, top: float) -> dict[str,
         "leakage": table.leakage_H is not None,
         "joints": table.joints_m is not None,
     }
-    return {name: value for name, value in expected.items() if not is_fixed.get(name, False)}
+    return {name: value for name, value in expected_values.items() if not is_fixed.get(name, False)}
 
 
 def _estimate_turns_squared_area(loops: Loops) -> float:

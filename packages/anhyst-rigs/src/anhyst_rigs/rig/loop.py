@@ -34,13 +34,13 @@ class ReferenceStep:
 
     begin: int  # ticks at which the step begins and its hold ends
     end: int
-    before: float  # reference gap before and after the step, m
-    after: float
+    gap_before: float  # reference gap before and after the step, m
+    gap_after: float
 
     @property
     def height(self) -> float:
         """Height of the step, m."""
-        return abs(self.after - self.before)
+        return abs(self.gap_after - self.gap_before)
 
 
 def _empty_array() -> FloatArray:
@@ -100,11 +100,11 @@ class ClosedLoop:
         plant: Plant,
         controller: LoopController,
         current_loops: Sequence[dict[str, float]],
-        recorded: Sequence[str] | None = None,
+        recorded_signals: Sequence[str] | None = None,
     ) -> None:
         self._loop = PlantLoop(plant, controller, current_loops)
         self._signals = [column_name(*signal) for signal in self._loop.signals]
-        self._recorded = recorded  # recorded columns; None: all
+        self._recorded = recorded_signals  # recorded columns; None: all
 
     def run(self, scenario: Scenario) -> Recording:
         """Run a scenario and return its recording.

@@ -40,7 +40,7 @@ RelativeCurrent = Annotated[float, Field(ge=-1.0, le=1.0)]
 def _check_file_list(value: Any) -> Any:
     if isinstance(value, str):
         return [value]
-    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
+    if isinstance(value, list) and value and all(isinstance(entry, str) for entry in value):
         return value
     raise InputError("must be a file, a folder, or a list of them", code="wrong-kind")
 
@@ -201,9 +201,9 @@ def squared_misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
         inputs = loop.input, loop.schedule, loop.time, loop.history
         runs = [model.predict(*inputs).output for model in models]
         for closing in find_closings(loop):
-            if (measured := closing.measure_step(loop, runs[0])) is None:
+            if (measured_step := closing.measure_step(loop, runs[0])) is None:
                 continue
-            step, sigma = measured
+            step, sigma = measured_step
             errors = [(step - closing.output_step(loop, run)) / max(sigma, min_error) for run in runs]
             squared_errors.append([error**2 for error in errors])
     return np.array(squared_errors).reshape(-1, len(models))

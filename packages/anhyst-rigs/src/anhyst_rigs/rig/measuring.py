@@ -43,11 +43,11 @@ class HeldRig(Protocol):
 
 def sweep_path(reversals: Sequence[float], step: float) -> FloatArray:
     """Return a path with linear sweeps from one reversal to the next, in steps of at most `step`."""
-    parts = [np.array(reversals[:1])]
+    current_segments = [np.array(reversals[:1])]
     for begin, end in pairwise(reversals):
         count = math.ceil(abs(end - begin) / step - _STEP_COUNT_ROUNDING)
-        parts.append(np.linspace(begin, end, max(count, 1) + 1)[1:])
-    return np.concatenate(parts)
+        current_segments.append(np.linspace(begin, end, max(count, 1) + 1)[1:])
+    return np.concatenate(current_segments)
 
 
 def conditioning_path(campaign: MeasurementTable) -> list[float]:
@@ -55,7 +55,7 @@ def conditioning_path(campaign: MeasurementTable) -> list[float]:
 
     They alternate between the largest current and the lowest of all records, but at most zero.
     """
-    lowest_ratio = min(0.0, *(turn for record in campaign.records for turn in record.turns))
+    lowest_ratio = min(0.0, *(ratio for record in campaign.records for ratio in record.turns))
     high = campaign.current_max_A
     return [high, lowest_ratio * high] * campaign.conditioning_cycles
 
@@ -92,7 +92,7 @@ FAST_CYCLES = 2
 
 
 def measure_at_gap(
-    held: HeldRig,
+    rig: HeldRig,
     campaign: MeasurementTable,
     index: int,
     magnet: HeldMagnet | None = None,
@@ -105,28 +105,28 @@ def measure_at_gap(
     gap, conditioning, high = (campaign.gaps_m[index], conditioning_path(campaign), campaign.current_max_A)
     sweep_rate, sample_s = campaign.sweep_A_per_s, campaign.sample_s
     runs = [
-        (record.name, [high * turn for turn in record.turns], sweep_rate, sample_s)
+        (record.name, [high * reversal for reversal in record.turns], sweep_rate, sample_s)
         for record in campaign.records
     ]
     cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
-    rounded, exact = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
+    rounded_gap, exact_gap = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
     runs += [
         (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * SAMPLES_PER_FAST_CYCLE))
         for speed in fast_rates
     ]
     loops = []
-    for number, (name, turns, speed, sample) in enumerate(runs):
-        specimen = held.magnet() if magnet is None else magnet
+    for number, (name, reversals, speed, period) in enumerate(runs):
+        specimen = rig.magnet() if magnet is None else magnet
         for turn in conditioning:
             specimen.hold(turn, gap)
-        path, sensors = sweep_path(turns, speed * sample), held.sensors([index, number], sample)
-        current, force = measure_path(specimen, sensors, gap, path, sample if fast_rates else math.inf)
+        path, sensors = sweep_path(reversals, speed * period), rig.sensors([index, number], period)
+        current, force = measure_path(specimen, sensors, gap, path, period if fast_rates else math.inf)
         loop = Loop(
-            label=f"{rounded if float(rounded) == float(exact) else exact}mm-{name}",
+            label=f"{rounded_gap if float(rounded_gap) == float(exact_gap) else exact_gap}mm-{name}",
             input=current,
             output=force,
             schedule=np.full(path.size, gap),
-            time=np.arange(path.size, dtype=np.float64) * sample if fast_rates else None,
+            time=np.arange(path.size, dtype=np.float64) * period if fast_rates else None,
             history=History("conditioned", (0.0, *conditioning)),
         )
         loops.append(loop)
@@ -158,19 +158,19 @@ class HeldBearing:
 
 def loop_file_texts(loops: Loops, notes: str) -> dict[str, str]:
     """Return the texts of files with measured loops, by file name; notes are at the top."""
-    timed = loops.loops[0].time is not None
+    has_time = loops.loops[0].time is not None
     rows = []
     for loop in loops.loops:
         assert loop.schedule is not None
         columns = [loop.input, loop.output, loop.schedule]
-        form = f"%.6f,%.4f,%.5f,{loop.label}\n"
+        template = f"%.6f,%.4f,%.5f,{loop.label}\n"
         if loop.time is not None:
             columns.insert(0, loop.time)
-            form = f"%.7g,{form}"
-        rows += [form % row for row in zip(*(column.tolist() for column in columns), strict=True)]
-    header = f"{'t_s,' * timed}I_A,{loops.output.symbol}_N,gap_m,loop\n"
+            template = f"%.7g,{template}"
+        rows += [template % values for values in zip(*(column.tolist() for column in columns), strict=True)]
+    header_line = f"{'t_s,' * has_time}I_A,{loops.output.symbol}_N,gap_m,loop\n"
     return {
-        "loops.csv": notes + header + "".join(rows),
+        "loops.csv": notes + header_line + "".join(rows),
         "loops.toml": f'history = "{loops.loops[0].history}"\n',
     }
 
@@ -181,8 +181,8 @@ def measure_loops(rig: BodyRig) -> Loops:
     The conditioning cycles precede every record. With fast cycles, all loops are measured in time.
     """
     held, campaign = HeldBearing(rig), rig.settings.measurement
-    places = range(len(campaign.gaps_m))
-    fast = campaign.fast_A_per_s
-    loops = [loop for place in places for loop in measure_at_gap(held, campaign, place, fast_rates=fast)]
+    indices = range(len(campaign.gaps_m))
+    rates = campaign.fast_A_per_s
+    loops = [loop for index in indices for loop in measure_at_gap(held, campaign, index, fast_rates=rates)]
     output = QUANTITIES[rig.settings.magnet.output]
     return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

@@ -66,8 +66,8 @@ class PiezoRig:
 
     def make_motion(self, dt: float) -> PiezoMotion:
         """Return the plant for a tick period, s."""
-        times, shares = self.settings.stack.creep_times_s, self.settings.stack.creep_shares
-        return PiezoMotion(self.plant_parameters(dt), np.array(times), np.array(shares))
+        creep_times, creep_shares = self.settings.stack.creep_times_s, self.settings.stack.creep_shares
+        return PiezoMotion(self.plant_parameters(dt), np.array(creep_times), np.array(creep_shares))
 
     @property
     def dt(self) -> float:
@@ -144,14 +144,14 @@ def make_notch(file: RigFile) -> FloatArray:
 
 def controller_arguments(rig: PiezoRig, inverse: ForceController) -> PiezoControllerArguments:
     """Return the arguments of a controller that uses an inverse from displacement to voltage."""
-    settings, coded = rig.settings, inverse.format == "fixed"
+    settings, is_fixed_point = rig.settings, inverse.format == "fixed"
     bandwidth = 2.0 * np.pi * settings.displacement.bandwidth_Hz
     return {
         "filters": [make_notch(settings)],
         "pid": integrator(bandwidth * rig.dt),
         "settings": {
-            "demand_full": inverse.scales.demand if coded else 1.0,
-            "current_full": inverse.scales.current if coded else 1.0,
+            "demand_full": inverse.scales.demand if is_fixed_point else 1.0,
+            "current_full": inverse.scales.current if is_fixed_point else 1.0,
             "flux_full": 1.0,
             "gap_low": 0.0,
             "gap_high": 1.0,
@@ -185,7 +185,7 @@ def find_piezo_loss(rig: PiezoRig, error: FloatArray, correction: FloatArray) ->
         SignalBound("the error reached the whole stroke", error, -stroke, stroke),
         SignalBound("the feedback demanded more than the stroke", correction, -stroke, stroke),
     )
-    return find_loss(bounds, planned=error.size)
+    return find_loss(bounds, planned_ticks=error.size)
 
 
 def files_of_piezo(path: PathLike, controller: PathLike | None) -> list[Path]:

@@ -62,12 +62,12 @@ class PlantParameters:
 
 def plant_parameters(rig: BodyRig) -> PlantParameters:
     """Return the parameters of a plant; its heads are the gap sensors, then the position sensors."""
-    file, sensors, lines = rig.settings, _sensors(rig), rig.lines_of_action
+    file, sensors, lines = rig.settings, _sensor_parameters(rig), rig.lines_of_action
     actuators = [
         {
             "line": line,
             "gap_zero": gap,  # for the body at the origin
-            "amplifier": _amplifier(rig),
+            "amplifier": _amplifier_parameters(rig),
             "current_sensor": sensors["current"],
             "flux_probe": sensors["hall"],
             "has_probe": int(file.hall_probe is not None),
@@ -88,11 +88,11 @@ def plant_parameters(rig: BodyRig) -> PlantParameters:
         }
         for line, sensor in lines.heads
     ]
-    body = _body(rig, sensors["force"])
-    return PlantParameters(body, actuators, gap_heads + position_heads, _load(rig))
+    body = _body_parameters(rig, sensors["force"])
+    return PlantParameters(body, actuators, gap_heads + position_heads, _load_parameters(rig))
 
 
-def _coordinates(rig: BodyRig) -> list[dict[str, float]]:
+def _coordinate_parameters(rig: BodyRig) -> list[dict[str, float]]:
     """Return the free coordinates of a body, with their end stops."""
     body, omega = rig.settings.body, 2.0 * math.pi * STOP_RESONANCE_HZ
     inertias = [*[body.mass_kg] * 3, *(body.inertia_kg_m2 or [0.0, 0.0, 0.0])]
@@ -137,11 +137,11 @@ def current_controller_gains(rig: BodyRig) -> tuple[float, float]:
     return gain, INTEGRAL_CORNER_RATIO * omega * gain
 
 
-def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
+def _body_parameters(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     file, body, timing = rig.settings, rig.settings.body, rig.settings.timing
     delay_substeps = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.substep
     return {
-        "coordinate": _coordinates(rig),
+        "coordinate": _coordinate_parameters(rig),
         "mass": body.mass_kg,
         "centre": body.centre_m,
         "inertia": np.diag(body.inertia_kg_m2 or [0.0, 0.0, 0.0]).tolist(),
@@ -155,7 +155,7 @@ def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     }
 
 
-def _amplifier(rig: BodyRig) -> dict[str, float]:
+def _amplifier_parameters(rig: BodyRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
     gain, reset = current_controller_gains(rig)
     is_current_source = amplifier.mode == "current"
@@ -171,20 +171,20 @@ def _amplifier(rig: BodyRig) -> dict[str, float]:
     }
 
 
-def _load(rig: BodyRig) -> dict[str, Any]:
+def _load_parameters(rig: BodyRig) -> dict[str, Any]:
     load = rig.settings.load
     return {
         "line": rig.lines_of_action.load,
-        "share": _low_pass_share(load.bandwidth_Hz, rig.substep),
+        "share": _low_pass_coefficient(load.bandwidth_Hz, rig.substep),
         "damping": load.damping_N_s_per_m,
         "stiffness": load.stiffness_N_per_m,
         "rest": rig.lines_of_action.load_rest,
         "encoder_step": load.encoder_step_m,
-        "velocity_share": _low_pass_share(load.velocity_bandwidth_Hz, rig.dt),
+        "velocity_share": _low_pass_coefficient(load.velocity_bandwidth_Hz, rig.dt),
     }
 
 
-def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
+def _sensor_parameters(rig: BodyRig) -> dict[str, Mapping[str, float]]:
     file = rig.settings
     tables = {"gap": file.gap_sensor, "current": file.current_sensor, "force": file.force_sensor}
     sensors: dict[str, Mapping[str, float]] = {
@@ -196,13 +196,13 @@ def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
     }
 
 
-def _ideal_sensor(ends: tuple[float, float], noise: float) -> dict[str, float]:
+def _ideal_sensor(signal_range: tuple[float, float], noise: float) -> dict[str, float]:
     """Return a sensor without converter, lag, gain error or offset."""
-    low, high = ends
+    low, high = signal_range
     constants = {"gain": 1.0, "share": first_order_share(math.inf), "step": 0.0, "offset": 0.0, "delay": 0}
     return {"low": low, "high": high, "noise": noise, **constants}
 
 
-def _low_pass_share(bandwidth: float, seconds: float) -> float:
+def _low_pass_coefficient(bandwidth: float, seconds: float) -> float:
     """Return the fraction of a step that a first-order low-pass has passed after a time, s."""
     return first_order_share(2.0 * math.pi * bandwidth * seconds)

@@ -40,7 +40,7 @@ CURRENT_SIGNALS = (("command", "A"), ("current", "A"))
 
 def column_name(signal: str, unit: str, number: int = 1) -> str:
     """Return the name of a column. The number of the first magnet is omitted."""
-    return "_".join(part for part in (signal, f"{number}" if number > 1 else "", unit) if part)
+    return "_".join(name_part for name_part in (signal, f"{number}" if number > 1 else "", unit) if name_part)
 
 
 def magnet_columns(signals: Sequence[tuple[str, str]], first: int, last: int) -> tuple[str, ...]:
@@ -89,9 +89,9 @@ class Recording:
         return cls(dict(zip(names, table.T, strict=True)))
 
     @classmethod
-    def concatenate(cls, parts: Sequence[Recording]) -> Self:
+    def concatenate(cls, runs: Sequence[Recording]) -> Self:
         """Concatenate recordings with the same columns."""
-        return cls.from_table(np.concatenate([part.table for part in parts]), parts[0].columns)
+        return cls.from_table(np.concatenate([run.table for run in runs]), runs[0].columns)
 
     def __getitem__(self, header: str) -> FloatArray:
         return self.columns[header]
@@ -118,8 +118,8 @@ class Recording:
 
     def select_columns(self, names: Iterable[str]) -> Recording:
         """Return the columns with the given names, in this order; missing columns are zero."""
-        none = np.zeros(len(self))
-        return Recording({name: self.columns.get(name, none) for name in names})
+        zero_column = np.zeros(len(self))
+        return Recording({name: self.columns.get(name, zero_column) for name in names})
 
     def slice_ticks(self, begin: int, end: int) -> Recording:
         """Return the rows of ticks begin to end (exclusive)."""
@@ -139,9 +139,9 @@ def peak_deviation(deviation: FloatArray) -> float:
 
 def moving_statistics(deviation: FloatArray, ticks: int) -> tuple[FloatArray, FloatArray]:
     """Return the mean and the standard deviation in every window of the given number of ticks."""
-    sums = np.cumsum(np.concatenate([[0.0], deviation]))
+    running_sums = np.cumsum(np.concatenate([[0.0], deviation]))
     squared_sums = np.cumsum(np.concatenate([[0.0], deviation**2]))
-    mean = (sums[ticks:] - sums[:-ticks]) / ticks
+    mean = (running_sums[ticks:] - running_sums[:-ticks]) / ticks
     mean_square = (squared_sums[ticks:] - squared_sums[:-ticks]) / ticks
     return mean, np.sqrt(np.maximum(mean_square - mean**2, 0.0))
 
@@ -152,8 +152,8 @@ def settling_tick(deviation: FloatArray, band: float) -> int:
     return int(outside_ticks[-1]) + 1 if outside_ticks.size else 0
 
 
-def find_loss(bounds: Sequence[SignalBound], planned: int) -> Loss | None:
-    """Return the first loss of control in a run of `planned` ticks, or None."""
+def find_loss(bounds: Sequence[SignalBound], planned_ticks: int) -> Loss | None:
+    """Return the first loss of control in a run of `planned_ticks` ticks, or None."""
     losses = []
     for bound in bounds:
         # NaN counts as outside
@@ -162,6 +162,6 @@ def find_loss(bounds: Sequence[SignalBound], planned: int) -> Loss | None:
             tick = int(np.argmin(is_within))
             finite = np.isfinite(bound.values[tick])
             losses.append(Loss(tick, bound.reason if finite else "a value was not finite"))
-        if len(is_within) < planned:
+        if len(is_within) < planned_ticks:
             losses.append(Loss(len(is_within), "the simulation diverged"))
     return min(losses, key=lambda loss: loss.tick, default=None)

@@ -66,15 +66,15 @@ def open_bench(
     """Open the virtual bench of a rig."""
     # needed only until the bench is open
     with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
-        parts = split_progress(progress, (2.0, 1.0))
-        bench = prepare_bench(rig_path, controller_path, Path(folder), next(parts)).open()
-    next(parts)(1, 1)
+        part_progress = split_progress(progress, (2.0, 1.0))
+        bench = prepare_bench(rig_path, controller_path, Path(folder), next(part_progress)).open()
+    next(part_progress)(1, 1)
     return bench
 
 
 def open_board(folder: PathLike, url: str) -> HardwareBench:
     """Open the bench of a stand-alone controller."""
-    manifest = _manifest(folder)
+    manifest = _read_manifest(folder)
     return HardwareBench(lambda: XcpMaster(url), manifest)
 
 
@@ -99,7 +99,7 @@ def measure_through_board(folder: PathLike, url: str) -> MeasureFunction:
 
 def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
     """Read the data that are needed to improve the model of a stand-alone controller."""
-    manifest = _manifest(folder)
+    manifest = _read_manifest(folder)
     rig = read_rig(rig_path)
     if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
         raise InputError(
@@ -121,7 +121,7 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
     )
 
 
-def _manifest(folder: PathLike) -> dict[str, Any]:
+def _read_manifest(folder: PathLike) -> dict[str, Any]:
     """Read the manifest of a compiled folder."""
     require_kind(folder, [COMPILED_FOLDER])
     path = Path(folder) / "manifest.json"
@@ -182,13 +182,13 @@ def prepare_bearing(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedBearing:
     """Identify the magnet of a bearing, and build the firmware of its controller."""
-    parts = split_progress(progress, (1.0, 1.0))
+    part_progress = split_progress(progress, (1.0, 1.0))
     rig, controller = read_files(rig_path, controller_path)
     inputs = check_inputs(rig, controller)
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     knowledge = inputs.identify_magnet()
     setup, firmware = build_firmware(inputs.rig, controller, knowledge, "library", folder)
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     return PreparedBearing(setup, knowledge.model, firmware)
 
 
@@ -196,15 +196,15 @@ def prepare_force(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedForce:
     """Identify the actuator of a rig, and build the firmware that controls its force."""
-    parts = split_progress(progress, (1.0, 1.0))
+    part_progress = split_progress(progress, (1.0, 1.0))
     rig = read_rig(rig_path)
     loops = read_rig_loops(rig)
     rig = complete_rig(rig, loops)
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     program = build_program(
         "full", identify_force_model(rig, loops), rig.settings.timing.rate_Hz, "library", folder / "full"
     )
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     return PreparedForce(rig, loops, program)
 
 
@@ -216,15 +216,15 @@ def prepare_stage(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedStage:
     """Identify the magnets of a stage, and find the feedforward gains of both methods."""
-    parts = split_progress(progress, (2.0, 1.0))
+    part_progress = split_progress(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
     check_calibration(rig)
     magnet = identify_stage_magnet(rig)
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     setups = [make_stage(rig, magnet, method) for method in SWITCHED_METHODS]
     scan = rig.settings.scan
     training = scan_motion(scan, scan.train_m_per_s2)
-    gains = map_ordered(partial(find_gains, motion=training), setups, next(parts))
+    gains = map_ordered(partial(find_gains, motion=training), setups, next(part_progress))
     return PreparedStage(magnet, tuple(setups), tuple(gains))
 
 
@@ -260,7 +260,7 @@ def prepare_cached(
         prepared = prepare_bench(rig_path, controller_path, Path(folder), progress)
         if is_cacheable:
             with suppress(OSError):
-                _store(prepared, cache_entry)
+                _store_prepared(prepared, cache_entry)
         yield prepared
 
 
@@ -273,7 +273,7 @@ def _load_cached(folder: Path) -> Prepared | None:
     return prepared.with_firmware(folder / _FIRMWARE_FILE) if prepared.firmware else prepared
 
 
-def _store(prepared: Prepared, cache_entry: Path) -> None:
+def _store_prepared(prepared: Prepared, cache_entry: Path) -> None:
     """Write a bench into the cache, either completely or not at all."""
     cache_entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".", dir=cache_entry.parent) as draft_folder:

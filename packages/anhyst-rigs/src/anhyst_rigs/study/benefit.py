@@ -124,7 +124,7 @@ class MapCell:
     # metrics by variant and key, without the variants that lost control
     figures: Mapping[MethodName, Mapping[str, Interval]]
     # rms of the gap at the end of the holds by variant, mean over seeds and directions, m
-    standstill: Mapping[MethodName, float]
+    standstill_rms: Mapping[MethodName, float]
     # by metric: comparison with the strongest of :data:`BASELINES` in it, and with ``ratio``
     strongest: Mapping[str, MethodComparison]
     ratio: Mapping[str, MethodComparison]
@@ -170,7 +170,7 @@ class Benefit:
             **self.bearing,
             "noise_seeds": self.seeds,
             "confidence": 0.95,
-            "cells": [_cell_dict(cell) for cell in self.cells],
+            "cells": [_cell_dict(map_cell) for map_cell in self.cells],
         }
 
 
@@ -198,12 +198,12 @@ def map_bearing_benefit(
     steps = tuple(settings.step.heights_m if heights is None else heights)
     seed_count = settings.noise_seeds if seeds is None else seeds
     irons = list(product(scales, fractions or reversible_fractions(rig.settings)))
-    work = partial(_map_iron, rig, controller.settings, steps, range(seed_count))
-    cells_by_iron = map_ordered(work, irons, progress, jobs)
+    map_iron = partial(_map_iron, rig, controller.settings, steps, range(seed_count))
+    cells_by_iron = map_ordered(map_iron, irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
         seeds=seed_count,
-        cells=tuple(cell for cells in cells_by_iron for cell in cells),
+        cells=tuple(map_cell for cells in cells_by_iron for map_cell in cells),
         bearing={
             "controller": controller.settings.name,
             "gap_m": settings.gap_m,
@@ -278,7 +278,7 @@ def make_map_cell(
     iron: IronFigures,
     case: float | str,
     values: _Values,
-    standstill: Mapping[MethodName, float],
+    standstill_rms: Mapping[MethodName, float],
     has_probe: bool,
     keys: Sequence[str],
 ) -> MapCell:
@@ -288,10 +288,10 @@ def make_map_cell(
     """
 
     def against(*baselines: MethodName) -> dict[str, MethodComparison]:
-        compared = {key: _compare(values, key, baselines) for key in keys}
+        compared = {key: _compare_methods(values, key, baselines) for key in keys}
         if isinstance(case, float):
             compared["overshoot_percent"] = _with_overshoot_floor(
-                compared["overshoot_percent"], values, standstill, case
+                compared["overshoot_percent"], values, standstill_rms, case
             )
         return compared
 
@@ -302,7 +302,7 @@ def make_map_cell(
             name: {key: mean_interval(values_by_seed) for key, values_by_seed in rows.items()}
             for name, rows in values.items()
         },
-        standstill=standstill,
+        standstill_rms=standstill_rms,
         strongest=against(*BASELINES),
         ratio=against("ratio"),
         flux=against("flux") if has_probe else {},
@@ -318,12 +318,12 @@ def _step_values(runs: _StepPairs, key: str, hold: float) -> FloatArray:
     return np.array([max(min(figures[key], max_value) for figures in pair) for pair in runs])
 
 
-def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> MethodComparison:
+def _compare_methods(values: _Values, key: str, baselines: Sequence[MethodName]) -> MethodComparison:
     """Compare ``full`` with the best baseline of this case; this choice favours it slightly."""
-    usable = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
-    if not usable:
+    usable_names = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
+    if not usable_names:
         return MethodComparison(None, None, None)
-    baseline = min(usable, key=lambda name: float(np.mean(values[name][key])))
+    baseline = min(usable_names, key=lambda name: float(np.mean(values[name][key])))
     if "full" not in values or not np.isfinite(values["full"][key]).all():
         return MethodComparison(baseline, None, None)
     full_values, baseline_values = values["full"][key], values[baseline][key]
@@ -333,13 +333,13 @@ def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Meth
 
 
 def _with_overshoot_floor(
-    compared: MethodComparison, values: _Values, standstill: Mapping[MethodName, float], height: float
+    compared: MethodComparison, values: _Values, standstill_rms: Mapping[MethodName, float], height: float
 ) -> MethodComparison:
     """Return a comparison of overshoots with the floor below which they count as zero."""
     if compared.baseline is None or compared.quotient is None:
         return compared
     pair: tuple[MethodName, ...] = ("full", compared.baseline)
-    floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * max(standstill[name] for name in pair) / height
+    floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * max(standstill_rms[name] for name in pair) / height
     largest_overshoot = max(float(np.mean(values[name]["overshoot_percent"])) for name in pair)
     return replace(compared, floor=floor, is_below_floor=largest_overshoot < floor)
 
@@ -376,7 +376,7 @@ def map_plant_benefit(
     return Benefit(
         rig=rig.settings.name,
         seeds=count,
-        cells=tuple(cell for cells, _ in results for cell in cells),
+        cells=tuple(map_cell for cells, _ in results for map_cell in cells),
         metrics=results[0][1],
     )
 
@@ -398,7 +398,7 @@ def _map_plants(
         if not any("lost_s" in run for run in method_runs)
     }
     cells, keys = [], [figure.key for figure in plants.figures]
-    for case, positions in _cases(plants).items():
+    for case, positions in _cases_by_name(plants).items():
         values = {
             method: {
                 figure.key: np.array([_largest_value(run[figure.key], positions) for run in method_runs])
@@ -410,14 +410,14 @@ def _map_plants(
     return cells, plants.figures
 
 
-def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
+def _cases_by_name(plants: Plants) -> Mapping[str, Sequence[int]]:
     """Return the cases of a map, each with the indices of its values in the metrics of a plant."""
     if plants.single_case:
         return {plants.single_case: [0]}
     stages = [name.partition("_")[0] for name in plants.figures[0].case_names]
     return {
-        f"worst of {stage}": [position for position, stage_name in enumerate(stages) if stage_name == stage]
-        for stage in dict.fromkeys(stages)
+        f"worst of {key}": [position for position, stage_name in enumerate(stages) if stage_name == key]
+        for key in dict.fromkeys(stages)
     }
 
 
@@ -429,30 +429,30 @@ def _largest_value(figure: float | Sequence[float | None] | None, positions: Seq
 
 def stage_with_iron(rig: BodyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
     """Measure the loops of a stage with another iron; return the loops and the plants."""
-    stage = change_iron(rig, fraction, scale)
-    knowledge = identify_stage_magnet(stage, measure_loops(stage))
+    changed_stage = change_iron(rig, fraction, scale)
+    knowledge = identify_stage_magnet(changed_stage, measure_loops(changed_stage))
     probe_methods: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
     names: tuple[MethodName, ...] = (*BASELINES, "full", *probe_methods)
-    return knowledge.loops, stage_plants(stage, knowledge, names, errors={"none": ()}, jobs=1)
+    return knowledge.loops, stage_plants(changed_stage, knowledge, names, errors={"none": ()}, jobs=1)
 
 
 def force_with_iron(rig: ForceControlRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
     """Measure the loops of an actuator with another iron; return the loops and the plants."""
-    drifted = drifted_rig(rig, Drift(pinning=scale - 1.0))
-    loops = excite_specimen(force_specimen(drifted)).loops
-    return loops, force_plants(drifted, loops=loops)
+    drifted_force_rig = drifted_rig(rig, Drift(pinning=scale - 1.0))
+    loops = excite_specimen(force_specimen(drifted_force_rig)).loops
+    return loops, force_plants(drifted_force_rig, loops=loops)
 
 
 def piezo_with_iron(rig: PiezoRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
     """Measure the loops of a stack with scaled width; return the loops and the plants of the stage."""
     slope = scale * rig.settings.stack.slope_m_per_V
-    wider = replace(rig, settings=rig.settings.with_changes({"stack.slope_m_per_V": slope}))
-    loops = measure_stack(wider)
-    return loops, piezo_plants(wider, loops)
+    changed_rig = replace(rig, settings=rig.settings.with_changes({"stack.slope_m_per_V": slope}))
+    loops = measure_stack(changed_rig)
+    return loops, piezo_plants(changed_rig, loops)
 
 
-def _cell_dict(cell: MapCell) -> dict[str, Any]:
-    iron = cell.iron
+def _cell_dict(map_cell: MapCell) -> dict[str, Any]:
+    iron = map_cell.iron
     return {
         "pinning_scale": iron.pinning_scale,
         "reversible_fraction": iron.reversible_fraction,
@@ -460,15 +460,15 @@ def _cell_dict(cell: MapCell) -> dict[str, Any]:
         "after_reversal": iron.after_reversal,
         "after_reversal_true": iron.after_reversal_true,
         "iron": iron.label,
-        "height_m" if isinstance(cell.case, float) else "case": cell.case,
+        "height_m" if isinstance(map_cell.case, float) else "case": map_cell.case,
         "figures": {
             name: {key: _interval_dict(value) for key, value in intervals.items()}
-            for name, intervals in cell.figures.items()
+            for name, intervals in map_cell.figures.items()
         },
-        "standstill_rms_m": dict(cell.standstill),
+        "standstill_rms_m": dict(map_cell.standstill_rms),
         **{
             f"against_{opponent}": {
-                name: _comparison_dict(comparison) for name, comparison in getattr(cell, opponent).items()
+                name: _comparison_dict(comparison) for name, comparison in getattr(map_cell, opponent).items()
             }
             for opponent in ("strongest", "ratio", "flux")
         },
@@ -480,15 +480,15 @@ def _interval_dict(interval: Interval) -> dict[str, float]:
 
 
 def _comparison_dict(comparison: MethodComparison) -> dict[str, Any]:
-    row: dict[str, Any] = {"baseline": comparison.baseline, "outcome": comparison.outcome}
+    comparison_values: dict[str, Any] = {"baseline": comparison.baseline, "outcome": comparison.outcome}
     if comparison.floor is not None:
-        row["floor_percent"] = comparison.floor
+        comparison_values["floor_percent"] = comparison.floor
     if comparison.quotient is not None and comparison.difference is not None:
         value, high = comparison.quotient.value, comparison.quotient.high
-        row |= {
+        comparison_values |= {
             "ratio": value if math.isfinite(value) else None,
             "ratio_low": comparison.quotient.low,
             "ratio_high": high if math.isfinite(high) else None,
             "difference": _interval_dict(comparison.difference),
         }
-    return row
+    return comparison_values

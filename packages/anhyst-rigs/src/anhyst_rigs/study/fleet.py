@@ -248,7 +248,7 @@ def fleet(
             code="no-magnet-judged",
         )
     result = _compare_magnets(members, results, choice.settings, out_folder, jobs)
-    write_csv(out_folder / TABLE_FILE, {name: _csv_column(c) for name, c in result.to_columns().items()})
+    write_csv(out_folder / TABLE_FILE, {name: _csv_column(col) for name, col in result.to_columns().items()})
     write_json(out_folder / FIGURES_FILE, result.as_dict())
     return result
 
@@ -291,6 +291,6 @@ def _compare_magnets(
     index = 0 if spread is None else int(np.argmin(spread.distance))
     typical = evaluated[index]["name"]
     by_name = {member.name: member for member in members}
-    work = partial(shared_model_error, out / typical / MODEL_FILE, settings.history)
-    shared = map_ordered(work, [by_name[result["name"]] for result in evaluated], jobs=jobs)
+    shared_error = partial(shared_model_error, out / typical / MODEL_FILE, settings.history)
+    shared = map_ordered(shared_error, [by_name[result["name"]] for result in evaluated], jobs=jobs)
     return Fleet(out, settings, tuple(results), typical, tuple(shared), spread, names)

@@ -68,7 +68,7 @@ def find_members(folder: PathLike) -> list[Member]:
     members = [
         Member(path.stem if path.is_file() else path.name, path)
         for path in sorted(root.iterdir())
-        if (path.is_file() and path.suffix.lower() in FORMATS) or _holds_loops(path)
+        if (path.is_file() and path.suffix.lower() in FORMATS) or _contains_loops(path)
     ]
     if not members:
         raise InputError(
@@ -84,7 +84,7 @@ def find_members(folder: PathLike) -> list[Member]:
     return members
 
 
-def _holds_loops(path: Path) -> bool:
+def _contains_loops(path: Path) -> bool:
     return path.is_dir() and any(file.suffix.lower() in FORMATS for file in path.iterdir())
 
 
@@ -141,7 +141,7 @@ def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
         made_from["sha256"] = task.member.digest()
         if (stored := _load_result(task.folder / RESULT_FILE, made_from)) is not None:
             return stored
-        outcome = _evaluate(task)
+        outcome = _evaluate_member(task)
     except (InputError, NegativeResult) as error:
         outcome = {"error": str(error)}
     except Exception as fault:
@@ -169,7 +169,7 @@ def identify_member(task: FleetTask) -> IdentifyResult:
     return require_complete(identify(loops, law=law, gap_map=gap_map, seed=task.settings.seed))
 
 
-def _evaluate(task: FleetTask) -> dict[str, Any]:
+def _evaluate_member(task: FleetTask) -> dict[str, Any]:
     settings = task.settings
     identification = task.identification or identify_member(task)
     loops = identification.loops
@@ -179,23 +179,23 @@ def _evaluate(task: FleetTask) -> dict[str, Any]:
     request = CompileRequest(settings.kind, settings.io, settings.rate)
     compiled = compile_model(model_file, folder / CONTROLLER_FOLDER, request)
     verified = verify(folder / CONTROLLER_FOLDER, settings.on, _VERIFICATION_STEPS, _VERIFICATION_STEPS)
-    fit, uncertainty = model.fit, model.uncertainty
-    assert fit is not None
+    fit_result, uncertainty = model.fit, model.uncertainty
+    assert fit_result is not None
     assert uncertainty is not None
     budget = compiled.budget
     return {
         "law": model.law,
         "gap_map": model.gap_map,
-        "largest_output": fit.largest_output,
-        "fit_rms": fit.rms / fit.largest_output,
-        "fit_worst": fit.worst / fit.largest_output,
+        "largest_output": fit_result.largest_output,
+        "fit_rms": fit_result.rms / fit_result.largest_output,
+        "fit_worst": fit_result.worst / fit_result.largest_output,
         "compiled_rms": (budget.compiled.rms or 0.0) / budget.reference_output,
         "verified": verified.passed,
         "passed_acceptance": identification.acceptance.passed,
         "quantities": list(uncertainty.names),
         "values": list(uncertainty.values),
         "std": list(uncertainty.std),
-        "correlation": [list(row) for row in uncertainty.correlation],
+        "correlation": [list(matrix_row) for matrix_row in uncertainty.correlation],
         "histories": [loop.history.kind for loop in loops.loops],
         "warnings": list(identification.warnings),
     }

@@ -149,7 +149,7 @@ def estimate_spread(
         belongs = now_belongs
     is_outlier = squares > limit
     pooled = [
-        (y, s) if keeps_estimate else _pool(y, s, mean, scatter)
+        (y, s) if keeps_estimate else _shrink_to_mean(y, s, mean, scatter)
         for y, s, keeps_estimate in zip(values, covariances, is_outlier, strict=True)
     ]
     pooled_quantities = transform.to_quantities(np.array([estimate for estimate, _ in pooled]))
@@ -172,8 +172,8 @@ def _central_half(values: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool
     """Return the half of the magnets whose worst quantity is nearest to the median."""
     deviations = np.abs(values - np.median(values, axis=0))
     ratios = deviations / np.maximum(np.median(deviations, axis=0), MIN_SCATTER)
-    worst = ratios.max(axis=1)
-    return np.asarray(worst <= np.median(worst))
+    largest_ratios = ratios.max(axis=1)
+    return np.asarray(largest_ratios <= np.median(largest_ratios))
 
 
 def _expectation_maximisation(values: FloatArray, covariances: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -182,7 +182,9 @@ def _expectation_maximisation(values: FloatArray, covariances: FloatArray) -> tu
     scatter = np.maximum(values.std(axis=0), MIN_SCATTER)
     for _ in range(MAX_ITERATIONS):
         previous = mean, scatter
-        posteriors = [_pool(y, s, mean, scatter) for y, s in zip(values, covariances, strict=True)]
+        posteriors = [
+            _shrink_to_mean(y, cov, mean, scatter) for y, cov in zip(values, covariances, strict=True)
+        ]
         pooled = np.array([posterior for posterior, _ in posteriors])
         variances = np.array([np.diag(posterior) for _, posterior in posteriors])
         mean = pooled.mean(axis=0)
@@ -192,7 +194,7 @@ def _expectation_maximisation(values: FloatArray, covariances: FloatArray) -> tu
     return mean, scatter
 
 
-def _pool(
+def _shrink_to_mean(
     value: FloatArray, covariance: FloatArray, mean: FloatArray, scatter: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the values of a magnet after shrinkage towards the mean, and their covariance."""

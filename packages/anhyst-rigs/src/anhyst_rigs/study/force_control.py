@@ -120,7 +120,7 @@ class ForceControl(StudyResult):
         """Return the folder, and the mean force error of each controller over all trials."""
         facts = {"folder": str(self.out), "trials": str(len(self.outcomes))}
         errors = self._errors()
-        for name in dict.fromkeys(row["controller"] for row in errors):
+        for name in dict.fromkeys(error_row["controller"] for error_row in errors):
             mean_error_N = np.mean([row["error_rms_N"] for row in errors if row["controller"] == name])
             facts[name] = f"force error {mean_error_N:.3g} N rms"
         return facts | self.losses_fact()
@@ -129,7 +129,7 @@ class ForceControl(StudyResult):
         return [
             {
                 "trial": number,
-                "stage": outcome.trial.stage,
+                "stage": outcome.trial.trial_stage,
                 "controller": name,
                 "error_rms_N": figures["true"]["rms_N"],
                 "error_worst_N": figures["true"]["worst_N"],
@@ -197,7 +197,7 @@ def force_control(
         controllers = {
             scope: Controllers(programs[scope], results, board) for scope, results in baselines.items()
         }
-        tasks = [(complete, trial, controllers[MODEL_SCOPES[trial.stage]]) for trial in trials]
+        tasks = [(complete, trial, controllers[MODEL_SCOPES[trial.trial_stage]]) for trial in trials]
         outcomes = map_ordered(_run_trial, tasks, next(progress_parts))
         plant = complete.check_plant(loops, models["stroke"])
         results = make_figures(complete, outcomes, board) | {"plant": plant.as_dict()}
@@ -272,9 +272,9 @@ def _read_demand(rig: ForceControlRig, path: PathLike) -> Demand:
     time, force = table.require("time", "t_s"), table.require("force", "F_N")
     force_max_N = rig.settings.force.force_max_N
     if force.min() < 0.0 or force.max() > force_max_N:
-        row = int(np.argmax((force < 0.0) | (force > force_max_N)))
+        row_index = int(np.argmax((force < 0.0) | (force > force_max_N)))
         raise InputError(
-            f"{path}: sample {row}: {force[row]:g} N is outside 0 to {force_max_N:g} N "
+            f"{path}: sample {row_index}: {force[row_index]:g} N is outside 0 to {force_max_N:g} N "
             f"(force_max_N of {rig.path}); lower the demand",
             code="out-of-range",
         )

@@ -35,7 +35,7 @@ class ForceTrial:
     # group of trials. ``"end"``: models for the end of the stroke, at this position;
     # ``"positions"``: models for the whole stroke, armature held; ``"moving"``: the same, but it
     # moves
-    stage: TrialStage
+    trial_stage: TrialStage
     demand: Demand  # demanded force
     position: float | None  # gap at which the armature is held, m; None if it moves
     # ``"unknown"``: random history of the iron, and the controller begins with its start-up
@@ -48,7 +48,7 @@ class ForceTrial:
         """Name in files, such as ``positions_1.25mm_wide``."""
         position_text = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
         history_text = "_demagnetised" if self.initial_state == "demagnetised" else ""
-        return f"{self.stage}{position_text}_{self.demand.name}{history_text}"
+        return f"{self.trial_stage}{position_text}_{self.demand.name}{history_text}"
 
     def gap(self, rig: ForceControlRig) -> FloatArray:
         """Return the gap at every tick, m."""
@@ -93,9 +93,9 @@ def plan_trials(rig: ForceControlRig, demands: list[Demand]) -> Iterator[ForceTr
     settings = rig.settings
     number = 0
     for demand in demands:
-        starts: tuple[InitialState, ...] = ("unknown", "demagnetised")
-        for start in starts:
-            yield ForceTrial("end", demand, settings.force.end_m, start, number)
+        initial_states: tuple[InitialState, ...] = ("unknown", "demagnetised")
+        for initial_state in initial_states:
+            yield ForceTrial("end", demand, settings.force.end_m, initial_state, number)
             number += 1
     for demand in demands:
         for position in settings.held_case.gaps_m:
@@ -208,15 +208,15 @@ def worst_errors(
         errors = groups.setdefault(group(trial), {})
         for name, forces in trial["controllers"].items():
             trial_errors = {key: forces["true"][key] for key in ("worst_percent", "rms_percent")}
-            worst = errors.get(name, trial_errors)
-            errors[name] = {key: max(worst[key], value) for key, value in trial_errors.items()}
+            worst_by_name = errors.get(name, trial_errors)
+            errors[name] = {key: max(worst_by_name[key], value) for key, value in trial_errors.items()}
     return groups
 
 
 def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the worst errors by group of trials and controller, also relative to ``single``."""
     return {
-        stage: {
+        stage_name: {
             name: {
                 **errors[name],
                 "of_single": errors[name]["worst_percent"] / errors["single"]["worst_percent"],
@@ -224,7 +224,7 @@ def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
             for name in CONTROLLER_TITLES
             if name in errors
         }
-        for stage, errors in worst_errors(trials, stage_key).items()
+        for stage_name, errors in worst_errors(trials, stage_key).items()
     }
 
 
@@ -239,7 +239,7 @@ def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]
             SignalBound("the force error reached the largest force of the rig", error, -force_max, force_max),
             SignalBound("the current became infinite", current, -math.inf, math.inf),
         )
-        loss = find_loss(bounds, planned=demand.force.size - demand.lead_in)
+        loss = find_loss(bounds, planned_ticks=demand.force.size - demand.lead_in)
         if loss is not None:
             losses.append(f"{outcome.trial.name} at tick {loss.tick}, {loss.reason}")
     return losses
@@ -250,7 +250,7 @@ def make_figures(rig: ForceControlRig, outcomes: Sequence[ForceOutcome], board: 
     force_max = rig.settings.force.force_max_N
     trials = [
         {
-            "stage": outcome.trial.stage,
+            "stage": outcome.trial.trial_stage,
             "demand": outcome.trial.demand.name,
             "position_m": outcome.trial.position,
             "start": outcome.trial.initial_state,
@@ -280,11 +280,11 @@ Summary = Mapping[str, Mapping[str, Mapping[str, float]]]
 def strongest_baselines(summary: Summary) -> dict[str, str]:
     """Return, for each group of trials, the controller without model with the smallest worst error."""
     return {
-        stage: min(
+        stage_name: min(
             (name for name in errors if name not in MODEL_METHODS),
             key=lambda name: errors[name]["worst_percent"],
         )
-        for stage, errors in summary.items()
+        for stage_name, errors in summary.items()
     }
 
 
@@ -292,13 +292,13 @@ def judge_stages(summary: Summary) -> Judgement:
     """Compare the worst error of ``full`` in every group of trials with the strongest baseline."""
     compared = [
         ComparedFigure(
-            stage,
+            stage_name,
             CONTROLLER_TITLES[name],
-            summary[stage]["full"]["worst_percent"],
-            summary[stage][name]["worst_percent"],
+            summary[stage_name]["full"]["worst_percent"],
+            summary[stage_name][name]["worst_percent"],
             0.0,
         )
-        for stage, name in strongest_baselines(summary).items()
+        for stage_name, name in strongest_baselines(summary).items()
     ]
     return judge_against_baselines("worst error of full", compared, "stages", BENEFICIAL_CONDITIONS["force"])
 

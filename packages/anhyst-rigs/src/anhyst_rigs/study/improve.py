@@ -72,8 +72,8 @@ class BenchMonitor:
         if self._monitor is None:
             return {"state": "learning", "text": "no rows yet"}
         finding = self._monitor.finding
-        drifted = finding.drift is not None
-        state = "drifted" if drifted else "learning" if finding.is_learning else "fits"
+        has_drifted = finding.drift is not None
+        state = "drifted" if has_drifted else "learning" if finding.is_learning else "fits"
         return {
             "state": state,
             "text": finding.text(self._rate),
@@ -83,7 +83,7 @@ class BenchMonitor:
             "least_N": self._monitor.min_drift,
             "usual_N": finding.usual_residual,
             "left_N": finding.residual,
-            "gain_N": finding.error_reduction if drifted else 0.0,
+            "gain_N": finding.error_reduction if has_drifted else 0.0,
         }
 
 
@@ -146,8 +146,8 @@ class ModelComparison:
     """An old and a new model that are compared on the same loops."""
 
     loops: Loops  # measured loops
-    old: tuple[FloatArray, ...]  # predictions of the old and the new model, loop by loop
-    new: tuple[FloatArray, ...]
+    old_outputs: tuple[FloatArray, ...]  # predictions of the old and the new model, loop by loop
+    new_outputs: tuple[FloatArray, ...]
 
     def residual_figures(
         self, predicted: tuple[FloatArray, ...], gap: float | None = None
@@ -165,17 +165,17 @@ class ModelComparison:
     def as_dict(self) -> dict[str, Any]:
         """Return the metrics, and the loops for the drawing."""
         rows = [
-            {"gap_m": gap, "old": self.residual_figures(self.old, gap),
-             "new": self.residual_figures(self.new, gap)}
+            {"gap_m": gap, "old": self.residual_figures(self.old_outputs, gap),
+             "new": self.residual_figures(self.new_outputs, gap)}
             for gap in self.loops.schedule_values
         ]  # fmt: skip
         return {
-            "old": self.residual_figures(self.old),
-            "new": self.residual_figures(self.new),
+            "old": self.residual_figures(self.old_outputs),
+            "new": self.residual_figures(self.new_outputs),
             "gaps": rows,
             "loops": [
                 _comparison_dict(loop, old, new)
-                for loop, old, new in zip(self.loops.loops, self.old, self.new, strict=True)
+                for loop, old, new in zip(self.loops.loops, self.old_outputs, self.new_outputs, strict=True)
             ],
         }
 
@@ -187,9 +187,9 @@ def compare_models(old: Model, new: Model, loops: Loops) -> ModelComparison:
     )
 
 
-def _comparison_dict(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, Any]:
+def _comparison_dict(loop: Loop, old_prediction: FloatArray, new_prediction: FloatArray) -> dict[str, Any]:
     indices = thin_rows(loop.input, _COMPARED_POINTS * max(1, loop.reversals // 2))
-    columns = {"current": loop.input, "force": loop.output, "old": old, "new": new}
+    columns = {"current": loop.input, "force": loop.output, "old": old_prediction, "new": new_prediction}
     rounded = {name: [float(f"{value:.5g}") for value in values[indices]] for name, values in columns.items()}
     return {"label": loop.label, **rounded}
 
@@ -232,9 +232,9 @@ def measure_loops(
     else:
         excitation = measure_on_board(specimen, bench, progress)
     write_excitation(excitation, prepared.rig, folder / LOOPS_FILE)
-    played = excitation.drive_history
-    interval = max(1, played.time.size // _MAX_DRIVE_POINTS)
-    columns = {"time": played.time, "current": played.current, "warmth": played.warmth}
+    drive_history = excitation.drive_history
+    interval = max(1, drive_history.time.size // _MAX_DRIVE_POINTS)
+    columns = {"time": drive_history.time, "current": drive_history.current, "warmth": drive_history.warmth}
     return {
         **excitation.as_dict(),
         "played": {name: values[::interval].tolist() for name, values in columns.items()},
@@ -280,9 +280,9 @@ def _adjustable_limits(specimen: Specimen) -> dict[str, Bound]:
 def identify_model(progress: Progress, prepared: Improvable, folder: Path, old: Model) -> dict[str, Any]:
     """Identify a model from measured loops, as the rig file specifies; write and compare it."""
     loops = read_loops(folder / LOOPS_FILE)
-    new = prepared.identify(loops, progress)
-    write_model(new, folder / MODEL_FILE)
-    return {"law": new.law, **compare_models(old, new, loops).as_dict()}
+    new_model = prepared.identify(loops, progress)
+    write_model(new_model, folder / MODEL_FILE)
+    return {"law": new_model.law, **compare_models(old, new_model, loops).as_dict()}
 
 
 def read_identified_model(folder: Path) -> ModelWithLoops:

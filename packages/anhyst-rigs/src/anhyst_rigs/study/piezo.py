@@ -289,11 +289,11 @@ def follow_reference(
         target.size
     )
     time = rig.dt * np.arange(target.size, dtype=np.float64)
-    expected = np.interp(time - rig.response_delay, time, target)
+    expected_position = np.interp(time - rig.response_delay, time, target)
     loop = rig.make_loop(plant or rig, copy_at_rest(inverse))
-    table = loop.run(target, expected, noise, np.zeros(target.size))
-    position, _, corrected, voltage = table.T.copy()
-    error = position - expected
+    table = loop.run(target, expected_position, noise, np.zeros(target.size))
+    position, _, correction, voltage = table.T.copy()
+    error = position - expected_position
     columns = {
         "t_s": time,
         "reference_m": target,
@@ -301,7 +301,7 @@ def follow_reference(
         "error_m": error,
         "voltage_V": voltage,
     }
-    return Recording(columns, find_piezo_loss(rig, error, corrected - target))
+    return Recording(columns, find_piezo_loss(rig, error, correction - target))
 
 
 MAX_WORTHWHILE_RATIO = 0.5

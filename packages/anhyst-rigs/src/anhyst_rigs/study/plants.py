@@ -126,13 +126,13 @@ def run_bearing(
 
 
 def _evaluate_steps(
-    rig: BodyRig, drifted: RigFile, scenario: Scenario, recording: Recording
+    rig: BodyRig, drifted_settings: RigFile, scenario: Scenario, recording: Recording
 ) -> dict[str, Any]:
     """Evaluate steps with the drifted sensor's readings, because its offset is not an overshoot."""
-    sensor = drifted.gap_sensor
+    sensor = drifted_settings.gap_sensor
     gap_reading = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
     time, reference = recording["t_s"], recording["reference_m"]
-    heights = drifted.step.heights_m
+    heights = drifted_settings.step.heights_m
     overshoot, settling = [0.0] * len(heights), [0.0] * len(heights)
     for step_number, step in enumerate(scenario.steps):
         step_rows = slice(step.begin - 1, step.end)
@@ -206,7 +206,7 @@ def read_force_plants(rig: PathLike, controller: PathLike | None, progress: Prog
 def _plan_trials(rig: ForceControlRig) -> list[ForceTrial]:
     force_max, rate = rig.settings.force.force_max_N, rig.settings.timing.rate_Hz
     demands = [triangle_demand(shape, force_max, rate) for shape in rig.settings.force_triangles]
-    return [trial for trial in plan_trials(rig, demands) if trial.stage != "end"]
+    return [trial for trial in plan_trials(rig, demands) if trial.trial_stage != "end"]
 
 
 def run_force(

@@ -87,14 +87,14 @@ class PreparedBearing:
 
     def compile(self, model: Model) -> Plan:
         """Return the plan of another model for the running board."""
-        running = self.setup.compensator.parameters
+        active_model = self.setup.compensator.parameters
         variant = self.setup.method
-        if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
+        if not isinstance(active_model, HysteresisInverse) or variant not in {"full", "simplified"}:
             raise InputError(
                 f"the controller runs without a model ('{variant}'), so there is no model to replace",
                 code="no-model",
             )
-        controller_table, scales = self.setup.controller, running.scales
+        controller_table, scales = self.setup.controller, active_model.scales
         gaps = scales.gap_low, scales.gap_high
         current = controller_table.limits.current_high_A
         force = controller_table.force_max(pair_table(self.setup.rig))
@@ -261,9 +261,9 @@ def fixed_point_block(plan: Plan) -> Block:
     return plan.block
 
 
-def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
+def _adapt_to_board(model: Model, active_model: Model, kind: Kind) -> Model:
     """Return a model that a board can compute. Layers remain only if the board has their states."""
-    if kind != "full" or running.layers is None or not running.has_layers:
+    if kind != "full" or active_model.layers is None or not active_model.has_layers:
         return model.at_rest
     if not model.has_layers:
         raise InputError(
@@ -273,10 +273,10 @@ def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
             key="model",
         )
     assert model.layers is not None
-    if model.layers.state_copies > running.layers.state_copies:
+    if model.layers.state_copies > active_model.layers.state_copies:
         raise InputError(
             f"model: {model.layers.state_copies} hysteresis states, the controller has room for "
-            f"{running.layers.state_copies}; build the firmware with this model",
+            f"{active_model.layers.state_copies}; build the firmware with this model",
             code="too-many-layers",
             key="model",
         )
@@ -285,12 +285,12 @@ def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
 
 def _make_force_plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:
     """Plan a force model for the signals and the limits of a board."""
-    valid = ValidRange(
+    valid_range = ValidRange(
         _intersect_ranges(model.valid_range.input, limits.current),
         _intersect_ranges(model.valid_range.output, limits.demand),
         _covered_gaps(model, scales),
     )
-    return make_plan(replace(model, valid=valid), request, 0, scales=scales)
+    return make_plan(replace(model, valid=valid_range), request, 0, scales=scales)
 
 
 def _intersect_ranges(

@@ -33,7 +33,7 @@ from anhyst.support.wording import count_text
 
 MIN_ALLOWANCE = 0.5
 """Smallest allowance of a chart, in standard deviations; optimal for shifts of twice this size."""
-_WALK_OVERSHOOT = 1.166
+_RANDOM_WALK_OVERSHOOT = 1.166
 """Mean overshoot of a random walk with normal steps beyond both thresholds (Siegmund 1985)."""
 _SCATTER_QUANTILE = 0.05
 """Probability that the true scatter exceeds its estimate from few values."""
@@ -50,7 +50,7 @@ def alarm_threshold(run_length: float, allowance: float = MIN_ALLOWANCE) -> floa
     """
     scaled_length = 2.0 * allowance * allowance * run_length
     scaled_threshold = brentq(lambda x: math.expm1(x) - x - scaled_length, 1e-9, 700.0)
-    return float(max(scaled_threshold / (2.0 * allowance) - _WALK_OVERSHOOT, 0.0))
+    return float(max(scaled_threshold / (2.0 * allowance) - _RANDOM_WALK_OVERSHOOT, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -323,14 +323,14 @@ class WatchResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
-        drifted = self.finding.drift
+        detected_drift = self.finding.drift
         return {
             "cycles": self.finding.cycles,
             "learning": self.finding.is_learning,
-            "fits": drifted is None and not self.finding.is_learning,
-            "drift": None if drifted is None else drifted.kind,
-            "shift_N": None if drifted is None else drifted.shift,
-            "since_s": None if drifted is None else drifted.begin_tick / self.rate,
+            "fits": detected_drift is None and not self.finding.is_learning,
+            "drift": None if detected_drift is None else detected_drift.kind,
+            "shift_N": None if detected_drift is None else detected_drift.shift,
+            "since_s": None if detected_drift is None else detected_drift.begin_tick / self.rate,
             "text": str(self),
         }
 

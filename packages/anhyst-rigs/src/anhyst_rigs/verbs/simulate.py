@@ -196,7 +196,7 @@ def _show_firmware(comparison: BoardComparison, out: Path) -> Iterator[OutputPar
     yield _fault_table(comparison.outcomes)
     yield (
         f"firmware on {comparison.board} against the simulation: {comparison.differing_ticks} of "
-        f"{len(comparison.recorded)} ticks differ, from lift-off to a landing at "
+        f"{len(comparison.board_recording)} ticks differ, from lift-off to a landing at "
         f"{1e3 * comparison.landing_speed:.1f} mm/s"
     )
     yield f"written: {out}"

@@ -34,15 +34,15 @@ def diagram_blocks(rig: BodyRig, controller: ControllerTable) -> Mapping[str, Di
     """Return the content of each block of the loop."""
     plant = rig.settings
     return {
-        "controller": _controller(controller),
-        "compensator": _compensator(controller),
-        "output": _output(rig),
-        "amplifier": _amplifier(plant),
-        "electrical": _electrical(plant),
-        "hysteresis": _hysteresis(plant),
-        "mechanics": _mechanics(plant),
-        "sensors": _sensors(plant, controller),
-        "load": _load(plant),
+        "controller": _controller_block(controller),
+        "compensator": _compensator_block(controller),
+        "output": _output_block(rig),
+        "amplifier": _amplifier_block(plant),
+        "electrical": _electrical_block(plant),
+        "hysteresis": _hysteresis_block(plant),
+        "mechanics": _mechanics_block(plant),
+        "sensors": _sensors_block(plant, controller),
+        "load": _load_block(plant),
     }
 
 
@@ -56,7 +56,7 @@ def compensator_inputs(controller: ControllerTable) -> str:
     return ", ".join(inputs)
 
 
-def _controller(settings: ControllerTable) -> DiagramBlock:
+def _controller_block(settings: ControllerTable) -> DiagramBlock:
     gains = settings.pidd2_gains()
     lines = [
         f"K_p {_format_gain(gains.K_p)} N/m",
@@ -70,7 +70,7 @@ def _controller(settings: ControllerTable) -> DiagramBlock:
     return DiagramBlock("controller PIDD²", tuple(lines))
 
 
-def _compensator(settings: ControllerTable) -> DiagramBlock:
+def _compensator_block(settings: ControllerTable) -> DiagramBlock:
     limits, chosen = settings.limits, settings.compensation
     return DiagramBlock(
         "force to current",
@@ -84,7 +84,7 @@ def _compensator(settings: ControllerTable) -> DiagramBlock:
     )
 
 
-def _output(rig: BodyRig) -> DiagramBlock:
+def _output_block(rig: BodyRig) -> DiagramBlock:
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     current_range = amplifier.current_high_A - amplifier.current_low_A
     step = current_range / ((1 << amplifier.dac_bits) - 1)
@@ -98,7 +98,7 @@ def _output(rig: BodyRig) -> DiagramBlock:
     )
 
 
-def _amplifier(plant: RigFile) -> DiagramBlock:
+def _amplifier_block(plant: RigFile) -> DiagramBlock:
     amplifier = plant.amplifier
     loop = "current loop" if amplifier.mode == "current" else "voltage mode"
     lines = [
@@ -111,7 +111,7 @@ def _amplifier(plant: RigFile) -> DiagramBlock:
     return DiagramBlock(f"amplifier{_count_text(plant)}", tuple(lines))
 
 
-def _electrical(plant: RigFile) -> DiagramBlock:
+def _electrical_block(plant: RigFile) -> DiagramBlock:
     magnet = plant.magnet
     lines = [
         f"{magnet.turns} turns, {magnet.poles.resistance:.3g} Ω",
@@ -124,7 +124,7 @@ def _electrical(plant: RigFile) -> DiagramBlock:
     return DiagramBlock(f"electrical subsystem{_count_text(plant)}", tuple(lines))
 
 
-def _hysteresis(plant: RigFile) -> DiagramBlock:
+def _hysteresis_block(plant: RigFile) -> DiagramBlock:
     magnet, poles = plant.magnet, plant.magnet.poles
     pole = f"pole {1e3 * poles.width:.3g} × {1e3 * poles.depth:.3g} mm"
     if magnet.model is not None:
@@ -136,7 +136,7 @@ def _hysteresis(plant: RigFile) -> DiagramBlock:
     return DiagramBlock(f"force-current hysteresis{_count_text(plant)}", tuple(lines))
 
 
-def _mechanics(plant: RigFile) -> DiagramBlock:
+def _mechanics_block(plant: RigFile) -> DiagramBlock:
     mechanics = plant.body
     low, high = 1e3 * mechanics.stop_low_m, 1e3 * mechanics.stop_high_m
     lines = [f"mass {mechanics.mass_kg:g} kg", f"stops at {low:g} and {high:g} mm"]
@@ -148,7 +148,7 @@ def _mechanics(plant: RigFile) -> DiagramBlock:
     return DiagramBlock("mechanics", tuple(lines))
 
 
-def _sensors(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
+def _sensors_block(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
     position, shunt = plant.gap_sensor, plant.current_sensor
     lines = [
         f"{position.kind}: step {_format_length(position.resolution)}",
@@ -163,7 +163,7 @@ def _sensors(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
     return DiagramBlock("sensors", tuple(lines))
 
 
-def _load(plant: RigFile) -> DiagramBlock:
+def _load_block(plant: RigFile) -> DiagramBlock:
     load = plant.load
     lines = [f"{load.force_N:g} N, {_format_frequency(load.bandwidth_Hz)}"]
     if load.stiffness_N_per_m or load.damping_N_s_per_m:

@@ -125,10 +125,10 @@ def _overshoot_comparison(step: StepComparison, variant: MethodName) -> Iterable
 def _loss_notes(subject: SimulationSubject) -> Iterable[Note]:
     """Yield a note about the runs that lost levitation."""
     runs = [
-        f"{name} at {subject.step_text(step)}: {cell.lost} of {subject.seeds} runs"
+        f"{name} at {subject.step_text(step)}: {step_cell.lost} of {subject.seeds} runs"
         for step in subject.steps
-        for name, cell in step.cells.items()
-        if cell.lost
+        for name, step_cell in step.cells.items()
+        if step_cell.lost
     ]
     if runs:
         text = f"{'; '.join(runs)}. A metric has no mean if one of its runs was lost."
@@ -203,11 +203,11 @@ def _force_section(subject: SimulationSubject) -> Section:
 
 
 def _loop_section(subject: SimulationSubject) -> Section | None:
-    if not subject.run or not subject.measured:
+    if not subject.run or not subject.measured_loops:
         return None
-    gaps_m = sorted({loop.gap for loop in subject.measured})
+    gaps_m = sorted({loop.gap for loop in subject.measured_loops})
     gaps = " and ".join(f"{1e3 * gap:g}{NBSP}mm" for gap in gaps_m)
-    figure = figure_force_current(subject.run, subject.measured, subject.identified)
+    figure = figure_force_current(subject.run, subject.measured_loops, subject.identified)
     return Section(
         "loops",
         "Force over current",
@@ -244,15 +244,15 @@ def _tracking_section(subject: SimulationSubject) -> Section:
 
 def _standstill_section(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
-    if subject.standstill:
+    if subject.standstill_runs:
         sensor = subject.rig.settings.gap_sensor
         noise, step = sensor.noise_m, sensor.resolution
         blocks.append(
             picture(
-                figure_standstill(subject.standstill),
+                figure_standstill(subject.standstill_runs),
                 "standstill",
                 "Position at a standstill over time, and its spectrum: "
-                f"{', '.join(in_report_order(subject.standstill))}.",
+                f"{', '.join(in_report_order(subject.standstill_runs))}.",
                 f"True position at standstill, with a sensor of {1e9 * noise:g}{NBSP}nm rms "
                 f"and steps of {1e9 * step:g}{NBSP}nm ({sensor.kind}).",
             )

@@ -66,10 +66,10 @@ class SimulationSubject:
     forces: Mapping[MethodName, Recording] = field(default_factory=dict)
     # runs for the figure of the loops
     run: Mapping[MethodName, Recording] = field(default_factory=dict)
-    measured: tuple[LoopCurve, ...] = ()  # measured loops at the nearest gaps
+    measured_loops: tuple[LoopCurve, ...] = ()  # measured loops at the nearest gaps
     identified: LoopCurve | None = None  # loop that the model predicts at the gap of the run
     tracked: tuple[Tracking, ...] = ()  # trajectories, load steps and recoveries
-    standstill: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs at standstill
+    standstill_runs: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs at standstill
     # measured sensitivity, then sensitivity and loop gain of the linearised loop
     sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     linear_sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
@@ -95,14 +95,14 @@ class SimulationSubject:
     @property
     def all_variants(self) -> list[MethodName]:
         """All variants that the page shows."""
-        variants = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
+        variants = (*self.baselines, *self.sensitivity, *self.standstill_runs, *self.forces)
         return in_report_order({self.variant, *variants})
 
     def step_text(self, step: StepComparison) -> str:
         """Return a description of a step; it mentions the load only if there are several loads."""
-        place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
+        height_and_gap = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
         has_several_loads = len({step.load for step in self.steps}) > 1
-        return f"{place}, {step.load:g}{NBSP}N" if has_several_loads else place
+        return f"{height_and_gap}, {step.load:g}{NBSP}N" if has_several_loads else height_and_gap
 
 
 _SHOWN_S = 0.03  # length of the part of a step that is drawn, s
@@ -118,7 +118,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
     """Return the data of a report; trajectories and load steps are simulated again."""
     rig, settings = simulation.rig, simulation.rig.settings
     steps = group_by_step(simulation.cells)
-    upward_steps = [step for step in simulation.scenario.steps if step.after < step.before]
+    upward_steps = [step for step in simulation.scenario.steps if step.gap_after < step.gap_before]
     steps_at_gap = {step.height: step for step in steps if step.gap == settings.gap_m}
     all_ticks = simulation.scenario.ticks
     complete_runs = {name: run for name, run in simulation.step_recordings.items() if len(run) == all_ticks}
@@ -134,7 +134,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         )
         for step in upward_steps
     )
-    standstill = experiments.plan_standstill(simulation.setups[simulation.main_variant])
+    standstill_plan = experiments.plan_standstill(simulation.setups[simulation.main_variant])
     chosen = {
         name: run
         for name, run in complete_runs.items()
@@ -151,12 +151,14 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         steps=steps,
         forces=_cut_around_step(chosen, rig.dt, upward_steps[-1]),
         run=_cut_around_step(chosen, rig.dt, upward_steps[-1]) if has_one_magnet else {},
-        measured=tuple(nearest_loops(loops, settings.gap_m)) if has_one_magnet else (),
+        measured_loops=tuple(nearest_loops(loops, settings.gap_m)) if has_one_magnet else (),
         identified=identified_loop(simulation.knowledge.model.at_rest, settings.gap_m, 0.0, current)
         if has_one_magnet
         else None,
-        tracked=tuple(item for item in _run_tracking(simulation.setups, settings) if item.recordings),
-        standstill=_run_variants(simulation.setups, *standstill),
+        tracked=tuple(
+            tracking for tracking in _run_tracking(simulation.setups, settings) if tracking.recordings
+        ),
+        standstill_runs=_run_variants(simulation.setups, *standstill_plan),
         sensitivity={
             name: Response(response.frequency, response.ratio)
             for name, response in simulation.sensitivity.items()
@@ -182,8 +184,8 @@ def _cut_around_step(
     runs: Mapping[MethodName, Recording], tick: float, step: ReferenceStep
 ) -> Mapping[MethodName, Recording]:
     """Return the part of each recording around a step."""
-    first, last = step.begin - round(0.1 * _SHOWN_S / tick), step.begin + round(_SHOWN_S / tick)
-    return {name: run.slice_ticks(first, min(last, step.end)) for name, run in runs.items()}
+    first_tick, last_tick = step.begin - round(0.1 * _SHOWN_S / tick), step.begin + round(_SHOWN_S / tick)
+    return {name: run.slice_ticks(first_tick, min(last_tick, step.end)) for name, run in runs.items()}
 
 
 def _linear_responses(
@@ -213,13 +215,13 @@ def _run_variants(
 
     Runs that lost levitation are omitted.
     """
-    parts = {}
+    recordings = {}
     for name, setup in setups.items():
         recording = SimulatedLoop(setup).run(scenario)
         loss_time = levitation_loss_time(setup.rig, recording, scenario.lift_end_tick)
         if loss_time is None and len(recording) == scenario.ticks:
-            parts[name] = recording.slice_ticks(begin, len(recording))
-    return parts
+            recordings[name] = recording.slice_ticks(begin, len(recording))
+    return recordings
 
 
 def _run_tracking(setups: Mapping[MethodName, BearingSetup], settings: RigFile) -> Iterator[Tracking]:
@@ -292,9 +294,9 @@ def difference_text(figure: ComparedFigure) -> str:
     return "equal" if math.isfinite(figure.model_value + figure.baseline_value) else UNKNOWN_TEXT
 
 
-def _noise_remark(cell: CaseFigures) -> str:
+def _noise_remark(step_cell: CaseFigures) -> str:
     """Return the remark on an overshoot if it does not exceed the noise at standstill."""
-    is_noise = isinstance(cell, StepCell) and not cell.has_overshoot and not cell.lost
+    is_noise = isinstance(step_cell, StepCell) and not step_cell.has_overshoot and not step_cell.lost
     return WITHIN_NOISE if is_noise else ""
 
 
@@ -311,13 +313,13 @@ def benefit_table(subject: SimulationSubject) -> PageTable | None:
         return None
     rows: list[list[str | Cell]] = []
     for step in steps:
-        row: list[str | Cell] = [subject.step_text(step), overshoot_text(step, subject.variant)]
+        table_row: list[str | Cell] = [subject.step_text(step), overshoot_text(step, subject.variant)]
         for name in baselines:
             has_step = name in step.cells
             difference = compare_overshoots(step, subject.variant, name) if has_step else None
             text = UNKNOWN_TEXT if difference is None else difference_text(difference)
-            row.append(Cell(text, strong=difference is not None and difference.is_better))
-        rows.append(row)
+            table_row.append(Cell(text, strong=difference is not None and difference.is_better))
+        rows.append(table_row)
     return make_table(
         f"Overshoot of {subject.variant} compared with each baseline",
         ["step", "overshoot", *baselines],
@@ -338,9 +340,9 @@ def terminal_summary(simulation: Simulation) -> TerminalSummary:
     steps = [step for step in group_by_step(simulation.cells) if step.gap == file.gap_m]
     rows = []
     for name in simulation.setups:
-        last = steps[-1].cells[name]
+        last_cell = steps[-1].cells[name]
         other_cells = (
-            interval_text(last.interval(metric.key), factor=metric.factor)
+            interval_text(last_cell.interval(metric.key), factor=metric.factor)
             for metric in (SETTLING, STANDSTILL_OF_STEP)
         )
         mark = " *" if name == simulation.main_variant else ""
@@ -399,7 +401,7 @@ def experiment_tables(experiments: Experiments) -> list[PageTable]:
         f"{shape.kind} of {1e6 * shape.amplitude_m:g}{NBSP}µm at {shape.frequency_Hz:g}{NBSP}Hz": by_variant
         for shape, by_variant in experiments.trajectories
     }
-    loads = {f"load step of {force:g}{NBSP}N": one for force, one in experiments.load_steps}
+    loads = {f"load step of {force:g}{NBSP}N": step_figures for force, step_figures in experiments.load_steps}
     recovery: dict[str, VariantFigures] = dict(loads)
     events: dict[str, VariantFigures] = {}
     for event, one in experiments.events.items():

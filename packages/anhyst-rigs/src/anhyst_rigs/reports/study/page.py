@@ -82,8 +82,8 @@ def line_style(variant: MethodName) -> dict[str, Any]:
 
 def in_report_order(variants: Iterable[str]) -> list[MethodName]:
     """Return variants in the order of all figures and tables."""
-    present = set(variants)
-    return [name for name in COLOURS if name in present]
+    present_names = set(variants)
+    return [name for name in COLOURS if name in present_names]
 
 
 def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
@@ -92,16 +92,16 @@ def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
     In each interval, the lowest and the highest value of the last row remain, so that peaks do.
     """
     values = rows[-1]
-    stretch = math.ceil(2 * values.size / MAX_CURVE_POINTS)
-    if stretch <= 2:
+    interval_rows = math.ceil(2 * values.size / MAX_CURVE_POINTS)
+    if interval_rows <= 2:
         return rows
     extremes = {
-        start + int(extreme(values[start : start + stretch]))
-        for start in range(0, values.size, stretch)
+        start + int(extreme(values[start : start + interval_rows]))
+        for start in range(0, values.size, interval_rows)
         for extreme in (np.argmin, np.argmax)
     }
     index = np.array(sorted({0, *extremes, values.size - 1}))
-    return tuple(row[index] for row in rows)
+    return tuple(curve[index] for curve in rows)
 
 
 def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0) -> str:
@@ -140,8 +140,8 @@ def legend_below(figure: Figure, *axes: Axes, columns: int = 4) -> None:
     """Add a common legend below several panels; each label occurs once."""
     labels: dict[str, Any] = {}
     for ax in axes:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            labels.setdefault(str(label), handle)
+        for legend_handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            labels.setdefault(str(label), legend_handle)
     figure.legend(list(labels.values()), list(labels), loc="outside lower center", ncols=columns)
 
 
@@ -162,7 +162,7 @@ _BOX_EDGE_COLOUR = "#333333"
 _TITLE_SIZE_PT = 8.5
 _TEXT_SIZE_PT = 7.5
 _LINE_SPACING_IN = 0.155  # distance from one line of text to the next
-_MAX_TEXT_SHARE = 0.86  # largest width of a text, as a fraction of the width of its box
+_MAX_TEXT_RATIO = 0.86  # largest width of a text, as a fraction of the width of its box
 Point = tuple[float, float]
 
 
@@ -202,12 +202,12 @@ def draw_box(
     )
     shape.set_gid(f"box-{name}")
     ax.add_patch(shape)
-    top = y + 0.5 * height - 0.14
-    text = ax.text(x, top, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE_SIZE_PT)
+    top_line = y + 0.5 * height - 0.14
+    text = ax.text(x, top_line, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE_SIZE_PT)
     text.set_gid(f"title-{name}")
     _shrink_to_box(text)
     free_height = height - 0.28 - _LINE_SPACING_IN * len(block.lines)
-    first = top - 0.14 - 0.5 * max(free_height, 0.0) - 0.5 * _LINE_SPACING_IN
+    first = top_line - 0.14 - 0.5 * max(free_height, 0.0) - 0.5 * _LINE_SPACING_IN
     for row, line in enumerate(block.lines):
         text = ax.text(
             x, first - row * _LINE_SPACING_IN, line, ha="center", va="center", fontsize=_TEXT_SIZE_PT
@@ -221,7 +221,7 @@ def _shrink_to_box(text: Text) -> None:
     figure = text.get_figure(root=True)
     assert figure is not None
     width = text.get_window_extent(FigureCanvasAgg(figure).get_renderer()).width  # type: ignore[no-untyped-call]
-    max_width = _MAX_TEXT_SHARE * BOX_WIDTH_IN * figure.dpi
+    max_width = _MAX_TEXT_RATIO * BOX_WIDTH_IN * figure.dpi
     if width > max_width:
         text.set_fontsize(float(text.get_fontsize()) * max_width / width)
 
@@ -231,15 +231,15 @@ def draw_arrow(ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, 
     xs, ys = zip(*corners, strict=True)
     if len(corners) > 2:
         ax.plot(xs[:-1], ys[:-1], color=colour, lw=1.3, solid_joinstyle="round")
-    head = {"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", corners[-1], corners[-2], arrowprops=head | style)
+    arrow_style = {"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", corners[-1], corners[-2], arrowprops=arrow_style | style)
 
 
 def draw_label(
-    ax: Axes, at: Point, text: str, horizontal_alignment: str = "center", vertical_alignment: str = "bottom"
+    ax: Axes, xy: Point, text: str, horizontal_alignment: str = "center", vertical_alignment: str = "bottom"
 ) -> None:
     """Write a label at a given point."""
-    ax.text(*at, text, ha=horizontal_alignment, va=vertical_alignment, fontsize=_TEXT_SIZE_PT)
+    ax.text(*xy, text, ha=horizontal_alignment, va=vertical_alignment, fontsize=_TEXT_SIZE_PT)
 
 
 REPORT_NAME = "report.html"
@@ -266,11 +266,11 @@ class TerminalSummary(NamedTuple):
 
 
 def page_text(
-    kind: str, head: Headline, sections: Sequence[Section | None], source: str = "a simulation"
+    kind: str, headline: Headline, sections: Sequence[Section | None], source: str = "a simulation"
 ) -> str:
     """Return the page of a study; sections without content are omitted."""
     nonempty = [section for section in sections if section is not None and section.blocks]
-    return render_page(head, nonempty, running_version(), kind=kind, source=source)
+    return render_page(headline, nonempty, running_version(), kind=kind, source=source)
 
 
 def write_page(path: PathLike, text: str) -> None:
@@ -331,7 +331,7 @@ def case_table(
     metric: Metric, cases: Cases, caption: str = "", remark: Callable[[CaseFigures], str] | None = None
 ) -> PageTable:
     """Return a table for one metric: one row per case and one column per method."""
-    methods = in_report_order(name for row in cases.values() for name in row)
+    methods = in_report_order(name for method_cells in cases.values() for name in method_cells)
 
     def cell(case: str, name: MethodName) -> str:
         """Return a value and its remark; a line break is possible only between them."""
@@ -339,8 +339,8 @@ def case_table(
             return interval_text(None)
         figures = cases[case][name]
         text = interval_text(figures.interval(metric.key), factor=metric.factor)
-        parts = (text, "" if remark is None else remark(figures))
-        return " ".join(part.replace(" ", NBSP) for part in parts if part)
+        text_parts = (text, "" if remark is None else remark(figures))
+        return " ".join(text_part.replace(" ", NBSP) for text_part in text_parts if text_part)
 
     rows = [[case, *(cell(case, name) for name in methods)] for case in cases]
     counts = [figures.interval(metric.key).count for row in cases.values() for figures in row.values()]

@@ -45,8 +45,8 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
         yield FileFault(("compensation", "variant"), text, code="no-hall-probe")
     yield from _amplifier_faults(settings, rig)
     steps = ((gap, height) for gap in plant.step_gaps_m for height in plant.step.heights_m)
-    lows = [step_ends(gap, height)[1] for gap, height in steps]
-    lowest = min(lows + [plant.gap_m - case.amplitude_m for case in plant.trajectories])
+    low_gaps = [step_ends(gap, height)[1] for gap, height in steps]
+    lowest = min(low_gaps + [plant.gap_m - case.amplitude_m for case in plant.trajectories])
     highest = plant.body.stop_high_m
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
@@ -70,8 +70,8 @@ def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iter
     ):
         if seconds > MAX_RAMP_S:
             forces = settings.limits.force_high_N / ramp.force_rate_N_per_s
-            longer = forces > travel / ramp.speed_m_per_s
-            key = "force_rate_N_per_s" if longer else "speed_m_per_s"
+            is_too_long = forces > travel / ramp.speed_m_per_s
+            key = "force_rate_N_per_s" if is_too_long else "speed_m_per_s"
             text = f"{action} takes {seconds:.4g} s, but at most {MAX_RAMP_S:g} s are simulated"
             yield FileFault((table, key), f"{text}; raise it", code="too-slow")
 
@@ -80,12 +80,12 @@ def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileF
     """Find conflicts about the converter of the amplifier and about the second magnet of a pair."""
     converter, amplifier = settings.converter, rig.settings.amplifier
     if converter is not None:
-        ends = {
+        amplifier_values = {
             "low_A": amplifier.current_low_A,
             "high_A": amplifier.current_high_A,
             "bits": amplifier.dac_bits,
         }
-        for key, value in ends.items():
+        for key, value in amplifier_values.items():
             if getattr(converter, key) != value:
                 text = f"the amplifier of {rig.path} has {value:g}; make them equal"
                 yield FileFault(("converter", key), text, code="differs-from-rig")

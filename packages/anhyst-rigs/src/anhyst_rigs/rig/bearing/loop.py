@@ -135,12 +135,12 @@ def make_setups(
     table = controller.settings
     setups = {}
     for variant in variants:
-        modelled = variant in MODEL_METHODS and controller.model is not None
+        has_model = variant in MODEL_METHODS and controller.model is not None
         try:
             setups[variant] = make_setup(rig, table, magnet, variant, table.compensation.format)
         except InputError as error:
             raise error.with_location(
-                controller.model if modelled else rig.measured_loops.description
+                controller.model if has_model else rig.measured_loops.description
             ) from error
         with error_at_key(controller):  # gains that do not suit the compensator or its format
             control = setups[variant].position_control
@@ -152,12 +152,12 @@ def make_setups(
 def operating_point(rig: BodyRig, controller: ControllerTable, *loops: Loops) -> OperatingRange:
     """Return the operating point and the ranges of a bearing; for a pair, at its bias force."""
     pair = pair_table(rig)
-    measured = [gap for loop in loops for gap in loop.by_schedule() if gap is not None]
+    measured_gaps = [gap for loop in loops for gap in loop.by_schedule() if gap is not None]
     return OperatingRange(
         gap=rig.settings.gap_m,
         force=rig.static_load if pair is None else pair.bias_force_N,
         rate=controller.rate_Hz,
-        gap_range=controller.working_gaps(pair, (min(measured), max(measured))),
+        gap_range=controller.working_gaps(pair, (min(measured_gaps), max(measured_gaps))),
         force_max=controller.force_max(pair),
         current_max=controller.limits.current_high_A,
     )

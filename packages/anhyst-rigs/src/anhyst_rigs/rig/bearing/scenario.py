@@ -65,35 +65,35 @@ class ScenarioBuilder:
         The commands follow the self-test, whose duration is given in ticks.
         """
         end = self.ticks + self.tick_count(lift_time(self.rig, controller, self.gap))
-        self._add(np.full(_selftest_ticks(self.rig), self.gap), None)
+        self._add_segment(np.full(_selftest_ticks(self.rig), self.gap), None)
         self.command(Command.DEMAGNETISED).hold(0.001).command(Command.LIFT)
-        self._add(np.full(end - self.ticks, self.gap), None)
+        self._add_segment(np.full(end - self.ticks, self.gap), None)
         self._lift_end_tick = self.ticks
         return self
 
     def hold(self, seconds: float, inject: FloatArray | None = None) -> ScenarioBuilder:
         """Keep the reference constant for a time, s; optionally add a signal to the readings."""
         count = self.tick_count(seconds) if inject is None else inject.size
-        return self._add(np.full(count, self.gap), inject)
+        return self._add_segment(np.full(count, self.gap), inject)
 
     def step(self, gap: float, seconds: float) -> ScenarioBuilder:
         """Step the reference to a gap, m, and keep it there."""
-        begin, before, self.gap = self.ticks, self.gap, gap
+        begin, old_gap, self.gap = self.ticks, self.gap, gap
         self.hold(seconds)
-        self._steps.append(ReferenceStep(begin, self.ticks, before, gap))
+        self._steps.append(ReferenceStep(begin, self.ticks, old_gap, gap))
         return self
 
     def follow(self, target: FloatArray) -> ScenarioBuilder:
         """Move the reference along a trajectory of gaps, m."""
         self.gap = float(target[-1])
-        return self._add(np.asarray(target, dtype=np.float64), None)
+        return self._add_segment(np.asarray(target, dtype=np.float64), None)
 
     def set_load(self, force: float) -> ScenarioBuilder:
         """Change the load to a force in one step, N."""
         self.load = force
         return self
 
-    def _add(self, target: FloatArray, inject: FloatArray | None) -> ScenarioBuilder:
+    def _add_segment(self, target: FloatArray, inject: FloatArray | None) -> ScenarioBuilder:
         assert self.load is not None
         self._target.append(target)
         self._load.append(np.full(target.size, self.load))
@@ -106,12 +106,12 @@ class ScenarioBuilder:
         command = np.zeros(self.ticks, dtype=np.uint32)
         for tick, value in self._marks:
             command[tick] |= value
-        disturbed = np.concatenate(self._load)
+        added_force = np.concatenate(self._load)
         for number, disturbance in enumerate(self.rig.settings.load.disturbance):
-            disturbed = disturbed + _disturbance_force(self.rig, disturbance, self.ticks, number)
+            added_force = added_force + _disturbance_force(self.rig, disturbance, self.ticks, number)
         return Scenario(
             target=np.concatenate(self._target),
-            load=disturbed,
+            load=added_force,
             inject=np.concatenate(self._inject),
             command=command,
             steps=tuple(self._steps),
@@ -156,26 +156,26 @@ def plan_steps(
 ) -> Scenario:
     """Plan a lift-off, then steps up and down by every height, centred on a gap."""
     hold = rig.settings.step.hold_s
-    script = ScenarioBuilder(rig, gap, load).lift_off(controller)
+    builder = ScenarioBuilder(rig, gap, load).lift_off(controller)
     for height in heights:
         lower, upper = step_ends(gap, height)
-        script.follow(np.linspace(script.gap, lower, script.tick_count(hold / 2.0))).hold(hold)
-        script.step(upper, hold).step(lower, hold)
+        builder.follow(np.linspace(builder.gap, lower, builder.tick_count(hold / 2.0))).hold(hold)
+        builder.step(upper, hold).step(lower, hold)
     if rest > 0.0:
-        script.hold(rest)
-    return script.build()
+        builder.hold(rest)
+    return builder.build()
 
 
 def plan_recorded_run(rig: BodyRig, controller: ControllerTable) -> tuple[Scenario, Scenario, int]:
     """Plan a lift-off, steps, load steps and a landing; return the landing tick too."""
     cases, load = rig.settings, rig.settings.load.force_N
     steps = plan_steps(rig, controller, cases.gap_m, cases.step.heights_m)
-    script = ScenarioBuilder(rig, float(steps.target[-1]))
+    builder = ScenarioBuilder(rig, float(steps.target[-1]))
     for step in cases.load_steps_N:
-        script.set_load(load + step).hold(0.15).set_load(load).hold(0.15)
-    landing = steps.ticks + script.ticks
-    script.command(Command.LAND).hold(land_time(rig, controller))
-    return steps, script.build(), landing
+        builder.set_load(load + step).hold(0.15).set_load(load).hold(0.15)
+    landing_tick = steps.ticks + builder.ticks
+    builder.command(Command.LAND).hold(land_time(rig, controller))
+    return steps, builder.build(), landing_tick
 
 
 def _disturbance_force(rig: BodyRig, table: DisturbanceTable, ticks: int, number: int) -> FloatArray:
@@ -189,9 +189,9 @@ def _disturbance_force(rig: BodyRig, table: DisturbanceTable, ticks: int, number
         return wave
     from scipy.signal import lfilter  # imported here because it loads slowly and is rarely used
 
-    share = first_order_share(2.0 * math.pi * table.frequency_Hz * rig.dt)
-    white = np.random.default_rng([rig.settings.seed, 99, number]).standard_normal(ticks)
-    coloured = lfilter([share], [1.0, share - 1.0], white)
-    # In each tick, a first-order low-pass moves by the fraction `share` of the difference. It
-    # passes the fraction share/(2 - share) of the power of white noise.
-    return np.asarray(table.force_N * coloured * math.sqrt((2.0 - share) / share) * is_active)
+    smoothing = first_order_share(2.0 * math.pi * table.frequency_Hz * rig.dt)
+    white_noise = np.random.default_rng([rig.settings.seed, 99, number]).standard_normal(ticks)
+    filtered_noise = lfilter([smoothing], [1.0, smoothing - 1.0], white_noise)
+    # In each tick, a first-order low-pass moves by the fraction `smoothing` of the difference. It
+    # passes the fraction smoothing/(2 - smoothing) of the power of white noise.
+    return np.asarray(table.force_N * filtered_noise * math.sqrt((2.0 - smoothing) / smoothing) * is_active)

@@ -82,12 +82,12 @@ class LoadDrive:
             self._phase_zero_tick = tick
         self._bearing.set_load(self._knobs["load_damping"], self._knobs["load_stiffness"])
 
-    def forces(self, first: int, ticks: int) -> FloatArray:
+    def forces(self, begin: int, ticks: int) -> FloatArray:
         """Return the commanded force at the next ticks, N, shape (ticks,)."""
         amplitude = self._knobs["disturbance_force"]
         if amplitude == 0.0:
             return np.full(ticks, self.force)
-        ticks_since = np.arange(first - self._phase_zero_tick, first - self._phase_zero_tick + ticks)
+        ticks_since = np.arange(begin - self._phase_zero_tick, begin - self._phase_zero_tick + ticks)
         phase = self._knobs["disturbance_frequency"] * self._dt * ticks_since
         wave: FloatArray = self.force + amplitude * sine(phase)
         return wave
@@ -144,12 +144,12 @@ class BusTap:
         del memory  # not used: the exchange object refers to the firmware's memory
         ctypes.memset(drive, 0, PlantDrive.FIXED.size)  # no answer yet
         sample_bytes = ctypes.string_at(sample, PlantSample.FIXED.size)
-        received = PlantSample(*PlantSample.FIXED.unpack(sample_bytes))
+        plant_sample = PlantSample(*PlantSample.FIXED.unpack(sample_bytes))
         if self.ticks_to_skip:
             self.ticks_to_skip -= 1
-            self._last_answer = replace(self._last_answer, tick=received.tick)
+            self._last_answer = replace(self._last_answer, tick=plant_sample.tick)
         else:
-            changed_sample = received if self.change_sample is None else self.change_sample(received)
+            changed_sample = plant_sample if self.change_sample is None else self.change_sample(plant_sample)
             try:
                 self._last_answer = self.exchange(changed_sample)
             except (OSError, ValueError):
@@ -197,9 +197,9 @@ class BearingBench(LockStepBench):
             source: LibraryBoard | BusTap
             port: str | LinkPort
             if board:
-                running = self._resources.enter_context(VIRTUAL_BOARDS[board](firmware, _NoPlant()))
-                self.tap = source = BusTap(running.bus.exchange)
-                port = running.link
+                running_firmware = self._resources.enter_context(VIRTUAL_BOARDS[board](firmware, _NoPlant()))
+                self.tap = source = BusTap(running_firmware.bus.exchange)
+                port = running_firmware.link
             else:
                 port = source = LibraryBoard(firmware)
                 self._resources.callback(source.switch_off)
@@ -249,13 +249,13 @@ class BearingBench(LockStepBench):
 
     def _run_with_heartbeat(self, scenario: Scenario) -> FloatArray:
         """Run a scenario without targets and commands, and send each heartbeat when it is due."""
-        parts, begin = [], 0
+        recordings, begin = [], 0
         while begin < scenario.ticks:
-            remaining = scenario.ticks - begin
-            count = self._heartbeat.count_ticks(remaining) if self.sends_heartbeat else remaining
-            parts.append(self._run(scenario.slice_ticks(begin, begin + count)))
+            remaining_ticks = scenario.ticks - begin
+            count = self._heartbeat.count_ticks(remaining_ticks) if self.sends_heartbeat else remaining_ticks
+            recordings.append(self._run(scenario.slice_ticks(begin, begin + count)))
             begin += count
-        return np.concatenate(parts)
+        return np.concatenate(recordings)
 
     def _run(self, scenario: Scenario) -> FloatArray:
         first_tick = self.tick + 1
@@ -271,12 +271,12 @@ class BearingBench(LockStepBench):
 
     def _firmware_columns(self, words: NDArray[np.uint32]) -> FloatArray:
         """Return one column for each signal of the firmware, from the words of its answers."""
-        signed = words.view(np.int32).astype(np.float64)
+        signed_words = words.view(np.int32).astype(np.float64)
         state, mode = words[:, _WORD_INDEX["state"]], words[:, _WORD_INDEX["mode"]]
         return np.column_stack(
             (
-                signed[:, _WORD_INDEX["expected"]] / Q31 * self._scales["demand_full"],
-                signed[:, _WORD_INDEX["flux"]] / Q30,
+                signed_words[:, _WORD_INDEX["expected"]] / Q31 * self._scales["demand_full"],
+                signed_words[:, _WORD_INDEX["flux"]] / Q30,
                 state & 0xFF,
                 mode >> 16,
                 state >> 8 & 0xFF,
@@ -291,8 +291,8 @@ class BearingBench(LockStepBench):
 
     def demand(self, value: float) -> None:
         """Demand a gap, m."""
-        part = (self._scales["gap_middle"] - value) / self._scales["position_full"]
-        code = max(-(1 << 31), min((1 << 31) - 1, math.floor(part * Q31 + 0.5)))
+        position_code = (self._scales["gap_middle"] - value) / self._scales["position_full"]
+        code = max(-(1 << 31), min((1 << 31) - 1, math.floor(position_code * Q31 + 0.5)))
         if code != self._target_code:
             self.link.request(TargetRequest(code), StatusAnswer)
             self._target_code = code

@@ -33,20 +33,20 @@ def body_layout(file: RigFile) -> dict[str, Any]:
     }
 
 
-def resting_values(file: RigFile, place: float) -> dict[str, float]:
+def resting_values(file: RigFile, position: float) -> dict[str, float]:
     """Return the readings for a body that rests on an end stop.
 
     If the body is free in z and has a weight, it rests at the lower end in z. Otherwise, it rests
     at the lower end along the set-point.
     """
     axes = file.body.free
-    along, down_direction = scan_direction(file), np.array([float(axis == "z") for axis in axes])
+    axis_components, down_direction = scan_direction(file), np.array([float(axis == "z") for axis in axes])
     is_pulled_down = file.body.weight_N > 0.0 and down_direction.any()
-    offset = -travel_m(file) * (down_direction if is_pulled_down else along)
-    scan_offset = float(offset @ along)
-    values = {"reference": place, "position": place + scan_offset, "error": -scan_offset}
+    offset = -travel_m(file) * (down_direction if is_pulled_down else axis_components)
+    scan_offset = float(offset @ axis_components)
+    values = {"reference": position, "position": position + scan_offset, "error": -scan_offset}
     values |= {f"error_{axis}": -value for axis, value in zip(axes, offset.tolist(), strict=True)}
-    pose_values = zip(axes, (place * along + offset).tolist(), strict=True)
+    pose_values = zip(axes, (position * axis_components + offset).tolist(), strict=True)
     values |= {f"pose_read_{axis}": value for axis, value in pose_values}
     gap_reductions = (magnet_rows(file) @ offset).tolist()
     for number, (magnet, reduction) in enumerate(zip(file.body_magnets, gap_reductions, strict=True), 1):

@@ -75,8 +75,8 @@ class BoardColumns:
 
     def values(self, codes: NDArray[np.int64]) -> FloatArray:
         """Convert rows of a tick number and codes to rows of a tick number and signals in SI units."""
-        mine = codes[:, self._source_columns]
-        values = np.where(mine == _NO_VALUE_CODE, np.nan, mine * self._slopes + self._offsets)
+        source_codes = codes[:, self._source_columns]
+        values = np.where(source_codes == _NO_VALUE_CODE, np.nan, source_codes * self._slopes + self._offsets)
         return np.column_stack((codes[:, 0].astype(np.float64), values))
 
     def demand_range(self, code: int) -> DemandRange:
@@ -118,14 +118,14 @@ def _position_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
     )
 
 
-def _current_columns(full: float, number: int = 1) -> tuple[_Column, ...]:
-    magnet_text = f", of magnet {number}" if number > 1 else ""
+def _current_columns(full_scale: float, magnet_number: int = 1) -> tuple[_Column, ...]:
+    magnet_text = f", of magnet {magnet_number}" if magnet_number > 1 else ""
     read_name, command_name, drive_name = (
-        column_name(name, "", number) for name in ("current", "command", "drive")
+        column_name(name, "", magnet_number) for name in ("current", "command", "drive")
     )
     return (
-        _Column(Signal(read_name, "A", f"measured current{magnet_text}"), read_name, full / Q30),
-        _Column(Signal(command_name, "A", f"commanded current{magnet_text}"), drive_name, full / Q31),
+        _Column(Signal(read_name, "A", f"measured current{magnet_text}"), read_name, full_scale / Q30),
+        _Column(Signal(command_name, "A", f"commanded current{magnet_text}"), drive_name, full_scale / Q31),
     )
 
 
@@ -151,7 +151,7 @@ class Contact:
     """An open line to a controller with its first readings; no command has been sent."""
 
     def __init__(self, line: XcpMaster, manifest: Mapping[str, Any]) -> None:
-        _check(line, manifest)
+        _check_scales(line, manifest)
         self.line = line
         self.columns = BoardColumns(line.body, line.signals, manifest)
         self.settings = ControllerSettings(line, self.columns.settings)
@@ -173,9 +173,9 @@ class Contact:
     def _last_value(self, signal: str) -> int:
         return int(self.rows[-1, 1 + self.line.signals.index(signal)])
 
-    def check_same_controller(self, before: Contact) -> None:
+    def check_same_controller(self, earlier_contact: Contact) -> None:
         """Raise OtherFirmware if this controller differs from that of an earlier contact."""
-        line, earlier_line = self.line, before.line
+        line, earlier_line = self.line, earlier_contact.line
         identity = attrgetter("name", "body", "signals", "tick_interval")
         if identity(line) != identity(earlier_line):
             raise OtherFirmware(
@@ -204,24 +204,24 @@ def active_block_checksum(line: XcpMaster) -> list[int]:
     return line.read_words(CRC_INDEX, 2)
 
 
-def _check(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
+def _check_scales(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
     """Raise OtherFirmware if controlled quantity, scales or rate differ from those of the folder."""
     signals = manifest["signals"]
     if (manifest["controller"] is None) is not (line.body is Body.FORCE):
         raise OtherFirmware(
             f"{line.url}: controls a {line.body.name.lower()}, but the folder does not", code="other-firmware"
         )
-    expected = {
+    expected_values = {
         "SCALE_DEMAND": ("full scale of the demand", signals["demand"]["scale"]),
         "SCALE_CURRENT": ("full scale of the current", signals["current"]["scale"]),
         "SCALE_RATE": ("rate", manifest["rate_Hz"]),
     }
-    for word, (name, value) in expected.items():
-        words = line.read_words(WORD_INDEX[word], 2)
-        (found,) = struct.unpack("<f", struct.pack("<2h", *words))
-        if not abs(found - value) <= 1e-6 * abs(value):
+    for word_name, (name, value) in expected_values.items():
+        scale_words = line.read_words(WORD_INDEX[word_name], 2)
+        (board_value,) = struct.unpack("<f", struct.pack("<2h", *scale_words))
+        if not abs(board_value - value) <= 1e-6 * abs(value):
             raise OtherFirmware(
-                f"{line.url}: the {name} of its block is {found:g}, but {value:g} in the folder; "
+                f"{line.url}: the {name} of its block is {board_value:g}, but {value:g} in the folder; "
                 "name the folder from which the firmware was built",
                 code="other-firmware",
                 key=name,

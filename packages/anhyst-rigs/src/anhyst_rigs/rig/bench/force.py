@@ -38,12 +38,12 @@ class Armature(Knobs):
 
     def __init__(self, low: float, high: float, rate: float) -> None:
         self._low, self._high, self._dt = low, high, 1.0 / rate
-        self._position = middle = 0.5 * (low + high)
-        self._phase, swing = 0.0, 0.5 * (high - low)
+        self._position = middle_gap = 0.5 * (low + high)
+        self._phase, amplitude = 0.0, 0.5 * (high - low)
         super().__init__(
-            Parameter("gap", "m", low, high, "gap of the armature", middle),
+            Parameter("gap", "m", low, high, "gap of the armature", middle_gap),
             Parameter("gap_speed", "m/s", 1e-4, _MAX_SPEED, "speed of its motion", _DEFAULT_SPEED),
-            Parameter("gap_swing", "m", 0.0, swing, "amplitude of a sine about this gap", 0.0),
+            Parameter("gap_swing", "m", 0.0, amplitude, "amplitude of a sine about this gap", 0.0),
             Parameter("gap_frequency", "Hz", 0.0, _MAX_FREQUENCY, "frequency of this sine", 1.0),
         )
 
@@ -139,9 +139,9 @@ class ForceBench(LockStepBench):
         self._resources = ExitStack()
         try:
             started = VIRTUAL_BOARDS[board](program.firmware, self._stand)
-            running = self._resources.enter_context(started)
-            self._bus = running.bus
-            self.link = self._resources.enter_context(ControllerLink(running.link))
+            running_firmware = self._resources.enter_context(started)
+            self._bus = running_firmware.bus
+            self.link = self._resources.enter_context(ControllerLink(running_firmware.link))
             self._heartbeat = Heartbeat(self.link)
             slew = rig.settings.amplifier.slew
             set_expected_amplifier(self.link, rig.settings, slew, self._scales.current)
@@ -155,33 +155,33 @@ class ForceBench(LockStepBench):
     def advance(self, ticks: int) -> FloatArray:
         """Simulate some ticks and return their rows."""
         rows = np.empty((ticks, 1 + len(self.signals)))
-        row = 0
-        while row < ticks:
-            for _ in range(self._heartbeat.count_ticks(ticks - row)):
+        tick_index = 0
+        while tick_index < ticks:
+            for _ in range(self._heartbeat.count_ticks(ticks - tick_index)):
                 self._bus.step()
                 self._state = self._bus.state
-                rows[row] = self._row()
-                row += 1
+                rows[tick_index] = self._tick_row()
+                tick_index += 1
         return rows
 
-    def _row(self) -> tuple[float, ...]:
-        stand_tick, answer, scales = self._stand.last_tick, self._bus.answer, self._scales
-        assert answer is not None
+    def _tick_row(self) -> tuple[float, ...]:
+        stand_tick, bus_answer, scales = self._stand.last_tick, self._bus.answer, self._scales
+        assert bus_answer is not None
         return (
             self._bus.tick,
             self._stand.gap,
             stand_tick.gap_read,
-            answer.demand / Q31 * scales.demand,
+            bus_answer.demand / Q31 * scales.demand,
             stand_tick.force,
             stand_tick.force_read,
-            answer.drive / Q31 * scales.current,
+            bus_answer.drive / Q31 * scales.current,
             stand_tick.current,
             stand_tick.current_read,
-            answer.expected / Q31 * scales.demand,
-            answer.flux / Q30,
-            answer.state & 0xFF,
-            answer.state >> 8 & 0xFF,
-            answer.mode & 0xFFFF,
+            bus_answer.expected / Q31 * scales.demand,
+            bus_answer.flux / Q30,
+            bus_answer.state & 0xFF,
+            bus_answer.state >> 8 & 0xFF,
+            bus_answer.mode & 0xFFFF,
         )
 
     def command(self, command: Command) -> None:
@@ -241,7 +241,7 @@ _RECORDED_SIGNALS = ("command", "current", "force", "gap", "gap_read", "force_re
 def run_firmware(
     rig: ForceControlRig,
     program: Program,
-    stand: ActuatorStand,
+    actuator_stand: ActuatorStand,
     gap: FloatArray,
     demand: Demand,
     board: str,
@@ -249,7 +249,7 @@ def run_firmware(
 ) -> tuple[Recording, FirmwareSession]:
     """Send a demand through a firmware from power-on, with one demand request per tick."""
     motion = PrescribedMotion(gap)
-    plant = StandPlant(stand, program.scales, motion)
+    plant = StandPlant(actuator_stand, program.scales, motion)
     with closing(ForceBench(rig, program, plant, board)) as bench:
         start_up = _start_up(bench, is_demagnetised)
         bench.command(Command.RUN)
@@ -263,9 +263,9 @@ def run_firmware(
             raise NegativeResult(text, code="wrong-state")
     run = np.concatenate(rows)
     all_rows = np.concatenate([start_up, run])
-    drive = _columns(all_rows, "command")[:, 0]
-    return bench_recording(_columns(run, *_RECORDED_SIGNALS), rig.dt), FirmwareSession(
-        program.gap_codes(_columns(all_rows, "gap_read")[:, 0]),
+    drive = _stack_columns(all_rows, "command")[:, 0]
+    return bench_recording(_stack_columns(run, *_RECORDED_SIGNALS), rig.dt), FirmwareSession(
+        program.gap_codes(_stack_columns(all_rows, "gap_read")[:, 0]),
         np.rint(drive / program.scales.current * Q31_ONE).astype(np.int64),
         np.array([program.demand_code(force) for force in demand.force.tolist()]),
         len(start_up),
@@ -273,7 +273,7 @@ def run_firmware(
     )
 
 
-def _columns(rows: FloatArray, *names: str) -> FloatArray:
+def _stack_columns(rows: FloatArray, *names: str) -> FloatArray:
     signals = [signal.name for signal in _SIGNALS]
     return rows[:, [1 + signals.index(name) for name in names]]
 

@@ -82,8 +82,8 @@ class HardwareBench(Bench):
             contact = self._search.wait(ticks / self.rate)
             if contact is None:
                 return self._columns.values(np.empty((0, 1 + len(self._sources)), dtype=np.int64))
-            self._resume(contact)
-        parts, end_tick = [self._new_rows(self._first_rows)], self.tick + ticks
+            self._resume_rows(contact)
+        row_blocks, end_tick = [self._new_rows(self._first_rows)], self.tick + ticks
         self._first_rows = self._first_rows[:0]
         try:
             while self.tick < end_tick:
@@ -94,10 +94,10 @@ class HardwareBench(Bench):
                 wait_tick = max(
                     self.tick + self.ticks_per_row, min(end_tick, self.tick + self._max_wait_ticks)
                 )
-                parts.append(self._new_rows(self._line.take_samples(wait_tick - self._offset)))
+                row_blocks.append(self._new_rows(self._line.take_samples(wait_tick - self._offset)))
         except InputError as error:
             self._start_search(error)
-        codes = np.concatenate(parts)
+        codes = np.concatenate(row_blocks)
         if len(codes):
             self._state = State(int(codes[-1, 1 + self._sources.index("state")]))
         return self._columns.values(codes)
@@ -122,19 +122,19 @@ class HardwareBench(Bench):
 
     def _start_search(self, error: InputError) -> None:
         """Search for a controller that no longer responds."""
-        before = self._contact
+        earlier_contact = self._contact
         self.loss_reason = str(error)
         self._messages.append(f"lost: {error}; searching for at most {self._search_time / 60.0:g} min")
         self._search = ContactSearch(
-            lambda: open_contact(self._open_line, self._manifest, before),
-            before.line.close,
+            lambda: open_contact(self._open_line, self._manifest, earlier_contact),
+            earlier_contact.line.close,
             self._search_time,
         )
 
-    def _resume(self, found: Contact) -> None:
+    def _resume_rows(self, contact: Contact) -> None:
         """Continue with a controller that responds again, and add a message about its state."""
-        newest_tick = int(found.rows[-1, 0])
-        lost_time = found.contact_time - self._last_row_time
+        newest_tick = int(contact.rows[-1, 0])
+        lost_time = contact.contact_time - self._last_row_time
         counted_ticks = (newest_tick - (self.tick - self._offset)) % _TICK_MODULUS
         counted_time = counted_ticks / self.rate
         has_continued = (
@@ -148,18 +148,18 @@ class HardwareBench(Bench):
             if has_continued
             else f"it was restarted and is at its tick {newest_tick}"
         )
-        parts = [f"back after {lost_time:.1f} s, {_state_text(found)}", ticks]
-        if found.block != self._block:
-            parts.append("the active parameter block has changed")
+        message_parts = [f"back after {lost_time:.1f} s, {_state_text(contact)}", ticks]
+        if contact.block != self._block:
+            message_parts.append("the active parameter block has changed")
         old_values = {parameter.name: parameter.value for parameter in self.parameters()}
         self._search, self.loss_reason = None, ""
-        self._adopt_contact(found, self.tick + passed_ticks - newest_tick)
-        parts += [
+        self._adopt_contact(contact, self.tick + passed_ticks - newest_tick)
+        message_parts += [
             f"{parameter.name} changed from {old_values[parameter.name]:g} to {parameter.value:g}"
             for parameter in self.parameters()
             if parameter.value != old_values[parameter.name]
         ]
-        self._messages.append("; ".join(parts))
+        self._messages.append("; ".join(message_parts))
 
     def take_messages(self) -> Sequence[str]:
         """Return messages about lost and restored connections since the last call."""
@@ -221,12 +221,12 @@ class HardwareBench(Bench):
             self._line.close()
 
 
-def _state_text(found: Contact) -> str:
+def _state_text(contact: Contact) -> str:
     """Return the state of a controller in words."""
-    state = f"in the state {found.state.name.lower()}"
-    if found.fault is Fault.NONE:
+    state = f"in the state {contact.state.name.lower()}"
+    if contact.fault is Fault.NONE:
         return state
-    return f"{state} ({found.fault.name.lower().replace('_', ' ')})"
+    return f"{state} ({contact.fault.name.lower().replace('_', ' ')})"
 
 
 _FIRST_PAUSE_S = 0.1
@@ -282,16 +282,16 @@ class ContactSearch:
                 if time.monotonic() > self._end:
                     self._failure = error
             else:
-                self._deliver(contact)
+                self._store_contact(contact)
             if self._found is not None or self._failure is not None:
                 self._finished.set()
                 return
 
-    def _deliver(self, found: Contact) -> None:
+    def _store_contact(self, contact: Contact) -> None:
         """Store the contact, or close its line if the search was cancelled."""
         with self._lock:
             is_wanted = not self._cancelled.is_set()
             if is_wanted:
-                self._found = found
+                self._found = contact
         if not is_wanted:
-            found.line.close()
+            contact.line.close()

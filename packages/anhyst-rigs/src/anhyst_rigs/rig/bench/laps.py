@@ -22,16 +22,16 @@ class CycleBench(Bench):
 
     def advance(self, ticks: int) -> FloatArray:
         """Simulate some ticks and return their rows."""
-        parts, piece = [], max(1, round(MAX_PIECE_S * self.rate))
+        row_blocks, max_ticks = [], max(1, round(MAX_PIECE_S * self.rate))
         while ticks > 0:
             if self._state is State.FAULT:
                 rows = self._lost_rows(ticks)
             else:
                 self._apply_staged()
-                rows = self._run_ticks(min(ticks, piece))
-            parts.append(rows)
+                rows = self._run_ticks(min(ticks, max_ticks))
+            row_blocks.append(rows)
             ticks -= len(rows)
-        return np.concatenate(parts)
+        return np.concatenate(row_blocks)
 
     @abstractmethod
     def _lost_rows(self, n: int) -> FloatArray:

@@ -34,7 +34,7 @@ MAX_LATENESS_S = 0.1
 """Largest lateness in real time, s; a later bench skips the excess instead of catching up."""
 _PACER_PRIORITY = 2
 """Real-time priority of the pacer's thread."""
-_REST_SHARE = 0.05
+_SLEEP_RATIO = 0.05
 """Sleep after each chunk as a fraction of its computing time, if the thread has real-time priority.
 """
 _WINDOW_S = 1.0
@@ -178,10 +178,10 @@ class PacedBench:
         try:
             with raised_priority(_PACER_PRIORITY) as has_priority:
                 while (ticks := self._next_ticks()) is not None:
-                    start = time.monotonic()
+                    start_time = time.monotonic()
                     self._advance(ticks)
                     if has_priority:
-                        time.sleep(_REST_SHARE * (time.monotonic() - start))
+                        time.sleep(_SLEEP_RATIO * (time.monotonic() - start_time))
         except InputError as error:
             self.error = error
         finally:
@@ -265,7 +265,7 @@ def raised_priority(order: int = 1) -> Iterator[bool]:
     if sys.platform != "linux":
         yield False
         return
-    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    old_priority = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK  # Child processes do not get this priority.
         os.sched_setscheduler(0, policy, os.sched_param(order))
@@ -275,7 +275,7 @@ def raised_priority(order: int = 1) -> Iterator[bool]:
     try:
         yield True
     finally:
-        os.sched_setscheduler(0, *before)
+        os.sched_setscheduler(0, *old_priority)
 
 
 def _check_speed(speed: float) -> float:

@@ -28,12 +28,12 @@ class Signal(NamedTuple):
     doc: str  # description
 
 
-def current_signals(first: int, last: int) -> dict[str, Signal]:
+def current_signals(first_magnet: int, last_magnet: int) -> dict[str, Signal]:
     """Return the current signals of some magnets, keyed by the columns of a simulated loop."""
     texts = {"command": "commanded current of magnet", "current": "true current of magnet"}
     return {
         column_name(name, "A", number): Signal(column_name(name, "", number), "A", f"{text} {number}")
-        for number in range(first, last + 1)
+        for number in range(first_magnet, last_magnet + 1)
         for name, text in texts.items()
     }
 
@@ -78,12 +78,12 @@ _MAGNET_SIGNALS = (
 )
 
 
-def axis_and_magnet_signals(free: Sequence[str], magnets: Sequence[str]) -> list[Signal]:
+def axis_and_magnet_signals(axes: Sequence[str], magnets: Sequence[str]) -> list[Signal]:
     """Return the signals of the coordinates and of the magnets, keyed by their names."""
     axis_signals = [
         Signal(f"{name}_{axis}", units[axis.startswith("r")], text.format(axis))
         for name, units, text in _AXIS_SIGNALS
-        for axis in free
+        for axis in axes
     ]
     magnet_signals = [
         Signal(column_name(name, "", number), unit, text.format(magnet))
@@ -320,15 +320,15 @@ def describe_next_step(commands: Sequence[Command], status: ControllerStatus) ->
         for n, step in enumerate(path)
         if any(status.name in _permitted_states(command, status.levitates) for command in step)
     ]
-    start = possible_starts[-1] if possible_starts else 1 + status.conditioning
-    steps = ", then ".join(_step_text(step) for step in path[start:])
-    reason = refusal_reason(path[start][0], status) if possible_starts else f"after {status.name}"
+    start_index = possible_starts[-1] if possible_starts else 1 + status.conditioning
+    steps = ", then ".join(_step_text(step) for step in path[start_index:])
+    reason = refusal_reason(path[start_index][0], status) if possible_starts else f"after {status.name}"
     return f"{reason}: press {steps}" if reason else f"press {steps}"
 
 
 def _step_text(step: Sequence[Command]) -> str:
-    first, *others = (command.name.lower() for command in step)
-    return f"{first} (or {others[0]}, if the iron is)" if others else first
+    first_name, *other_names = (command.name.lower() for command in step)
+    return f"{first_name} (or {other_names[0]}, if the iron is)" if other_names else first_name
 
 
 def _permitted_states(command: Command, levitates: bool) -> list[str]:

@@ -61,9 +61,9 @@ class SettingSpec(NamedTuple):
 class ControllerSettings:
     """Settings of a controller that are read and written over a line."""
 
-    def __init__(self, line: SettingsLine, known: Sequence[SettingSpec]) -> None:
+    def __init__(self, line: SettingsLine, setting_specs: Sequence[SettingSpec]) -> None:
         self._line = line
-        self._specs = tuple(known)
+        self._specs = tuple(setting_specs)
         self._codes = {spec.setting: line.read_setting(spec.setting) for spec in self._specs}
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -95,12 +95,12 @@ class ControllerSettings:
                 )
         old_codes = {setting: self._codes[setting] for setting in changed_codes}
         try:
-            self._send(changed_codes)
+            self._send_settings(changed_codes)
         except RequestRefusedError:
-            self._send(old_codes)
+            self._send_settings(old_codes)
             raise
 
-    def _send(self, codes: Mapping[Setting, int]) -> None:
+    def _send_settings(self, codes: Mapping[Setting, int]) -> None:
         for setting, code in codes.items():
             self._codes[setting] = self._line.write_setting(setting, code)
         if not _GAIN_SETTINGS.keys().isdisjoint(codes):
@@ -151,11 +151,11 @@ def set_expected_amplifier(line: SettingsLine, file: RigFile, slew: float, full_
     """
     rate, amplifier = file.timing.rate_Hz, file.amplifier
     lag = (1.0 / amplifier.bandwidth_Hz + 1.0 / file.current_sensor.bandwidth_Hz) / math.tau
-    times = {
+    time_constants = {
         Setting.CURRENT_LAG_TICKS: lag + amplifier.delay_s + _MAX_DELAY_TICKS / rate,
         Setting.CURRENT_SWEEP_TICKS: full_scale / slew,
     }
-    for setting, seconds in times.items():
+    for setting, seconds in time_constants.items():
         ticks = math.ceil(min(_AMPLIFIER_MARGIN * seconds, 1e-3 * HEARTBEAT_MS) * rate)
         if ticks > line.read_setting(setting):
             line.write_setting(setting, min(ticks, int(1e-3 * HEARTBEAT_MS * rate)))
@@ -172,12 +172,12 @@ def check_values(
     values: Mapping[str, float], parameters: Sequence[Parameter], integer_names: Sequence[str] = ()
 ) -> None:
     """Raise an InputError for an unknown name, a value out of range, or a non-integer."""
-    known = {parameter.name: parameter for parameter in parameters}
+    parameters_by_name = {parameter.name: parameter for parameter in parameters}
     for name, value in values.items():
-        if name not in known:
-            text = f"{name}: is not a parameter of this bench; it has {', '.join(known)}"
+        if name not in parameters_by_name:
+            text = f"{name}: is not a parameter of this bench; it has {', '.join(parameters_by_name)}"
             raise InputError(text, code="unknown-parameter", key=name)
-        parameter = known[name]
+        parameter = parameters_by_name[name]
         if not parameter.low <= value <= parameter.high:
             raise InputError(
                 f"{name}: is {value:g} {parameter.unit}".rstrip()

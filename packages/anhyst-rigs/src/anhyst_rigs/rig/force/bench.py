@@ -16,7 +16,7 @@ from anhyst_rigs.rig.case_table import ForceCase, MovingCase
 from anhyst_rigs.rig.force.file import SENSOR_ORDER, ForceControlRig
 from anhyst_rigs.rig.recording import Recording
 
-_HISTORY_STEPS = 12
+_HISTORY_CURRENT_COUNT = 12
 """Number of random currents that produce the unknown history of the iron."""
 
 
@@ -50,13 +50,13 @@ class ActuatorStand:
     def apply_random_history(self, gap: float) -> None:
         """Apply random quasi-static currents without the amplifier, then 0 A."""
         rng = np.random.default_rng([*self._seed, 3])
-        for share in (*rng.uniform(size=_HISTORY_STEPS).tolist(), 0.0):
-            self._plant.hold(share * self._high, gap)
+        for current_share in (*rng.uniform(size=_HISTORY_CURRENT_COUNT).tolist(), 0.0):
+            self._plant.hold(current_share * self._high, gap)
 
-    def condition(self, turns: list[float], gap: float) -> None:
+    def condition(self, reversal_currents: list[float], gap: float) -> None:
         """Move the current slowly through a sequence of reversal points, A."""
-        for turn in turns:
-            self._plant.hold(max(turn - self._zero, 0.0), gap)
+        for reversal_current in reversal_currents:
+            self._plant.hold(max(reversal_current - self._zero, 0.0), gap)
 
     def step(self, reference: float, gap: float) -> StandTick:
         """Advance by one tick with the reference, A, that was commanded at the present tick."""
@@ -68,10 +68,10 @@ class ActuatorStand:
         return self._plant.run(reference, gap, noise)
 
 
-def run_open_loop(stand: ActuatorStand, gap: FloatArray, reference: FloatArray) -> Recording:
+def run_open_loop(actuator_stand: ActuatorStand, gap: FloatArray, reference: FloatArray) -> Recording:
     """Apply precomputed currents, one at the end of each tick."""
-    rows = stand.run(np.concatenate([[0.0], reference[:-1]]), gap)
-    return bench_recording(np.column_stack([reference, rows[:, :2], gap, rows[:, 2:]]), stand.dt)
+    rows = actuator_stand.run(np.concatenate([[0.0], reference[:-1]]), gap)
+    return bench_recording(np.column_stack([reference, rows[:, :2], gap, rows[:, 2:]]), actuator_stand.dt)
 
 
 def bench_recording(rows: FloatArray, dt: float) -> Recording:
@@ -113,5 +113,5 @@ def triangle_demand(shape: ForceCase, force_max: float, rate: float) -> Demand:
 def moving_gap(shape: MovingCase, ticks: int, rate: float) -> FloatArray:
     """Return a sinusoidal gap that begins at rest at its minimum, m, shape (ticks,)."""
     phase = 2.0 * np.pi * np.arange(ticks) / (rate * shape.period_s)
-    share: FloatArray = 0.5 - 0.5 * np.cos(phase)
-    return shape.low_m + (shape.high_m - shape.low_m) * share
+    gap_fraction: FloatArray = 0.5 - 0.5 * np.cos(phase)
+    return shape.low_m + (shape.high_m - shape.low_m) * gap_fraction

@@ -99,15 +99,15 @@ class ForceControlRig:
 
     def check_plant(self, loops: Loops, model: Model) -> PlantCheck:
         """Compare the actuator and a model with loops; without solid iron only with slow loops."""
-        timed = self.has_solid_iron and all(loop.time is not None for loop in loops.loops)
+        has_time = self.has_solid_iron and all(loop.time is not None for loop in loops.loops)
 
         def force(loop: Loop, zero: float) -> FloatArray:
-            if timed:
+            if has_time:
                 return simulate_loop_in_time(self._magnet, loop, zero)
             return simulate_loop(make_path_follower(self._magnet), loop, zero)
 
         return check_plant_against_loops(
-            self.fitted, loops if timed else select_slow_loops(loops), model, force
+            self.fitted, loops if has_time else select_slow_loops(loops), model, force
         )
 
     @property
@@ -156,9 +156,9 @@ class ForceControlRig:
 
 def _gap_faults(file: RigFile) -> Iterator[FileFault]:
     """Find test cases with gaps outside the range of the gap sensor, which would cause a fault."""
-    sensor, held, moving = file.gap_sensor, file.held_case, file.moving_case
+    sensor, held_case, moving = file.gap_sensor, file.held_case, file.moving_case
     for case, keys, gap in (
-        *((held, ("gaps_m", number), gap) for number, gap in enumerate(held.gaps_m)),
+        *((held_case, ("gaps_m", number), gap) for number, gap in enumerate(held_case.gaps_m)),
         (moving, ("low_m",), moving.low_m),
         (moving, ("high_m",), moving.high_m),
     ):

@@ -134,20 +134,20 @@ def identify_force_model(rig: ForceControlRig, loops: Loops, progress: Progress 
     model = model if model.has_layers or model.has_lag else model.at_rest
     if options.dead_band:
         model = _with_min_dead_band(model, _min_dead_band(model, rig))
-    valid = model.valid
-    assert valid is not None
-    max_force = max(rig.settings.force.force_max_N, MIN_FULL_SCALE_SHARE * valid.output[1])
-    return replace(model, valid=replace(valid, output=(0.0, min(max_force, valid.output[1]))))
+    valid_range = model.valid
+    assert valid_range is not None
+    max_force = max(rig.settings.force.force_max_N, MIN_FULL_SCALE_SHARE * valid_range.output[1])
+    return replace(model, valid=replace(valid_range, output=(0.0, min(max_force, valid_range.output[1]))))
 
 
 def _with_min_dead_band(model: Model, min_half_width: float) -> Model:
     """Return a model whose dead band, if any, has at least a given half-width, A/m."""
-    widened: dict[str, Parameter] = {}
-    for spec in model.operator_law.with_role("dead band"):
-        widened[spec.name] = map_parameter(
-            model.parameters[spec.name], lambda value: max(value, min_half_width)
+    new_parameters: dict[str, Parameter] = {}
+    for parameter_spec in model.operator_law.with_role("dead band"):
+        new_parameters[parameter_spec.name] = map_parameter(
+            model.parameters[parameter_spec.name], lambda value: max(value, min_half_width)
         )
-    return replace(model, parameters={**model.parameters, **widened}) if widened else model
+    return replace(model, parameters={**model.parameters, **new_parameters}) if new_parameters else model
 
 
 def _min_dead_band(model: Model, rig: ForceControlRig) -> float:
@@ -159,8 +159,8 @@ def _min_dead_band(model: Model, rig: ForceControlRig) -> float:
     force_max = rig.settings.force.force_max_N
     max_change = 0.0
     for gap in model.nodes:
-        for share in (0.25, 0.5, 0.75, 1.0):
-            demand = np.full(2, share * force_max)
+        for current_share in (0.25, 0.5, 0.75, 1.0):
+            demand = np.full(2, current_share * force_max)
             gaps = np.array([gap, gap + noise])
             field = static_model.invert(demand, gaps, history="demagnetised").field
             max_change = max(max_change, abs(float(field[1] - field[0])))

@@ -106,15 +106,15 @@ class CellSteel(AnySteel):
     @property
     def thresholds(self) -> FloatArray:
         """Thresholds, A/m, shape (cells + 1,); the first one is zero: the reversible part."""
-        above = (self.cells - np.arange(self.cells) - 0.5) / self.cells
-        pinned = self.pinning_scale_A_per_m * power(-log(above), 1.0 / self.pinning_shape)
-        return np.concatenate(([0.0], pinned))
+        pinning_ranks = (self.cells - np.arange(self.cells) - 0.5) / self.cells
+        pinned_thresholds = self.pinning_scale_A_per_m * power(-log(pinning_ranks), 1.0 / self.pinning_shape)
+        return np.concatenate(([0.0], pinned_thresholds))
 
     @property
     def weights(self) -> FloatArray:
         """Weight of each cell in the magnetisation, shape (cells + 1,); their sum is 1."""
-        pinned = np.full(self.cells, (1.0 - self.reversible_fraction) / self.cells)
-        return np.concatenate(([self.reversible_fraction], pinned))
+        pinned_weights = np.full(self.cells, (1.0 - self.reversible_fraction) / self.cells)
+        return np.concatenate(([self.reversible_fraction], pinned_weights))
 
     def make_steel(self) -> Steel:
         """Return the steel for the core's plant."""
@@ -233,8 +233,8 @@ class PreisachSteel(AnySteel):
     @property
     def max_switching_field(self) -> float:
         """Field above which no relay switches, A/m: three standard deviations of pinning and bias."""
-        hardest = self.pinning_A_per_m * float(exp(np.array([3.0 * self.pinning_spread]))[0])
-        return hardest + 3.0 * (self.bias_A_per_m + self.bias_by_pinning * hardest)
+        max_pinning = self.pinning_A_per_m * float(exp(np.array([3.0 * self.pinning_spread]))[0])
+        return max_pinning + 3.0 * (self.bias_A_per_m + self.bias_by_pinning * max_pinning)
 
     def density(self, pinning: FloatArray, bias: FloatArray) -> FloatArray:
         """Return the density of relays at given pinning and bias fields, up to a constant factor."""
@@ -277,41 +277,41 @@ def everett_table(steel: PreisachSteel, is_pinned: bool) -> FloatArray:
     cell_weights = (
         _relay_weights(steel, fields) if is_pinned else np.diag(_unpinned_relay_weights(steel, fields))
     )
-    rising = np.zeros((EVERETT_NODES, EVERETT_NODES))
+    rising_branches = np.zeros((EVERETT_NODES, EVERETT_NODES))
     from_below = np.cumsum(cell_weights[::-1], axis=0)[::-1]
-    rising[:-1, 1:] = np.triu(np.cumsum(from_below, axis=1))
-    rising *= 2.0 * steel.saturation_T / rising[0, -1]
-    return rising - rising.T
+    rising_branches[:-1, 1:] = np.triu(np.cumsum(from_below, axis=1))
+    rising_branches *= 2.0 * steel.saturation_T / rising_branches[0, -1]
+    return rising_branches - rising_branches.T
 
 
-def _relay_weights(steel: PreisachSteel, at: FloatArray) -> FloatArray:
+def _relay_weights(steel: PreisachSteel, fields: FloatArray) -> FloatArray:
     """Return the relay weight of each cell of the table: lower field by row, upper field by column.
 
     The density is evaluated at the centres of a cell's four quarters. A diagonal cell has relays in
     one half only; its density is evaluated at the centroid of this half.
     """
-    quarter = 0.25 * np.diff(at)
-    middle = at[:-1] + 2.0 * quarter
-    down, up = np.triu_indices(middle.size, 1)
-    cell_weights = np.zeros((middle.size, middle.size))
-    for below in (-1.0, 1.0):
-        for above in (-1.0, 1.0):
-            low = middle[down] + below * quarter[down]
-            high = middle[up] + above * quarter[up]
-            cell_weights[down, up] += steel.density(0.5 * (high - low), 0.5 * (high + low))
-    cell_weights[down, up] *= 4.0 * quarter[down] * quarter[up]
-    diagonal_density = steel.density(quarter * (2.0 / 3.0), middle)
-    np.fill_diagonal(cell_weights, 8.0 * quarter * quarter * diagonal_density)
+    quarter_widths = 0.25 * np.diff(fields)
+    centres = fields[:-1] + 2.0 * quarter_widths
+    down_cells, up_cells = np.triu_indices(centres.size, 1)
+    cell_weights = np.zeros((centres.size, centres.size))
+    for down_side in (-1.0, 1.0):
+        for up_side in (-1.0, 1.0):
+            low = centres[down_cells] + down_side * quarter_widths[down_cells]
+            high = centres[up_cells] + up_side * quarter_widths[up_cells]
+            cell_weights[down_cells, up_cells] += steel.density(0.5 * (high - low), 0.5 * (high + low))
+    cell_weights[down_cells, up_cells] *= 4.0 * quarter_widths[down_cells] * quarter_widths[up_cells]
+    diagonal_density = steel.density(quarter_widths * (2.0 / 3.0), centres)
+    np.fill_diagonal(cell_weights, 8.0 * quarter_widths * quarter_widths * diagonal_density)
     return cell_weights
 
 
-def _unpinned_relay_weights(steel: PreisachSteel, at: FloatArray) -> FloatArray:
+def _unpinned_relay_weights(steel: PreisachSteel, fields: FloatArray) -> FloatArray:
     """Return the weight of the relays whose bias is between two nodes, summed over all pinning."""
-    bias, slope = 0.5 * (at[1:] + at[:-1]), np.zeros(at.size - 1)
+    bias, slope = 0.5 * (fields[1:] + fields[:-1]), np.zeros(fields.size - 1)
     for spread in np.linspace(-3.0, 3.0, 61).tolist():
         pinning = steel.pinning_A_per_m * exp(np.full(bias.size, spread * steel.pinning_spread))
         slope += pinning * steel.density(pinning, bias)
-    return slope * np.diff(at)
+    return slope * np.diff(fields)
 
 
 @lru_cache(maxsize=32)

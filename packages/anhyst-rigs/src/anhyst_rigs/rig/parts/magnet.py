@@ -55,13 +55,13 @@ class Poles:
         """Return the flux density in the gap, T, for which the plant computes a pull of `gain`, N."""
         return np.sqrt(MU_0 * gain / ((self.width + gap) * (self.depth + gap)))
 
-    def pull_force(self, density: FloatArray, gap: FloatArray, middle: float) -> FloatArray:
+    def pull_force(self, density: FloatArray, gap: FloatArray, middle_gap: float) -> FloatArray:
         """Return the force, N, that the plant computes for a flux density, T, at a gap, m.
 
         The bias of a bidirectional actuator is zero at the gap `middle`.
         """
         if self.outer is not None:
-            return self.bias * self.area * density - self.spring * (middle - gap)
+            return self.bias * self.area * density - self.spring * (middle_gap - gap)
         return density**2 * (self.area - gap**2) / MU_0
 
     @property
@@ -168,7 +168,7 @@ def read_flux_table(path: PathLike) -> FluxTable:
     gap = table.require("gap", "gap_m")
     psi = table.require("flux_linkage", "psi_Wb")
     currents, column = np.unique(current, return_inverse=True)
-    gaps, row = np.unique(gap, return_inverse=True)
+    gaps, gap_indices = np.unique(gap, return_inverse=True)
     for name, values in (("current", currents), ("gap", gaps)):
         if values.size < 2:
             text = f"{table.path}: has a single {name}; measure at least two"
@@ -179,14 +179,14 @@ def read_flux_table(path: PathLike) -> FluxTable:
             f"{table.locate_row(int(np.argmin(current)))}: {text}", code="currents-not-from-zero", key="I_A"
         )
     numbers = np.full((gaps.size, currents.size), -1)
-    for number, cell in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
-        if numbers[cell] >= 0:
+    for number, cell_indices in enumerate(zip(gap_indices.tolist(), column.tolist(), strict=True)):
+        if numbers[cell_indices] >= 0:
             point = _point_text(gap[number], current[number])
             raise InputError(
                 f"{table.locate_row(number)}: {point} occurs twice; remove one", code="value-again"
             )
-        numbers[cell] = number
-    _check_full(table.path, gaps, currents, numbers)
+        numbers[cell_indices] = number
+    _check_all_combinations(table.path, gaps, currents, numbers)
     flux_table = FluxTable(currents, gaps, psi[numbers])
     _check_monotone(table, flux_table, numbers)
     return flux_table
@@ -213,7 +213,9 @@ def check_flux_range(
         )
 
 
-def _check_full(path: str, gaps: FloatArray, currents: FloatArray, numbers: NDArray[np.int_]) -> None:
+def _check_all_combinations(
+    path: str, gaps: FloatArray, currents: FloatArray, numbers: NDArray[np.int_]
+) -> None:
     holes = np.argwhere(numbers < 0)
     if len(holes):
         first_hole = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
@@ -225,18 +227,18 @@ def _check_full(path: str, gaps: FloatArray, currents: FloatArray, numbers: NDAr
         )
 
 
-def _check_monotone(table: DataTable, made: FluxTable, numbers: NDArray[np.int_]) -> None:
-    flat_places = np.add(np.argwhere(np.diff(made.psi, axis=1) <= 0.0), (0, 1))
-    rising_places = np.add(np.argwhere(np.diff(made.psi[:, 1:], axis=0) >= 0.0), (1, 1))
+def _check_monotone(table: DataTable, flux_table: FluxTable, numbers: NDArray[np.int_]) -> None:
+    flat_places = np.add(np.argwhere(np.diff(flux_table.psi, axis=1) <= 0.0), (0, 1))
+    rising_places = np.add(np.argwhere(np.diff(flux_table.psi[:, 1:], axis=0) >= 0.0), (1, 1))
     for places, text in (
-        (np.argwhere(made.psi[:, :1] != 0.0), "psi is not 0 without current"),
+        (np.argwhere(flux_table.psi[:, :1] != 0.0), "psi is not 0 without current"),
         (flat_places, "psi does not rise with the current"),
         (rising_places, "psi does not fall as the gap opens"),
     ):
         if len(places):
-            g, i = places[0].tolist()
-            point = _point_text(made.gap[g], made.current[i])
-            location = table.locate_row(int(numbers[g, i]))
+            gap_index, current_index = places[0].tolist()
+            point = _point_text(flux_table.gap[gap_index], flux_table.current[current_index])
+            location = table.locate_row(int(numbers[gap_index, current_index]))
             raise InputError(f"{location}: {text} at {point}; correct this point", code="not-monotone")
 
 
@@ -270,11 +272,11 @@ def make_law_magnet(
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-    ends = numbers["gap_low"], numbers["gap_high"]
-    rows = np.column_stack([rows, poles.flux_density(rows[:, 2], np.linspace(*ends, len(rows)))])
+    gap_range = numbers["gap_low"], numbers["gap_high"]
+    rows = np.column_stack([rows, poles.flux_density(rows[:, 2], np.linspace(*gap_range, len(rows)))])
     # Interpolate on a fine uniform grid by monotone cubics, so that the table stays monotone.
     current = np.linspace(0.0, numbers["current_high"], _TABLE_CURRENTS)
-    gap = np.linspace(*ends, _TABLE_GAPS)
+    gap = np.linspace(*gap_range, _TABLE_GAPS)
     psi = PchipInterpolator(table.current, table.psi, axis=1)(current)
     psi = np.ascontiguousarray(PchipInterpolator(table.gap, psi, axis=0)(gap))
     return Magnet(numbers, iron, rows, psi)

@@ -29,22 +29,22 @@ def assumed_rig(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
     return replace(rig, settings=rig.settings.with_changes(changes))
 
 
-def correction_rows(learnt: CalibratedMethod, compensator: ForceController, rig: BodyRig) -> FloatArray:
+def correction_rows(calibration: CalibratedMethod, compensator: ForceController, rig: BodyRig) -> FloatArray:
     """Return the corrections of each magnet as one row.
 
     The columns are the scale of the current, the zero of the gap (m), the scale of the flux
     density, and the lead of the current (s).
     """
     count = range(1, len(rig.settings.body_magnets) + 1)
-    scales = np.array([1.0 + learnt.value(f"scale_{number}") for number in count])
-    zeros = [learnt.value(f"gap_zero_{number}_m") for number in count]
+    scales = np.array([1.0 + calibration.value(f"scale_{number}") for number in count])
+    zeros = [calibration.value(f"gap_zero_{number}_m") for number in count]
     unit_scales = np.ones(scales.size)
     rows = np.column_stack([unit_scales, zeros, unit_scales, 0.0 * unit_scales])
-    if learnt.name in FLUX_PROBE_METHODS:
+    if calibration.name in FLUX_PROBE_METHODS:
         rows[:, 2] = scales
     else:
         rows[:, 0] = scales
-        if lag := learnt.value("lag_s"):
+        if lag := calibration.value("lag_s"):
             rows[:, 3] = lag / rig.dt * current_per_root_force(compensator, rig)
     return rows
 

@@ -55,14 +55,14 @@ def largest_wrench_factor(file: RigFile, wrench: FloatArray) -> float:
     max_force = file.tracking.force_max_N
     upper_limit = max_force * len(file.body_magnets)
 
-    def fits(push: FloatArray) -> bool:
-        allocated = [layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)]
-        return all(is_possible and max(forces) <= max_force for forces, is_possible in allocated)
+    def can_produce(push: FloatArray) -> bool:
+        solutions = [layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)]
+        return all(is_possible and max(forces) <= max_force for forces, is_possible in solutions)
 
     low, high = 0.0, upper_limit
     while high - low > 1e-3 * upper_limit:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if fits(middle * wrench) else (low, middle)
+        middle_factor = 0.5 * (low + high)
+        low, high = (middle_factor, high) if can_produce(middle_factor * wrench) else (low, middle_factor)
     return low
 
 
@@ -76,9 +76,9 @@ def axis_yields(file: RigFile) -> list[float]:
 
 @cache
 def _find_spare_magnets(
-    pull: bytes, magnets: int, weight: tuple[float, ...], min_force: float, max_force: float
+    row_bytes: bytes, magnets: int, weight: tuple[float, ...], min_force: float, max_force: float
 ) -> int:
-    rows = np.frombuffer(pull).reshape(magnets, -1)
+    rows = np.frombuffer(row_bytes).reshape(magnets, -1)
     spare_magnets = 0
     for lost_magnet in range(magnets):
         remaining_rows = np.delete(rows, lost_magnet, axis=0)
@@ -104,9 +104,9 @@ def spare_magnets(file: RigFile) -> int:
     If any one of them is lost, the others still carry the weight and can push along every
     coordinate in both directions.
     """
-    pull = magnet_rows(file)
+    rows = magnet_rows(file)
     bounds = min_single_force(file), file.tracking.force_max_N
-    return _find_spare_magnets(pull.tobytes(), len(pull), tuple(weight_wrench(file).tolist()), *bounds)
+    return _find_spare_magnets(rows.tobytes(), len(rows), tuple(weight_wrench(file).tolist()), *bounds)
 
 
 def usual_allocation(file: RigFile) -> Allocation:
@@ -128,13 +128,13 @@ def opposing_magnets(file: RigFile) -> list[int]:
     lines = np.array(
         [[*magnet.direction, *np.cross(magnet.position_m, magnet.direction)] for magnet in file.body_magnets]
     )
-    opposing = list(range(len(lines)))
+    remaining_magnets = list(range(len(lines)))
     if file.magnet.is_bidirectional:
-        return opposing
+        return remaining_magnets
     for i, j in np.argwhere(np.abs(lines[:, None] + lines).max(axis=2) < _LINE_TOLERANCE).tolist():
-        if opposing[i] == i and opposing[j] in (i, j):
-            opposing[i] = j
-    return opposing
+        if remaining_magnets[i] == i and remaining_magnets[j] in (i, j):
+            remaining_magnets[i] = j
+    return remaining_magnets
 
 
 def monitoring_settings(rig: BodyRig) -> dict[str, float]:

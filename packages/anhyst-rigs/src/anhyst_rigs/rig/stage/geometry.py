@@ -23,14 +23,14 @@ def axis_unit(axis: str) -> str:
     return "rad" if axis.startswith("r") else "m"
 
 
-def error_columns(free: Sequence[str]) -> list[str]:
+def error_columns(axes: Sequence[str]) -> list[str]:
     """Return the columns of a recording with the error of each coordinate."""
-    return [f"error_{axis}_{axis_unit(axis)}" for axis in free]
+    return [f"error_{axis}_{axis_unit(axis)}" for axis in axes]
 
 
 def _line_rows(file: RigFile, lines: Sequence[tuple[Sequence[float], Sequence[float]]]) -> FloatArray:
     """Return one row per line of action: its velocity for a unit velocity of each coordinate."""
-    all_rows = np.array([[*direction, *np.cross(place, direction)] for place, direction in lines])
+    all_rows = np.array([[*direction, *np.cross(position, direction)] for position, direction in lines])
     return np.ascontiguousarray(all_rows[:, axis_indices(file)])
 
 
@@ -73,7 +73,7 @@ def inverses_without_head(file: RigFile) -> FloatArray:
     The matrix is zero if the other heads do not determine the pose.
     """
     rows = head_rows(file)
-    remaining_rows = [np.delete(rows, head, axis=0) for head in range(len(rows))]
+    remaining_rows = [np.delete(rows, head_index, axis=0) for head_index in range(len(rows))]
     inverses = [
         np.linalg.pinv(matrix) * (np.linalg.matrix_rank(matrix) == rows.shape[1]) for matrix in remaining_rows
     ]
@@ -82,16 +82,16 @@ def inverses_without_head(file: RigFile) -> FloatArray:
 
 def _centre_of_mass_rows(file: RigFile) -> FloatArray:
     """Return the matrix that converts the six coordinates to the motion of the centre of mass."""
-    jump = np.eye(6)
-    jump[:3, 3:] = np.cross(np.eye(3), file.body.centre_m).T
-    return jump
+    shift_rows = np.eye(6)
+    shift_rows[:3, 3:] = np.cross(np.eye(3), file.body.centre_m).T
+    return shift_rows
 
 
 def mass_matrix(file: RigFile) -> FloatArray:
     """Return the mass matrix about the reference point of the pose, kg, kg m and kg m^2."""
     inertia = file.body.inertia_kg_m2 or [0.0, 0.0, 0.0]
-    jump = _centre_of_mass_rows(file)
-    full_matrix = jump.T @ np.diag([*[file.body.mass_kg] * 3, *inertia]) @ jump
+    shift_rows = _centre_of_mass_rows(file)
+    full_matrix = shift_rows.T @ np.diag([*[file.body.mass_kg] * 3, *inertia]) @ shift_rows
     return np.ascontiguousarray(full_matrix[np.ix_(axis_indices(file), axis_indices(file))])
 
 

@@ -98,17 +98,17 @@ def pid_coefficients(rig: BodyRig) -> dict[str, float]:
     """
     table, dt = rig.settings.tracking, rig.dt
     omega = 2.0 * math.pi * table.crossover_Hz
-    low, lead = omega / table.integral_ratio, omega / table.lead_ratio
+    integral_frequency, lead_frequency = omega / table.integral_ratio, omega / table.lead_ratio
     high = table.rolloff_ratio * omega
 
     def shape(s: complex) -> complex:
-        return (s + low) / s * (1.0 + s / lead) / (1.0 + s / high)
+        return (s + integral_frequency) / s * (1.0 + s / lead_frequency) / (1.0 + s / high)
 
     jw = 1j * omega
     gain = rig.settings.body.mass_kg * omega**2 / abs(shape(jw))
     # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = bilinear_rate*(z - 1)/(z + 1)
     bilinear_rate = 2.0 / dt
-    numerator_s = (1.0 / lead, 1.0 + low / lead, low)
+    numerator_s = (1.0 / lead_frequency, 1.0 + integral_frequency / lead_frequency, integral_frequency)
     denominator_s = (1.0 / high, 1.0, 0.0)
 
     def bilinear(p: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -125,10 +125,10 @@ def feedforward_force(setup: StageSetup, motion: SetPoint, gains: Feedforward) -
     """Return the feedforward force at every tick, N, advanced by the delay of the loop."""
     rig = setup.rig
     time = tick_times(rig, motion_ticks(rig, motion)) + rig.loop_delay
-    place, acceleration, jerk, snap = motion.derivatives_at(time)
+    position, acceleration, jerk, snap = motion.derivatives_at(time)
     mass_acceleration = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
     return np.asarray(
-        setup.assumed_rig.settings.body.mass_kg * mass_acceleration + setup.cable_stiffness * place
+        setup.assumed_rig.settings.body.mass_kg * mass_acceleration + setup.cable_stiffness * position
     )
 
 
@@ -147,27 +147,27 @@ def track(
     """
     rig, n = setup.rig, motion_ticks(setup.rig, motion)
     time = tick_times(rig, n + 1)
-    place, forward = motion.derivatives_at(time)[0], feedforward_force(setup, motion, gains)
+    position, feedforward = motion.derivatives_at(time)[0], feedforward_force(setup, motion, gains)
     if learnt_force is not None:
-        forward = forward + learnt_force
-    wrench = feedforward_wrench(setup.assumed_rig, forward)
-    scenario = scan_scenario(rig, place, frame_stray(rig, motion, time), wrench)
+        feedforward = feedforward + learnt_force
+    wrench = feedforward_wrench(setup.assumed_rig, feedforward)
+    scenario = scan_scenario(rig, position, frame_stray(rig, motion, time), wrench)
     # The position error is too small for a noticeable change of the cable force.
-    pulled = -setup.drift.cable * place[:n] + (0.0 if load is None else load)
-    return run_scenario(setup, replace(scenario, load=pulled), seed)
+    external_force = -setup.drift.cable * position[:n] + (0.0 if load is None else load)
+    return run_scenario(setup, replace(scenario, load=external_force), seed)
 
 
 def scan_scenario(
-    rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, offset: float = 0.0
+    rig: BodyRig, positions: FloatArray, stray: FloatArray, wrench: FloatArray, offset: float = 0.0
 ) -> Scenario:
     """Return the scenario of a motion along the set-point, with an optional offset, m.
 
-    `place` is the position of the long stroke and `stray` its path error, m; each has one value
+    `positions` are those of the long stroke and `stray` its path error, m; each has one value
     more than `wrench` has rows. The magnets ride on the long stroke, the position heads do not.
     """
-    n, along = len(wrench), scan_direction(rig.settings)
-    frame = np.outer(place + stray, along)
-    return Scenario(np.outer(place[:n] + offset, along), feed=wrench, frame=frame)
+    n, scan_axis = len(wrench), scan_direction(rig.settings)
+    frame = np.outer(positions + stray, scan_axis)
+    return Scenario(np.outer(positions[:n] + offset, scan_axis), feed=wrench, frame=frame)
 
 
 def run_scenario(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
@@ -198,20 +198,20 @@ def controller_matrices(setup: StageSetup) -> dict[str, FloatArray]:
     In addition, the matrix `at` gives the reading of each head for a unit of each coordinate.
     """
     file, head_matrix = setup.rig.settings, head_rows(setup.rig.settings)
-    decouple, weigh = decoupling_matrices(setup.assumed_rig.settings)
+    decoupling_matrix, weight_matrix = decoupling_matrices(setup.assumed_rig.settings)
     b0, b1, b2, a1, a2 = pid_coefficients(setup.rig).values()
     mass, speed = file.body.mass_kg, file.tracking.land_m_per_s * setup.rig.dt
-    ends = np.array(stop_distances(file))[:, None]
+    stops = np.array(stop_distances(file))[:, None]
     return {
         "at": head_matrix,
         "see": np.ascontiguousarray(np.linalg.pinv(head_matrix)),
         "without": inverses_without_head(file).reshape(head_matrix.size, len(head_matrix)),
         "ground": np.array(axis_indices(file) if file.has_ground_heads else [], dtype=float),
-        "decouple": decouple,
-        "weigh": weigh,
+        "decouple": decoupling_matrix,
+        "weigh": weight_matrix,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
-        "reach": MAX_POSE_STOP_RATIO * ends,
-        "lift": ends * (file.tracking.lift_m_per_s * setup.rig.dt / travel_m(file)),
+        "reach": MAX_POSE_STOP_RATIO * stops,
+        "lift": stops * (file.tracking.lift_m_per_s * setup.rig.dt / travel_m(file)),
         "land": np.array([[-speed * (axis == "z")] for axis in file.body.free]),
     }
 
@@ -227,10 +227,10 @@ def make_axes_controller(
             magnets, setup.compensator.parameters.flux_full_scale
         )
     settings = controller_settings(setup) | monitoring_settings(setup.rig)
-    kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
+    kind, idle_force = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
     controller_class = TrackingAxesF32 if setup.number_format == "f32" else TrackingAxes
     controller = controller_class(
-        magnets, wrench_layout(setup.rig.settings, kind, idle), controller_matrices(setup), settings
+        magnets, wrench_layout(setup.rig.settings, kind, idle_force), controller_matrices(setup), settings
     )
     if setup.correction_rows is not None:
         controller.correct(setup.correction_rows)

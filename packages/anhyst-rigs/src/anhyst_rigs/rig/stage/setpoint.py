@@ -57,9 +57,9 @@ class SetPoint:
         derivatives = [np.zeros_like(time) for _ in range(4)]
         for begin, length, height in self.pulses:
             rise = height / self._integrate_jerk_pulse(np.array([self.jerk_phase]), 1)[0]
-            for sign, start in ((1.0, begin), (-1.0, begin + length - self.jerk_phase)):
+            for sign, pulse_start in ((1.0, begin), (-1.0, begin + length - self.jerk_phase)):
                 for number, order in enumerate((3, 1, 0, -1)):
-                    derivatives[number] += sign * rise * self._integrate_jerk_pulse(time - start, order)
+                    derivatives[number] += sign * rise * self._integrate_jerk_pulse(time - pulse_start, order)
         return derivatives[0], derivatives[1], derivatives[2], derivatives[3]
 
     def _integrate_jerk_pulse(self, time: FloatArray, order: int) -> FloatArray:
@@ -68,13 +68,13 @@ class SetPoint:
         After the pulse, the polynomial has a lower degree, so that long motions keep full
         precision.
         """
-        end, later = np.array([self.jerk_phase]), np.maximum(time - self.jerk_phase, 0.0)
-        remaining = (
-            self._integrate_within_pulse(end, order - power) * later**power / power
+        end, time_after = np.array([self.jerk_phase]), np.maximum(time - self.jerk_phase, 0.0)
+        later_integrals = (
+            self._integrate_within_pulse(end, order - power) * time_after**power / power
             for power in range(1, order)
         )
         return np.asarray(
-            self._integrate_within_pulse(np.minimum(time, self.jerk_phase), order) + sum(remaining)
+            self._integrate_within_pulse(np.minimum(time, self.jerk_phase), order) + sum(later_integrals)
         )
 
     def _integrate_within_pulse(self, time: FloatArray, order: int) -> FloatArray:
@@ -83,11 +83,11 @@ class SetPoint:
         corners = ((0.0, 1.0), (snap, -1.0), (jerk - snap, -1.0), (jerk, 1.0))
         power = order + 1
         factorial = np.prod(np.arange(1, power + 1)) if power else 1.0
-        parts = (
+        integrals = (
             sign / snap * np.where(time >= corner_time, np.maximum(time - corner_time, 0.0) ** power, 0.0)
             for corner_time, sign in corners
         )
-        return np.asarray(sum(parts) / factorial)
+        return np.asarray(sum(integrals) / factorial)
 
 
 def scan_motion(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
@@ -120,16 +120,16 @@ class SampledMotion:
         return float(speed), float(self.acceleration[tick])
 
 
-def sample_motion(motion: SetPoint, dt: float, ahead: float) -> SampledMotion:
-    """Sample a motion that ends at rest; feedforward values are advanced by the time `ahead`, s."""
+def sample_motion(motion: SetPoint, dt: float, lead_time: float) -> SampledMotion:
+    """Sample a motion that ends at rest; feedforward values are advanced by `lead_time`, s."""
     time = dt * np.arange(round(motion.duration / dt) + 1, dtype=np.float64)
     position, acceleration, _, _ = motion.derivatives_at(time)
-    later, *derivatives = motion.derivatives_at(time[:-1] + ahead)
-    return SampledMotion(position, acceleration[:-1], np.column_stack([*derivatives, later]))
+    early_position, *derivatives = motion.derivatives_at(time[:-1] + lead_time)
+    return SampledMotion(position, acceleration[:-1], np.column_stack([*derivatives, early_position]))
 
 
 def plan_braking(
-    speed: float, acceleration: float, motion: SetPoint, dt: float, ahead: float
+    speed: float, acceleration: float, motion: SetPoint, dt: float, lead_time: float
 ) -> SampledMotion:
     """Return a motion that brakes to rest with a cubic speed profile.
 
@@ -151,7 +151,7 @@ def plan_braking(
         return [first * is_moving, second * is_moving, third * is_moving, position]
 
     time = dt * np.arange(count + 1, dtype=np.float64)
-    return SampledMotion(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + ahead)))
+    return SampledMotion(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + lead_time)))
 
 
 def frame_stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:

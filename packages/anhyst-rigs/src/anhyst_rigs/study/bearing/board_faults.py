@@ -40,7 +40,7 @@ _HOVER_CHECK_S = 0.25
 _REST_S = 0.02
 """Time on a stop without current after which the armature counts as at rest, s."""
 _OVERLOAD_S = 0.1
-_STEP_M = 10e-6
+_GAP_STEP_M = 10e-6
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class FaultOutcome:
     @property
     def is_as_expected(self) -> bool:
         """Whether the controller reported the expected fault, or kept the armature levitated."""
-        expected = self.injection.expected_fault
-        return self.fault is expected and self.is_levitating == (expected is Fault.NONE)
+        expected_fault = self.injection.expected_fault
+        return self.fault is expected_fault and self.is_levitating == (expected_fault is Fault.NONE)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome for JSON."""
@@ -91,10 +91,10 @@ def _fake_readings(ticks: float = math.inf, /, **readings: int | Callable[[Plant
     """Replace sensor readings by constants or by functions of the sample, for some ticks."""
 
     def change(sample: PlantSample) -> PlantSample:
-        changed = {
+        new_readings = {
             name: reading(sample) if callable(reading) else reading for name, reading in readings.items()
         }
-        return replace(sample, **changed)
+        return replace(sample, **new_readings)
 
     def act(bench: BearingBench, tick: int) -> bool:
         bench.tap.change_sample = change if tick < ticks else None
@@ -103,10 +103,10 @@ def _fake_readings(ticks: float = math.inf, /, **readings: int | Callable[[Plant
     return act
 
 
-def _freeze_position(bench: BearingBench, tick: int) -> bool:
+def _repeat_position(bench: BearingBench, tick: int) -> bool:
     """Freeze the position reading, and step the target."""
     if tick == 0:
-        bench.demand(bench.gap + _STEP_M)
+        bench.demand(bench.gap + _GAP_STEP_M)
         samples: list[PlantSample] = []
 
         def frozen(sample: PlantSample) -> PlantSample:
@@ -117,7 +117,7 @@ def _freeze_position(bench: BearingBench, tick: int) -> bool:
     return True
 
 
-def _miss_ticks(bench: BearingBench, tick: int) -> bool:
+def _omit_ticks(bench: BearingBench, tick: int) -> bool:
     """Withhold five ticks in a row from the controller."""
     if tick == 0:
         bench.tap.ticks_to_skip = 5
@@ -125,7 +125,7 @@ def _miss_ticks(bench: BearingBench, tick: int) -> bool:
     return True
 
 
-def _sag_supply(bench: BearingBench, tick: int) -> bool:
+def _lower_supply(bench: BearingBench, tick: int) -> bool:
     """Reduce the supply voltage; the board reports this after 1 ms."""
     if tick == 0:
         bench.bearing.supply *= _SAG_RATIO
@@ -143,9 +143,9 @@ def _command_stop(bench: BearingBench, tick: int) -> bool:
 def _send_bad_blocks(bench: BearingBench, tick: int) -> bool:
     """Send a block with a wrong checksum, then one with invalid words and a correct checksum."""
     if tick == 0:
-        words = bench.link.read_block()
-        words[2] ^= 0x40
-        for broken in (words, set_generation(words, 7)):
+        block_words = bench.link.read_block()
+        block_words[2] ^= 0x40
+        for broken in (block_words, set_generation(block_words, 7)):
             try:
                 bench.link.write_block(broken)
             except RequestRefusedError:
@@ -185,7 +185,7 @@ def fault_injections() -> Iterator[FaultInjection]:
         return max(sample.position - round(0.7 * Q31), 1 + _SENSOR_ERROR_CODE)
 
     yield FaultInjection("position jumps", Fault.POSITION_STEP, _fake_readings(position=jumped))
-    yield FaultInjection("position frozen, target stepped", Fault.POSITION_STUCK, _freeze_position)
+    yield FaultInjection("position frozen, target stepped", Fault.POSITION_STUCK, _repeat_position)
     error_code_action = _fake_readings(current=_SENSOR_ERROR_CODE)
     code_out_of_range = round(1.9 * Q30)
     yield FaultInjection("current sensor's error code", Fault.CURRENT_RESERVED, error_code_action)
@@ -198,13 +198,13 @@ def fault_injections() -> Iterator[FaultInjection]:
     )
     yield FaultInjection("current sensor disconnected", current_mismatch, _fake_readings(current=0))
     yield FaultInjection("current read with the wrong sign", current_mismatch, inverted_current)
-    yield FaultInjection("five ticks missed", Fault.MISSED_TICK, _miss_ticks)
+    yield FaultInjection("five ticks missed", Fault.MISSED_TICK, _omit_ticks)
     yield FaultInjection("link lost", Fault.LINK_LOST, lambda bench, tick: False)
     yield FaultInjection("command stop", Fault.STOPPED, _command_stop)
     yield FaultInjection(
         "emergency stop open", Fault.EMERGENCY_STOP, _fake_readings(status=_EMERGENCY_STOP_BIT)
     )
-    yield FaultInjection("supply sags to a fifth", Fault.SUPPLY, _sag_supply)
+    yield FaultInjection("supply sags to a fifth", Fault.SUPPLY, _lower_supply)
     yield FaultInjection("winding too warm", Fault.TOO_WARM, _fake_readings(status=_TOO_WARM_BIT))
     yield FaultInjection("amplifier reports a fault", Fault.AMPLIFIER, _fake_readings(status=_AMPLIFIER_BIT))
     yield FaultInjection("over-current", Fault.OVER_CURRENT, _fake_readings(status=_OVER_CURRENT_BIT))

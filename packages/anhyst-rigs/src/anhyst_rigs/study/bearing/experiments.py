@@ -36,11 +36,11 @@ from anhyst_rigs.rig.recording import RISE_CODE, Recording, peak_deviation
 from anhyst_rigs.study.bearing.responses import position_resolution, recovery_time
 from anhyst_rigs.study.engine.table import CaseFigures
 
-_PERIODS_PER_PIECE = 6  # number of periods in a segment
-_MIN_PIECES = 5  # minimum number of segments
+_PERIODS_PER_SEGMENT = 6  # number of periods in a segment
+_MIN_SEGMENTS = 5  # minimum number of segments
 _MAX_CANDIDATES = 5  # number of peaks of the spectrum that are tested
 _FALSE_ALARM_PROBABILITY = 1e-3  # probability that noise is reported as a limit cycle
-_MIN_VARIANCE_SHARE = 0.1  # smallest fraction of the variance in a limit cycle
+_MIN_VARIANCE_RATIO = 0.1  # smallest fraction of the variance in a limit cycle
 _PADDING_FACTOR = 8
 
 
@@ -55,7 +55,7 @@ class LimitCycle:
 
 def min_detectable_frequency(duration: float) -> float:
     """Return the lowest frequency of a limit cycle that can be distinguished from noise, Hz."""
-    return _PERIODS_PER_PIECE * _MIN_PIECES / duration
+    return _PERIODS_PER_SEGMENT * _MIN_SEGMENTS / duration
 
 
 def find_limit_cycle(time: ArrayLike, position: ArrayLike, min_amplitude: float = 1e-9) -> LimitCycle | None:
@@ -68,10 +68,10 @@ def find_limit_cycle(time: ArrayLike, position: ArrayLike, min_amplitude: float 
         return None
     tick_s = float(t[-1] - t[0]) / (len(t) - 1)
     for frequency in _peak_frequencies(y, tick_s):
-        amplitudes = _amplitudes(y, tick_s, frequency)
+        amplitudes = _complex_amplitudes(y, tick_s, frequency)
         power = float(np.mean(np.abs(amplitudes) ** 2))
         variance_share = 0.5 * power / variance
-        if variance_share < _MIN_VARIANCE_SHARE or math.sqrt(power) < min_amplitude:
+        if variance_share < _MIN_VARIANCE_RATIO or math.sqrt(power) < min_amplitude:
             continue
         if _has_constant_phase(amplitudes, len(y)) or _has_constant_amplitude(amplitudes):
             return LimitCycle(math.sqrt(power), 1.0 / frequency, min(1.0, variance_share))
@@ -98,21 +98,21 @@ def _select_distant_peaks(power: FloatArray, distance: int) -> NDArray[np.intp]:
     peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]))
     chosen: list[int] = []
     for index in peaks[np.argsort(power[peaks])[::-1]].tolist():
-        if all(abs(index - other) >= distance for other in chosen):
+        if all(abs(index - other_index) >= distance for other_index in chosen):
             chosen.append(index)
         if len(chosen) == _MAX_CANDIDATES:
             break
     return np.array(chosen, dtype=np.intp)
 
 
-def _amplitudes(y: FloatArray, tick_s: float, frequency: float) -> NDArray[np.complex128]:
+def _complex_amplitudes(y: FloatArray, tick_s: float, frequency: float) -> NDArray[np.complex128]:
     """Return the complex amplitude of an oscillation in every segment."""
-    length = round(_PERIODS_PER_PIECE / (frequency * tick_s))
+    length = round(_PERIODS_PER_SEGMENT / (frequency * tick_s))
     count = len(y) // length
     window = np.hanning(length)
     rotation = np.exp(-2j * np.pi * frequency * tick_s * np.arange(count * length))
-    pieces = (y[: count * length] * rotation).reshape(count, length)
-    return np.asarray(2.0 * (pieces @ window) / np.sum(window))
+    period_rows = (y[: count * length] * rotation).reshape(count, length)
+    return np.asarray(2.0 * (period_rows @ window) / np.sum(window))
 
 
 def _has_constant_phase(amplitudes: NDArray[np.complex128], samples: int) -> bool:
@@ -354,7 +354,7 @@ def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
         return _run_overload(trial)
     if trial.subject == "wrong initial state":
         scenario = _lift_off(trial.setup).hold(RECOVERY_S).build()
-        reference_run, event_run = (_run(trial, scenario, largest) for largest in (False, True))
+        reference_run, event_run = (_simulate_trial(trial, scenario, largest) for largest in (False, True))
         # Magnetised iron lifts the armature earlier. Therefore, the evaluation of each run begins
         # when its armature begins to rise.
         return _compare_runs(
@@ -363,13 +363,13 @@ def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
     builder = _lift_off(trial.setup)
     stop_distance = builder.gap - trial.setup.rig.settings.body.stop_low_m
     scenario = builder.step(builder.gap - min(DROP_STEP_M, stop_distance / 2.0), RECOVERY_S).build()
-    reference_run, reference_step = _run(trial, scenario), scenario.steps[0]
+    reference_run, reference_step = _simulate_trial(trial, scenario), scenario.steps[0]
     if reference_run[1]:
         return None
     velocity = reference_run[0].slice_ticks(reference_step.begin, reference_step.end)["velocity_m_per_s"]
     begin_tick = reference_step.begin + int(np.argmax(np.abs(velocity)))
     scenario.command[begin_tick] |= DROP_SAMPLE_BIT
-    return _compare_runs(trial.setup, reference_run, _run(trial, scenario), lambda _: begin_tick)
+    return _compare_runs(trial.setup, reference_run, _simulate_trial(trial, scenario), lambda _: begin_tick)
 
 
 def _run_overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
@@ -427,11 +427,13 @@ def _lift_off(setup: BearingSetup) -> ScenarioBuilder:
 
 def _run_part(trial: ExperimentTrial, scenario: Scenario, begin_tick: int) -> Recording | None:
     """Run a scenario, and return its recording from a tick on; None if levitation was lost."""
-    recording, has_lost = _run(trial, scenario)
+    recording, has_lost = _simulate_trial(trial, scenario)
     return None if has_lost else recording.slice_ticks(begin_tick, len(recording))
 
 
-def _run(trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False) -> tuple[Recording, bool]:
+def _simulate_trial(
+    trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False
+) -> tuple[Recording, bool]:
     recording = SimulatedLoop(trial.setup, trial.seed, largest_first).run(scenario)
     has_lost = levitation_loss_time(trial.setup.rig, recording, scenario.lift_end_tick) is not None
     return recording, has_lost or len(recording) < scenario.ticks

@@ -37,12 +37,12 @@ def list_bearing_files(rig_path: PathLike, controller_path: PathLike | None) -> 
 
 
 def _named_files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
-    measured, rig_files = (
+    loop_files, rig_files = (
         rig.measured_loops,
         [rig.path, rig.model_path, rig.flux_table_path, rig.calibration_path],
     )
     paths = [*rig_files, controller.path, controller.model]
-    return [file for file in paths if file is not None] + list(measured.files)
+    return [file for file in paths if file is not None] + list(loop_files.files)
 
 
 @dataclass(frozen=True)

@@ -120,8 +120,8 @@ def discretise(
     return closed, reference, _pad_with_zeros(position, len(reference))
 
 
-def _pad_with_zeros(row: FloatArray, length: int) -> FloatArray:
-    return np.concatenate([row, np.zeros(length - len(row))])
+def _pad_with_zeros(coefficients: FloatArray, length: int) -> FloatArray:
+    return np.concatenate([coefficients, np.zeros(length - len(coefficients))])
 
 
 def voltage_matrices(bearing: LinearBearing) -> tuple[FloatArray, FloatArray, FloatArray, float]:

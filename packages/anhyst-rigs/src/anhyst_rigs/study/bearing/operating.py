@@ -197,7 +197,7 @@ PATHOLOGICAL_SLOPE_RATIO = 0.25
 """
 _SETTLING_CYCLES = 3  # number of cycles until the loop is in steady state
 _SAMPLES_PER_BRANCH = 400  # number of samples of a branch
-_SLOPE_SPAN = 0.05  # half-width of the fit of a static slope, relative to the current range
+_SLOPE_HALF_WIDTH = 0.05  # half-width of the fit of a static slope, relative to the current range
 _REVERSAL_STEP = 0.0005  # size of the reversal, relative to the current range
 
 
@@ -235,7 +235,7 @@ def label_iron(slope_ratio: float) -> Literal["regular", "pathological"]:
 
 
 def measure_slopes(
-    apply: Callable[[float, float], float],
+    force_at: Callable[[float, float], float],
     current: float,
     gap: float,
     low: float,
@@ -243,44 +243,46 @@ def measure_slopes(
     gap_step: float,
 ) -> ReversalSlopes:
     """Measure the slopes of a magnet with hysteresis on its steady-state loop."""
-    slope_span, reversal_step = _SLOPE_SPAN * (high - low), _REVERSAL_STEP * (high - low)
+    slope_span, reversal_step = _SLOPE_HALF_WIDTH * (high - low), _REVERSAL_STEP * (high - low)
     if not low + slope_span < current < high - slope_span:
         raise ValueError(f"the current of {current:g} A is too close to the ends of {low:g}..{high:g} A")
     below_gap, at_gap, above_gap = (
-        _mean_branch(apply, current, held_gap, low, high)
+        _mean_branch(force_at, current, held_gap, low, high)
         for held_gap in (gap - gap_step, gap, gap + gap_step)
     )
-    _settle_on_loop(apply, gap, low, high)
-    ascending_force = _drive(apply, gap, low, current)[-1]
-    after_rise = (ascending_force - apply(current - reversal_step, gap)) / reversal_step
-    _drive(apply, gap, current - reversal_step, high)
-    descending_force = _drive(apply, gap, high, current)[-1]
-    after_fall = (apply(current + reversal_step, gap) - descending_force) / reversal_step
+    _settle_on_loop(force_at, gap, low, high)
+    ascending_force = _move_current(force_at, gap, low, current)[-1]
+    after_rise = (ascending_force - force_at(current - reversal_step, gap)) / reversal_step
+    _move_current(force_at, gap, current - reversal_step, high)
+    descending_force = _move_current(force_at, gap, high, current)[-1]
+    after_fall = (force_at(current + reversal_step, gap) - descending_force) / reversal_step
     k_s = (below_gap[0] - above_gap[0]) / (2.0 * gap_step)
     return ReversalSlopes(Slopes(at_gap[0], at_gap[1], k_s), float(after_rise), float(after_fall))
 
 
-def _drive(apply: Callable[[float, float], float], gap: float, start: float, end: float) -> FloatArray:
+def _move_current(
+    force_at: Callable[[float, float], float], gap: float, start: float, end: float
+) -> FloatArray:
     """Move the current from one value to another, and return the forces along this path."""
-    return np.array([apply(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]])
+    return np.array([force_at(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]])
 
 
-def _settle_on_loop(apply: Callable[[float, float], float], gap: float, low: float, high: float) -> None:
+def _settle_on_loop(force_at: Callable[[float, float], float], gap: float, low: float, high: float) -> None:
     for _ in range(_SETTLING_CYCLES):
-        _drive(apply, gap, low, high)
-        _drive(apply, gap, high, low)
+        _move_current(force_at, gap, low, high)
+        _move_current(force_at, gap, high, low)
 
 
 def _mean_branch(
-    apply: Callable[[float, float], float], current: float, gap: float, low: float, high: float
+    force_at: Callable[[float, float], float], current: float, gap: float, low: float, high: float
 ) -> tuple[float, float]:
     """Return the force at a current, N, and its slope, N/A; both averaged over the two branches."""
-    _settle_on_loop(apply, gap, low, high)
-    ascending, descending = _drive(apply, gap, low, high), _drive(apply, gap, high, low)
+    _settle_on_loop(force_at, gap, low, high)
+    ascending, descending = _move_current(force_at, gap, low, high), _move_current(force_at, gap, high, low)
     grid = np.linspace(low, high, _SAMPLES_PER_BRANCH + 1)
     mean_force = 0.5 * (ascending[:-1] + descending[-2::-1])  # samples at grid[1:-1]
     deviation = grid[1:-1] - current
-    is_near = np.abs(deviation) <= _SLOPE_SPAN * (high - low)
+    is_near = np.abs(deviation) <= _SLOPE_HALF_WIDTH * (high - low)
     # A parabola is fitted, so that the curvature does not bias the slope.
     coefficients = np.polynomial.Polynomial.fit(deviation[is_near], mean_force[is_near], 2).convert().coef
     return float(coefficients[0]), float(coefficients[1])

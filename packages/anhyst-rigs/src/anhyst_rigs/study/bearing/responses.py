@@ -42,11 +42,11 @@ from anhyst_rigs.study.engine.table import (
 
 SETTLING_BAND = 0.02  # settling band, relative to the height of the step
 _RESOLUTION_FACTOR = 3.0  # smallest settling band, in multiples of the rms resolution of the sensor
-_STANDSTILL_PART = 0.25  # last fraction of a hold that is evaluated as standstill
+_STANDSTILL_FRACTION = 0.25  # last fraction of a hold that is evaluated as standstill
 # This is the last fraction of a hold, in which the noise of an overshoot is estimated. Noise counts
 # on both sides, an overshoot on one side only. Therefore, half of the hold gives as many values for
 # the noise as the whole hold gives for the overshoot.
-_NOISE_PART = 0.5
+_NOISE_FRACTION = 0.5
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ def evaluate_step(time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolut
     height = float(r[1] - r[0])
     progress = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
     elapsed = t[1:] - t[1]
-    standstill = y[1 + int((1.0 - _STANDSTILL_PART) * len(progress)) :]
-    late_progress = progress[int((1.0 - _NOISE_PART) * len(progress)) :]
+    standstill_progress = y[1 + int((1.0 - _STANDSTILL_FRACTION) * len(progress)) :]
+    late_progress = progress[int((1.0 - _NOISE_FRACTION) * len(progress)) :]
     error = np.abs(y[1:] - r[1])
     return StepFigures(
         overshoot_percent=100.0 * max(0.0, float(np.max(progress)) - 1.0),
@@ -95,16 +95,16 @@ def evaluate_step(time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolut
         - min(_crossing_time(elapsed, progress, 0.1), elapsed[-1]),
         settling_time_s=_settling_time(elapsed, error, SETTLING_BAND * abs(height)),
         settling_in_noise_s=_settling_time(elapsed, error, settling_band(height, resolution)),
-        steady_error_m=float(np.mean(standstill)) - float(r[1]),
-        standstill_rms_m=float(np.std(standstill)),
+        steady_error_m=float(np.mean(standstill_progress)) - float(r[1]),
+        standstill_rms_m=float(np.std(standstill_progress)),
     )
 
 
-def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) -> float:
+def recovery_time(time: ArrayLike, error: ArrayLike, step_time: float, band: float) -> float:
     """Return the time after a disturbance until the error stays within a band, s."""
     t = np.asarray(time, dtype=float)
-    is_later = t >= start
-    return _settling_time(t[is_later] - start, np.abs(np.asarray(error, dtype=float))[is_later], band)
+    is_later = t >= step_time
+    return _settling_time(t[is_later] - step_time, np.abs(np.asarray(error, dtype=float))[is_later], band)
 
 
 def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
@@ -112,15 +112,15 @@ def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
     return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
 
 
-def _crossing_time(elapsed: FloatArray, progress: FloatArray, share: float) -> float:
+def _crossing_time(elapsed: FloatArray, progress: FloatArray, crossed_fraction: float) -> float:
     """Return the interpolated time at which the progress first reaches a level; inf if never."""
-    reached_samples = np.flatnonzero(progress >= share)
+    reached_samples = np.flatnonzero(progress >= crossed_fraction)
     if not len(reached_samples):
         return math.inf
     i = int(reached_samples[0])
     if i == 0:
         return float(elapsed[0])
-    fraction = (share - progress[i - 1]) / (progress[i] - progress[i - 1])
+    fraction = (crossed_fraction - progress[i - 1]) / (progress[i] - progress[i - 1])
     return float(elapsed[i - 1] + fraction * (elapsed[i] - elapsed[i - 1]))
 
 
@@ -191,33 +191,35 @@ def measure_sensitivity(
     frequencies_Hz = np.atleast_1d(np.asarray(frequencies, dtype=float))
     if not (np.all(frequencies_Hz > 0.0) and np.all(frequencies_Hz < 0.5 * rate)):
         raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")
-    pieces = _plan_sweep(frequencies_Hz.tolist(), rate)
-    sines = [sine(piece.frequency / rate * np.arange(piece.end - piece.begin)) for piece in pieces]
+    sine_pieces = _plan_sweep(frequencies_Hz.tolist(), rate)
+    sines = [sine(piece.frequency / rate * np.arange(piece.end - piece.begin)) for piece in sine_pieces]
     inject = amplitude * np.concatenate(sines)  # Every sine begins at zero.
     position = run(inject)["gap_read_m"]
     if len(position) != len(inject):
         raise ValueError(f"the run has {len(position)} ticks where {len(inject)} were injected")
-    fits = [_fit_sine(position, piece, rate) for piece in pieces]
+    responses = [_fit_sine(position, piece, rate) for piece in sine_pieces]
     return Sensitivity(
         frequency=frequencies_Hz,
-        ratio=np.array([amplitude_ratio / amplitude for amplitude_ratio, _ in fits], dtype=np.complex128),
-        residual_ratio=np.array([residual for _, residual in fits]) / (amplitude / math.sqrt(2.0)),
+        ratio=np.array(
+            [amplitude_ratio / amplitude for amplitude_ratio, _ in responses], dtype=np.complex128
+        ),
+        residual_ratio=np.array([residual for _, residual in responses]) / (amplitude / math.sqrt(2.0)),
         amplitude=amplitude,
     )
 
 
 def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
     """Arrange the frequencies one after another, each for a whole number of periods."""
-    pieces: list[_SinePiece] = []
+    sine_pieces: list[_SinePiece] = []
     begin = 0
     for frequency in frequencies:
         settling_ticks = math.ceil(max(_MIN_SETTLING_PERIODS / frequency, _MIN_SETTLING_S) * rate)
         periods = max(_MIN_PERIODS, math.ceil(_MIN_MEASURING_S * frequency))
         measured_from = begin + settling_ticks
         end = measured_from + round(periods / frequency * rate)
-        pieces.append(_SinePiece(frequency, begin, measured_from, end))
+        sine_pieces.append(_SinePiece(frequency, begin, measured_from, end))
         begin = end
-    return pieces
+    return sine_pieces
 
 
 def _fit_sine(position: FloatArray, piece: _SinePiece, rate: float) -> tuple[complex, float]:
@@ -227,10 +229,10 @@ def _fit_sine(position: FloatArray, piece: _SinePiece, rate: float) -> tuple[com
     # The mean and a slow drift are not part of the response.
     drift = np.linspace(-1.0, 1.0, len(ticks))
     basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(phase), drift])
-    measured = position[piece.measured_from : piece.end]
-    mean = float(np.mean(measured))
-    coefficients, *_ = np.linalg.lstsq(basis, measured - mean, rcond=None)
-    residual = measured - mean - basis @ coefficients
+    measured_position = position[piece.measured_from : piece.end]
+    mean = float(np.mean(measured_position))
+    coefficients, *_ = np.linalg.lstsq(basis, measured_position - mean, rcond=None)
+    residual = measured_position - mean - basis @ coefficients
     return complex(coefficients[0], coefficients[1]), float(np.sqrt(np.mean(residual**2)))
 
 
@@ -405,7 +407,7 @@ class StepComparison:
 
     def figure(self, name: str) -> Mapping[MethodName, Interval]:
         """Return a metric for every variant, without a mean if levitation was lost."""
-        return {key: cell.interval(name) for key, cell in self.cells.items()}
+        return {key: step_cell.interval(name) for key, step_cell in self.cells.items()}
 
 
 def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:

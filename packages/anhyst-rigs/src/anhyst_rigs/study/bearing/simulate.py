@@ -56,7 +56,7 @@ COMPARED_VARIANTS = (
     *(name for name in MODEL_METHODS if name not in ("at-rest", "fused")),
 )
 """Variants that are compared with that of the controller file; ``flux`` requires a Hall probe."""
-_WORK_OF_PARTS = (5.0, 4.0)
+_PART_WORK = (5.0, 4.0)
 """Work of model and first run, then of the steps, relative to that of another experiment."""
 
 
@@ -160,7 +160,7 @@ class Simulation(StudyResult):
         """Return the overshoot and the standstill rms of every variant at the highest step."""
         facts = {"rig": self.rig.settings.name, "controller": self.main_variant}
         for name in self.setups:
-            highest_step = [cell for cell in self.cells if cell.variant == name][-1]
+            highest_step = [step_cell for step_cell in self.cells if step_cell.variant == name][-1]
             facts[name] = (
                 f"overshoot {highest_step.interval('overshoot_percent').mean:.2f} % of "
                 f"{1e6 * highest_step.height:g} um, standstill "
@@ -170,12 +170,12 @@ class Simulation(StudyResult):
 
     def to_columns(self) -> dict[str, Any]:
         """Return the metrics of all steps, one row per variant, gap and height, SI or per cent."""
-        names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
+        names = next((list(step_cell.figures) for step_cell in self.cells if step_cell.figures), [])
         rows = []
         for cell in self.cells:
             case = {"gap_m": cell.gap, "step_m": cell.height, "load_N": cell.load}
-            means = {name: cell.interval(name).mean for name in names}
-            rows.append({"variant": cell.variant, **case, "lost": cell.lost, **means})
+            mean_figures = {name: cell.interval(name).mean for name in names}
+            rows.append({"variant": cell.variant, **case, "lost": cell.lost, **mean_figures})
         return rows_to_columns(rows)
 
     @cached_property
@@ -197,7 +197,7 @@ class Simulation(StudyResult):
             "delay_ticks": rig.timing.delay_ticks,
             "plant": self.plant.as_dict(),
             "operating_point": _operating_point_dict(self.operating_point),
-            "steps": [cell.as_dict() for cell in self.cells],
+            "steps": [step_cell.as_dict() for step_cell in self.cells],
             **self.experiments.as_dict(),
             "loop": {
                 name: asdict(self.loops[name].margins) if has_constant_gains(setup) else None
@@ -239,11 +239,11 @@ def simulate_bearing(
     rig = inputs.rig
     settings = rig.settings
     experiment_count = len(settings.trajectories) + len(settings.load_steps_N) + len(experiments.EVENTS)
-    parts = split_progress(progress, [*_WORK_OF_PARTS, *[1.0] * (1 + experiment_count)])
+    part_progress = split_progress(progress, [*_PART_WORK, *[1.0] * (1 + experiment_count)])
     knowledge = inputs.identify_magnet()
     main_variant = controller.settings.compensation.variant
     main_setup = make_setups(rig, controller, knowledge, (main_variant,))[main_variant]
-    steps, load_steps, landing = plan_recorded_run(rig, main_setup.controller)
+    steps, load_steps, landing_tick = plan_recorded_run(rig, main_setup.controller)
     loop = SimulatedLoop(main_setup)
     recording = step_recording = loop.run(steps)
     if len(step_recording) == steps.ticks:
@@ -254,16 +254,16 @@ def simulate_bearing(
         save_lost_run(recording, out)
         _write_model(out, rig, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     setups, left_out = _make_compared_setups(main_setup, controller, knowledge)
-    shown = {
+    shown_recordings = {
         name: step_recording if name == main_variant else SimulatedLoop(setup).run(steps)
         for name, setup in setups.items()
     }
     heights, load, seeds = settings.step.heights_m, settings.load.force_N, default_seeds(rig)
     all_setups = list(setups.values())
-    cells = compare_steps(all_setups, settings.step_gaps_m, heights, [load], seeds, next(parts))
-    experiment_results = experiments.run_experiments(rig, setups, seeds, parts)
+    cells = compare_steps(all_setups, settings.step_gaps_m, heights, [load], seeds, next(part_progress))
+    experiment_results = experiments.run_experiments(rig, setups, seeds, part_progress)
     frequencies_Hz = sweep_frequencies(rig)
     sensitivities = {
         name: measure_loop_sensitivity(setup, settings.gap_m, load, frequencies_Hz, seed=0)
@@ -276,7 +276,7 @@ def simulate_bearing(
         setups=setups,
         operating_point=inputs.operating_point,
         recording=recording,
-        step_recordings=shown,
+        step_recordings=shown_recordings,
         scenario=steps,
         cells=cells,
         experiments=experiment_results,
@@ -284,7 +284,7 @@ def simulate_bearing(
         sensitivity={name: setup for name, setup in sensitivities.items() if setup is not None},
         plant=check_plant(rig, knowledge),
         left_out=left_out,
-        losses_after_steps=losses_after_steps(rig, recording, steps.ticks, landing),
+        losses_after_steps=losses_after_steps(rig, recording, steps.ticks, landing_tick),
     )
 
 

@@ -86,14 +86,14 @@ class Plants:
             "format": "anhyst-montecarlo",
             "version": 2,
             "anhyst": running_version(),
-            "rig": _hash(self.file.model_dump_json(), self.input_files),
-            **{name: _hash(text, ()) for name, text in self.setting_texts.items()},
+            "rig": _hash_inputs(self.file.model_dump_json(), self.input_files),
+            **{name: _hash_inputs(text, ()) for name, text in self.setting_texts.items()},
             "variants": list(self.methods),
             "seed": self.seed,
         }
 
 
-def _hash(settings: str, files: Sequence[Path]) -> str:
+def _hash_inputs(settings: str, files: Sequence[Path]) -> str:
     total = hashlib.sha256(settings.encode())
     for path in files:
         total.update(hashlib.sha256(path.read_bytes()).digest())
@@ -181,14 +181,14 @@ class MonteCarlo(StudyResult):
             comparison
             for figure in self.plants.figures
             for case in range(len(figure.case_names))
-            if (comparison := self._compare(figure, case)) is not None
+            if (comparison := self._compare_figure(figure, case)) is not None
         ]
         return judge_against_baselines(own_method, compared, "figures", self.plants.beneficial_condition)
 
-    def _compare(self, figure: PlantMetric, case: int) -> ComparedFigure | None:
+    def _compare_figure(self, figure: PlantMetric, case: int) -> ComparedFigure | None:
         """Compare with the strongest baseline plant by plant, because both use the same plants."""
-        completed = [method for method in self.runs if not self.lost_count(method)]
-        means = {method: mean_interval(self.values(method, figure.key, case)) for method in completed}
+        survivors = [method for method in self.runs if not self.lost_count(method)]
+        means = {method: mean_interval(self.values(method, figure.key, case)) for method in survivors}
         if (baseline := strongest_baseline(means)) is None:
             return None
         own_method = self.plants.own_method
@@ -217,8 +217,8 @@ class MonteCarlo(StudyResult):
             for case, name in enumerate(figure.case_names):
                 for method in self.runs:
                     for plant, value in enumerate(self.values(method, figure.key, case)):
-                        row = {"figure": figure.key, "case": name, "variant": method}
-                        rows.append({**row, "plant": plant, "value": value})
+                        figure_values = {"figure": figure.key, "case": name, "variant": method}
+                        rows.append({**figure_values, "plant": plant, "value": value})
         return rows_to_columns(rows)
 
     def draw(self, ax: Axes) -> None:
@@ -232,8 +232,8 @@ class MonteCarlo(StudyResult):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the percentiles and the worst plants in the form of ``montecarlo.json``."""
-        variants = {method: self._variant(method) for method in self.runs}
-        worst = {
+        variants = {method: self._variant_dict(method) for method in self.runs}
+        worst_plants = {
             spread["worst_plant"]
             for variant in variants.values()
             for key, rows in variant.items()
@@ -247,26 +247,26 @@ class MonteCarlo(StudyResult):
             "plants": len(self.drifts),
             "seed": self.plants.seed,
             "variants": variants,
-            "worst_plants": {str(number): self.drifts[number].as_dict() for number in sorted(worst)},
+            "worst_plants": {str(number): self.drifts[number].as_dict() for number in sorted(worst_plants)},
             "verdict": {"level": verdict.level, "text": verdict.sentence},
         }
 
-    def _variant(self, method: MethodName) -> dict[str, Any]:
+    def _variant_dict(self, method: MethodName) -> dict[str, Any]:
         figures: dict[str, Any] = {"lost": self.lost_count(method)}
         for figure in self.plants.figures:
             rows = [
-                {figure.case_key: case, **_spread(self.values(method, figure.key, index))}
+                {figure.case_key: case, **_spread_dict(self.values(method, figure.key, index))}
                 for index, case in enumerate(figure.cases)
             ]
-            figures[figure.key] = rows or _spread(self.values(method, figure.key))
+            figures[figure.key] = rows or _spread_dict(self.values(method, figure.key))
         return figures
 
 
-def _spread(values: Sequence[float]) -> dict[str, float | int | None]:
+def _spread_dict(values: Sequence[float]) -> dict[str, float | int | None]:
     """Return percentiles, the worst value and its plant; infinite values are None for JSON."""
-    worst = int(np.argmax(values))
+    worst_index = int(np.argmax(values))
     spread = {f"p{percent}": percentile(values, percent) for percent in PERCENTILES}
-    return {**to_json_value({**spread, "worst": values[worst]}), "worst_plant": worst}
+    return {**to_json_value({**spread, "worst": values[worst_index]}), "worst_plant": worst_index}
 
 
 def percentile(values: Sequence[float], percent: float) -> float:
@@ -284,9 +284,9 @@ def monte_carlo(
     """Simulate drifted plants; continue an existing file of results."""
     fault = partial(find_fault, plants=plants)
     with ResultsFile(path, plants.header(), "plant", fault) as results:
-        remaining = [number for number in range(count) if number not in results.done]
+        remaining_numbers = [number for number in range(count) if number not in results.done]
         try:
-            for _, result in map_unordered(partial(run_plant, plants), remaining, progress, jobs):
+            for _, result in map_unordered(partial(run_plant, plants), remaining_numbers, progress, jobs):
                 results.add(result)
         except KeyboardInterrupt:
             done_count = sum(number in results.done for number in range(count))
@@ -298,7 +298,7 @@ def monte_carlo(
     return MonteCarlo(
         plants,
         tuple(plants.draw_plant(number)[0] for number in range(count)),
-        {name: tuple(_plant_run(row[name], plants) for row in rows) for name in plants.methods},
+        {name: tuple(_plant_run(record[name], plants) for record in rows) for name in plants.methods},
     )
 
 
@@ -312,32 +312,32 @@ def run_plant(plants: Plants, number: int) -> dict[str, Any]:
     return {"plant": number, "drift": drift.as_dict(), "variants": variants}
 
 
-def _plant_run(row: Mapping[str, Any], plants: Plants) -> PlantRun:
-    lost_s = row["lost_s"]
+def _plant_run(result: Mapping[str, Any], plants: Plants) -> PlantRun:
+    lost_s = result["lost_s"]
     values = {}
     for figure in plants.figures:
         lost_values = [None] * len(figure.case_names)
-        entry = lost_values if lost_s is not None else row[figure.key]
+        entry = lost_values if lost_s is not None else result[figure.key]
         cases = entry if isinstance(entry, list) else [entry]
         values[figure.key] = tuple(math.inf if case is None else case for case in cases)
     return PlantRun(values, lost_s)
 
 
-def find_fault(row: Mapping[str, Any], plants: Plants) -> str | None:
+def find_fault(result: Mapping[str, Any], plants: Plants) -> str | None:
     """Return why a line of the results file is not the result of a plant, or None."""
-    return next(_faults(row, plants), None)
+    return next(_record_faults(result, plants), None)
 
 
-def _faults(row: Mapping[str, Any], plants: Plants) -> Iterator[str]:
+def _record_faults(result: Mapping[str, Any], plants: Plants) -> Iterator[str]:
     """Yield the faults of a line of the results file; later checks may rely on the earlier ones."""
-    number = row.get("plant")
+    number = result.get("plant")
     if not isinstance(number, int) or isinstance(number, bool) or number < 0:
         yield "plant: must be the number of a plant"
     for key in ("drift", "variants"):
-        if not isinstance(row.get(key), dict):
+        if not isinstance(result.get(key), dict):
             yield f"{key}: is missing"
     for name in plants.methods:
-        run, prefix = row["variants"].get(name), f"variants.{name}"
+        run, prefix = result["variants"].get(name), f"variants.{name}"
         if not isinstance(run, dict):
             yield f"{prefix}: is missing"
         if not _is_valid_value(run.get("lost_s", math.nan)):

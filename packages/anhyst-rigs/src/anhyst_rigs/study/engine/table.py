@@ -33,7 +33,7 @@ VERDICT_TITLES: Mapping[Level, str] = {
     "no": "Not worth it here",
     "unknown": "No verdict",
 }
-MAX_LISTED = 4
+MAX_LISTED_COMPARISONS = 4
 """Largest number of comparisons that are listed; if there are more, only their count is given."""
 
 
@@ -64,14 +64,14 @@ def lost_interval(lost: int, count: int) -> Interval:
 
 def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
     """Return the mean of repeated measurements and its confidence interval (Student's t)."""
-    row = np.asarray(values, dtype=float)
-    if len(row) < 2:
+    samples = np.asarray(values, dtype=float)
+    if len(samples) < 2:
         raise ValueError("a confidence interval needs two values at least")
-    if not np.all(np.isfinite(row)):
-        return Interval(mean=float(np.mean(row)), half_width=math.nan, count=len(row))
-    factor = float(stdtrit(len(row) - 1, 0.5 + 0.5 * level))
-    spread = float(np.std(row, ddof=1)) / math.sqrt(len(row))
-    return Interval(mean=float(np.mean(row)), half_width=factor * spread, count=len(row))
+    if not np.all(np.isfinite(samples)):
+        return Interval(mean=float(np.mean(samples)), half_width=math.nan, count=len(samples))
+    factor = float(stdtrit(len(samples) - 1, 0.5 + 0.5 * level))
+    spread = float(np.std(samples, ddof=1)) / math.sqrt(len(samples))
+    return Interval(mean=float(np.mean(samples)), half_width=factor * spread, count=len(samples))
 
 
 @dataclass(frozen=True)
@@ -92,11 +92,11 @@ def mean_ratio(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> MeanR
     rows = np.array([upper, lower], dtype=float)
     count = rows.shape[1]
     factor = float(stdtrit(count - 1, 0.5 + 0.5 * level)) ** 2 / count
-    a, b = (float(mean) for mean in rows.mean(axis=1))
-    (aa, ab), (_, bb) = (factor * np.cov(rows)).tolist()
-    value = a / b if b > 0.0 else math.inf
+    mean_a, mean_b = (float(mean) for mean in rows.mean(axis=1))
+    (var_a, cov_ab), (_, var_b) = (factor * np.cov(rows)).tolist()
+    value = mean_a / mean_b if mean_b > 0.0 else math.inf
     # (a - R b)^2 <= aa - 2 R ab + R^2 bb
-    quadratic, linear, constant = b * b - bb, a * b - ab, a * a - aa
+    quadratic, linear, constant = mean_b * mean_b - var_b, mean_a * mean_b - cov_ab, mean_a * mean_a - var_a
     if quadratic <= 0.0:
         return MeanRatio(value, 0.0, math.inf)
     root = math.sqrt(max(linear * linear - quadratic * constant, 0.0))
@@ -186,20 +186,20 @@ def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: s
     worse = [comparison for comparison in comparable if comparison.is_worse]
     level: Level = "no" if not better else "mixed" if worse else "yes"
     equal = [comparison for comparison in comparable if not comparison.is_better and not comparison.is_worse]
-    parts = [
-        f"{word} {_format_comparisons(group, len(comparable), noun)}"
-        for word, group in (("less:", better), ("more:", worse), ("alike within the noise:", equal))
+    group_texts = [
+        f"{group_title} {_format_comparisons(group, len(comparable), noun)}"
+        for group_title, group in (("less:", better), ("more:", worse), ("alike within the noise:", equal))
         if group
     ]
-    return Judgement(level, "; ".join(parts))
+    return Judgement(level, "; ".join(group_texts))
 
 
 def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, noun: str) -> str:
     """List metrics with their ratios to the baseline, or give their number."""
-    if count > MAX_LISTED:
+    if count > MAX_LISTED_COMPARISONS:
         names = " or ".join(dict.fromkeys(f"'{comparison.baseline}'" for comparison in comparisons))
-        parts = sorted(comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio))
-        span = f", {_format_range(parts[0], parts[-1])} of {names}" if parts else f", against {names}"
+        ratios = sorted(comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio))
+        span = f", {_format_range(ratios[0], ratios[-1])} of {names}" if ratios else f", against {names}"
         return f"{len(comparisons)} of {count} {noun}{span}"
     by_baseline: dict[str, list[str]] = {}
     for comparison in comparisons:
@@ -252,10 +252,10 @@ class CaseFigures:
     @classmethod
     def summarise(cls, runs: Sequence[Mapping[str, float] | None], **extra_fields: Any) -> Self:
         """Summarise runs, one for each seed; a run that lost control is None."""
-        completed = [run for run in runs if run is not None]
-        names = completed[0] if len(completed) == len(runs) else ()
-        figures = {name: mean_interval([run[name] for run in completed]) for name in names}
-        return cls(figures=figures, lost=len(runs) - len(completed), runs=len(runs), **extra_fields)
+        completed_runs = [run for run in runs if run is not None]
+        names = completed_runs[0] if len(completed_runs) == len(runs) else ()
+        figures = {name: mean_interval([run[name] for run in completed_runs]) for name in names}
+        return cls(figures=figures, lost=len(runs) - len(completed_runs), runs=len(runs), **extra_fields)
 
     def interval(self, key: str) -> Interval:
         """Return the interval of a metric, without a mean if any run lost control."""

@@ -56,9 +56,9 @@ class Winding:
         decay = np.exp(-dt / self.time_constant * np.arange(1, current.size + 1))
         return float(np.min((MAX_WARMTH - warmth_from_cold) / decay))
 
-    def rest_time(self, before: float, after: float) -> float:
+    def rest_time(self, initial: float, final: float) -> float:
         """Return the time without current in which a warmth decays to a lower one above 0, s."""
-        return max(0.0, self.time_constant * math.log(before / after)) if before > after else 0.0
+        return max(0.0, self.time_constant * math.log(initial / final)) if initial > final else 0.0
 
 
 SENSOR_RANGE_RATIO = 0.95
@@ -206,7 +206,7 @@ STACK_PAUSE_S = 30.0
 
 def stack_specimen(rig: PiezoRig) -> Specimen:
     """Return a piezo stage as specimen. Amplifier and resonance limit its voltage and rate."""
-    amplifier, moved = rig.settings.stack_amplifier, rig.settings.displacement_case
+    amplifier, displacement_case = rig.settings.stack_amplifier, rig.settings.displacement_case
     if amplifier.low_V > 0.0:
         raise InputError(
             "amplifier.low_V: a stack is measured from long rest at 0 V; lower it to 0 or less",
@@ -219,7 +219,7 @@ def stack_specimen(rig: PiezoRig) -> Specimen:
     return Specimen(
         held_rig=None,
         gaps=(),
-        operating_force=Bound(moved.low_m + 0.5 * moved.stroke_m, "case.stroke_m"),
+        operating_force=Bound(displacement_case.low_m + 0.5 * displacement_case.stroke_m, "case.stroke_m"),
         max_current=Bound(amplifier.high_V, "amplifier.high_V"),
         max_rate=Bound(rate, "body.resonance_Hz"),
         max_force=Bound(math.inf, "sensor"),
@@ -334,18 +334,18 @@ def decaying_reversals(centre: float, first_swing: float, decay: tuple[float, fl
     """Return the reversal points of a sine that decays to a current, A, and this current."""
     ratio, last_swing = decay
     count = math.ceil(math.log(last_swing) / math.log(ratio))
-    swings = [centre + first_swing * (-ratio) ** number for number in range(count + 1)]
-    return [*swings, centre]
+    reversals = [centre + first_swing * (-ratio) ** number for number in range(count + 1)]
+    return [*reversals, centre]
 
 
 def sine_path(reversals: Sequence[float], step: float) -> FloatArray:
     """Return a path with sine-shaped branches between reversal points, and with a largest step, A."""
-    parts = [np.array(reversals[:1])]
+    path_segments = [np.array(reversals[:1])]
     for begin, end in pairwise(reversals):
         count = max(math.ceil(0.5 * math.pi * abs(end - begin) / step), 1)
         phase = np.arange(1, count + 1) / count
-        parts.append(begin + (end - begin) * 0.5 * (1.0 - np.cos(math.pi * phase)))
-    return np.concatenate(parts)
+        path_segments.append(begin + (end - begin) * 0.5 * (1.0 - np.cos(math.pi * phase)))
+    return np.concatenate(path_segments)
 
 
 def can_demagnetise(specimen: Specimen, peak: float) -> bool:
@@ -369,8 +369,8 @@ def design_records(specimen: Specimen, peak: float, operating: float) -> list[Re
         approach = sweep_path(approach_reversals, step)
         history = History("conditioned", tuple(approach_reversals))
     lower_end = -peak if specimen.is_bipolar else 0.0
-    first_reversal, *reversals = (lower_end + share * (peak - lower_end) for share in REVERSAL_RATIOS)
-    major = [turn for share in MAJOR_LOOP_ENDS for turn in (share * peak, share * lower_end)]
+    first_reversal, *reversals = (lower_end + ratio * (peak - lower_end) for ratio in REVERSAL_RATIOS)
+    major = [value for share in MAJOR_LOOP_ENDS for value in (share * peak, share * lower_end)]
     curves = [turn for reversal in reversals for turn in (reversal, first_reversal)]
     paths = {
         "major": sweep_path([0.0, *major], step),
@@ -395,10 +395,10 @@ def fast_cycle_rates(specimen: Specimen) -> list[float]:
     return sorted({min(speed, specimen.max_rate.value) for speed in specimen.fast_rates})
 
 
-def _minor_loop_reversals(peak: float, operating: float, swings: Sequence[float]) -> list[float]:
+def _minor_loop_reversals(peak: float, operating: float, swing_ratios: Sequence[float]) -> list[float]:
     """Return the reversal points of minor loops about a current, with limited amplitudes, A."""
     max_swing = min(operating, peak - operating)
-    sizes = [min(share * peak, max_swing) for share in swings]
+    sizes = [min(swing_ratio * peak, max_swing) for swing_ratio in swing_ratios]
     return [operating + side * size for size in sizes for side in (1.0, -1.0)]
 
 

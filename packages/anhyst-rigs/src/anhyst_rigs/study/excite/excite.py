@@ -166,13 +166,13 @@ class Excitation:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content of the JSON output."""
-        played, specimen = self.drive_history, self.specimen
+        drive_history, specimen = self.drive_history, self.specimen
         drive, unit = specimen.drive, specimen.units[0]
-        answer = "displacement_m" if specimen.output == "displacement" else "force_N"
+        output_name = "displacement_m" if specimen.output == "displacement" else "force_N"
         return {
             "loops": len(self.loops),
             "samples": sum(loop.n for loop in self.loops.loops),
-            "duration_s": float(played.time[-1]),
+            "duration_s": float(drive_history.time[-1]),
             "begins": "demagnetised" if self.begins_demagnetised else "conditioned",
             f"rate_{unit}_per_s": current_step(specimen) / specimen.sample_s,
             "limits": {
@@ -180,22 +180,22 @@ class Excitation:
                 for name, limit in (
                     (f"{drive}_{unit}", specimen.max_current),
                     (f"rate_{unit}_per_s", specimen.max_rate),
-                    (answer, specimen.max_force),
+                    (output_name, specimen.max_force),
                 )
                 if math.isfinite(limit.value)
             },
-            "warmth": None if specimen.winding is None else float(played.warmth.max()),
+            "warmth": None if specimen.winding is None else float(drive_history.warmth.max()),
             "gaps": [
                 {
-                    **({"gap_m": place.gap} if specimen.gaps else {}),
-                    f"{drive}_max_{unit}": place.peak.value,
-                    "limited_by": place.peak.key,
-                    answer: place.largest_force,
-                    f"operating_{unit}": place.operating_current,
-                    "operating_reached": place.is_force_reached,
-                    **({"needed_A_per_s": place.required_rate} if place.required_rate else {}),
+                    **({"gap_m": probed_gap.gap} if specimen.gaps else {}),
+                    f"{drive}_max_{unit}": probed_gap.peak.value,
+                    "limited_by": probed_gap.peak.key,
+                    output_name: probed_gap.largest_force,
+                    f"operating_{unit}": probed_gap.operating_current,
+                    "operating_reached": probed_gap.is_force_reached,
+                    **({"needed_A_per_s": probed_gap.required_rate} if probed_gap.required_rate else {}),
                 }
-                for place in self.probed_gaps
+                for probed_gap in self.probed_gaps
             ],
             "notes": list(self.notes),
         }
@@ -213,7 +213,7 @@ class _DriveLog:
     specimen: Specimen
     time: float = 0.0
     warmth: float = 0.0
-    parts: list[tuple[FloatArray, ...]] = field(default_factory=list)
+    row_blocks: list[tuple[FloatArray, ...]] = field(default_factory=list)
 
     def append(self, current: FloatArray, gap: float) -> FloatArray:
         """Append a path; return the times of its samples, s."""
@@ -224,7 +224,7 @@ class _DriveLog:
         else:
             warmth = winding.warmth_along(current, sample, self.warmth)
             self.warmth = float(warmth[-1])
-        self.parts.append((time, current, np.full(current.size, gap), warmth))
+        self.row_blocks.append((time, current, np.full(current.size, gap), warmth))
         self.time = float(time[-1])
         return time
 
@@ -242,7 +242,7 @@ class _DriveLog:
             self.rest(winding.rest_time(self.warmth, max_warmth), gap)
 
     def history(self) -> DriveHistory:
-        return DriveHistory(*(np.concatenate(column) for column in zip(*self.parts, strict=True)))
+        return DriveHistory(*(np.concatenate(column) for column in zip(*self.row_blocks, strict=True)))
 
 
 def measure_gaps(specimen: Specimen, progress: Progress | None = None) -> Excitation:
@@ -292,23 +292,23 @@ def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None =
     probe_answer = measure_stack_displacement(rig, log.history().current, specimen.sample_s, seed)
     probed = evaluate_probe(specimen, no_gap, rise, probe_answer[: rise.size].tolist(), thermal_peak)
     records = design_records(specimen, probed.peak.value, probed.operating_current)
-    times = []
+    output_times = []
     for record in records:
         log.append(record.approach, no_gap)
         log.rest(specimen.pause_s, no_gap)
-        times.append(log.append(record.path, no_gap))
-    played = log.history()
-    read = measure_stack_displacement(rig, played.current, specimen.sample_s, seed)
+        output_times.append(log.append(record.path, no_gap))
+    drive_history = log.history()
+    read_displacement = measure_stack_displacement(rig, drive_history.current, specimen.sample_s, seed)
     loops = []
-    for count, (record, time) in enumerate(zip(records, times, strict=True)):
+    for count, (record, time) in enumerate(zip(records, output_times, strict=True)):
         begin = round(time[0] / specimen.sample_s) - 1
-        answer = read[begin : begin + time.size]
-        loops.append(Loop(record.name, record.path, answer, None, time, record.history))
+        displacement = read_displacement[begin : begin + time.size]
+        loops.append(Loop(record.name, record.path, displacement, None, time, record.history))
         if progress is not None:
             progress(count + 1, len(records))
     names = QUANTITIES[specimen.drive], QUANTITIES[specimen.output]
     notes = tuple(describe_restrictions(specimen, [probed]))
-    return Excitation(Loops(tuple(loops), *names), specimen, (probed,), played, notes)
+    return Excitation(Loops(tuple(loops), *names), specimen, (probed,), drive_history, notes)
 
 
 def _probe_gap(
@@ -346,7 +346,7 @@ def evaluate_probe(
             key=specimen.max_force.key,
         )
     sufficient = np.flatnonzero(np.array(forces) >= specimen.operating_force.value)
-    min_operating, max_operating = (share * peak.value for share in OPERATING_RANGE)
+    min_operating, max_operating = (operating_fraction * peak.value for operating_fraction in OPERATING_RANGE)
     bias = float(driven[sufficient[0]]) if sufficient.size else np.inf
     operating = min(max(bias, min_operating), max_operating)
     required_rate = _required_rate(specimen, driven, np.array(forces), operating)
@@ -375,11 +375,11 @@ def _record_loop(
     seconds = record.sample_s if record.is_fast else math.inf
     current, force = measure_path(magnet, sensors, gap, record.path, seconds)
     label = f"{1e3 * gap:g}mm-{record.name}"
-    above = np.flatnonzero(np.abs(force) > specimen.max_force.value)
-    if above.size:
+    overload_samples = np.flatnonzero(np.abs(force) > specimen.max_force.value)
+    if overload_samples.size:
         raise InputError(
-            f"{specimen.max_force.key}: {label} reads {force[above[0]]:.4g} N at "
-            f"{current[above[0]]:.4g} A, more than {specimen.max_force.value:g} N, although the "
+            f"{specimen.max_force.key}: {label} reads {force[overload_samples[0]]:.4g} N at "
+            f"{current[overload_samples[0]]:.4g} A, more than {specimen.max_force.value:g} N, although the "
             "probe at this gap stayed below; lower excite.current_max_A",
             code="force-above-limit",
             key=specimen.max_force.key,
@@ -407,23 +407,23 @@ def check_operating_force(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
 def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) -> list[str]:
     """Describe the restrictions of the design, and the keys that cause them."""
     notes = []
-    unit, answer = specimen.units
+    unit, output_name = specimen.units
     if specimen.sweep_rate > specimen.max_rate.value:
         notes.append(
             f"current changes by {specimen.max_rate.value:.4g} A/s instead of {specimen.sweep_rate:.4g} A/s: "
             f"{specimen.max_rate.key}"
         )
-    for place in probed_gaps:
-        prefix = f"{1e3 * place.gap:g} mm: " if specimen.gaps else ""
-        if place.peak.value < specimen.max_current.value:
+    for probed_gap in probed_gaps:
+        prefix = f"{1e3 * probed_gap.gap:g} mm: " if specimen.gaps else ""
+        if probed_gap.peak.value < specimen.max_current.value:
             notes.append(
-                f"{prefix}largest current {place.peak.value:.4g} A instead of "
-                f"{specimen.max_current.value:.4g} A: {place.peak.key}"
+                f"{prefix}largest current {probed_gap.peak.value:.4g} A instead of "
+                f"{specimen.max_current.value:.4g} A: {probed_gap.peak.key}"
             )
-        if not place.is_force_reached:
+        if not probed_gap.is_force_reached:
             notes.append(
-                f"{prefix}minor loops about {place.operating_current:.4g} {unit}, which does not give the "
-                f"{specimen.operating_force.value:.4g} {answer} of {specimen.operating_force.key}"
+                f"{prefix}minor loops about {probed_gap.operating_current:.4g} {unit}, which does not give the "
+                f"{specimen.operating_force.value:.4g} {output_name} of {specimen.operating_force.key}"
             )
     if not all(can_demagnetise(specimen, place.peak.value) for place in probed_gaps):
         notes.append(
@@ -475,19 +475,19 @@ def excite(
     if sidecar.exists() and not is_sidecar(sidecar):
         raise InputError(f"{sidecar}: is not a sidecar of loops; write to another file", code="not-a-sidecar")
     try:
-        measured = (measure or source.measure)(source.specimen, progress)
+        excitation = (measure or source.measure)(source.specimen, progress)
     except InputError as error:
         raise error.with_location(rig) from error
-    write_excitation(measured, Path(rig), file)
-    return measured
+    write_excitation(excitation, Path(rig), file)
+    return excitation
 
 
-def write_excitation(measured: Excitation, rig: Path, out: Path) -> None:
+def write_excitation(excitation: Excitation, rig: Path, out: Path) -> None:
     """Write measured loops, and the sidecar that states their history."""
-    lines = [f"# measured by anhyst excite {rig.name}", *(f"# {note}" for note in measured.notes)]
-    histories = {loop.label: str(loop.history) for loop in measured.loops.loops}
+    lines = [f"# measured by anhyst excite {rig.name}", *(f"# {note}" for note in excitation.notes)]
+    histories = {loop.label: str(loop.history) for loop in excitation.loops.loops}
     lines += ["", "[history]"]
     lines += [f"{toml_key(label)} = {toml_value(history)}" for label, history in histories.items()]
     with atomic_writer(out.with_suffix(".toml")) as file:
         file.write("\n".join(lines) + "\n")
-    measured.loops.save(out)
+    excitation.loops.save(out)

@@ -204,27 +204,27 @@ class BoardDrive:
         """Drive the current to a value, A, and dwell; return samples of current and force."""
         force = min(current / self._ratio, self._bench.demand_range.high)
         self._bench.demand(force)
-        parts = [self._read_running_rows(self._chunk_ticks)]
+        row_blocks = [self._read_running_rows(self._chunk_ticks)]
         end = self._elapsed_s() + self._drive_timeout_s
-        while self._is_driving(parts[-1][-1:], force).any():
+        while self._is_driving(row_blocks[-1][-1:], force).any():
             if self._elapsed_s() > end:
                 raise InputError(
                     f"measure: the controller does not reach a demand of {force:g} N",
                     code="demand-not-reached",
                     key="measure",
                 )
-            parts.append(self._read_running_rows(self._chunk_ticks))
-        driven = np.concatenate(parts)
+            row_blocks.append(self._read_running_rows(self._chunk_ticks))
+        driven = np.concatenate(row_blocks)
         driven = driven[self._is_driving(driven, force)]
         blocks = [
             driven[at : at + self._rows_per_sample] for at in range(0, len(driven), self._rows_per_sample)
         ]
         dwell = self._read_running_rows(max(4, round(_DWELL_S * self._bench.rate)))
-        parts = [
+        row_blocks = [
             *(block for block in blocks if len(block) == self._rows_per_sample),
             dwell[len(dwell) // 2 :],
         ]
-        samples = np.array([part[:, self._read_indices].mean(axis=0) for part in parts])
+        samples = np.array([sample_rows[:, self._read_indices].mean(axis=0) for sample_rows in row_blocks])
         return samples[:, 0], samples[:, 1]
 
     def _is_driving(self, rows: FloatArray, force: float) -> NDArray[np.bool_]:
@@ -272,10 +272,10 @@ class BoardDrive:
 
     def _read_running_rows(self, ticks: int) -> FloatArray:
         """Return the rows of a number of ticks of a run; stop at the force limit."""
-        parts = [self._read_rows()]
-        while parts[-1][-1, 0] - parts[0][0, 0] < ticks - self._bench.ticks_per_row:
-            parts.append(self._read_rows())
-        rows = np.concatenate(parts)
+        row_blocks = [self._read_rows()]
+        while row_blocks[-1][-1, 0] - row_blocks[0][0, 0] < ticks - self._bench.ticks_per_row:
+            row_blocks.append(self._read_rows())
+        rows = np.concatenate(row_blocks)
         last_row = rows[-1]
         state = State(int(last_row[self._column_indices["state"]]))
         fault = Fault(int(last_row[self._column_indices["fault"]]))
@@ -333,13 +333,13 @@ def _record_loop(drive: BoardDrive, record: Record) -> Loop:
     drive.wait_until_cool(record.full_path(record.sample_s))
     for reversal in record.approach_reversals:
         drive.drive_to(reversal)
-    parts = [drive.drive_to(turn) for turn in _reversals(record.path)]
-    current, force = (np.concatenate(part) for part in zip(*parts, strict=True))
+    sample_blocks = [drive.drive_to(reversal_value) for reversal_value in _find_reversals(record.path)]
+    current, force = (np.concatenate(column_blocks) for column_blocks in zip(*sample_blocks, strict=True))
     label = f"{1e3 * drive.gap:g}mm-{record.name}"
     return Loop(label, current, force, np.full(current.size, drive.gap), history=record.history)
 
 
-def _reversals(path: FloatArray) -> list[float]:
+def _find_reversals(path: FloatArray) -> list[float]:
     """Return the ends and the reversal points of a path."""
     directions = np.sign(np.diff(path))
     indices = 1 + np.flatnonzero(directions[1:] != directions[:-1])

@@ -123,15 +123,15 @@ class StageMotion(Motion):
         """Force that a unit of each body parameter causes, filtered, N."""
         file, forces = self.rig.settings, {}
         for name, step in _DERIVATIVE_STEPS.items():
-            changed = assumed_rig(self.rig, {name: step}).settings
-            inertial_force = self._acceleration @ (mass_matrix(changed) - mass_matrix(file))
+            changed_file = assumed_rig(self.rig, {name: step}).settings
+            inertial_force = self._acceleration @ (mass_matrix(changed_file) - mass_matrix(file))
             forces[name] = (
-                self.filter_wrench(weight_wrench(changed) - weight_wrench(file) - inertial_force) / step
+                self.filter_wrench(weight_wrench(changed_file) - weight_wrench(file) - inertial_force) / step
             )
-        along = scan_direction(file)
-        travel = (self._pose - self._pose[0]) @ along
-        forces["bias_N"] = self.filter_wrench(np.tile(along, (travel.size, 1)))
-        forces["cable_N_per_m"] = self.filter_wrench(-np.outer(travel, along))
+        scan_axis = scan_direction(file)
+        travel = (self._pose - self._pose[0]) @ scan_axis
+        forces["bias_N"] = self.filter_wrench(np.tile(scan_axis, (travel.size, 1)))
+        forces["cable_N_per_m"] = self.filter_wrench(-np.outer(travel, scan_axis))
         return forces
 
     @property
@@ -181,8 +181,8 @@ class StageLaw(MotionLaw):
         coordinate_count = len(rig.settings.body.free)
         # With one coordinate, an error of the gap zero and an error of the magnet's scale have the
         # same effect. If both were estimated, both would drift to their bounds in many motions.
-        frozen = ("gap_zero",) if coordinate_count == 1 else ()
-        self.estimable_names = [name for name in self.names if not name.startswith(frozen)]
+        fixed_names = ("gap_zero",) if coordinate_count == 1 else ()
+        self.estimable_names = [name for name in self.names if not name.startswith(fixed_names)]
         self.force_max = rig.settings.tracking.force_max_N
         # These values were tuned: 0.0015 and 0.9 with six coordinates, 0.0023 and 0.85 with one.
         # With a smaller sigma, many motions fit errors of the model. With a larger sigma, a motion

@@ -59,13 +59,13 @@ def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
         values = table.get(quantity.name)
         if values is None:
             continue
-        header = table.headers[table.names.index(quantity.name)]
-        if header.quantity is not None and header.quantity.unit != quantity.unit:
+        column_title = table.headers[table.names.index(quantity.name)]
+        if column_title.quantity is not None and column_title.quantity.unit != quantity.unit:
             raise InputError(
-                f"{path}: column '{header.text}' is in {header.quantity.unit or 'no unit'}, but "
+                f"{path}: column '{column_title.text}' is in {column_title.quantity.unit or 'no unit'}, but "
                 f"{quantity.unit} is needed; record {name}",
                 code="unit-of-another-kind",
-                key=header.text,
+                key=column_title.text,
             )
         columns[name] = values
     return columns
@@ -107,8 +107,8 @@ def _check_ticks(rig: BodyRig, source: str, time: FloatArray) -> None:
         text = f"{source}: has {rate:g} rows a second, but {rig.path} has {1.0 / rig.dt:g} ticks"
         raise InputError(f"{text}; record every tick", code="rate-differs", key="t_s")
     if (irregular_rows := np.flatnonzero(np.abs(steps - 1.0) > 0.5)).size:
-        row = irregular_rows[0]
-        text = f"{source}: row {row + 2} is {steps[row]:.3g} ticks after the previous row"
+        row_index = irregular_rows[0]
+        text = f"{source}: row {row_index + 2} is {steps[row_index]:.3g} ticks after the previous row"
         raise InputError(f"{text}; record every tick once", code="ticks-missing", key="t_s")
 
 

@@ -142,52 +142,52 @@ class ParameterEstimator:
         retention = math.exp(-motion.compared_indices.size / (comparisons_per_s * self.forgetting_time_s))
         history = math.sqrt(retention) * self._information
         if self.identified:
-            inconsistent_rows = self._gate(motion, history)
+            inconsistent_rows = self._contradicting_rows(motion, history)
             if inconsistent_rows is not None:
-                return self._reject(motion, history, inconsistent_rows)
-        fit = self._fit(motion, history)
+                return self._reject_motion(motion, history, inconsistent_rows)
+        motion_fit = self._fit_motion(motion, history)
         count, force_N = motion.compared_indices.size, motion.force_rms
-        sums = _SquareSums(count, count * force_N**2, count * fit.residual_rms**2)
+        square_sums = _SquareSums(count, count * force_N**2, count * motion_fit.residual_rms**2)
         max_residual_N = math.hypot(MAX_RESIDUAL_RATIO * force_N, self.noise_N)
-        if self._has_scale_at_bound(fit.values) or fit.residual_rms > max_residual_N:
+        if self._has_scale_at_bound(motion_fit.values) or motion_fit.residual_rms > max_residual_N:
             if not self.identified:
-                self._sums = sums
-            return self._reject(motion, history, fit.motion_rows)
+                self._sums = square_sums
+            return self._reject_motion(motion, history, motion_fit.motion_rows)
         if self.identified:
-            sums = sums.plus_decayed(self._sums, retention)
-        self.estimate, self.identified = fit.values, fit.identified
-        self._information, self._sums = fit.information, sums
+            square_sums = square_sums.plus_decayed(self._sums, retention)
+        self.estimate, self.identified = motion_fit.values, motion_fit.identified
+        self._information, self._sums = motion_fit.information, square_sums
         self.mass_kg = None
         return bool(self.identified)
 
-    def _gate(self, motion: Motion, history: FloatArray) -> FloatArray | None:
+    def _contradicting_rows(self, motion: Motion, history: FloatArray) -> FloatArray | None:
         """Return the information rows of a motion if it contradicts earlier ones, or None."""
         residual_N = self._residual_rms(motion, self.estimate)
         expected_N = max(self._sums.residual_rms, MIN_GATE_RATIO * motion.force_rms)
         limit_N = GATE_RATIO * expected_N
         if residual_N <= limit_N:
             return None
-        rows = self._linearise(motion, self.estimate, exact=True)
+        rows = self._information_rows(motion, self.estimate, exact=True)
         # With one coordinate, all motions excite the same combination of parameters. Therefore, the
         # uncertainty of the parameters cannot explain a larger residual.
         sigma_N = self._prediction_sigma(history, rows) if motion.comparisons_per_tick > 1 else 0.0
         return rows if residual_N > math.hypot(limit_N, GATE_RATIO * sigma_N) else None
 
-    def _fit(self, motion: Motion, history: FloatArray) -> _Fit:
+    def _fit_motion(self, motion: Motion, history: FloatArray) -> _Fit:
         """Fit the parameters to a motion and to the information from earlier motions."""
         values = self.estimate
         for step in range(GAUSS_NEWTON_STEPS):
             is_last = step == GAUSS_NEWTON_STEPS - 1
-            motion_rows = self._linearise(motion, values, exact=is_last)
+            motion_rows = self._information_rows(motion, values, exact=is_last)
             stacked = np.vstack([history, motion_rows])
             information = np.asarray(np.linalg.qr(stacked, mode="r"))
             excited = self._excited_names(information)
-            values = self._solve(information, excited)
+            values = self._solve_values(information, excited)
         sigma = self._posterior_sigma(information, excited, 0.0)
         identified = [
             name for name in excited if sigma[name] <= self.law.max_sigma_ratio * self.prior_sigma[name]
         ]
-        values = self._solve(information, identified)
+        values = self._solve_values(information, identified)
         residual_N = self._residual_rms(motion, values)
         return _Fit(motion_rows, information, identified, values, residual_N)
 
@@ -196,19 +196,19 @@ class ParameterEstimator:
         scales = [name for name in self._names if parameter_kind(name) == "scale"]
         return any(abs(values[name]) > 0.999 * MAX_SIGMA * self.prior_sigma[name] > 0.0 for name in scales)
 
-    def _reject(self, motion: Motion, history: FloatArray, motion_rows: FloatArray) -> bool:
+    def _reject_motion(self, motion: Motion, history: FloatArray, motion_rows: FloatArray) -> bool:
         """Discard a motion, and test whether another mass explains it."""
         self.rejected_count += 1
         force_per_mass = motion.force_per_unit["payload"][motion.compared_indices]
         prior_sigma = np.array([*(self.prior_sigma[n] for n in self._names), MASS_PRIOR_SIGMA])
         # The mass becomes a further parameter, before the right-hand side.
-        old = np.insert(history, -1, 0.0, axis=1)
-        new = np.insert(motion_rows, -1, force_per_mass / self._comparison_sigma, axis=1)
-        matrix = np.vstack([old[:, :-1] * prior_sigma, new[:, :-1] * prior_sigma])
+        old_rows = np.insert(history, -1, 0.0, axis=1)
+        new_rows = np.insert(motion_rows, -1, force_per_mass / self._comparison_sigma, axis=1)
+        matrix = np.vstack([old_rows[:, :-1] * prior_sigma, new_rows[:, :-1] * prior_sigma])
         matrix = np.vstack([matrix, np.eye(prior_sigma.size)])
-        rhs = np.concatenate([old[:, -1], new[:, -1], np.zeros(prior_sigma.size)])
+        rhs = np.concatenate([old_rows[:, -1], new_rows[:, -1], np.zeros(prior_sigma.size)])
         solution = prior_sigma * np.linalg.lstsq(matrix, rhs)[0]
-        residual_N = self._comparison_sigma * rms(new[:, -1] - new[:, :-1] @ solution)
+        residual_N = self._comparison_sigma * rms(new_rows[:, -1] - new_rows[:, :-1] @ solution)
         is_mass = [name == "payload" for name in self._names] + [True]
         relative_change = float(solution[is_mass].sum())
         mass_kg = self.law.rig.settings.body.mass_kg * (1.0 + relative_change)
@@ -233,7 +233,7 @@ class ParameterEstimator:
         motion = self.law.make_motion(run.columns)
         if run.loss is not None or not motion.compared_indices.size:
             return self._information[:0]
-        rows = self._linearise(motion, self.estimate, exact=False)
+        rows = self._information_rows(motion, self.estimate, exact=False)
         return np.asarray(np.linalg.qr(rows, mode="r"))
 
     def relative_sigma(self, *rows: FloatArray) -> dict[ParameterName, float]:
@@ -269,7 +269,7 @@ class ParameterEstimator:
     def corrected_stage(self, drift: Drift = NO_DRIFT) -> StageSetup:
         """Return the stage with the applied corrections, and with a drift of its plant."""
         assert isinstance(self.law, StageLaw)
-        return self.law.corrected_stage(self._calibrated_method(self.applied_values, fits=True), drift)
+        return self.law.corrected_stage(self._calibrated_method(self.applied_values, fits_well=True), drift)
 
     def run_and_update(self, drift: Drift, set_point: SetPoint, gains: Feedforward, seed: int) -> Recording:
         """Run a set-point with the applied corrections, then update the estimate from this motion."""
@@ -294,7 +294,7 @@ class ParameterEstimator:
         force_N, residual_N = self._sums.force_rms, self._sums.residual_rms
         return force_N > 0.0 and self._is_explained(residual_N, force_N)
 
-    def _calibrated_method(self, values: Mapping[ParameterName, float], fits: bool) -> CalibratedMethod:
+    def _calibrated_method(self, values: Mapping[ParameterName, float], fits_well: bool) -> CalibratedMethod:
         """Return values, uncertainty and residual in the form of the calibration file."""
         residual_N = self._sums.residual_rms
         sigma = self._posterior_sigma(self._information, self.identified, residual_N)
@@ -304,7 +304,7 @@ class ParameterEstimator:
             name=self.law.method,
             residual_N=residual_N,
             force_N=self._sums.force_rms,
-            fits=fits,
+            fits=fits_well,
             refused=self.rejected_count,
             mass_kg=self.mass_kg,
             parameter=[
@@ -356,7 +356,7 @@ class ParameterEstimator:
         """Return the columns of given parameters in the information rows."""
         return [self._names.index(name) for name in names]
 
-    def _solve(self, rows: FloatArray, names: Sequence[ParameterName]) -> dict[ParameterName, float]:
+    def _solve_values(self, rows: FloatArray, names: Sequence[ParameterName]) -> dict[ParameterName, float]:
         """Solve for some parameters with their priors and within their bounds; all others are 0."""
         values = dict.fromkeys(self.law.names, 0.0)
         if not names:
@@ -383,14 +383,16 @@ class ParameterEstimator:
         sigma = prior_sigma * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
         return dict(zip(names, sigma.tolist(), strict=True))
 
-    def _linearise(self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool) -> FloatArray:
+    def _information_rows(
+        self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
+    ) -> FloatArray:
         """Return the information rows ``[J | z]`` of a motion, linearised at given values."""
-        jacobian, predicted_N = self._predict(motion, values, exact=exact)
+        jacobian, predicted_N = self._jacobian_and_force(motion, values, exact=exact)
         point = np.array([values[name] for name in self._names])
         rhs = motion.measured_force[motion.compared_indices] - predicted_N + jacobian @ point
         return np.column_stack([jacobian, rhs]) / self._comparison_sigma
 
-    def _predict(
+    def _jacobian_and_force(
         self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
     ) -> tuple[FloatArray, FloatArray]:
         """Return the Jacobian of the force along a path, and the predicted force.
@@ -400,8 +402,8 @@ class ParameterEstimator:
         extrapolated from them unless ``exact`` is true.
         """
 
-        def predict(changed: Mapping[ParameterName, float]) -> FloatArray:
-            return self.law.net_force(motion, {**values, **changed})[motion.compared_indices]
+        def predict(changed_values: Mapping[ParameterName, float]) -> FloatArray:
+            return self.law.net_force(motion, {**values, **changed_values})[motion.compared_indices]
 
         widths = [name for name in self._names if parameter_kind(name) == "width"]
         original_width = dict.fromkeys(widths, 0.0)

@@ -90,8 +90,8 @@ def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
             stray_acceleration = leg.derivatives_at(leg_time - STRAY_DELAY_S)[1] / max(leg.peaks)
             frame[:, column] = position[:, column] + frame_stray_from(rig, stray_acceleration, time)
             start_s += leg.duration
-    believed = setup.assumed_rig.settings
-    wrench = acceleration[:n] @ mass_matrix(believed).T - weight_wrench(believed)
+    assumed_file = setup.assumed_rig.settings
+    wrench = acceleration[:n] @ mass_matrix(assumed_file).T - weight_wrench(assumed_file)
     return run_scenario(setup, Scenario(position[:n], feed=wrench, frame=frame), seed)
 
 
@@ -106,8 +106,8 @@ def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
         ratios = np.array([*estimator.relative_sigma(*(rows for _, _, rows in legs)).values()])
         return -int((ratios <= estimator.law.max_sigma_ratio).sum()), sum(leg.duration for _, leg, _ in legs)
 
-    selected = min(([leg for leg in legs if leg] for legs in product(*candidates)), key=rank)
-    return {axis: leg for axis, leg, _ in selected}
+    best_legs = min(([leg for leg in legs if leg] for legs in product(*candidates)), key=rank)
+    return {axis: leg for axis, leg, _ in best_legs}
 
 
 @dataclass(frozen=True)
@@ -169,8 +169,8 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
     legs = select_legs(estimator, setup)
     run = fly_legs(setup, legs, 1) if legs else None
     if run is None or run.loss is not None:
-        why = "[spread] states no errors, or control is lost" if run is None else f"lost {run.loss_text}"
-        raise NegativeResult(f"{rig.path}: no move identifies a parameter: {why}", code="nothing-shown")
+        reason = "[spread] states no errors, or control is lost" if run is None else f"lost {run.loss_text}"
+        raise NegativeResult(f"{rig.path}: no move identifies a parameter: {reason}", code="nothing-shown")
 
     def information(run: Recording) -> Information:
         rows = estimator.information_rows(run)
@@ -207,12 +207,12 @@ def excite_to_calibrate(rig: PathLike, out: PathLike, *, plot: PathLike | None =
             code="option-not-for-this",
             key="--calibrate",
         )
-    stage = read_stage(rig)
-    check_recording(out, [stage.path, *stage.measured_loops.files])
+    stage_rig = read_stage(rig)
+    check_recording(out, [stage_rig.path, *stage_rig.measured_loops.files])
     if plot is not None:
         check_picture(plot)
-    found = find_move(stage)
-    found.run.save(out)
+    calibrating_move = find_move(stage_rig)
+    calibrating_move.run.save(out)
     if plot is not None:
-        write_figure(found.figure(), plot)
-    return found
+        write_figure(calibrating_move.figure(), plot)
+    return calibrating_move

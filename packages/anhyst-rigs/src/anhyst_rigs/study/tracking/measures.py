@@ -107,8 +107,8 @@ def cross_talk_metrics(file: RigFile) -> list[Metric]:
 
 def stationary_axes(file: RigFile) -> list[str]:
     """Return the coordinates that the set-point does not move."""
-    parts = zip(file.body.free, scan_direction(file).tolist(), strict=True)
-    return [axis for axis, part in parts if part == 0.0]
+    axis_components = zip(file.body.free, scan_direction(file).tolist(), strict=True)
+    return [axis for axis, component in axis_components if component == 0.0]
 
 
 def cross_talk(run: Recording, motion: SetPoint, stationary: Sequence[str]) -> dict[str, float]:
@@ -127,10 +127,10 @@ def cross_talk(run: Recording, motion: SetPoint, stationary: Sequence[str]) -> d
 def cruise_slices(motion: SetPoint, dt: float) -> list[slice]:
     """Return the ticks of each phase at constant speed, except after the first acceleration."""
     pulses = motion.pulses
-    ends = [begin for begin, _, _ in pulses[1:]] + [motion.duration]
+    cruise_ends = [begin for begin, _, _ in pulses[1:]] + [motion.duration]
     slices = [
         slice(round((begin + length) / dt), round(end / dt))
-        for (begin, length, _), end in zip(pulses, ends, strict=True)
+        for (begin, length, _), end in zip(pulses, cruise_ends, strict=True)
     ]
     return slices[1:]
 
@@ -280,14 +280,14 @@ class LossFlights:
         """Simulate the loss of each magnet of the case, then of each head, then the lift-off."""
         file, test_plan, case = self._rig.settings, self._test_plan(), self.case
         magnet_names = [magnet.name for magnet in file.body_magnets]
-        nominal_run = self._fly(test_plan, {})
+        nominal_run = self._simulate_plan(test_plan, {})
         losses = [
             self._lose_magnet(magnet_names.index(name), test_plan, nominal_run)
             for name in case.magnets or magnet_names
         ]
         count = len(file.position_sensors)
-        heads = [(number, fault) for fault in case.heads or [] for number in range(count)]
-        losses += [self._lose_head(number, fault, test_plan) for number, fault in heads]
+        head_faults = [(number, fault) for fault in case.heads or [] for number in range(count)]
+        losses += [self._lose_head(number, fault, test_plan) for number, fault in head_faults]
         return [*losses, self._run_lift_off(test_plan)] if case.lift else losses
 
     @property
@@ -319,22 +319,22 @@ class LossFlights:
         if self.case.at_s is not None:
             tick = min(round(self.case.at_s / dt), len(test_plan.feedforward) - 1)
         faults = {tick: fault_word}
-        run = self._fly(test_plan, faults)
+        run = self._simulate_plan(test_plan, faults)
         plan, outcome, notice_tick = test_plan, "unnoticed", tick
-        noticed = np.flatnonzero(
+        noticed_ticks = np.flatnonzero(
             (run["state"] >= _LOST_MAGNET_FACTOR) | (_controller_state(run) == State.FAULT)
         )
-        if noticed.size:
-            notice_tick, outcome = int(noticed[0]), "flies on"
-            if _controller_state(run)[-1] == State.FAULT or not self._can_make(
+        if noticed_ticks.size:
+            notice_tick, outcome = int(noticed_ticks[0]), "flies on"
+            if _controller_state(run)[-1] == State.FAULT or not self._can_apply_forces(
                 magnet, test_plan.feedforward[notice_tick:]
             ):
                 plan, outcome = self._braking_plan(magnet, test_plan, notice_tick), "brakes"
-                run = self._fly(plan, faults)
-        down, touch = self._contact_speeds(run)
+                run = self._simulate_plan(plan, faults)
+        gap_speed, contact_speed = self._contact_speeds(run)
         if _controller_state(run)[-1] == State.FAULT:
             outcome = "lands" if (run["state"] % 16 == Phase.DESCEND).any() else "let go"
-        elif touch > 0.0:
+        elif contact_speed > 0.0:
             outcome = "falls"
         names = [] if outcome in ("lands", "let go", "falls") else error_columns(file.body.free)
         detection_off = {"control.lost_A": None, "control.head_m_per_s": None}
@@ -344,14 +344,14 @@ class LossFlights:
         return LossResult(
             magnet=name,
             at_s=tick * dt,
-            noticed_s=(notice_tick - tick) * dt if noticed.size else None,
+            noticed_s=(notice_tick - tick) * dt if noticed_ticks.size else None,
             outcome=outcome,
             error={name: peak_deviation(run[name][tick:]) for name in names},
             error_end={name: peak_deviation(run[name][-round(FINAL_WINDOW_S / dt) :]) for name in names},
-            down_m_per_s=down,
-            touch_m_per_s=touch,
-            let_go=self._contact_speeds(self._fly(plan, faults | {notice_tick: all_magnets})),
-            unaware=self._contact_speeds(flights_without_detection._fly(plan, faults)),
+            down_m_per_s=gap_speed,
+            touch_m_per_s=contact_speed,
+            let_go=self._contact_speeds(self._simulate_plan(plan, faults | {notice_tick: all_magnets})),
+            unaware=self._contact_speeds(flights_without_detection._simulate_plan(plan, faults)),
         )
 
     def _run_lift_off(self, test_plan: _Plan) -> LossResult:
@@ -361,7 +361,7 @@ class LossFlights:
         zeros = np.zeros(2 * land_tick)
         plan = _Plan(np.zeros(zeros.size + 1), np.zeros(zeros.size + 1), zeros)
         commands = {0: Command.IDLE, lift_tick: Command.LIFT, land_tick: Command.LAND}
-        run = self._fly(plan, {}, commands)
+        run = self._simulate_plan(plan, {}, commands)
         levitated_ticks = np.flatnonzero(run["state"][lift_tick:land_tick] % 16 == Phase.HOVER) + lift_tick
         fall_speeds = self._contact_speeds(run.slice_ticks(0, lift_tick))
         landing_speeds = self._contact_speeds(run.slice_ticks(lift_tick, len(run)))
@@ -420,11 +420,11 @@ class LossFlights:
             ]
         )
         speed += 0.5 * acceleration * jerk_phase
-        candidates = [part * max(motion.peaks) for part in BRAKING_RATIOS]
+        candidates = [peak_fraction * max(motion.peaks) for peak_fraction in BRAKING_RATIOS]
         feasible = (
             deceleration
             for deceleration in candidates
-            if self._can_make(magnet, np.array([-mass_kg * deceleration * np.sign(speed)]))
+            if self._can_apply_forces(magnet, np.array([-mass_kg * deceleration * np.sign(speed)]))
         )
         peak = next(feasible, candidates[-1])
         course = plan_braking(speed, 0.0, replace(motion, peaks=(peak,)), rig.dt, rig.loop_delay)
@@ -448,7 +448,7 @@ class LossFlights:
             np.concatenate([test_plan.feedforward[:tick], feedforward, hold]),
         )
 
-    def _can_make(self, magnet: int, feedforward: FloatArray) -> bool:
+    def _can_apply_forces(self, magnet: int, feedforward: FloatArray) -> bool:
         """Whether the magnets can apply the feedforward forces without one magnet."""
         file = self._rig.settings
         layout = wrench_layout(file, usual_allocation(file), self._rig.idle_force)
@@ -456,7 +456,7 @@ class LossFlights:
         wrenches = feedforward_wrench(self.setup.assumed_rig, feedforward).tolist()
         return all(layout.share(wrench)[1] for wrench in wrenches)
 
-    def _fly(
+    def _simulate_plan(
         self, plan: _Plan, faults: Mapping[int, int], commands: Mapping[int, Command] | None = None
     ) -> Recording:
         """Simulate a plan with faults and commands that begin at given ticks."""
@@ -468,10 +468,10 @@ class LossFlights:
         )
         wrench = feedforward_wrench(self.setup.assumed_rig, plan.feedforward)
         scenario = scan_scenario(rig, plan.position, stray, wrench)
-        for tick, word in faults.items():
-            scenario.command[tick:] = word
-        for tick, word in (commands or {}).items():
-            scenario.command[tick] |= word
+        for tick, fault_word in faults.items():
+            scenario.command[tick:] = fault_word
+        for tick, fault_word in (commands or {}).items():
+            scenario.command[tick] |= fault_word
         run = SimulatedLoop(self.setup, self.seed).run(scenario)
         return Recording(dict(run.columns) | recording_columns(rig, run, scenario))
 
@@ -482,13 +482,13 @@ class LossFlights:
         speeds = np.diff(poses, axis=0) / self._rig.dt
         is_contact = np.diff((np.abs(poses) > np.array(stop_distances(file))).astype(int), axis=0) > 0
         at_magnets = np.abs(speeds @ magnet_rows(file).T).max(axis=1)
-        down = np.zeros(len(speeds))
+        gap_speeds = np.zeros(len(speeds))
         if "z" in axes:
             z = axes.index("z")
             is_landing = is_contact[:, z] & (poses[1:, z] < 0.0)
             rest_tick = int(np.argmax(is_landing)) + round(SLIDE_LIMIT_S / self._rig.dt)
-            down = -speeds[:, z] * is_landing
+            gap_speeds = -speeds[:, z] * is_landing
             is_contact[rest_tick:] &= not is_landing.any()
-            down[rest_tick:] = 0.0
-        touch = (at_magnets * is_contact.any(axis=1)).max(initial=0.0)
-        return max(0.0, float(down.max(initial=0.0))), float(touch)
+            gap_speeds[rest_tick:] = 0.0
+        contact_speed = (at_magnets * is_contact.any(axis=1)).max(initial=0.0)
+        return max(0.0, float(gap_speeds.max(initial=0.0))), float(contact_speed)

@@ -266,10 +266,10 @@ class StageCalibrator(BenchCalibrator):
     def _process_cycle(self, cycle: StageCycle, run_on_bench: RunOnBench) -> None:
         """Update the estimate from a complete cycle, and activate the corrections."""
         table = np.concatenate([rows for rows in self._buffer if rows[-1, 0] >= cycle.history_start])
-        first, end = int(table[0, 0]), cycle.last_tick
-        error, laps = table[: end + 1 - first, -2:].T
-        begin_row = cycle.first_tick - first
-        if begin_row < 0 or np.any(laps[begin_row:] != cycle.number):
+        first_tick, end_tick = int(table[0, 0]), cycle.last_tick
+        error, cycle_numbers = table[: end_tick + 1 - first_tick, -2:].T
+        begin_row = cycle.first_tick - first_tick
+        if begin_row < 0 or np.any(cycle_numbers[begin_row:] != cycle.number):
             return
         slit, dt = self._rig.settings.scan.slit_s, self._rig.dt
         windows = slit_statistics(error[begin_row:], cycle.motion, slit, dt)
@@ -288,9 +288,9 @@ class StageCalibrator(BenchCalibrator):
             setup = self._restore_best(estimator, *better, average)
         elif is_learning and self._is_superseded(cycle):
             is_learning, self._skipped_cycles = False, self._skipped_cycles + 1
-        elif is_learning and cycle.history_start >= first and end > self._start_tick:
+        elif is_learning and cycle.history_start >= first_tick and end_tick > self._start_tick:
             is_earlier = self._pickup_rows[:, 0] < cycle.history_start
-            rows = table[cycle.history_start - first : end + 1 - first, 1:]
+            rows = table[cycle.history_start - first_tick : end_tick + 1 - first_tick, 1:]
             rows = np.concatenate([self._pickup_rows[is_earlier, 1:], rows])
             columns = dict(zip(self._required_columns, rows.T, strict=False))
             setup = self._update(estimators, cycle, columns, len(rows) - cycle.tick_count)
@@ -305,7 +305,7 @@ class StageCalibrator(BenchCalibrator):
                 self._bench.correct(setup)
                 history.add(setup, estimator.applied_values)
             self._record_cycle(
-                CycleResult(end, cycle.number, cycle.method, average, peak_error, is_learning, 0, {}),
+                CycleResult(end_tick, cycle.number, cycle.method, average, peak_error, is_learning, 0, {}),
                 estimator,
             )
 
@@ -345,11 +345,11 @@ class StageCalibrator(BenchCalibrator):
         if method not in self._laws:
             self._laws[method] = StageLaw(self._rig, self._magnet, method)
         estimator = estimators.setdefault(method, ParameterEstimator(self._laws[method], FORGETTING_TIME_S))
-        before = dict(estimator.applied_values)
+        old_values = dict(estimator.applied_values)
         try:
             estimator.update(self._laws[method].make_motion(columns, begin_row))
             estimator.follow_estimate(cycle.motion.duration)
-            return None if estimator.applied_values == before else estimator.corrected_stage()
+            return None if estimator.applied_values == old_values else estimator.corrected_stage()
         except (InputError, np.linalg.LinAlgError) as error:
             self._stop(str(error))
             return None
@@ -432,8 +432,8 @@ class BearingCalibrator(BenchCalibrator):
         table = np.concatenate(self._buffer)
         self._process_window(table, run_on_bench)
         tail = round(TAIL_S * self._bench.rate)
-        old = _thin_rows(table[:-tail], self._column_indices)
-        self._history_rows = np.concatenate([self._history_rows, old])
+        old_rows = _thin_rows(table[:-tail], self._column_indices)
+        self._history_rows = np.concatenate([self._history_rows, old_rows])
         if len(self._history_rows) > MAX_HISTORY_ROWS:
             self._history_rows = _thin_rows(self._history_rows, self._column_indices)
         self._buffer = deque([table[-tail:]])
@@ -445,7 +445,7 @@ class BearingCalibrator(BenchCalibrator):
         setup = self._setup
         law = self._law = self._law or BearingLaw(setup.rig, setup.controller, self._magnet, self._method)
         rows = np.concatenate([self._history_rows, table])
-        columns = {name: rows[:, place] for name, place in self._column_indices.items()}
+        columns = {name: rows[:, column_index] for name, column_index in self._column_indices.items()}
         begin_row = len(self._history_rows) + round(TAIL_S * self._bench.rate)
         motion = law.make_motion(columns, begin_row)
         indices = motion.compared_indices
@@ -537,11 +537,11 @@ def _thin_rows(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
     row_count = blocks * THINNING_BLOCK_ROWS
     drive = rows[:row_count, columns["command_A"]] / rows[:row_count, columns["gap_read_m"]]
     drive = drive.reshape(blocks, THINNING_BLOCK_ROWS)
-    ends = np.column_stack([drive.argmin(axis=1), drive.argmax(axis=1)])
-    selected = np.unique(ends + THINNING_BLOCK_ROWS * np.arange(blocks)[:, None])
-    return np.concatenate([rows[selected], rows[row_count:]])
+    extreme_rows = np.column_stack([drive.argmin(axis=1), drive.argmax(axis=1)])
+    selected_rows = np.unique(extreme_rows + THINNING_BLOCK_ROWS * np.arange(blocks)[:, None])
+    return np.concatenate([rows[selected_rows], rows[row_count:]])
 
 
-def _row_index(signals: Sequence[Signal], header: str) -> int:
+def _row_index(signals: Sequence[Signal], column_title: str) -> int:
     """Return the index of a recording's column in the rows of a bench."""
-    return 1 + [column_name(signal.name, signal.unit) for signal in signals].index(header)
+    return 1 + [column_name(signal.name, signal.unit) for signal in signals].index(column_title)

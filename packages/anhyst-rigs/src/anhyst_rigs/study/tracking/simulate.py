@@ -97,14 +97,14 @@ def _update_learnt_force(rig: BodyRig, learnt_force: FloatArray, error: FloatArr
     """
     n, dt = error.size, rig.dt
     frequency = np.fft.rfftfreq(n + _PADDING_TICKS, dt)
-    s = 2j * math.pi * frequency
+    jw = 2j * math.pi * frequency
     delay_s = rig.loop_delay + 1.0 / (2.0 * math.pi * rig.settings.amplifier.bandwidth_Hz)
     low_pass = 1.0 / (1.0 + (frequency / LEARNING_FILTER_HZ) ** 4)
-    pid, z_inverse = pid_coefficients(rig), 1.0 / np.exp(s * dt)
+    pid, z_inverse = pid_coefficients(rig), 1.0 / np.exp(jw * dt)
     with np.errstate(divide="ignore", invalid="ignore"):
         control = pid["b0"] + pid["b1"] * z_inverse + pid["b2"] * z_inverse**2
         control = control / (1.0 + pid["a1"] * z_inverse + pid["a2"] * z_inverse**2)
-    inverse_loop = rig.settings.body.mass_kg * s**2 * np.exp(s * delay_s) + control
+    inverse_loop = rig.settings.body.mass_kg * jw**2 * np.exp(jw * delay_s) + control
     inverse_loop[0] = 0.0  # The integral part compensates constant forces.
     error_spectrum = np.fft.rfft(error, n + _PADDING_TICKS)
     force_spectrum = np.fft.rfft(learnt_force, n + _PADDING_TICKS) + inverse_loop * error_spectrum
@@ -292,8 +292,8 @@ class TrackingStudy(StudyResult):
         """The variant without memory that has the smallest peak error."""
         methods: list[MethodName] = [*CONSTANT_METHODS, "single-valued"]
         candidates = [name for name in methods if name in self.variants]
-        completed = [name for name in candidates if name in self.completed]
-        return min(completed or candidates, key=lambda name: self.variants[name].interval("peak_m").mean)
+        names = [name for name in candidates if name in self.completed]
+        return min(names or candidates, key=lambda name: self.variants[name].interval("peak_m").mean)
 
     def _compare_with_best(self, names: Sequence[MethodName]) -> list[ComparedFigure]:
         """Compare each metric with its smallest value among given variants."""
@@ -414,7 +414,7 @@ def measure_standstill(setup: StageSetup, gains: Feedforward, seed: int = 1) -> 
     if run.loss is not None:
         return dict.fromkeys(columns, math.inf)
     cruises = cruise_slices(set_point, run.dt)
-    return {name: rms(np.concatenate([run[name][part] for part in cruises])) for name in columns}
+    return {name: rms(np.concatenate([run[name][cruise] for cruise in cruises])) for name in columns}
 
 
 def make_variants(
@@ -478,8 +478,8 @@ def explore_stage(
     setups, left_out = make_variants(rig, identified_magnet, names)
     refuse_unstable(setups[COMPENSATOR], out)
     results = map_ordered(partial(evaluate_variant, identified_magnet), list(setups.values()), progress)
-    found = TrackingStudy(rig, dict(zip(setups, results, strict=True)), left_out)
-    if rig.settings.loss_case is None or found.lost_in:
-        return found
-    flights = LossFlights(setups[COMPENSATOR], found.variants[COMPENSATOR].gains, rig.settings.loss_case)
-    return replace(found, losses=flights.run_all())
+    study = TrackingStudy(rig, dict(zip(setups, results, strict=True)), left_out)
+    if rig.settings.loss_case is None or study.lost_in:
+        return study
+    flights = LossFlights(setups[COMPENSATOR], study.variants[COMPENSATOR].gains, rig.settings.loss_case)
+    return replace(study, losses=flights.run_all())

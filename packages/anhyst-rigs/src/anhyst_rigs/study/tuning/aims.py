@@ -40,9 +40,9 @@ class GainFigures:
         """Return the metrics by name, in the order of all tables."""
         return {name: getattr(self, name) for name in GAIN_METRICS if hasattr(self, name)}
 
-    def merge_worst(self, other: Self) -> Self:
+    def merge_worst(self, other_figures: Self) -> Self:
         """Return the larger value of each metric."""
-        other_values = other.by_name()
+        other_values = other_figures.by_name()
         return type(self)(**{name: max(value, other_values[name]) for name, value in self.by_name().items()})
 
     @property
@@ -196,4 +196,4 @@ F = TypeVar("F", bound=GainFigures)
 
 def merge_worst_figures(figures: Iterable[F]) -> F:
     """Return the largest value of each metric."""
-    return reduce(lambda worst, other: worst.merge_worst(other), figures)
+    return reduce(lambda worst_figures, next_figures: worst_figures.merge_worst(next_figures), figures)

@@ -101,23 +101,23 @@ class BearingLoop:
         step_rows = [
             merge_directions(steps, height) for height in dict.fromkeys(step.height for step in steps)
         ]
-        figures = _worst_figures([row for row in step_rows if row is not None])
+        figures = _worst_figures([step_figures for step_figures in step_rows if step_figures is not None])
         if aims.cost(figures) > ceiling:
             return figures  # The sine can only increase the cost.
         # The peak sensitivity of a fast loop is in this range.
         rate_Hz = setup.rig.settings.timing.rate_Hz
         frequencies = geometric_spacing(rate_Hz / 160.0, rate_Hz / 10.0, 11)
-        measured = measure_loop_sensitivity(setup, condition.gap, condition.load, frequencies, seed)
-        if measured is None:
+        response = measure_loop_sensitivity(setup, condition.gap, condition.load, frequencies, seed)
+        if response is None:
             return None
-        return replace(figures, peak_sensitivity=interpolate_peak(measured))
+        return replace(figures, peak_sensitivity=interpolate_peak(response))
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return functions that find the points with the best linear loops.
 
         There is one function for each pair of a peak sensitivity limit and a softened magnet slope.
         """
-        screens = [make_screen(self.setup, self.conditions, part) for part in SLOPE_FRACTIONS]
+        screens = [make_screen(self.setup, self.conditions, factor) for factor in SLOPE_FRACTIONS]
         aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
         return [
             partial(self._find_best_point, seed, (screen, screen_aims))
@@ -133,11 +133,11 @@ class BearingLoop:
         gains = self.space.gains_per_tick(points, self.setup.controller)
         return screen.evaluate(gains).costs(aims, screen.horizon_s)
 
-    def minimum_settling_time(self, seed: int, changed: tuple[Screen, Aims]) -> float:
+    def minimum_settling_time(self, seed: int, changed_problem: tuple[Screen, Aims]) -> float:
         """Return the settling time of the best linear loops, s; inf if they miss the aims."""
-        best_point = self._find_best_point(seed, changed)
-        cost = float(self._linear_costs(*changed, best_point[None, :])[0])
-        return cost if cost <= changed[0].horizon_s else math.inf
+        best_point = self._find_best_point(seed, changed_problem)
+        cost = float(self._linear_costs(*changed_problem, best_point[None, :])[0])
+        return cost if cost <= changed_problem[0].horizon_s else math.inf
 
     def check(self, jobs: int | None = None) -> CheckResult:
         """Run all steps with every noise seed, and a stepped sine at each condition."""
@@ -227,15 +227,15 @@ def _worst_figures(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> Be
     return BearingFigures(peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names})
 
 
-def interpolate_peak(measured: Sensitivity) -> float:
+def interpolate_peak(response: Sensitivity) -> float:
     """Return the peak sensitivity from a parabola through the largest value and its two neighbours."""
-    log_magnitude = np.log(measured.magnitude)
+    log_magnitude = np.log(response.magnitude)
     peak_index = int(np.argmax(log_magnitude))
     if not 0 < peak_index < log_magnitude.size - 1:
-        return measured.peak
-    left, middle, right = log_magnitude[peak_index - 1 : peak_index + 2].tolist()
-    curvature = left - 2.0 * middle + right
-    return math.exp(middle - (right - left) ** 2 / (8.0 * curvature)) if curvature < 0.0 else measured.peak
+        return response.peak
+    left, centre, right = log_magnitude[peak_index - 1 : peak_index + 2].tolist()
+    curvature = left - 2.0 * centre + right
+    return math.exp(centre - (right - left) ** 2 / (8.0 * curvature)) if curvature < 0.0 else response.peak
 
 
 def _measure_sensitivity(setup: BearingSetup, condition: BearingCondition) -> Sensitivity | None:
@@ -244,11 +244,11 @@ def _measure_sensitivity(setup: BearingSetup, condition: BearingCondition) -> Se
     return measure_loop_sensitivity(setup, condition.gap, condition.load, frequencies, 0)
 
 
-def _condition_figures(cells: Sequence[StepCell], measured: Sensitivity | None) -> BearingFigures:
-    if measured is None or any(cell.lost or not cell.figures for cell in cells):
+def _condition_figures(cells: Sequence[StepCell], measured_sensitivity: Sensitivity | None) -> BearingFigures:
+    if measured_sensitivity is None or any(step_cell.lost or not step_cell.figures for step_cell in cells):
         return BearingFigures.for_lost_body()
-    means = [{name: interval.mean for name, interval in cell.figures.items()} for cell in cells]
-    return _worst_figures(means, interpolate_peak(measured))
+    mean_figures = [{name: interval.mean for name, interval in cell.figures.items()} for cell in cells]
+    return _worst_figures(mean_figures, interpolate_peak(measured_sensitivity))
 
 
 _LIMIT_FRACTION = 0.995  # fraction of a limit above which a signal counts as saturated
@@ -260,14 +260,14 @@ def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:
     """Report whether sensor noise fills at least half of the smallest step's settling band."""
     height = min(setup.rig.settings.step.heights_m)
     standstill_m = reached.worst.standstill_rms_m
-    share = _NOISE_SIGMAS * standstill_m / (_SETTLING_BAND * height)
-    if share < 0.5:
+    noise_ratio = _NOISE_SIGMAS * standstill_m / (_SETTLING_BAND * height)
+    if noise_ratio < 0.5:
         return []
     sensor_kind = setup.rig.settings.gap_sensor.kind
     return [
         Limit(
             "noise",
-            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fills {100.0 * share:.0f} % of "
+            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fills {100.0 * noise_ratio:.0f} % of "
             f"the band in which a step of {1e6 * height:g} um must stay (position sensor: {sensor_kind})",
         )
     ]
@@ -291,7 +291,7 @@ def _saturation_limits(
     found_limits = []
     for quantity, text in texts.items():
         condition, seconds = max(
-            ((condition, times[quantity]) for condition, times in times_by_condition),
+            ((condition, time_by_quantity[quantity]) for condition, time_by_quantity in times_by_condition),
             key=lambda entry: entry[1],
         )
         if seconds > 0.0:
@@ -352,8 +352,8 @@ def _find_helpful_changes(loop: BearingLoop, aims: Aims, seed: int, jobs: int | 
         fast_amplifier_screen = screen.with_loops(loops_with_fast_amplifier)
         changes["amplifier"] = ("an amplifier of twice the bandwidth", fast_amplifier_screen, aims)
 
-    def text(change: str, cost: float, base: float) -> str:
-        times_text = f"{1e3 * cost:.2g} instead of {1e3 * base:.2g} ms"
+    def text(change: str, cost: float, base_cost: float) -> str:
+        times_text = f"{1e3 * cost:.2g} instead of {1e3 * base_cost:.2g} ms"
         return f"with {change} linear loops would settle in {times_text}"
 
     minimum_cost = partial(loop.minimum_settling_time, seed)

@@ -111,15 +111,15 @@ class LinearPiezo:
         Each row contains values for the keys of ``[control]``. Peak and residual are the largest of
         all plants. An unstable loop has an infinite peak.
         """
-        coefficients = np.array([self._controller_coefficients(row) for row in rows])
+        coefficients = np.array([self._controller_coefficients(gain_values) for gain_values in rows])
         results = [_evaluate_plant(self.file, plant, coefficients) for plant in self.plants]
         peaks, frequencies, residuals = (np.array(column) for column in zip(*results, strict=True))
         worst_index = (np.argmax(peaks, axis=0), np.arange(len(rows)))
         return peaks[worst_index], frequencies[worst_index], residuals.max(axis=0)
 
-    def _controller_coefficients(self, row: Mapping[str, float]) -> list[float]:
+    def _controller_coefficients(self, controller_values: Mapping[str, float]) -> list[float]:
         """Return the gain of the integrator, then the coefficients of the notch filter."""
-        file = self.file.with_changes({f"control.{name}": value for name, value in row.items()})
+        file = self.file.with_changes({f"control.{name}": value for name, value in controller_values.items()})
         gain = 2.0 * math.pi * file.displacement.bandwidth_Hz / file.timing.rate_Hz
         return [gain, *make_notch(file)]
 
@@ -256,7 +256,7 @@ class PiezoLoop:
             self.linear_loops(self.conditions),
             partial(self.space.nearest_point, self.gains()),
         )
-        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
+        aims_list = [aims.with_scaled_limits({"peak_sensitivity": factor}) for factor in _PEAK_FACTORS]
         return [
             file_gains,
             *(partial(find_best_point, linear, self.space, seed, peak_aims) for peak_aims in aims_list),
@@ -269,7 +269,7 @@ class PiezoLoop:
         results = map_ordered(self._run_check, tasks, jobs=jobs)
         figures = [result or PiezoFigures.for_lost_body() for result in results]
         nominal_results, random_results = figures[: len(seeds)], figures[len(seeds) :]
-        means = {
+        averages = {
             name: mean_interval([getattr(result, name) for result in nominal_results]).mean
             for name in nominal_results[0].by_name()
         }
@@ -278,7 +278,7 @@ class PiezoLoop:
         median_nm, largest_nm = 1e9 * np.median(errors), 1e9 * max(errors)
         error_text = f"rms error {median_nm:.3g} nm in the median, {largest_nm:.3g} nm at most"
         return CheckResult(
-            figures={NOMINAL: PiezoFigures(**means), RANDOM_PLANTS: merge_worst_figures(random_results)},
+            figures={NOMINAL: PiezoFigures(**averages), RANDOM_PLANTS: merge_worst_figures(random_results)},
             peak_frequencies={
                 NOMINAL: self.sensitivity_peak([NOMINAL])[1],
                 RANDOM_PLANTS: self.sensitivity_peak(CHECK_CONDITIONS)[1],
@@ -307,8 +307,8 @@ class PiezoLoop:
             "damping": ("twice the damping of the resonance", twice_damping, aims),
         }
 
-        def text(change: str, cost: float, base: float) -> str:
-            return f"with {change} linear loops would have {100.0 * cost / base:.0f} % of the error"
+        def text(change: str, cost: float, base_cost: float) -> str:
+            return f"with {change} linear loops would have {100.0 * cost / base_cost:.0f} % of the error"
 
         minimum_cost = partial(find_minimum_cost, self.space, seed)
         return [

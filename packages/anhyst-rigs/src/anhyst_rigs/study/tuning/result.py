@@ -118,7 +118,7 @@ class Tuning(Result):
         ax.set_ylabel("peak sensitivity")
 
 
-_PHRASES = {
+_CONDITION_PHRASES = {
     "settling_time_s": ("settles in", "in", "settling time", BENEFICIAL_CONDITIONS["feedback"]),
     "average_m": ("has a moving average of", "one of", "moving average", BENEFICIAL_CONDITIONS["stage"]),
     "error_rms_m": ("has an rms error of", "one of", "rms error", BENEFICIAL_CONDITIONS["piezo"]),
@@ -157,7 +157,7 @@ def _sort_best_first(variants: Iterable[TunedVariant]) -> list[TunedVariant]:
 
 def _compare_with_baseline(model: TunedVariant, baseline: TunedVariant) -> str:
     baseline_name = f"the strongest baseline without hysteresis model ('{baseline.variant}')"
-    model_verb, baseline_verb, noun, pays_where = _PHRASES[model.figures.cost_name]
+    model_verb, baseline_verb, noun, pays_where = _CONDITION_PHRASES[model.figures.cost_name]
     comparison_text = (
         f"'{model.variant}' {model_verb} {_format_cost(model)}, "
         f"{baseline_name} {baseline_verb} {_format_cost(baseline)}"
@@ -192,7 +192,7 @@ def _cost_interval(tuned: TunedVariant) -> Interval:
 
 RESULT_FILES = ("tuning.json", "tuning.md", "pareto.png")
 """Names of the files that are written next to the tuned controllers."""
-_MAX_NOTES = 3
+_MAX_LISTED_LIMITS = 3
 """Largest number of limits in a comment or a message; ``tuning.json`` contains all of them."""
 
 
@@ -208,7 +208,7 @@ def describe_shortfall(tuning: Tuning) -> str | None:
             text += f" (aim {GAIN_METRICS[name].format_limit(limits[name])})"
         texts.append(text)
     other_limits = [limit.text for limit in tuned.limits if limit.what not in tuned.missed_aims]
-    reason = "; ".join(other_limits[:_MAX_NOTES])
+    reason = "; ".join(other_limits[:_MAX_LISTED_LIMITS])
     return f"no gains of '{tuned.variant}' meet the aims, the best reach {', '.join(texts)}" + (
         f"; what limits: {reason}" if reason else ""
     )
@@ -233,7 +233,7 @@ def make_file_note(tuned: TunedVariant, tuning: Tuning) -> str:
         *missed_lines,
         *result.loop.explain_parameters(result.parameters),
         *(f"{note}." for note in (result.check.notes if result.check else ())),
-        *(f"What limits: {limit.text}." for limit in tuned.limits[:_MAX_NOTES]),
+        *(f"What limits: {limit.text}." for limit in tuned.limits[:_MAX_LISTED_LIMITS]),
     ]
     return "\n".join(lines)
 
@@ -345,7 +345,7 @@ def _variant_dict(tuned: TunedVariant) -> dict[str, Any]:
         "before": result.initial_outcome.worst.by_name() if result.initial_outcome.is_complete else None,
         "gains": result.loop.gains(),
         "searched": dict(result.parameters),
-        "limits": [asdict(item) for item in tuned.limits],
+        "limits": [asdict(limit) for limit in tuned.limits],
         "conditions": [
             {**condition.as_dict(), **figures.by_name(), "peak_Hz": check.peak_frequencies[condition]}
             for condition, figures in condition_figures

@@ -111,9 +111,9 @@ class Screen:
 
     def select_loops(self, indices: Iterable[int]) -> Screen:
         """Return a screen that contains only some of the loops."""
-        selected = list(indices)
-        reserves = [self._reserves[index] for index in selected]
-        return Screen([self.loops[index] for index in selected], reserves, self.horizon_s)
+        selected_loops = list(indices)
+        reserves = [self._reserves[index] for index in selected_loops]
+        return Screen([self.loops[index] for index in selected_loops], reserves, self.horizon_s)
 
     def with_scaled_force(self, factor: float) -> Screen:
         """Return a screen in which the available force is multiplied by a factor."""
@@ -227,9 +227,9 @@ def find_best_point(loop: LinearLoops, space: SearchBox, seed: int, aims: Aims) 
     return minimise_cost(partial(loop.costs, space, aims), len(space.axes), seed)
 
 
-def find_minimum_cost(space: SearchBox, seed: int, changed: tuple[LinearLoops, Aims]) -> float:
+def find_minimum_cost(space: SearchBox, seed: int, changed_problem: tuple[LinearLoops, Aims]) -> float:
     """Return the smallest cost in linear loops, for changed loops and aims."""
-    loop, aims = changed
+    loop, aims = changed_problem
     return float(loop.costs(space, aims, find_best_point(loop, space, seed, aims)[None, :])[0])
 
 
@@ -281,7 +281,7 @@ _MAX_STARTS = 2
 _MIN_START_DISTANCE = 0.15  # smallest distance between starting points, relative to the range
 _CHECKS_PER_ROUND = 2  # number of candidates that are checked after every round
 _MAX_ROUNDS = 3  # maximum number of rounds; a further round follows if a check misses an aim
-_REPEAT_GENERATIONS = 4  # number of generations in a repeated search
+_REPEATED_SEARCH_GENERATIONS = 4  # number of generations in a repeated search
 _TIGHTENING_FACTOR = 0.98  # additional factor on the limits of missed aims
 _CHECK_WORK = 15.0  # work of one check, in units of one trial, for the progress
 _LIMITS_WORK = 40.0  # work of finding the limits, in units of one trial
@@ -372,8 +372,10 @@ class GainSearch:
         generations = max(self.budget // POPULATION_SIZE, 1)
         for round_ in range(_MAX_ROUNDS):
             if round_ > 0:
-                self._total_work += _REPEAT_GENERATIONS * POPULATION_SIZE + _CHECKS_PER_ROUND * _CHECK_WORK
-            self._search(aims, generations if round_ == 0 else _REPEAT_GENERATIONS, round_)
+                self._total_work += (
+                    _REPEATED_SEARCH_GENERATIONS * POPULATION_SIZE + _CHECKS_PER_ROUND * _CHECK_WORK
+                )
+            self._search_gains(aims, generations if round_ == 0 else _REPEATED_SEARCH_GENERATIONS, round_)
             checked_candidates = [candidate for _, candidate, _ in checked]
             for candidate in [
                 candidate
@@ -384,11 +386,11 @@ class GainSearch:
                 checked.append((self.aims.cost(result.worst), candidate, result))
                 self._report_progress(_CHECK_WORK)
             _, _, best_check = min(checked, key=lambda entry: entry[0])
-            misses = self.aims.missed_by(best_check.worst)
-            if not misses:
+            missed_aims = self.aims.missed_by(best_check.worst)
+            if not missed_aims:
                 return
             aims = aims.with_scaled_limits(
-                {name: _TIGHTENING_FACTOR / (1.0 + min(excess, 1.0)) for name, excess in misses.items()}
+                {name: _TIGHTENING_FACTOR / (1.0 + min(excess, 1.0)) for name, excess in missed_aims.items()}
             )
 
     def _try_initial_guesses(self) -> None:
@@ -404,16 +406,16 @@ class GainSearch:
                 code="no-gains-hold",
             )
 
-    def _search(self, aims: Aims, generations: int, round_: int) -> None:
+    def _search_gains(self, aims: Aims, generations: int, round_: int) -> None:
         """Search from several starting points, then continue from the best one."""
-        starts = self._select_distant_starts(aims, _MAX_STARTS if round_ == 0 else 1)
+        guesses = self._select_distant_starts(aims, _MAX_STARTS if round_ == 0 else 1)
         paths = [
             _SearchPath(
                 CmaStrategy(
-                    start.point, _INITIAL_SIGMA / (1 + 2 * round_), [self.seed, 3, round_, i], POPULATION_SIZE
+                    guess.point, _INITIAL_SIGMA / (1 + 2 * round_), [self.seed, 3, round_, i], POPULATION_SIZE
                 )
             )
-            for i, start in enumerate(starts)
+            for i, guess in enumerate(guesses)
         ]
         early_generations = generations // (_MAX_STARTS + 1) if len(paths) > 1 else 0
         for path in paths:
@@ -460,8 +462,8 @@ class GainSearch:
         """Return all gains that were tried at every condition, sorted by cost."""
         return sorted(self._candidates, key=lambda candidate: aims.cost(candidate.outcome.worst))
 
-    def _report_progress(self, work: float) -> None:
-        self._work_done += work
+    def _report_progress(self, completed_work: float) -> None:
+        self._work_done += completed_work
         if self.progress is not None:
             self.progress(self._work_done, self._total_work)
 

@@ -109,10 +109,10 @@ class LinearStage:
         error under a disturbance force of flat spectrum, m/(N/sqrt(Hz)).
         """
         frequency = np.geomspace(_MIN_FREQUENCY_RATIO * self.rate, 0.499 * self.rate, _FREQUENCY_COUNT)
-        s, z = 2j * math.pi * frequency, np.exp(2j * math.pi * frequency / self.rate)
-        body = 1.0 / (self.mass * s**2)
-        hold = np.sinc(frequency / self.rate) * np.exp(-s * self.delay)
-        current = 1.0 / (1.0 + s / (2.0 * math.pi * self.bandwidth))
+        jw, z = 2j * math.pi * frequency, np.exp(2j * math.pi * frequency / self.rate)
+        body = 1.0 / (self.mass * jw**2)
+        hold = np.sinc(frequency / self.rate) * np.exp(-jw * self.delay)
+        current = 1.0 / (1.0 + jw / (2.0 * math.pi * self.bandwidth))
         omega, integral, lead, rolloff = (
             np.asarray(gains[name], dtype=float)[:, None]
             for name in ("crossover_Hz", "integral_ratio", "lead_ratio", "rolloff_ratio")
@@ -245,7 +245,7 @@ class StageLoop:
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return functions that find the best linear loops, one for each peak sensitivity limit."""
-        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
+        aims_list = [aims.with_scaled_limits({"peak_sensitivity": factor}) for factor in _PEAK_FACTORS]
         return [
             partial(find_best_point, self.linear_loop, self.space, seed, peak_aims) for peak_aims in aims_list
         ]
@@ -304,8 +304,8 @@ class StageLoop:
         rig = self.setup.rig
         drift, noise_seed = sample_plant(rig.settings, rig.settings.seed, seed_or_plant)
         motion = self._set_point(TEST)
-        drifted = replace(self.setup, drift=drift)
-        return self._evaluate_run(track(drifted, motion, feedforward, noise_seed), motion, figures)
+        drifted_setup = replace(self.setup, drift=drift)
+        return self._evaluate_run(track(drifted_setup, motion, feedforward, noise_seed), motion, figures)
 
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
@@ -337,8 +337,8 @@ class StageLoop:
             "amplifier": ("an amplifier of twice the bandwidth", loop_with_fast_amplifier, aims),
         }
 
-        def text(change: str, cost: float, base: float) -> str:
-            percent = 100.0 * cost / base
+        def text(change: str, cost: float, base_cost: float) -> str:
+            percent = 100.0 * cost / base_cost
             return f"with {change} linear loops would have {percent:.0f} % of the moving average"
 
         minimum_cost = partial(find_minimum_cost, self.space, seed)
@@ -379,13 +379,13 @@ def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, di
 
     Intervals that are only rounding errors are omitted.
     """
-    means, widths = {}, {}
+    mean_values, widths = {}, {}
     for name in StageFigures().by_name():
         interval = mean_interval([getattr(run, name) for run in runs])
-        means[name] = interval.mean
+        mean_values[name] = interval.mean
         if interval.half_width > _MIN_NOISE_RATIO * interval.mean:
             widths[name] = interval.half_width
-    return StageFigures(**means), widths
+    return StageFigures(**mean_values), widths
 
 
 def _summarise_plants(plant_figures: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:

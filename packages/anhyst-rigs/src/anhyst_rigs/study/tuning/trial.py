@@ -86,13 +86,13 @@ class BearingSpace(SearchBox):
     def make_controller_table(self, point: FloatArray, template: ControllerTable) -> ControllerTable:
         """Return the controller at a point of the unit box; `template` gives all other settings."""
         parameters = self.parameters(point)
-        w = 2.0 * math.pi * parameters["bandwidth_Hz"]
-        z, a = parameters["damping"], parameters["real_pole"]
+        angular_bandwidth = 2.0 * math.pi * parameters["bandwidth_Hz"]
+        damping, pole_ratio = parameters["damping"], parameters["real_pole"]
         total_mass = self.mass * (1.0 + parameters["virtual_mass"])
         gains = GainsTable(
-            K_p_N_per_m=round_gain(total_mass * (1.0 + 2.0 * z * a) * w**2),
-            K_i_N_per_m_s=round_gain(total_mass * a * w**3),
-            K_d_N_s_per_m=round_gain(total_mass * (2.0 * z + a) * w),
+            K_p_N_per_m=round_gain(total_mass * (1.0 + 2.0 * damping * pole_ratio) * angular_bandwidth**2),
+            K_i_N_per_m_s=round_gain(total_mass * pole_ratio * angular_bandwidth**3),
+            K_d_N_s_per_m=round_gain(total_mass * (2.0 * damping + pole_ratio) * angular_bandwidth),
             K_dd_N_s2_per_m=round_gain(self.mass * parameters["virtual_mass"]),
         )
         filters = FilterTable(

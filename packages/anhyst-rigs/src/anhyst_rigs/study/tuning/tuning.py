@@ -236,8 +236,8 @@ class StageSubject(TuningSubject):
         """Identify the magnets, and return the loops of the variants."""
         setups, _ = make_variants(self.rig, identify_stage_magnet(self.rig), names)
         scan = self.rig.settings.scan
-        work = partial(find_gains, motion=scan_motion(scan, scan.train_m_per_s2))
-        feedforwards = map_ordered(work, list(setups.values()), jobs=jobs)
+        find_stage_gains = partial(find_gains, motion=scan_motion(scan, scan.train_m_per_s2))
+        feedforwards = map_ordered(find_stage_gains, list(setups.values()), jobs=jobs)
         return {
             name: StageLoop(setup, gains, self.max_crossover)
             for (name, setup), gains in zip(setups.items(), feedforwards, strict=True)
@@ -268,9 +268,9 @@ def _tune_all(
 ) -> tuple[dict[MethodName, TunedVariant], bool]:
     """Tune one variant after another. After ctrl-C, return the completed variants."""
     tuned: dict[MethodName, TunedVariant] = {}
-    parts = split_progress(progress, [1.0] * len(loops))
-    for (name, loop), part in zip(loops.items(), parts, strict=True):
-        gain_search = search(loop, progress=part)
+    loop_progress = split_progress(progress, [1.0] * len(loops))
+    for (name, loop), progress_part in zip(loops.items(), loop_progress, strict=True):
+        gain_search = search(loop, progress=progress_part)
         try:
             result = gain_search.run()
             check_result = result.check
@@ -279,7 +279,7 @@ def _tune_all(
                 if check_result
                 else []
             )
-            part(1, 1)
+            progress_part(1, 1)
         except KeyboardInterrupt:
             if not tuned:
                 raise Interrupted("no gains were found yet, nothing was written") from None
@@ -292,5 +292,5 @@ def _tune_all(
 
 def _processor_time() -> float:
     """Return the processor time of this process and its finished children, s."""
-    times = os.times()
-    return times.user + times.system + times.children_user + times.children_system
+    usage = os.times()
+    return usage.user + usage.system + usage.children_user + usage.children_system
