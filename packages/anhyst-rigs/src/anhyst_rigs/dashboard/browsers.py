@@ -45,14 +45,14 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
     host = host.strip("[]") if colon else "127.0.0.1"
     try:
         address = ipaddress.ip_address(host)
-        number = int(port)
+        port_number = int(port)
     except ValueError:
         raise InputError(
             f"--listen {text}: is no address; give it in digits, such as 127.0.0.1:{DEFAULT_PORT}",
             code="bad-address",
             key="--listen",
         ) from None
-    if not 0 <= number <= 65535:
+    if not 0 <= port_number <= 65535:
         raise InputError(
             f"--listen {text}: the port is not within 0 to 65535", code="out-of-range", key="--listen"
         )
@@ -64,7 +64,7 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
         raise InputError(
             f"--listen {text}: reaches beyond this machine; add --token", code="token-missing", key="--listen"
         )
-    return str(address), number
+    return str(address), port_number
 
 
 def allowed_host_names(host: str, port: int) -> frozenset[str]:
@@ -173,19 +173,19 @@ def thin_to_extremes(rows: FloatArray, max_rows: int) -> FloatArray:
         return rows
     interval_rows = -(-len(rows) // (max_rows // 2))
     begins = np.arange(0, len(rows), interval_rows)
-    pairs = np.empty((2 * len(begins), rows.shape[1]))
-    np.fmin.reduceat(rows, begins, out=pairs[0::2])
-    np.fmax.reduceat(rows, begins, out=pairs[1::2])
-    return pairs
+    extreme_rows = np.empty((2 * len(begins), rows.shape[1]))
+    np.fmin.reduceat(rows, begins, out=extreme_rows[0::2])
+    np.fmax.reduceat(rows, begins, out=extreme_rows[1::2])
+    return extreme_rows
 
 
 def encode_frame(run: RowRun) -> bytes:
     """Return the frame that transmits a run of rows."""
     rows = run.rows
     frame_header = _FRAME_HEADER.pack(len(rows), rows.shape[1] - 1, run.first_tick, run.last_tick)
-    ticks = rows[:, 0].astype("<f8").tobytes()
-    data = np.ascontiguousarray(rows[:, 1:].T, dtype="<f4").tobytes()
-    return frame_header + ticks + data + _RUN_HEADER.pack(run.is_thinned)
+    tick_bytes = rows[:, 0].astype("<f8").tobytes()
+    signal_bytes = np.ascontiguousarray(rows[:, 1:].T, dtype="<f4").tobytes()
+    return frame_header + tick_bytes + signal_bytes + _RUN_HEADER.pack(run.is_thinned)
 
 
 class RowQueue:
@@ -206,9 +206,9 @@ class RowQueue:
         """Add rows; thin the waiting rows if the queue is full."""
         if not len(rows):
             return
-        breaks = np.flatnonzero(np.diff(rows[:, 0]) != self._tick_step) + 1
+        gap_indices = np.flatnonzero(np.diff(rows[:, 0]) != self._tick_step) + 1
         with self._lock:
-            for run_rows in np.split(rows, breaks):
+            for run_rows in np.split(rows, gap_indices):
                 self._append_run(RowRun(int(run_rows[0, 0]), int(run_rows[-1, 0]), run_rows, False))
             if self.waiting > self._max_rows:
                 remaining_runs = list(self._runs)[-_MAX_QUEUED_RUNS:]

@@ -114,8 +114,8 @@ class Chirp:
     def value_at(self, tick: int, rate: float) -> float:
         """Return the value at a tick, in the unit of the target."""
         time = (tick - self.start_tick) / rate
-        octaves = math.log(self.high / self.low) / self.duration_s
-        cycles = time if octaves == 0.0 else math.expm1(time * octaves) / octaves
+        log_ratio = math.log(self.high / self.low) / self.duration_s
+        cycles = time if log_ratio == 0.0 else math.expm1(time * log_ratio) / log_ratio
         return self.amplitude * math.sin(2.0 * math.pi * self.low * cycles)
 
     def as_dict(self) -> dict[str, float | str]:
@@ -194,34 +194,34 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
     return WaveTable(table[:, 0], table[:, 1], begin)
 
 
-def _read_header_units(number: int, header_cells: list[str], unit: str) -> tuple[Unit, Unit]:
+def _read_header_units(line_number: int, header_cells: list[str], unit: str) -> tuple[Unit, Unit]:
     """Return the units of the two columns."""
     units = [unit for unit in (parse_header(cell).unit for cell in header_cells) if unit is not None]
     if len(header_cells) == len(units) == 2:
         time, value = units
         if time.dimension == "time" and value.dimension == require_unit(unit).dimension:
             return time, value
-    kind = require_unit(unit).dimension
+    dimension = require_unit(unit).dimension
     example = "gap_um" if unit == "m" else "F_N"
     raise InputError(
-        f"own CSV: line {number}: no header of a time and a {kind} with their units, such as t_s,{example}",
+        f"own CSV: line {line_number}: no header of a time and a {dimension} with their units, such as t_s,{example}",
         code="no-header",
     )
 
 
-def _read_row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
+def _read_row(line_number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
     if len(cells) != 2:
-        raise InputError(f"own CSV: line {number}: {len(cells)} columns, not two", code="fields-missing")
+        raise InputError(f"own CSV: line {line_number}: {len(cells)} columns, not two", code="fields-missing")
     row_values = []
     for cell, unit in zip(cells, units, strict=True):
         try:
             value = unit.value_to_si(float(cell))
         except ValueError:
             raise InputError(
-                f"own CSV: line {number}: '{cell[:40]}' is not a number", code="not-a-number"
+                f"own CSV: line {line_number}: '{cell[:40]}' is not a number", code="not-a-number"
             ) from None
         if not math.isfinite(value):
-            raise InputError(f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite")
+            raise InputError(f"own CSV: line {line_number}: '{cell[:40]}' is not finite", code="not-finite")
         row_values.append(value)
     return row_values[0], row_values[1]
 
@@ -257,17 +257,17 @@ class DrivenBench(Bench):
 
     def advance(self, ticks: int) -> FloatArray:
         """Advance the bench; an active generator changes the target every millisecond."""
-        chunks, end = [], self.tick + ticks
-        while self.tick < end:
-            remaining_ticks = end - self.tick
+        chunks, end_tick = [], self.tick + ticks
+        while self.tick < end_tick:
+            remaining_ticks = end_tick - self.tick
             if self.generator is not None:
                 self._set_target(self.generator)
                 remaining_ticks = min(remaining_ticks, self._chunk_ticks)
             chunks.append(self._bench.advance(remaining_ticks))
-            for text in self._bench.take_messages():
+            for message in self._bench.take_messages():
                 self.generator = None
                 self.target = self._bench.demand_range.value
-                self._on_event(text)
+                self._on_event(message)
             self.loss_reason = self._bench.loss_reason
             if self.loss_reason:
                 break

@@ -75,11 +75,11 @@ class ProcessJob:
         outcome: Mapping[str, Any] | str = "the work ended without a result; see the terminal"
         try:
             while True:
-                news = self._receiver.recv()
-                if isinstance(news, float):
-                    self.share = news
+                message = self._receiver.recv()
+                if isinstance(message, float):
+                    self.share = message
                 else:
-                    outcome = news
+                    outcome = message
         except EOFError:
             self._process.join()
         self._receiver.close()
@@ -176,10 +176,10 @@ _STEP_ORDERS = (*IMPROVEMENT_STEPS, "back", "cancel", "files", "watch")
 class Improver:
     """The results of all steps for a bench, and at most one running job."""
 
-    def __init__(self, prepared: Improvable, bench: BlockHolder) -> None:
-        self.known_model = make_model_with_loops(prepared.measured_loops, prepared.model)
+    def __init__(self, prepared_bench: Improvable, bench: BlockHolder) -> None:
+        self.known_model = make_model_with_loops(prepared_bench.measured_loops, prepared_bench.model)
         self.results: Mapping[str, Mapping[str, Any]] = {}
-        self._prepared = prepared
+        self._prepared = prepared_bench
         self._bench = bench
         self._folder = tempfile.TemporaryDirectory(prefix="anhyst-improve-")
         self._job: ProcessJob | BoardJob | None = None
@@ -206,14 +206,14 @@ class Improver:
 
     def measure(self, tighter_limits: Mapping[str, float], seat: Callable[[], OperatorSeat]) -> None:
         """Start to measure loops; some limits may be tighter."""
-        prepared, folder = self._prepared, self.folder
-        tighten_limits(prepared.specimen(), tighter_limits)
-        if not isinstance(prepared, PreparedBoard):
+        prepared_bench, folder = self._prepared, self.folder
+        tighten_limits(prepared_bench.specimen(), tighter_limits)
+        if not isinstance(prepared_bench, PreparedBoard):
             self._start_process_job("measure", measure_loops, dict(tighter_limits))
             return
 
         def work(progress: Progress, bench: OperatorSeat) -> Mapping[str, Any]:
-            return measure_loops(progress, prepared, folder, tighter_limits, bench)
+            return measure_loops(progress, prepared_bench, folder, tighter_limits, bench)
 
         self._start_job("measure", lambda ended: BoardJob(work, seat, ended))
 
@@ -341,9 +341,9 @@ class Improver:
             step: shown_values,
         }
 
-    def _swap_block(self, block: Sequence[int], model: ModelWithLoops) -> int:
+    def _swap_block(self, block_words: Sequence[int], model: ModelWithLoops) -> int:
         old_block = self._bench.read_block()
-        self._active_block = set_generation(block, (old_block[GENERATION_INDEX] + 1) & 0xFFFF)
+        self._active_block = set_generation(block_words, (old_block[GENERATION_INDEX] + 1) & 0xFFFF)
         tick = self._bench.swap_block(self._active_block)
         self._previous = old_block, self.known_model
         self.known_model = model

@@ -217,22 +217,22 @@ def _execute_generator(session: LiveSession, client_name: str, fields: Fields) -
         return {}
     wave = _read_wave(session, fields)
     session.generate(wave)
-    (_, shape), *rest = wave.as_dict().items()
+    (_, shape), *parameters = wave.as_dict().items()
     units = {"amplitude": f" {session.bench.demand_range.unit}", "rows": "", "lasts": " s"}
-    numbers = [f"{name} {value:g}{units.get(name, ' Hz')}" for name, value in rest]
-    session.log_change(client_name, f"generator {', '.join([str(shape), *numbers])}")
+    parameter_texts = [f"{name} {value:g}{units.get(name, ' Hz')}" for name, value in parameters]
+    session.log_change(client_name, f"generator {', '.join([str(shape), *parameter_texts])}")
     return {}
 
 
 def _read_wave(session: LiveSession, fields: Fields) -> Wave:
-    begin, shape = session.bench.tick + 1, str(fields["shape"])
+    begin_tick, shape = session.bench.tick + 1, str(fields["shape"])
     if shape == "own CSV":
-        return read_wave_table(str(fields.get("text", "")), session.bench.demand_range.unit, begin)
+        return read_wave_table(str(fields.get("text", "")), session.bench.demand_range.unit, begin_tick)
     amplitude = read_finite_number(fields, "amplitude")
     if shape == "chirp":
         low, high, duration = (read_finite_number(fields, name) for name in ("low", "high", "lasts"))
-        return Chirp(amplitude, low, high, duration, begin)
-    return PeriodicWave(shape, amplitude, read_finite_number(fields, "frequency"), begin)
+        return Chirp(amplitude, low, high, duration, begin_tick)
+    return PeriodicWave(shape, amplitude, read_finite_number(fields, "frequency"), begin_tick)
 
 
 def _execute_apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:

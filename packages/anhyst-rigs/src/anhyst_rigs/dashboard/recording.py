@@ -85,16 +85,16 @@ class MdfRecorder(RecordingFile):
     def write_note(self, tick: int, text: str) -> None:
         """Write a marker at a tick."""
         with self._lock:
-            name = self._write_text(" ".join(text.split()))
-            event = self._write_block(
+            text_address = self._write_text(" ".join(text.split()))
+            event_address = self._write_block(
                 b"EV",
-                (0, 0, 0, name, 0),
+                (0, 0, 0, text_address, 0),
                 struct.pack(
                     "<5B3xIHHqd", _MARKER_EVENT, 1, 0, _CAUSED_BY_USER, 0, 0, 0, 0, tick, 1 / self._rate
                 ),
             )
-            self._write_address(self._next_event, event)
-            self._next_event = event + _BLOCK_HEADER.size
+            self._write_address(self._next_event, event_address)
+            self._next_event = event_address + _BLOCK_HEADER.size
             self._data = (0, 0)
 
     def _write_header(self, signals: Sequence[Signal]) -> None:
@@ -104,13 +104,13 @@ class MdfRecorder(RecordingFile):
         header_address = self._write_block(
             b"HD", (0,) * 6, struct.pack("<Qhh4B2d", start_time_ns, 0, 0, 2, 0, 0, 0, 0, 0)
         )
-        tool = self._write_text(
+        tool_address = self._write_text(
             "<FHcomment><TX>recorded</TX><tool_id>anhyst live</tool_id>"
             "<tool_vendor>anhyst</tool_vendor><tool_version>1</tool_version></FHcomment>",
             b"MD",
         )
-        history = self._write_block(
-            b"FH", (0, tool), struct.pack("<QhhB3x", start_time_ns, 0, 0, _UTC_OFFSETS_VALID)
+        history_address = self._write_block(
+            b"FH", (0, tool_address), struct.pack("<QhhB3x", start_time_ns, 0, 0, _UTC_OFFSETS_VALID)
         )
         channels = 0
         columns = [Signal("t", "s", "time"), Signal("tick", "", "number of the tick"), *signals]
@@ -123,7 +123,7 @@ class MdfRecorder(RecordingFile):
         self._next_data = data_group + _BLOCK_HEADER.size + 2 * 8
         self._next_event = header_address + _BLOCK_HEADER.size + 4 * 8
         self._write_address(header_address + _BLOCK_HEADER.size, data_group)
-        self._write_address(header_address + _BLOCK_HEADER.size + 8, history)
+        self._write_address(header_address + _BLOCK_HEADER.size + 8, history_address)
 
     def _write_channel(self, signal: Signal, index: int, following: int) -> int:
         unit = self._write_text(signal.unit) if signal.unit else 0
@@ -151,12 +151,12 @@ class MdfRecorder(RecordingFile):
         return address
 
     def _write_bytes(self, data: bytes) -> None:
-        unwritten = memoryview(data)
-        while unwritten:
+        remaining_bytes = memoryview(data)
+        while remaining_bytes:
             self._file.seek(self._end)
-            written = self._file.write(unwritten)
-            self._end += written
-            unwritten = unwritten[written:]
+            byte_count = self._file.write(remaining_bytes)
+            self._end += byte_count
+            remaining_bytes = remaining_bytes[byte_count:]
 
     def _write_address(self, address: int, value: int) -> None:
         self._file.seek(address)
@@ -251,11 +251,11 @@ class RingBuffer:
 
     def append(self, rows: FloatArray) -> None:
         """Add rows."""
-        size = len(self._rows)
-        self.total += max(0, len(rows) - size)
-        rows = rows[-size:]
-        first_index = self.total % size
-        first_count = min(len(rows), size - first_index)
+        buffer_size = len(self._rows)
+        self.total += max(0, len(rows) - buffer_size)
+        rows = rows[-buffer_size:]
+        first_index = self.total % buffer_size
+        first_count = min(len(rows), buffer_size - first_index)
         self._rows[first_index : first_index + first_count] = rows[:first_count]
         self._rows[: len(rows) - first_count] = rows[first_count:]
         self.total += len(rows)
@@ -266,8 +266,8 @@ class RingBuffer:
 
     def find_tick(self, tick: int) -> int:
         """Return the number of the first buffered row at a tick or after it."""
-        oldest = max(0, self.total - len(self._rows))
-        return oldest + int(np.searchsorted(self.read(oldest, self.total)[:, 0], tick))
+        oldest_row = max(0, self.total - len(self._rows))
+        return oldest_row + int(np.searchsorted(self.read(oldest_row, self.total)[:, 0], tick))
 
 
 class LevelCrossing(NamedTuple):
@@ -280,8 +280,8 @@ class LevelCrossing(NamedTuple):
     def find(self, values: FloatArray) -> int | None:
         """Return the index of the first sample after a crossing; None if there is no crossing."""
         is_beyond = values >= self.level if self.is_rising else values <= self.level
-        indices = np.flatnonzero(is_beyond[1:] & ~is_beyond[:-1])
-        return int(indices[0]) + 1 if len(indices) else None
+        crossing_indices = np.flatnonzero(is_beyond[1:] & ~is_beyond[:-1])
+        return int(crossing_indices[0]) + 1 if len(crossing_indices) else None
 
 
 class RecordingSpan(NamedTuple):
@@ -429,13 +429,13 @@ class TickRecorder:
         """Write some of the rows that wait; close the file after its last tick."""
         if self._next_row is None or not self._ring.total:
             return
-        end = min(self._ring.total, self._next_row + _ROWS_PER_WRITE)
-        rows = self._ring.read(self._next_row, end)
-        self._next_row = end
+        end_row = min(self._ring.total, self._next_row + _ROWS_PER_WRITE)
+        rows = self._ring.read(self._next_row, end_row)
+        self._next_row = end_row
         recorded_rows = rows[(rows[:, 0] >= self._first_tick) & (rows[:, 0] <= self._last_tick)]
         if len(recorded_rows):
             self._write_or_stop(lambda file: file.write_rows(recorded_rows))
-        if self._ring.read(end - 1, end)[0, 0] >= self._last_tick:
+        if self._ring.read(end_row - 1, end_row)[0, 0] >= self._last_tick:
             self._close_file("written")
 
     def _write_or_stop(self, write: Callable[[RecordingFile], None]) -> None:

@@ -280,10 +280,10 @@ class LiveServer:
         """Execute the order of a browser, and answer it. Every browser may stop the rig."""
         number = message.get("id")
         try:
-            result = await self._perform_order(client, message)
+            reply = await self._perform_order(client, message)
         except InputError as error:
-            result = {"reason": str(error)}
-        client.queue_message({"kind": "answer", "id": number if isinstance(number, int) else 0, **result})
+            reply = {"reason": str(error)}
+        client.queue_message({"kind": "answer", "id": number if isinstance(number, int) else 0, **reply})
 
     async def _perform_order(self, client: Client, message: Mapping[str, Any]) -> Mapping[str, Any]:
         order = message.get("do")

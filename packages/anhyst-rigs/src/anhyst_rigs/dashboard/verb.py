@@ -144,9 +144,9 @@ def live(
     token_text = secrets.token_urlsafe(16) if token else ""
     name = rig.resolve().parent.name if url is None else rig.resolve().name
     title = name if url is None else f"{name} at {url}"
-    work = f"building model and controller of {name}" if url is None else f"connecting to {url}"
+    build_title = f"building model and controller of {name}" if url is None else f"connecting to {url}"
     with listen_on(*read_address(listen, token)) as listening_socket:
-        with serve_start_page(listening_socket, title, work) as start_progress:
+        with serve_start_page(listening_socket, title, build_title) as start_progress:
 
             def report_progress(completed: float, total: float) -> None:
                 start_progress.update(completed, total)
@@ -187,8 +187,8 @@ def _open_bench(
     """Open a virtual rig or a running controller, with an improver and an estimator if possible."""
     if url is not None:
         on_board = None if known is None else prepare_board(known, rig)
-        board = open_board(rig, url)
-        return board, None if on_board is None else Improver(on_board, board), None
+        board_bench = open_board(rig, url)
+        return board_bench, None if on_board is None else Improver(on_board, board_bench), None
     with prepare_cached(rig, controller, progress) as prepared:
         return open_prepared(prepared)  # The firmware does not need the folder any more.
 

@@ -92,12 +92,12 @@ def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
     rate = min(max(step_up(RATE_PER_BANDWIDTH * bandwidth), RATE_LIMITS_HZ[0]), RATE_LIMITS_HZ[1])
     force_high = round_down(magnet.usable_force(gap))
     force_per_metre = mass * (2.0 * math.pi * bandwidth) ** 2
-    authority = MAX_STEP_FORCE_RATIO * min(load, force_high - load) / force_per_metre
-    highest = step_down(min(machine.clearance, authority))
-    heights = tuple(round_nearest(travel_fraction * highest) for travel_fraction in (0.1, 0.2, 0.5, 1.0))
+    max_height = MAX_STEP_FORCE_RATIO * min(load, force_high - load) / force_per_metre
+    highest_step = step_down(min(machine.clearance, max_height))
+    heights = tuple(round_nearest(travel_fraction * highest_step) for travel_fraction in (0.1, 0.2, 0.5, 1.0))
     travel = machine.stops[1] - machine.stops[0]
     sensor_step = min(50e-9, step_down(heights[0] / 50.0))
-    speed = math.sqrt(2.0 * travel * (force_high + 1.2 * force_high) / mass)
+    max_speed = math.sqrt(2.0 * travel * (force_high + 1.2 * force_high) / mass)
     inductance = tangent.k_i**2 / stiffness
     load_amplitude = (
         math.pi * FULL_SWING_PER_BANDWIDTH * bandwidth + 1.0 / WINDING_TIME_CONSTANT_S
@@ -112,5 +112,5 @@ def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
         force_high=force_high,
         heights=heights,
         sensor_step=sensor_step,
-        gap_step=round_up(speed / rate + 20.0 * sensor_step),
+        gap_step=round_up(max_speed / rate + 20.0 * sensor_step),
     )

@@ -111,16 +111,16 @@ def init_bearing(
     except InputError as error:
         raise error.with_location(source.text) from error
     values = {**source.values, "reach": magnet, "machine": machine, "numbers": design}
-    files = {
+    drafts = {
         RIG_FILE: render_draft("bearing", **values),
         CONTROLLER_FILE: render_draft("controller", **values),
     }
     return _write_draft(
-        out, files, source, BEARING_COMMANDS, _describe_bearing(magnet, machine, design), machine
+        out, drafts, source, BEARING_COMMANDS, _describe_bearing(magnet, machine, design), machine
     )
 
 
-def _init_piezo(loops: Loops, source: _LoopSource, out: PathLike, request: MachineRequest) -> Drafted:
+def _init_piezo(loops: Loops, loop_source: _LoopSource, out: PathLike, request: MachineRequest) -> Drafted:
     """Write the rig file of a piezo stage, and a copy of the loops to which the stack is fitted."""
     if request != MachineRequest():
         raise InputError(
@@ -135,14 +135,14 @@ def _init_piezo(loops: Loops, source: _LoopSource, out: PathLike, request: Machi
             raise InputError(text, code="columns-missing")
         stack = fit_stack(loops)
     except InputError as error:
-        raise error.with_location(source.text) from error
-    files = {RIG_FILE: draft_piezo(source.name, loops, stack)}
+        raise error.with_location(loop_source.text) from error
+    drafts = {RIG_FILE: draft_piezo(loop_source.name, loops, stack)}
     found_texts = (
         f"stack of {1e6 * stack.stroke:.4g} um from {stack.low:.4g} to {stack.high:.4g} V",
         f"residual of the Bouc-Wen model: {stack.fit_text}",
         f"creep: {stack.creep_text}",
     )
-    return _write_draft(out, files, source, PIEZO_COMMANDS, found_texts)
+    return _write_draft(out, drafts, loop_source, PIEZO_COMMANDS, found_texts)
 
 
 def init_rig(
@@ -154,17 +154,17 @@ def init_rig(
 ) -> Drafted:
     """Write the rig file of a stage between two magnets, or of a magnet with force control."""
     check_new(out, [RIG_FILE, LOOPS_FOLDER])
-    source = _LoopSource(paths, options)
+    loop_source = _LoopSource(paths, options)
     loops = options.read(paths, progress)
     try:
         magnet = evaluate_loops(loops)
-        arguments = magnet, source.values
+        arguments = magnet, loop_source.values
         rig = draft_force_control(*arguments) if stage is None else draft_stage(*arguments, stage)
     except InputError as error:
-        raise error.with_location(source.text) from error
+        raise error.with_location(loop_source.text) from error
     lines = [line] if (line := describe_rate(loops)) else []
     run = FORCE_COMMANDS if stage is None else STAGE_COMMANDS
-    return _write_draft(out, {RIG_FILE: rig}, source, run, (_describe_magnet(magnet), *lines))
+    return _write_draft(out, {RIG_FILE: rig}, loop_source, run, (_describe_magnet(magnet), *lines))
 
 
 class _LoopSource:
@@ -182,31 +182,31 @@ class _LoopSource:
                         f"{path}: {copied} has the same name; rename one of them", code="name-twice"
                     )
             self.copies[f"{LOOPS_FOLDER}/{path.name}"] = path
-        tables = [name for name in self.copies if not name.endswith(".toml")]
-        reading = {name.removeprefix("read_"): value for name, value in options.as_settings().items()}
+        table_names = [name for name in self.copies if not name.endswith(".toml")]
+        read_options = {name.removeprefix("read_"): value for name, value in options.as_settings().items()}
         if options.sidecar is not None:
-            reading["sidecar"] = f"{LOOPS_FOLDER}/{Path(options.sidecar).name}"
-        files = tables[0] if len(tables) == 1 else tables
-        self.values: dict[str, Any] = {"name": self.name, "files": files, "reading": reading}
+            read_options["sidecar"] = f"{LOOPS_FOLDER}/{Path(options.sidecar).name}"
+        file_names = table_names[0] if len(table_names) == 1 else table_names
+        self.values: dict[str, Any] = {"name": self.name, "files": file_names, "reading": read_options}
 
 
 def _write_draft(
     out: PathLike,
-    files: Mapping[str, Draft],
-    source: _LoopSource,
+    drafts: Mapping[str, Draft],
+    loop_source: _LoopSource,
     run: Sequence[str],
     found_texts: tuple[str, ...],
     machine: Machine | None = None,
 ) -> Drafted:
     """Write the files, and return a description of the draft."""
-    add_files(out, {name: draft.text for name, draft in files.items()}, source.copies)
+    add_files(out, {name: draft.text for name, draft in drafts.items()}, loop_source.copies)
     return Drafted(
         Path(out),
-        (*files, *source.copies),
+        (*drafts, *loop_source.copies),
         tuple(command.format(out=Path(out)) for command in run),
         found_texts,
         {} if machine is None else machine.list_guesses(),
-        {name: draft.guesses for name, draft in files.items()},
+        {name: draft.guesses for name, draft in drafts.items()},
     )
 
 

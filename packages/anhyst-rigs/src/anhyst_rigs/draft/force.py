@@ -40,20 +40,20 @@ SOLID_HELD_GAP_COUNT = 3
 """Number of gaps at which the armature is held, for a solid core."""
 
 
-def draft_force_control(magnet: MeasuredMagnet, source: dict[str, Any]) -> Draft:
+def draft_force_control(magnet: MeasuredMagnet, loop_origin: dict[str, Any]) -> Draft:
     """Draft the rig file of a magnet with force control."""
     low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if not low > 0.0:
         text = "an armature cannot be held at a gap of 0 m; remove its loops"
         raise InputError(text, code="gap-zero")
-    cycle_Hz, sweep = magnet.fastest or (0.0, 0.0)
+    cycle_Hz, sweep_time = magnet.fastest or (0.0, 0.0)
     rate = max(DEFAULT_RATE_HZ, min(round_nearest(TICKS_PER_CYCLE * cycle_Hz), MAX_RATE_HZ))
     gap_count = SOLID_HELD_GAP_COUNT if cycle_Hz else HELD_GAP_COUNT
     gaps = [round_nearest(gap, 3) for gap in np.linspace(low, high, gap_count if high > low else 1)]
     gaps[0], gaps[-1] = low, high
     return render_draft(
         "force",
-        **source,
+        **loop_origin,
         reach=magnet,
         rate=rate,
         ticks=EXAMPLE_NOTE
@@ -61,7 +61,7 @@ def draft_force_control(magnet: MeasuredMagnet, source: dict[str, Any]) -> Draft
         else f"{TICKS_PER_CYCLE:g} in a cycle of the fastest loops",
         cycle=cycle_Hz,
         depth=SOLID_DEPTH_M,
-        sweep=sweep,
+        sweep=sweep_time,
         swing=magnet.current_high / FULL_SWING_S,
         force=round_down(MAX_DEMAND_RATIO * float(magnet.forces.min())),
         triangles=_triangle_records(cycle_Hz),

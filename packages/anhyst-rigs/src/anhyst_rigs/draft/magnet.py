@@ -102,8 +102,8 @@ class MeasuredMagnet:
             moving = dt > 0.0
             steps.append(float(np.median(dt[moving])) if moving.any() else math.nan)
             sweeps.append(float(np.abs(np.diff(loop.input)[moving]).sum() / dt[moving].sum()))
-        step, sweep = float(np.median(steps)), float(np.median(sweeps))
-        return (step, sweep) if step > 0.0 and sweep > 0.0 else None
+        time_step, sweep_time = float(np.median(steps)), float(np.median(sweeps))
+        return (time_step, sweep_time) if time_step > 0.0 and sweep_time > 0.0 else None
 
 
 def evaluate_loops(loops: Loops) -> MeasuredMagnet:
@@ -111,17 +111,17 @@ def evaluate_loops(loops: Loops) -> MeasuredMagnet:
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
     fastest, loops = _fastest_rate(loops), select_slow_loops(loops)
-    groups = loops.by_schedule()
-    current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
+    loops_by_gap = loops.by_schedule()
+    current_high = min(max(float(loop.input.max()) for loop in group) for group in loops_by_gap.values())
     current_high = round_nearest(current_high, 3)  # because readings are noisy
     if not current_high > 0.0:
         text = "at one gap no current above 0 A was measured; invert the sign of the current"
         raise InputError(text, code="current-negative")
-    forces = np.array([_force_at_top(group, current_high) for group in groups.values()])
+    forces = np.array([_force_at_top(group, current_high) for group in loops_by_gap.values()])
     if not forces.min() > 0.0:
         text = "the largest current does not pull at every gap; invert the sign of the force"
         raise InputError(text, code="force-negative")
-    gaps = np.array(list(groups), dtype=np.float64)
+    gaps = np.array(list(loops_by_gap), dtype=np.float64)
     return MeasuredMagnet(loops, gaps, current_high, forces, fastest)
 
 
@@ -134,10 +134,10 @@ def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
     return speeds.fastest_rate, float(np.median(np.abs(np.concatenate(steps))))
 
 
-def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
+def _force_at_top(loops: Sequence[Loop], current_high: float) -> float:
     """Return the force at the largest current, N, from a line through the samples near it."""
-    current = np.concatenate([loop.input for loop in group])
-    force = np.concatenate([loop.output for loop in group])
+    current = np.concatenate([loop.input for loop in loops])
+    force = np.concatenate([loop.output for loop in loops])
     is_at_top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_RATIO) * current_high
     current, force = current[is_at_top], force[is_at_top]
     if np.ptp(current) < 0.1 * (1.0 - TOP_CURRENT_RATIO) * current_high:
@@ -246,8 +246,8 @@ def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue
 
 
 def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue:
-    weakest = int(magnet.forces.argmin())  # the largest gap, unless a solenoid has a cone
-    weakest_force, weakest_gap = float(magnet.forces[weakest]), float(magnet.gaps[weakest])
+    weakest_index = int(magnet.forces.argmin())  # the largest gap, unless a solenoid has a cone
+    weakest_force, weakest_gap = float(magnet.forces[weakest_index]), float(magnet.gaps[weakest_index])
     if request.load is not None:
         load = GuessedValue(request.load)
     elif request.mass is not None:

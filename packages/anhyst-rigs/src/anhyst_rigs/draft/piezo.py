@@ -84,45 +84,45 @@ class FittedStack:
 
 def fit_stack(loopset: Loops) -> FittedStack:
     """Fit a stack to loops; raise an InputError if the loops are not those of a stack."""
-    problem = _FitProblem(loopset)
-    problem.exclude_outliers(problem.fit(()))
-    fit = without_creep = problem.fit(())
+    fit_problem = _FitProblem(loopset)
+    fit_problem.exclude_outliers(fit_problem.fit(()))
+    fit = without_creep = fit_problem.fit(())
     if (
-        problem.creep_times
-        and (with_creep := problem.fit(problem.creep_times, without_creep)).rms
+        fit_problem.creep_times
+        and (with_creep := fit_problem.fit(fit_problem.creep_times, without_creep)).rms
         < MAX_CREEP_RESIDUAL_RATIO * without_creep.rms
     ):
         fit = with_creep
-    stroke, bend, slope, _ = fit.weights * problem.stroke
-    is_poor = fit.rms > MAX_RESIDUAL_RATIO * problem.stroke or not stroke
+    stroke, curvature, slope, _ = fit.weights * fit_problem.stroke
+    is_poor = fit.rms > MAX_RESIDUAL_RATIO * fit_problem.stroke or not stroke
     if is_poor or not slope:
         reason = "are not those of a stack" if is_poor else "show no hysteresis"
         raise InputError(
             f"the loops {reason}: the residual of the Bouc-Wen model is "
-            f"{100 * fit.rms / problem.stroke:.2g} % of the stroke; check them with anhyst inspect",
+            f"{100 * fit.rms / fit_problem.stroke:.2g} % of the stroke; check them with anhyst inspect",
             code="no-piezo",
         )
-    span, low = problem.span, problem.low / problem.span
+    span, low = fit_problem.span, fit_problem.low / fit_problem.span
     beta, ratio = math.exp(fit.shape[0]), float(fit.shape[1])
-    remaining_state = bouc_wen_state(np.array([0.0, problem.high / span, low]), beta, ratio)[-1]
-    numbers = {
+    remaining_state = bouc_wen_state(np.array([0.0, fit_problem.high / span, low]), beta, ratio)[-1]
+    parameters = {
         "stroke_m_per_V": stroke / span,
-        "bend_m_per_V2": bend / span**2,
+        "bend_m_per_V2": curvature / span**2,
         "slope_m_per_V": slope / span,
         "beta_per_V": beta / span,
         "gamma_per_V": ratio * beta / span,
     }
     return FittedStack(
-        numbers={key: float(value) for key, value in numbers.items()},
+        numbers={key: float(value) for key, value in parameters.items()},
         creep_times=fit.creep_times,
         creep_shares=tuple(fit.shape[3:].tolist()),
-        low=problem.low,
-        high=problem.high,
-        stroke=max(float(np.ptp(displacement)) for displacement in problem.displacements()),
-        remains=float(stroke * low + bend * low**2 - slope * remaining_state),
+        low=fit_problem.low,
+        high=fit_problem.high,
+        stroke=max(float(np.ptp(displacement)) for displacement in fit_problem.displacements()),
+        remains=float(stroke * low + curvature * low**2 - slope * remaining_state),
         rms=fit.rms,
         rms_without_creep=without_creep.rms,
-        has_times=problem.sample_s > 0.0,
+        has_times=fit_problem.sample_s > 0.0,
     )
 
 
@@ -181,8 +181,8 @@ class _FitProblem:
 
     def displacements(self) -> list[FloatArray]:
         """Return the displacements to which the stack is fitted, m."""
-        pairs = zip(self.loops, self.masks, strict=True)
-        return [loop.output[self.selection][mask] for loop, mask in pairs]
+        loops_and_masks = zip(self.loops, self.masks, strict=True)
+        return [loop.output[self.selection][mask] for loop, mask in loops_and_masks]
 
     def fit(self, creep_times: tuple[float, ...], initial: _Fit | None = None) -> _Fit:
         """Return the fit with the smallest residual."""
@@ -226,15 +226,17 @@ class _FitProblem:
             self._regressor_matrix(loop, shape, creep_times)[self.selection][mask]
             for loop, mask in zip(self.loops, self.masks, strict=True)
         ]
-        matrix, target = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
+        matrix, displacement = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
         # Two of the columns may have either sign.
         signed_columns = np.hstack([matrix, -matrix[:, 1::2]])
         normal = signed_columns.T @ signed_columns
-        factor = np.linalg.cholesky(normal + 1e-12 * np.trace(normal) * np.eye(normal.shape[0]))
-        weights, _ = nnls(factor.T, np.linalg.solve(factor, signed_columns.T @ target), maxiter=1000)
+        cholesky = np.linalg.cholesky(normal + 1e-12 * np.trace(normal) * np.eye(normal.shape[0]))
+        weights, _ = nnls(
+            cholesky.T, np.linalg.solve(cholesky, signed_columns.T @ displacement), maxiter=1000
+        )
         weights[1:4:2] -= weights[4:]
         weights = weights[:4]
-        return weights, matrix @ weights - target
+        return weights, matrix @ weights - displacement
 
     def _regressor_matrix(self, loop: Loop, shape: FloatArray, creep_times: tuple[float, ...]) -> FloatArray:
         drive = loop.input / self.span
@@ -245,8 +247,8 @@ class _FitProblem:
         if loop.history.kind == "settled":
             earlier_voltages = np.concatenate([earlier_voltages, drive])
         full_drive = np.concatenate([earlier_voltages, drive])
-        hysteretic = bouc_wen_state(full_drive, math.exp(shape[0]), float(shape[1]))[earlier_voltages.size :]
-        columns = np.stack([drive, drive**2, -hysteretic, np.ones(drive.size)], axis=1)
+        hysteresis = bouc_wen_state(full_drive, math.exp(shape[0]), float(shape[1]))[earlier_voltages.size :]
+        columns = np.stack([drive, drive**2, -hysteresis, np.ones(drive.size)], axis=1)
         if creep_times and loop.time is not None:
             columns[:, :3] += self._creep_columns(loop, columns[:, :3], shape[3:], creep_times)
         return columns
@@ -281,14 +283,14 @@ def bouc_wen_state(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
     state = np.zeros(drive.size)
     if not moving.size:
         return state
-    signs = np.sign(step[moving])
-    reversals = moving[1:][signs[1:] != signs[:-1]]
+    step_signs = np.sign(step[moving])
+    reversals = moving[1:][step_signs[1:] != step_signs[:-1]]
     last_state = 0.0
     for begin, end in pairwise([0, *reversals.tolist(), drive.size - 1]):
         travel = np.abs(drive[begin : end + 1] - drive[begin])
-        sign = 1.0 if drive[end] > drive[begin] else -1.0
-        branch = _branch_state(travel, sign * last_state, beta, ratio)
-        state[begin : end + 1] = sign * branch
+        direction = 1.0 if drive[end] > drive[begin] else -1.0
+        branch = _branch_state(travel, direction * last_state, beta, ratio)
+        state[begin : end + 1] = direction * branch
         last_state = float(state[end])
     return state
 
@@ -300,8 +302,8 @@ def _branch_state(travel: FloatArray, start_state: float, beta: float, ratio: fl
     initial_rate = rate_above if start_state >= 0.0 else rate_below
     # travel, counted from the point at which g is zero
     travel_from_zero = travel - math.log1p(-start_state * initial_rate) / initial_rate
-    rate = np.where(travel_from_zero < 0.0, rate_below, rate_above)
-    return np.asarray(-np.expm1(-rate * travel_from_zero) / rate)
+    decay_rate = np.where(travel_from_zero < 0.0, rate_below, rate_above)
+    return np.asarray(-np.expm1(-decay_rate * travel_from_zero) / decay_rate)
 
 
 EXAMPLE_RESONANCE_HZ = 480.0

@@ -31,25 +31,25 @@ FULL_SWINGS_PER_JERK_PHASE = 10.0
 """Ratio of the jerk phase to the time of a current swing over the full range."""
 
 
-def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: MachineRequest) -> Draft:
+def draft_stage(magnet: MeasuredMagnet, loop_origin: dict[str, Any], request: MachineRequest) -> Draft:
     """Draft the rig file of a stage that moves between two magnets of the measured type."""
-    low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
-    if not 0.0 < low < high:
+    low_gap, high_gap = float(magnet.gaps[0]), float(magnet.gaps[-1])
+    if not 0.0 < low_gap < high_gap:
         raise InputError(
             f"a stage moves between gaps and needs loops at two gaps above 0 m; there are only "
-            f"loops at {low:g} m",
+            f"loops at {low_gap:g} m",
             code="single-gap",
         )
-    middle_gap = 0.5 * (low + high)
-    if request.gap is not None and not low < request.gap < high:
-        text = f"gap: {request.gap:g} m is not between the measured gaps of {low:g} and {high:g} m"
+    middle_gap = 0.5 * (low_gap + high_gap)
+    if request.gap is not None and not low_gap < request.gap < high_gap:
+        text = f"gap: {request.gap:g} m is not between the measured gaps of {low_gap:g} and {high_gap:g} m"
         raise InputError(text, code="gaps-not-covered", key="gap")
     gap = (
         GuessedValue(middle_gap, "the middle of the gaps")
         if request.gap is None
         else GuessedValue(request.gap, "")
     )
-    force = round_down(magnet.usable_force(high))
+    force = round_down(magnet.usable_force(high_gap))
     mass = (
         GuessedValue(
             round_nearest(ACCELERATING_FORCE_RATIO * force / PEAK_M_PER_S2),
@@ -63,7 +63,7 @@ def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: Machine
     max_acceleration = round_down(ACCELERATING_FORCE_RATIO * force / mass.number)
     return render_draft(
         "stage",
-        **source,
+        **loop_origin,
         reach=magnet,
         rate=RATE_HZ,
         gap=gap,
@@ -75,5 +75,5 @@ def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: Machine
         ),
         speed=round_nearest(0.5 * max_acceleration / PEAK_M_PER_S2),
         train=[round_nearest(training_ratio * max_acceleration) for training_ratio in TRAINING_RATIOS],
-        test=[round_nearest(part * max_acceleration) for part in TEST_RATIOS],
+        test=[round_nearest(test_ratio * max_acceleration) for test_ratio in TEST_RATIOS],
     )

@@ -32,20 +32,20 @@ _GUESS_MARK = "; guess: "
 
 def render_draft(template: str, **values: Any) -> Draft:
     """Render a template; align its comments, and collect those that contain a guess."""
-    rendered = _templates().get_template(f"{template}.toml.j2").render(values)
+    rendered_text = _templates().get_template(f"{template}.toml.j2").render(values)
     lines, guesses, section, table = [], {}, "", ""
-    for line in rendered.removesuffix("\n").split("\n"):
-        text, mark, note = ("", "", line) if line.startswith("#") else line.rpartition(_COMMENT_MARK)
-        lines.append(with_comment(text, note) if mark else line)
+    for line in rendered_text.removesuffix("\n").split("\n"):
+        text, mark, comment = ("", "", line) if line.startswith("#") else line.rpartition(_COMMENT_MARK)
+        lines.append(with_comment(text, comment) if mark else line)
         key, _, value = text.partition(" = ")
         if text.startswith("["):
             section = text.strip("[]")
             table = f"{section}."
         elif (section, key) in _TABLE_NAMES:
             table = _TABLE_NAMES[section, key].format(tomllib.loads(text)[key])
-        if _GUESS_MARK in note and mark:
-            rows = format_toml(tomllib.loads(rendered)[section][key]) if value == "[" else value
-            guesses[f"{table}{key} = {rows}"] = note.rpartition(_GUESS_MARK)[2]
+        if _GUESS_MARK in comment and mark:
+            rows = format_toml(tomllib.loads(rendered_text)[section][key]) if value == "[" else value
+            guesses[f"{table}{key} = {rows}"] = comment.rpartition(_GUESS_MARK)[2]
     return Draft("\n".join(lines) + "\n", guesses)
 
 
@@ -84,8 +84,8 @@ def format_toml(value: object) -> str:
         case list():
             return f"[{', '.join(map(format_toml, value))}]"
         case Mapping():
-            inside = ", ".join(f"{toml_key(key)} = {format_toml(entry)}" for key, entry in value.items())
-            return f"{{ {inside} }}"
+            table_text = ", ".join(f"{toml_key(key)} = {format_toml(entry)}" for key, entry in value.items())
+            return f"{{ {table_text} }}"
     return toml_value(value)
 
 

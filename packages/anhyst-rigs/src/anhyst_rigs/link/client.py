@@ -88,8 +88,8 @@ class ControllerLink:
         self._lock = threading.RLock()
         try:
             self._port.write(b"\0")  # ends an incomplete frame of a previous session
-            hello = frames.HelloRequest(frames.VERSION, secrets.randbits(32))
-            self.info = self.request(hello, frames.InfoAnswer)
+            hello_request = frames.HelloRequest(frames.VERSION, secrets.randbits(32))
+            self.info = self.request(hello_request, frames.InfoAnswer)
         except BaseException:
             self._port.close()
             raise
@@ -121,14 +121,14 @@ class ControllerLink:
         """
         if not 1 <= window <= MAX_WINDOW:
             raise InputError(f"window {window}: choose 1 to {MAX_WINDOW}", code="out-of-range", key="window")
-        flow, remaining_forces = _DemandFlow(self), iter(forces)
+        demand_flow, remaining_forces = _DemandFlow(self), iter(forces)
         with self._lock:
             while True:
-                flow.send(islice(remaining_forces, window - len(flow.waiting)))
-                if not flow.waiting:
+                demand_flow.send(islice(remaining_forces, window - len(demand_flow.waiting)))
+                if not demand_flow.waiting:
                     return
-                flow.receive()
-                yield from flow.take_answered()
+                demand_flow.receive()
+                yield from demand_flow.take_answered()
 
     def command(self, command: Command) -> State:
         """Send a command that changes the state of the controller; return the new state."""

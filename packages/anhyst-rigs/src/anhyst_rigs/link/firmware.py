@@ -56,8 +56,8 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
         raise InputError(text, code="unknown-board", key="board")
     folder = Path(parameters).resolve()
     actuator = _read_actuator_name(folder)
-    with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
-        program = Path(scratch, "firmware")
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as temporary_folder:
+        program = Path(temporary_folder, "firmware")
         _compile(board, folder, actuator, program)
         write_bytes(out, program.read_bytes())
     target = Path(out)
@@ -144,12 +144,12 @@ def _compiler_command(name: str) -> list[str]:
         if importlib.util.find_spec("ziglang") is None:
             text = f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'"
             raise InputError(text, code="not-installed", key="ziglang")
-        zig = [sys.executable, "-m", "ziglang", "cc"]
-        return [*zig, *_THUMB_OPTIONS, f"-mcpu={board.cpu}", *_FREESTANDING_OPTIONS, *_SIZE_OPTIONS]
+        zig_command = [sys.executable, "-m", "ziglang", "cc"]
+        return [*zig_command, *_THUMB_OPTIONS, f"-mcpu={board.cpu}", *_FREESTANDING_OPTIONS, *_SIZE_OPTIONS]
     check_runs_here(name)
-    for candidate in ("cc", "gcc", "clang"):
-        if shutil.which(candidate):
-            return [candidate, "-O2"]
+    for compiler_name in ("cc", "gcc", "clang"):
+        if shutil.which(compiler_name):
+            return [compiler_name, "-O2"]
     text = f"board {name}: a C compiler is not installed: apt install gcc libc6-dev"
     raise InputError(text, code="not-installed", key="gcc")
 

@@ -122,8 +122,8 @@ def compare_runs(host: FirmwareRun, board: FirmwareRun) -> Difference | None:
     for tick, (value, answer) in enumerate(zip(host.drives, board.drives, strict=True)):
         if value != answer:
             return Difference("firmware", tick, "drive", value, answer)
-    for index, (expected, answered) in enumerate(zip(host.statuses, board.statuses, strict=True)):
+    for index, (expected, board_status) in enumerate(zip(host.statuses, board.statuses, strict=True)):
         for name, value in expected.items():
-            if value != answered[name]:
-                return Difference("status", index, name, value, answered[name])
+            if value != board_status[name]:
+                return Difference("status", index, name, value, board_status[name])
     return None

@@ -213,10 +213,10 @@ class LibraryBoard:
 
     def write(self, data: bytes) -> None:
         """Send bytes over the link; :meth:`read` will return the answer."""
-        count = self._firmware.library_link(
+        answer_length = self._firmware.library_link(
             self._memory, data, len(data), self._answer_buffer, _MAX_LINK_BYTES
         )
-        self._unread += ctypes.string_at(self._answer_buffer, count)
+        self._unread += ctypes.string_at(self._answer_buffer, answer_length)
 
     def read(self, timeout: float) -> bytes:
         """Return the answers of the firmware at once; the time limit has no effect."""
@@ -255,17 +255,17 @@ def run_host(
     program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
 ) -> Iterator[RunningFirmware]:
     """Run a firmware that was built for the board ``host``."""
-    our_socket, board_socket = socket.socketpair()
+    host_socket, board_socket = socket.socketpair()
     command = [str(Path(program).resolve()), link, f"fd:{board_socket.fileno()}"]
     command += [] if xcp is None else ["--xcp", str(xcp)]
-    with our_socket, _start_process(command, [board_socket], stdout=subprocess.PIPE) as process:
+    with host_socket, _start_process(command, [board_socket], stdout=subprocess.PIPE) as process:
         url = link
         if link == "pty" or link.startswith("tcp:"):
             address = _read_printed_line(process, program)
             url = address if link == "pty" else f"socket://127.0.0.1:{address}"
         offered_port = 0 if xcp is None else int(_read_printed_line(process, program))
         yield RunningFirmware(
-            url, PlantBus(plant, exchange_over_socket(our_socket)), offered_port, our_socket
+            url, PlantBus(plant, exchange_over_socket(host_socket)), offered_port, host_socket
         )
 
 
@@ -289,7 +289,7 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     qemu = find_qemu()
     listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(1 + xcp)]
     ports = [listener.getsockname()[1] for listener in listeners]
-    our_socket, board_socket = socket.socketpair()
+    host_socket, board_socket = socket.socketpair()
     command = [qemu, "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
     server_options = [f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners]
     command += _serial_options("link", server_options[0])
@@ -297,10 +297,10 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     if xcp:
         command += _serial_options("xcp", server_options[1])
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
-    with our_socket, _start_process(command, [*listeners, board_socket]):
+    with host_socket, _start_process(command, [*listeners, board_socket]):
         url = f"socket://127.0.0.1:{ports[0]}"
         yield RunningFirmware(
-            url, PlantBus(plant, exchange_over_socket(our_socket)), ports[1] if xcp else 0, our_socket
+            url, PlantBus(plant, exchange_over_socket(host_socket)), ports[1] if xcp else 0, host_socket
         )
 
 
@@ -322,9 +322,9 @@ def _serial_options(name: str, address: str) -> list[str]:
 def _start_process(
     command: Sequence[str], handed_over: Sequence[socket.socket], stdout: int | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
-    descriptors = [handed_socket.fileno() for handed_socket in handed_over]
+    file_descriptors = [handed_socket.fileno() for handed_socket in handed_over]
     try:
-        process = subprocess.Popen(command, pass_fds=descriptors, stdout=stdout)
+        process = subprocess.Popen(command, pass_fds=file_descriptors, stdout=stdout)
     except OSError as error:
         raise InputError(f"{command[0]}: cannot be run: {error.strerror}", code="cannot-be-run") from error
     finally:

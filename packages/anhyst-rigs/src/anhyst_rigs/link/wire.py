@@ -74,16 +74,16 @@ def cobs_encode(body: bytes) -> bytes:
     return b"".join(bytes((len(block) + 1,)) + block for block in body.split(b"\0"))
 
 
-def cobs_decode(stuffed: bytes) -> bytes | None:
+def cobs_decode(encoded: bytes) -> bytes | None:
     """Decode the result of :func:`cobs_encode`; return None for bytes that are not such a result."""
-    body = bytearray(stuffed)
+    body = bytearray(encoded)
     index = 0
-    while index < len(stuffed):
-        block_length, body[index] = stuffed[index], 0
+    while index < len(encoded):
+        block_length, body[index] = encoded[index], 0
         if block_length == 0:
             return None
         index += block_length
-    return bytes(body[1:]) if index == len(stuffed) else None
+    return bytes(body[1:]) if index == len(encoded) else None
 
 
 class Receiver:
@@ -109,8 +109,8 @@ class Receiver:
         return frames
 
 
-def _parse_frame(stuffed: bytes) -> Frame | None:
-    body = cobs_decode(stuffed)
+def _parse_frame(encoded: bytes) -> Frame | None:
+    body = cobs_decode(encoded)
     if body is None or len(body) < _FRAME_HEAD.size + _CHECKSUM.size:
         return None
     frame = body[: -_CHECKSUM.size]

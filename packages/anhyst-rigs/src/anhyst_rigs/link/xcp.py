@@ -339,8 +339,8 @@ class XcpMaster:
 
     def _decode(self, packets: bytes) -> Samples:
         """Return decoded samples, whose tick numbers continue beyond the 32 bits of time stamps."""
-        form = [("head", "<u2"), ("tick", "<u4"), ("values", "<i4", len(self.signals))]
-        samples = np.frombuffer(packets, dtype=form)
+        row_type = [("head", "<u2"), ("tick", "<u4"), ("values", "<i4", len(self.signals))]
+        samples = np.frombuffer(packets, dtype=row_type)
         stamps = samples["tick"].astype(np.int64)
         last_tick = self._last_tick if self._last_tick >= 0 else int(stamps[0]) - 1
         ticks = last_tick + np.cumsum(np.diff(stamps, prepend=last_tick & 0xFFFFFFFF) & 0xFFFFFFFF)
@@ -437,25 +437,25 @@ class XcpBridge:
 
     def serve_one(self) -> None:
         """Wait for a master, and serve this master until it disconnects."""
-        master, _ = self._listener.accept()
-        with master:
-            master.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            master.settimeout(_MASTER_TIMEOUT_S)
+        master_socket, _ = self._listener.accept()
+        with master_socket:
+            master_socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            master_socket.settimeout(_MASTER_TIMEOUT_S)
             try:
-                self._serve(master)
+                self._serve(master_socket)
             except OSError:
                 pass  # The master has disconnected, or has stopped reading.
             finally:
                 self._disconnect()
 
-    def _serve(self, master: socket.socket) -> None:
+    def _serve(self, master_socket: socket.socket) -> None:
         incomplete = b""
         counter = 0
         wait_s = _POLL_INTERVAL_S
         while True:
             commands: list[bytes] = []
-            if select.select([master], [], [], wait_s)[0]:
-                data = master.recv(4096)
+            if select.select([master_socket], [], [], wait_s)[0]:
+                data = master_socket.recv(4096)
                 if not data:
                     return
                 commands, incomplete, _, is_broken = split_packets(incomplete + data)
@@ -464,7 +464,7 @@ class XcpBridge:
             packets = [packet for command in commands or [b""] for packet in self._forward(command)]
             wait_s = 0.0 if packets else _POLL_INTERVAL_S
             if packets:
-                master.sendall(
+                master_socket.sendall(
                     b"".join(frame_packet(packet, counter + index) for index, packet in enumerate(packets))
                 )
                 counter += len(packets)

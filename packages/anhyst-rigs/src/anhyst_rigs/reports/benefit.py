@@ -165,8 +165,8 @@ def _label_cell(
         bbox=None if is_gain else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
     )
     if not is_gain:
-        corner, style = (x - 0.48, y - 0.48), _OUTCOME_HATCHES[comparison.outcome]
-        ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, lw=0.8, **style))
+        lower_left, style = (x - 0.48, y - 0.48), _OUTCOME_HATCHES[comparison.outcome]
+        ax.add_patch(Rectangle(lower_left, 0.96, 0.96, fill=False, lw=0.8, **style))
 
 
 _COMPARISON_TEXT = (
@@ -210,10 +210,10 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
 
 def map_bearing(rig: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
     """Return the benefit map of a bearing for loop widths and reversible fractions, and its page."""
-    ready = check_inputs(rig, read_bearing_controller(rig, task.controller))
-    gains = map_bearing_benefit(ready.rig, ready.controller, progress=task.progress)
+    inputs = check_inputs(rig, read_bearing_controller(rig, task.controller))
+    gains = map_bearing_benefit(inputs.rig, inputs.controller, progress=task.progress)
     command = task.command(" --benefit")
-    return gains, render_bearing(ready.rig, ready.controller, gains, command)
+    return gains, render_bearing(inputs.rig, inputs.controller, gains, command)
 
 
 def map_plants(rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:

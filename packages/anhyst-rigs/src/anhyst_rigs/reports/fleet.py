@@ -21,7 +21,7 @@ def write_fleet_report(path: PathLike, fleet: Fleet) -> None:
 
 
 def _headline(fleet: Fleet) -> Headline:
-    count, good_count, shared = len(fleet.results), sum(fleet.is_good), sum(fleet.is_good_shared)
+    count, good_count, good_shared_count = len(fleet.results), sum(fleet.is_good), sum(fleet.is_good_shared)
     notes = [Note("warn", "Doubtful", f"{text}.") for text in fleet.warnings]
     if fleet.failed:
         notes.append(Note("bad", "Not evaluated", f"{', '.join(fleet.failed)}: see below."))
@@ -31,11 +31,11 @@ def _headline(fleet: Fleet) -> Headline:
                 "warn", "Outliers", f"{', '.join(fleet.outliers)}: their parameters are far from the others."
             )
         )
-    if shared >= good_count:
+    if good_shared_count >= good_count:
         text = f"as many magnets keep the tolerance with the model of '{fleet.typical}' as with their own"
         notes.append(Note("good", "One model is enough", f"{text}."))
     else:
-        text = f"{good_count} keep the tolerance with their own model, {shared} with one for all"
+        text = f"{good_count} keep the tolerance with their own model, {good_shared_count} with one for all"
         notes.append(Note("info", "Individual models help", f"{text}."))
     return Headline(
         title="Fleet of magnets",
@@ -46,7 +46,7 @@ def _headline(fleet: Fleet) -> Headline:
         notes=tuple(notes),
         tiles=(
             Tile(f"{good_count} of {count}", "good", "each with its own controller"),
-            Tile(f"{shared} of {count}", "good", f"all with the model of '{fleet.typical}'"),
+            Tile(f"{good_shared_count} of {count}", "good", f"all with the model of '{fleet.typical}'"),
             Tile(str(len(fleet.outliers)), "outliers", "by their parameters"),
             Tile(str(len(fleet.failed)), "not evaluated", "bad files"),
         ),
@@ -77,9 +77,9 @@ def _scatter_section(fleet: Fleet) -> Section:
     ax = figure.add_subplot()
     columns = fleet.to_columns()
     values = np.array([columns[name] for name in fleet.quantities]).T
-    size = np.where(spread.mean != 0.0, np.abs(spread.mean), 1.0)
+    scale = np.where(spread.mean != 0.0, np.abs(spread.mean), 1.0)
     for index in range(len(fleet.quantities)):
-        percent_deviation = 100.0 * (values[:, index] - spread.mean[index]) / size[index]
+        percent_deviation = 100.0 * (values[:, index] - spread.mean[index]) / scale[index]
         is_outlier = spread.outlier
         ax.plot(percent_deviation[~is_outlier], np.full((~is_outlier).sum(), index), "|", ms=9, color="C0")
         ax.plot(percent_deviation[is_outlier], np.full(is_outlier.sum(), index), "x", ms=6, color="C3")
@@ -108,8 +108,8 @@ def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
 def _magnet_section(fleet: Fleet) -> Section:
     columns = fleet.to_columns()
     rows = [
-        (name, "yes" if good else "no", f"{own_error:.2f}", f"{shared:.2f}", f"{distance:.1f}")
-        for name, good, own_error, shared, distance in zip(
+        (name, "yes" if is_good else "no", f"{own_error:.2f}", f"{shared_error:.2f}", f"{distance:.1f}")
+        for name, is_good, own_error, shared_error, distance in zip(
             *(columns[key] for key in ("magnet", "good", "own_percent", "shared_percent", "distance")),
             strict=True,
         )

@@ -65,7 +65,7 @@ from anhyst_rigs.study.force_trials import (
 def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
     """Draw a block diagram of the hardware: PC, controller, amplifier, actuator and sensors."""
     settings = rig.settings
-    amplifier, force = settings.amplifier, settings.force_sensor
+    amplifier, force_sensor = settings.amplifier, settings.force_sensor
     gap = settings.gap_sensor
     actuator, turn_count = rig.actuator_name_and_turns
     held_gaps = settings.held_case.gaps_m
@@ -94,8 +94,8 @@ def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
         ),
         (left, below): (
             "force sensor",
-            f"{force.adc_bits} bits over {force.high_N - force.low_N:g} N",
-            f"{force.noise_N:g} N rms, {force.bandwidth_Hz:g} Hz",
+            f"{force_sensor.adc_bits} bits over {force_sensor.high_N - force_sensor.low_N:g} N",
+            f"{force_sensor.noise_N:g} N rms, {force_sensor.bandwidth_Hz:g} Hz",
         ),
     }
     figure, ax = new_diagram(9.6, 4.1)
@@ -114,8 +114,8 @@ def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
         (middle - 0.7 * half_width, above - half_height),
     )
     draw_arrow(ax, corner, linestyle=(0, (4, 2)))
-    floor = below - half_height
-    draw_arrow(ax, [(right, floor), (right, 0.2), (left, 0.2), (left, floor)], FALLING_COLOUR)
+    box_bottom = below - half_height
+    draw_arrow(ax, [(right, box_bottom), (right, 0.2), (left, 0.2), (left, box_bottom)], FALLING_COLOUR)
     for x, y, text in (
         (0.5 * (box_edges[0] + box_edges[1]), above + 0.08, "serial link\nforce out, status back"),
         (0.5 * (box_edges[2] + box_edges[3]), above + 0.08, "current"),
@@ -190,7 +190,7 @@ def terminal_summary(result: ForceControl) -> TerminalSummary:
     return TerminalSummary([comparison_table(result)], [*result.plant.report_lines, agreement])
 
 
-def draw_all(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
+def draw_all(result: ForceControl, verification_tables: Sequence[PageTable] = ()) -> None:
     """Write all figures as PNG and SVG into the folder of a run, and a page that contains them."""
     stages: dict[str, list[ForceOutcome]] = {}
     for outcome in result.outcomes:
@@ -213,18 +213,18 @@ def draw_all(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
     )
     sections = [
         Section("forces", "Forces", tuple(pictures)),
-        Section("controller", "Controller", (compiled, *verified)),
+        Section("controller", "Controller", (compiled, *verification_tables)),
         origin_section(file_hashes([rig.path, *rig.measured_loops.files])),
     ]
-    text = page_text("Force control", _headline(result, bool(verified)), sections)
+    text = page_text("Force control", _headline(result, bool(verification_tables)), sections)
     write_page(result.out / REPORT_NAME, text)
 
 
-def _headline(result: ForceControl, verified: bool) -> Headline:
+def _headline(result: ForceControl, has_verification: bool) -> Headline:
     rig, figures = result.rig, result.figures
     loss_notes = [Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")]
     notes = loss_notes if result.lost_in else [verdict_note(result.verdict)]
-    if verified:
+    if has_verification:
         notes.append(
             Note("good", "C verified", "The same bits on all targets that ran; see the tables below.")
         )

@@ -32,17 +32,17 @@ COLOURS = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 def figure_tracking(tracked: PiezoTracking) -> Figure:
     """Draw the reference, and the deviation of each controller, in the evaluated cycles."""
     figure = new_figure(6.5)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
-    judged = slice(tracked.first_evaluated_tick, None)
+    position_ax, error_ax = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
+    evaluated_ticks = slice(tracked.first_evaluated_tick, None)
     full_run = tracked.runs["full"]
-    time = full_run["t_s"][judged]
-    upper.plot(time, 1e6 * full_run["reference_m"][judged], color="0.3")
-    upper.set_ylabel("reference (µm)")
+    time = full_run["t_s"][evaluated_ticks]
+    position_ax.plot(time, 1e6 * full_run["reference_m"][evaluated_ticks], color="0.3")
+    position_ax.set_ylabel("reference (µm)")
     for name, run in tracked.runs.items():
         label = f"{COMPENSATION_TITLES[name]}: {1e9 * tracked.errors[name]['rms_m']:.0f} nm rms"
-        lower.plot(time, 1e9 * run["error_m"][judged], color=COLOURS[name], lw=1.0, label=label)
-    lower.set(xlabel="time (s)", ylabel="deviation (nm)")
-    legend_below(figure, lower, columns=3)
+        error_ax.plot(time, 1e9 * run["error_m"][evaluated_ticks], color=COLOURS[name], lw=1.0, label=label)
+    error_ax.set(xlabel="time (s)", ylabel="deviation (nm)")
+    legend_below(figure, error_ax, columns=3)
     return figure
 
 

@@ -160,8 +160,8 @@ def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figu
             plant_percent = 100.0 * np.arange(1, values.size + 1) / values.size
             finite = np.isfinite(values)
             ax.plot(values[finite], plant_percent[finite], **line_style(name), label=name)
-            marks = [percentile(values.tolist(), percent) for percent in PERCENTILES]
-            ax.plot(marks, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
+            percentile_values = [percentile(values.tolist(), percent) for percent in PERCENTILES]
+            ax.plot(percentile_values, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
         ax.set_title(title)
         ax.set_ylim(0.0, 102.0)
     axes[0].set_ylabel("plants below (%)")

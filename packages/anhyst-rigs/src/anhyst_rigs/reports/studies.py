@@ -23,12 +23,12 @@ from anhyst_rigs.study.piezo import PiezoTracking
 from anhyst_rigs.study.tracking.simulate import TrackingStudy
 
 
-def study_output(result: StudyResult, printed: TerminalSummary, written: str) -> Iterator[str | PageTable]:
+def study_output(result: StudyResult, summary: TerminalSummary, files_text: str) -> Iterator[str | PageTable]:
     """Return the terminal output of a study: losses, verdict, written files and tables."""
-    tables, lines = printed
+    tables, lines = summary
     yield from (f"lost: {loss}" for loss in result.lost_in)
     yield f"verdict: {result.verdict.sentence}"
-    yield f"written: {written}"
+    yield f"written: {files_text}"
     yield from tables
     yield from lines
     for name, reason in getattr(result, "left_out", {}).items():

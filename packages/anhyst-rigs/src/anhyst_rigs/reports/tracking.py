@@ -94,16 +94,16 @@ def figure_scan(variants: Mapping[MethodName, VariantResult], motion: SetPoint, 
     figure = new_figure(9.6)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=(1.1, 2, 2, 1.6))
     first_run = next(iter(variants.values())).recording
-    begin, length, _ = motion.pulses[-1]
-    shown_part = slice(round((begin - _SHOWN_BEFORE_S) / first_run.dt), len(first_run))
-    time = 1e3 * (first_run["t_s"][shown_part] - begin)
+    begin_time, length, _ = motion.pulses[-1]
+    shown_part = slice(round((begin_time - _SHOWN_BEFORE_S) / first_run.dt), len(first_run))
+    time = 1e3 * (first_run["t_s"][shown_part] - begin_time)
     _, acceleration, _, _ = motion.derivatives_at(first_run["t_s"][shown_part])
     axes[0].plot(time, acceleration, color=INK_COLOUR, lw=1.2)
     axes[0].set_ylabel("acceleration [m/s²]")
     for name, variant in variants.items():
         run = variant.recording
         axes[1].plot(*thin_curves(time, 1e9 * run["error_m"][shown_part]), label=name, **line_style(name))
-        axes[2].plot(*thin_curves(*_moving_average(run, slit, begin)), **line_style(name))
+        axes[2].plot(*thin_curves(*_moving_average(run, slit, begin_time)), **line_style(name))
         axes[3].plot(*thin_curves(time, run["force_error_N"][shown_part]), **line_style(name))
     axes[1].set_ylabel("error [nm]")
     axes[2].set_ylabel(f"mean over {1e3 * slit:g} ms [nm]")
@@ -118,10 +118,10 @@ def figure_scan(variants: Mapping[MethodName, VariantResult], motion: SetPoint, 
     return figure
 
 
-def _moving_average(run: Recording, slit: float, begin: float) -> tuple[FloatArray, FloatArray]:
+def _moving_average(run: Recording, slit: float, begin_time: float) -> tuple[FloatArray, FloatArray]:
     """Return the moving average against the time of the window's middle, nm and ms."""
     mean, _ = moving_statistics(run["error_m"], round(slit / run.dt))
-    time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin)
+    time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin_time)
     is_shown = time >= -1e3 * _SHOWN_BEFORE_S
     return time[is_shown], 1e9 * mean[is_shown]
 
@@ -133,8 +133,8 @@ def figure_settling(variants: Mapping[MethodName, VariantResult], cruise: float)
     axes = figure.subplots(len(variants), 2, sharex=True, squeeze=False)
     edges = 1e3 * np.linspace(0.0, cruise, 51)
     for row, (name, variant) in zip(axes, variants.items(), strict=True):
-        for ax, settled in zip(row, variant.settling_times, strict=True):
-            ax.hist(1e3 * np.asarray(settled), bins=edges.tolist(), color=line_style(name)["color"])
+        for ax, settling_times in zip(row, variant.settling_times, strict=True):
+            ax.hist(1e3 * np.asarray(settling_times), bins=edges.tolist(), color=line_style(name)["color"])
         row[0].set_ylabel(name, rotation=0, ha="right", va="center")
     for ax, band in zip(axes[0], SETTLING_BANDS_M, strict=True):
         ax.set_title(f"into {1e9 * band:g} nm")
@@ -175,7 +175,7 @@ def terminal_summary(study: TrackingStudy) -> TerminalSummary:
 
 def render(study: TrackingStudy, command: str) -> str:
     """Return the page of a stage."""
-    settled = picture(
+    settling_picture = picture(
         figure_settling(study.variants, study.rig.settings.scan.cruise_s),
         "settling",
         "Histograms of the settling time into 50 and 10 nm, one row per variant.",
@@ -184,7 +184,7 @@ def render(study: TrackingStudy, command: str) -> str:
     sections = [
         _scan_section(study),
         Section("cross-talk", "Cross-talk", tuple(cross_tables(study))),
-        Section("settling", "Settling", (settled,)),
+        Section("settling", "Settling", (settling_picture,)),
         _limit_section(study),
         _learning_section(study),
         Section("losses", "Loss of magnets, and lift-off", tuple(loss_tables(study))),
@@ -215,7 +215,7 @@ def cross_tables(study: TrackingStudy) -> list[PageTable]:
         "Rms of each coordinate at rest",
         ["variant", *(f"{axis.replace('_', ' (n')})" for axis in at_rest)],
         [
-            [name, *(format_number(1e9 * rest, 3) for rest in variant.standstill_by_axis.values())]
+            [name, *(format_number(1e9 * error, 3) for error in variant.standstill_by_axis.values())]
             for name, variant in study.variants.items()
         ],
         "The long stroke moves.",

@@ -60,8 +60,8 @@ def simulate_loop_in_time(magnet: Magnet, loop: Loop, zero: float = 0.0) -> Floa
     rows = np.column_stack([loop.input - zero, loop.schedule, steps]).tolist()
     for _ in range(_STEADY_STATE_CYCLES if loop.history.kind == "settled" else 1):
         force = []
-        for sample in rows:
-            coil.lead(*sample)
+        for row in rows:
+            coil.lead(*row)
             force.append(coil.force)
     return np.array(force)
 

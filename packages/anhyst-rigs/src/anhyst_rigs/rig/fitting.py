@@ -136,8 +136,8 @@ def calibrate_magnet(
         valid = replace(
             valid, input=(low_current / current_factor, high_current / current_factor), schedule=gap_range
         )
-    nodes = tuple(gap + gap_zero for gap in model.nodes)
-    model = replace(model, nodes=nodes, parameters={**parameters, **model_changes}, valid=valid)
+    gap_nodes = tuple(gap + gap_zero for gap in model.nodes)
+    model = replace(model, nodes=gap_nodes, parameters={**parameters, **model_changes}, valid=valid)
     return IdentifiedMagnet(replace(measured_loops, loops=tuple(loops)), model, width_change)
 
 

@@ -267,19 +267,19 @@ class _StaticFit:
     def _make_poles_and_steel(self, values: Mapping[str, float]) -> tuple[Poles, NamedCells]:
         table = self._table
         width, depth = table.pole_width_m, table.pole_depth_m
-        side = math.exp(values["side"]) if "side" in values else math.sqrt((width or 0) * (depth or 0))
-        width = width or (side * side / depth if depth else side)
-        depth = depth or side * side / width
+        pole_side = math.exp(values["side"]) if "side" in values else math.sqrt((width or 0) * (depth or 0))
+        width = width or (pole_side * pole_side / depth if depth else pole_side)
+        depth = depth or pole_side * pole_side / width
         poles = Poles(
             turns=table.turns or math.exp(values["turns"]),
             resistance=1.0,
             width=width,
             depth=depth,
             leakage=math.exp(values["leakage"]) if table.leakage_H is None else table.leakage_H,
-            iron_length=table.iron_length_m or IRON_LENGTH_PER_POLE_SIDE * side,
+            iron_length=table.iron_length_m or IRON_LENGTH_PER_POLE_SIDE * pole_side,
             joints=math.exp(values["joints"]) if table.joints_m is None else table.joints_m,
         )
-        saturation, knee = math.exp(values["saturation"]), math.exp(values["knee"])
+        saturation, knee_field = math.exp(values["saturation"]), math.exp(values["knee"])
         sharp_fraction = _logistic(values["sharp"])
         steel = NamedCells.model_construct(
             name=FROM_LOOPS,
@@ -288,9 +288,9 @@ class _StaticFit:
             pinning_scale_A_per_m=math.exp(values["pinning"]),
             pinning_shape=math.exp(values["shape"]),
             saturation_sharp_T=saturation * sharp_fraction,
-            knee_sharp_A_per_m=knee,
+            knee_sharp_A_per_m=knee_field,
             saturation_slow_T=saturation * (1.0 - sharp_fraction),
-            knee_slow_A_per_m=knee * math.exp(values["knee_ratio"]),
+            knee_slow_A_per_m=knee_field * math.exp(values["knee_ratio"]),
         )
         return poles, steel
 
@@ -314,12 +314,12 @@ def _parameter_priors(loops: Loops, table: MagnetTable, max_force: float) -> dic
     if width and depth:
         area = width * depth
     expected_turns = table.turns or math.sqrt(_estimate_turns_squared_area(loops) / area)
-    side = math.sqrt(area)
+    pole_side = math.sqrt(area)
     expected_values = {
-        "side": (math.log(side), 1.0),
+        "side": (math.log(pole_side), 1.0),
         "turns": (math.log(expected_turns), 2.0),
-        "leakage": (math.log(MU_0 * side), 1.0),
-        "joints": (math.log(1e-3 * side), 1.0),
+        "leakage": (math.log(MU_0 * pole_side), 1.0),
+        "joints": (math.log(1e-3 * pole_side), 1.0),
         "knee": (math.log(250.0), 1.0),
         "pinning": (math.log(150.0), 1.5),
         "saturation": (math.log(1.9), 0.15),

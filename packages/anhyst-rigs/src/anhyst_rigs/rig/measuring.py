@@ -45,8 +45,8 @@ def sweep_path(reversals: Sequence[float], step: float) -> FloatArray:
     """Return a path with linear sweeps from one reversal to the next, in steps of at most `step`."""
     current_segments = [np.array(reversals[:1])]
     for begin, end in pairwise(reversals):
-        count = math.ceil(abs(end - begin) / step - _STEP_COUNT_ROUNDING)
-        current_segments.append(np.linspace(begin, end, max(count, 1) + 1)[1:])
+        step_count = math.ceil(abs(end - begin) / step - _STEP_COUNT_ROUNDING)
+        current_segments.append(np.linspace(begin, end, max(step_count, 1) + 1)[1:])
     return np.concatenate(current_segments)
 
 
@@ -71,11 +71,11 @@ def measure_path(
     return sensors["current"].read(path), sensors["force"].read(force)
 
 
-def measure_stack_displacement(rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed) -> FloatArray:
+def measure_stack_displacement(rig: PiezoRig, voltage: FloatArray, period: float, seed: Seed) -> FloatArray:
     """Return readings of a piezo stage, m, along voltages, V, after a long rest at 0 V."""
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(seed).standard_normal(voltage.size)
-    readings = rig.make_motion(sample).run(voltage) + noise
+    readings = rig.make_motion(period).run(voltage) + noise
     if not np.abs(readings).max() < 1.0:
         raise InputError(
             f"{rig.path}: stack[1]: extends beyond 1 m in the measurement of its loops; correct "
@@ -117,8 +117,8 @@ def measure_at_gap(
     loops = []
     for number, (name, reversals, speed, period) in enumerate(runs):
         specimen = rig.magnet() if magnet is None else magnet
-        for turn in conditioning:
-            specimen.hold(turn, gap)
+        for held_current in conditioning:
+            specimen.hold(held_current, gap)
         path, sensors = sweep_path(reversals, speed * period), rig.sensors([index, number], period)
         current, force = measure_path(specimen, sensors, gap, path, period if fast_rates else math.inf)
         loop = Loop(

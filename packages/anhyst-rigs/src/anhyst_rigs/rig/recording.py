@@ -160,8 +160,8 @@ def find_loss(bounds: Sequence[SignalBound], planned_ticks: int) -> Loss | None:
         is_within = (bound.values > bound.low) & (bound.values < bound.high)
         if not is_within.all():
             tick = int(np.argmin(is_within))
-            finite = np.isfinite(bound.values[tick])
-            losses.append(Loss(tick, bound.reason if finite else "a value was not finite"))
+            is_finite = np.isfinite(bound.values[tick])
+            losses.append(Loss(tick, bound.reason if is_finite else "a value was not finite"))
         if len(is_within) < planned_ticks:
             losses.append(Loss(len(is_within), "the simulation diverged"))
     return min(losses, key=lambda loss: loss.tick, default=None)

@@ -13,18 +13,18 @@ from anhyst.support.toml_text import KeyPath, split_comment, toml_key, toml_valu
 from anhyst_rigs.rig.file import RigFile
 
 
-def rewrite_rig(source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any], note: str) -> None:
+def rewrite_rig(rig_path: PathLike, out: PathLike, changes: Mapping[KeyPath, Any], note: str) -> None:
     """Write a rig file with changed keys, and with a note as a comment at the top.
 
     Relative paths are adapted to the folder of the new file.
     """
-    check_writable(out, [source])
-    file = TomlFile(source)
+    check_writable(out, [rig_path])
+    file = TomlFile(rig_path)
     text = file.text.splitlines()
     last_keys = {line: key for key, line in file.lines.items()}  # last key in each inline table
     notes = {key: split_comment(text[line - 1]) for line, key in last_keys.items()}
     head_comments = [line for line in _head_comments(text) if line.startswith("#")]
-    values = {**_relocated_paths(file, Path(source), Path(out)), **changes}
+    values = {**_relocated_paths(file, Path(rig_path), Path(out)), **changes}
     for path, value in values.items():
         file.content[str(path[0])][str(path[1])] = value
     head_comments = [*(f"# {line}".rstrip() for line in [*note.splitlines(), ""] if note), *head_comments]
@@ -32,11 +32,11 @@ def rewrite_rig(source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any],
         stream.write("\n".join([*head_comments, *_toml_lines(file.content, notes)]) + "\n")
 
 
-def _relocated_paths(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, Any]:
+def _relocated_paths(file: TomlFile, rig_path: Path, out: Path) -> dict[KeyPath, Any]:
     """Return the keys that name files, with paths relative to the folder of the new file."""
 
     def seen(name: str) -> str:
-        return relative_path(out.parent, source.parent / name)
+        return relative_path(out.parent, rig_path.parent / name)
 
     paths: dict[KeyPath, Any] = {}
     for path in (("loops", "files"), ("loops", "sidecar"), ("control", "calibration")):

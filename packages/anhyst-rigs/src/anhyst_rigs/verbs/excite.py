@@ -142,9 +142,9 @@ def _show_excitation(excitation: Excitation) -> Iterator[OutputPart]:
     figures = excitation.as_dict()
     specimen, unit = excitation.specimen, excitation.specimen.units[0]
     gap = ["gap mm"] if specimen.gaps else []
-    reached, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
-    heads = [*gap, f"largest {unit}", reached, f"operating point {unit}", "limited by"]
-    table = TerminalTable(f"{count_text(figures['loops'], 'loop')}, {figures['samples']} samples", heads)
+    output_heading, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
+    headings = [*gap, f"largest {unit}", output_heading, f"operating point {unit}", "limited by"]
+    table = TerminalTable(f"{count_text(figures['loops'], 'loop')}, {figures['samples']} samples", headings)
     for place in excitation.probed_gaps:
         table.add_row(
             *([f"{1e3 * place.gap:g}"] if gap else []),
@@ -170,8 +170,8 @@ def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     kinds: dict[str, list[str]] = {}
     for name in move.left:
         kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
-    heads = ["posterior / prior sigma", "this motion", "its own set-point"]
-    table = TerminalTable(f"{move.duration_s:.2f} s", heads)
+    headings = ["posterior / prior sigma", "this motion", "its own set-point"]
+    table = TerminalTable(f"{move.duration_s:.2f} s", headings)
     for kind, names in kinds.items():
         sigma_ratios = [[f"{item.left[name]:.2f}" for name in names] for item in (move, own_setpoint)]
         table.add_row(
@@ -181,9 +181,9 @@ def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     table.add_row("condition number", *(f"{motion.condition:.2g}" for motion in (move, own_setpoint)))
     hidden_by_setpoint = ", ".join(name for name in own_setpoint.hidden if name not in move.hidden)
     yield table
-    for axis, leg in result.legs.items():
-        peaks = ", ".join(f"{peak:.3g}" for peak in leg.peaks)
-        yield f"{axis}: {peaks} m/s2 at {leg.speed:.3g} m/s"
+    for axis, motion_leg in result.legs.items():
+        peak_text = ", ".join(f"{peak:.3g}" for peak in motion_leg.peaks)
+        yield f"{axis}: {peak_text} m/s2 at {motion_leg.speed:.3g} m/s"
     yield f"not identifiable: {', '.join(move.hidden) or 'nothing'}"
     yield (
         f"not identifiable with its own set-point: {hidden_by_setpoint}"

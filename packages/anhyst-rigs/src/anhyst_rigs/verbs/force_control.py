@@ -82,8 +82,8 @@ def force_control(
     from anhyst_rigs.study.force_control import force_control as work
     from anhyst_rigs.verbs.init import init
 
-    sources: Sequence[Any] = rig if isinstance(rig, list | tuple) and rig else [rig]
-    paths = [Path(check_path(item, "force_control: rig", "the path of a rig file")) for item in sources]
+    rig_paths: Sequence[Any] = rig if isinstance(rig, list | tuple) and rig else [rig]
+    paths = [Path(check_path(path, "force_control: rig", "the path of a rig file")) for path in rig_paths]
     check_path(out, "force_control: out")
     is_from_loops = len(paths) > 1 or paths[0].suffix != ".toml"
     if is_from_loops:
@@ -93,7 +93,7 @@ def force_control(
     if is_from_loops:
         result = replace(result, verified=verifying.verify(result.compiled))
     rows = result.verified.tables() if result.verified else []
-    draw_all(result, [make_table(one.title, one.headings, one.cells) for one in rows])
+    draw_all(result, [make_table(table.title, table.headings, table.cells) for table in rows])
     return result
 
 

@@ -85,8 +85,8 @@ def init(
     from anhyst_rigs.draft.magnet import MachineRequest
 
     check_path(out, "init: out")
-    wanted, options = MachineRequest(mass, load, gap), collect_read_options("init", **reading)
-    if force_control and wanted != MachineRequest():
+    machine_request, options = MachineRequest(mass, load, gap), collect_read_options("init", **reading)
+    if force_control and machine_request != MachineRequest():
         text = "--mass, --load and --gap are for a bearing; leave out --force-control"
         raise InputError(text, code="option-not-for-this", key="--mass")
     if stage and (force_control or load is not None):
@@ -100,8 +100,8 @@ def init(
     check_source(loops, "init: loops", "a file, a folder or a list of files")
     paths = [loops] if isinstance(loops, str | os.PathLike) else list(loops)
     if force_control or stage:
-        return init_rig(paths, out, options, progress, wanted if stage else None)
-    return init_bearing(paths, out, wanted, options, progress)
+        return init_rig(paths, out, options, progress, machine_request if stage else None)
+    return init_bearing(paths, out, machine_request, options, progress)
 
 
 def show(result: Drafted, _: Mapping[str, Any]) -> Iterator[str]:

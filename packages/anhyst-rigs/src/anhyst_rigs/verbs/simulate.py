@@ -232,7 +232,7 @@ def _show_map(benefit: Benefit, out: Path) -> Iterator[OutputPart]:
     baselines = {"the strongest single-valued baseline": [cell.strongest for cell in benefit.cells]}
     if all(cell.flux for cell in benefit.cells):
         baselines["'flux' (measured flux density)"] = [cell.flux for cell in benefit.cells]
-    yield from (_map_table(benefit, name, compared) for name, compared in baselines.items())
+    yield from (_map_table(benefit, name, comparisons) for name, comparisons in baselines.items())
     yield (
         f"'gain' and 'loss' are significant over {benefit.seeds} noise seeds, 'nothing to "
         "gain': both overshoot a step by less than three times the rms of their standstill"

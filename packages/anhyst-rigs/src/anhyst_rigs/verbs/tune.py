@@ -149,20 +149,20 @@ def show(result: Tuning, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     from anhyst.cli.printing import TerminalTable
     from anhyst_rigs.study.tuning.result import column_heads, format_aims, table_rows, verdict_text
 
-    head, out = column_heads(result)[:-1], arguments["out"]
-    reached = TerminalTable(f"tuned for {format_aims(result)}", head)
+    headings, out = column_heads(result)[:-1], arguments["out"]
+    table = TerminalTable(f"tuned for {format_aims(result)}", headings)
     for row in table_rows(result):
-        reached.add_row(*row[: len(head)])
-    yield reached
+        table.add_row(*row[: len(headings)])
+    yield table
     yield (
         f"worst of all conditions; mean of {result.rig.settings.noise_seeds} noise seeds with its "
         "95 % interval"
     )
-    for name, tuned in result.tuned.items():
-        yield from (f"what limits '{name}': {limit.text}" for limit in tuned.limits)
-    for name, tuned in result.tuned.items():
-        if tuned.search_result.check:
-            yield from (f"'{name}': {text}" for text in tuned.search_result.check.notes)
+    for name, tuned_variant in result.tuned.items():
+        yield from (f"what limits '{name}': {limit.text}" for limit in tuned_variant.limits)
+    for name, tuned_variant in result.tuned.items():
+        if tuned_variant.search_result.check:
+            yield from (f"'{name}': {text}" for text in tuned_variant.search_result.check.notes)
     yield f"verdict: {verdict_text(result)}"
     yield from result.plant.report_lines if result.plant else ()
     yield f"{result.seconds:.0f} s, {result.cpu_seconds:.0f} s of processor time"
@@ -178,5 +178,5 @@ def refuse(result: Tuning, _: Mapping[str, Any]) -> None:
     if result.interrupted:
         written_paths = ", ".join(str(path) for path in result.written.values())
         raise Interrupted(f"the best gains until then, not checked, are in {written_paths}")
-    if (missed := describe_shortfall(result)) is not None:
-        raise NegativeResult(missed, code="aims-missed")
+    if (shortfall := describe_shortfall(result)) is not None:
+        raise NegativeResult(shortfall, code="aims-missed")

@@ -149,17 +149,17 @@ def _mechanics_block(plant: RigFile) -> DiagramBlock:
 
 
 def _sensors_block(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
-    position, shunt = plant.gap_sensor, plant.current_sensor
+    gap_sensor, current_sensor = plant.gap_sensor, plant.current_sensor
     lines = [
-        f"{position.kind}: step {_format_length(position.resolution)}",
-        f"noise {_format_length(position.noise_m)} rms, {_format_frequency(position.bandwidth_Hz)}",
+        f"{gap_sensor.kind}: step {_format_length(gap_sensor.resolution)}",
+        f"noise {_format_length(gap_sensor.noise_m)} rms, {_format_frequency(gap_sensor.bandwidth_Hz)}",
     ]
-    if position.delay_s:
-        lines.append(f"delay {1e6 * position.delay_s:g} µs")
-    lines.append(f"current: {shunt.adc_bits} bits, {1e3 * shunt.noise_A:g} mA rms")
+    if gap_sensor.delay_s:
+        lines.append(f"delay {1e6 * gap_sensor.delay_s:g} µs")
+    lines.append(f"current: {current_sensor.adc_bits} bits, {1e3 * current_sensor.noise_A:g} mA rms")
     if controller.compensation.variant in FLUX_PROBE_METHODS and plant.hall_probe is not None:
-        probe = plant.hall_probe
-        lines.append(f"Hall: {probe.adc_bits} bits, {1e3 * probe.noise_T:g} mT rms")
+        hall_probe = plant.hall_probe
+        lines.append(f"Hall: {hall_probe.adc_bits} bits, {1e3 * hall_probe.noise_T:g} mT rms")
     return DiagramBlock("sensors", tuple(lines))
 
 
@@ -186,8 +186,8 @@ def _format_gain(value: float) -> str:
     power = 3 * math.floor(math.log10(abs(value)) / 3.0)
     if 1e-2 <= abs(value) < 1e5:
         return format_number(value, 4, short=True)
-    digits = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-    return f"{format_number(value / 10.0**power, 3, short=True)}·10{str(power).translate(digits)}"
+    superscripts = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+    return f"{format_number(value / 10.0**power, 3, short=True)}·10{str(power).translate(superscripts)}"
 
 
 def _format_frequency(value: float) -> str:
@@ -250,24 +250,24 @@ def _draw_signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
     draw_label(
         ax, (columns[0] - 0.08, 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)), "measured gap", "right", "center"
     )
-    lane = 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)
-    draw_arrow(ax, [(columns[0], lane), (columns[1], lane), (columns[1], _TOP_ROW_IN - half_height)])
-    ax.add_patch(Circle((columns[0], lane), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
-    draw_label(ax, (0.5 * (columns[0] + columns[1]), lane + 0.05), inputs)
+    line_y = 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)
+    draw_arrow(ax, [(columns[0], line_y), (columns[1], line_y), (columns[1], _TOP_ROW_IN - half_height)])
+    ax.add_patch(Circle((columns[0], line_y), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
+    draw_label(ax, (0.5 * (columns[0] + columns[1]), line_y + 0.05), inputs)
     _draw_load_and_gap(ax, columns)
 
 
 def _draw_load_and_gap(ax: Axes, columns: Sequence[float]) -> None:
     """Draw the load and the moving gap, below the plant."""
-    half_width, floor = 0.5 * BOX_WIDTH_IN, _MIDDLE_ROW_IN - 0.5 * BOX_HEIGHT_IN
+    half_width, bottom = 0.5 * BOX_WIDTH_IN, _MIDDLE_ROW_IN - 0.5 * BOX_HEIGHT_IN
     load_x = columns[1] - 0.5 * half_width
     draw_arrow(
-        ax, [(columns[0] + half_width, _LOW_ROW_IN), (load_x, _LOW_ROW_IN), (load_x, floor)], FALLING_COLOUR
+        ax, [(columns[0] + half_width, _LOW_ROW_IN), (load_x, _LOW_ROW_IN), (load_x, bottom)], FALLING_COLOUR
     )
     draw_label(ax, (0.5 * (columns[0] + half_width + load_x), _LOW_ROW_IN + 0.05), "load")
-    start, lane = columns[1] + 0.5 * half_width, 0.5 * (_LOW_ROW_IN + floor)
-    ax.plot([start, start], [floor, lane], color=RISING_COLOUR, lw=1.3)
-    draw_arrow(ax, [(start, lane), (columns[3], lane), (columns[3], floor)])
-    draw_arrow(ax, [(columns[2], lane), (columns[2], floor)])
-    ax.add_patch(Circle((columns[2], lane), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
-    draw_label(ax, (0.5 * (columns[2] + columns[3]), lane + 0.05), "gap and its velocity")
+    start, line_y = columns[1] + 0.5 * half_width, 0.5 * (_LOW_ROW_IN + bottom)
+    ax.plot([start, start], [bottom, line_y], color=RISING_COLOUR, lw=1.3)
+    draw_arrow(ax, [(start, line_y), (columns[3], line_y), (columns[3], bottom)])
+    draw_arrow(ax, [(columns[2], line_y), (columns[2], bottom)])
+    ax.add_patch(Circle((columns[2], line_y), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
+    draw_label(ax, (0.5 * (columns[2] + columns[3]), line_y + 0.05), "gap and its velocity")

@@ -66,10 +66,10 @@ def figure_steps(panels: Sequence[StepPanel]) -> Figure:
     rows = -(-len(panels) // columns)
     figure = new_figure(4.8 * rows, width=4.8 * columns)
     axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=(3, 1.4) * rows)
-    upper, lower = axes[::2].ravel(), axes[1::2].ravel()
-    for ax in (*upper[len(panels) :], *lower[len(panels) :]):
+    step_axes, deviation_axes = axes[::2].ravel(), axes[1::2].ravel()
+    for ax in (*step_axes[len(panels) :], *deviation_axes[len(panels) :]):
         ax.remove()
-    for ax, lower_ax, panel in zip(upper, lower, panels, strict=False):
+    for ax, lower_ax, panel in zip(step_axes, deviation_axes, panels, strict=False):
         _draw_step(ax, panel)
         _draw_deviation(lower_ax, panel)
     return figure
@@ -195,7 +195,7 @@ def figure_standstill(recordings: Recordings) -> Figure:
     names = in_report_order(recordings)
     figure = new_figure(max(3.2, 1.1 * len(names) + 0.8))
     grid = figure.add_gridspec(len(names), 2)
-    spectrum = figure.add_subplot(grid[:, 1])
+    spectrum_ax = figure.add_subplot(grid[:, 1])
     first_ax: Axes | None = None
     for row_index, name in enumerate(names):
         recording = recordings[name]
@@ -208,13 +208,13 @@ def figure_standstill(recordings: Recordings) -> Figure:
         ax.set_title(f"{name}: {deviation.std():.2f} nm rms", fontsize=8.5)
         ax.set_ylabel("nm")
         ax.tick_params(labelbottom=row_index + 1 == len(names))
-        spectrum.loglog(*_amplitude_density(recording, deviation), **line_style(name), label=name)
+        spectrum_ax.loglog(*_amplitude_density(recording, deviation), **line_style(name), label=name)
     assert first_ax is not None
     figure.axes[-1].set_xlabel("time (ms)")
-    spectrum.set_title("amplitude density of the position")
-    spectrum.set_xlabel("frequency (Hz)")
-    spectrum.set_ylabel("nm/√Hz")
-    spectrum.legend(loc="lower left")
+    spectrum_ax.set_title("amplitude density of the position")
+    spectrum_ax.set_xlabel("frequency (Hz)")
+    spectrum_ax.set_ylabel("nm/√Hz")
+    spectrum_ax.legend(loc="lower left")
     return figure
 
 
@@ -276,9 +276,9 @@ def figure_force_current(
     """
     figure = new_figure(6.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
-    overview, detail = (figure.add_subplot(grid[0, column]) for column in range(2))
+    overview_ax, detail_ax = (figure.add_subplot(grid[0, column]) for column in range(2))
     _draw_widths(figure.add_subplot(grid[1, :]), measured_loops, identified)
-    for ax in (overview, detail):
+    for ax in (overview_ax, detail_ax):
         _draw_loops(ax, measured_loops, identified)
         for name in in_report_order(recordings):
             run = recordings[name]
@@ -286,11 +286,11 @@ def figure_force_current(
         ax.set_xlabel("current (A)")
         ax.set_ylabel("force (N)")
     limits = [_axis_limits([run[column] for run in recordings.values()]) for column in _AXIS_COLUMNS]
-    detail.set_xlim(*limits[0])
-    detail.set_ylim(*limits[1])
-    overview.set_title("whole range")
-    detail.set_title("range of the run")
-    legend_below(figure, overview, columns=3)
+    detail_ax.set_xlim(*limits[0])
+    detail_ax.set_ylim(*limits[1])
+    overview_ax.set_title("whole range")
+    detail_ax.set_title("range of the run")
+    legend_below(figure, overview_ax, columns=3)
     return figure
 
 
@@ -365,8 +365,8 @@ def figure_sensitivity(responses: Responses, linear: Responses) -> Figure:
     """Draw the sensitivities of the running loop and of the linearised loop, with the zones."""
     figure = new_figure(4.4)
     ax = figure.add_subplot()
-    highest = max((curve.decibel.max() for curve in responses.values()), default=0.0)
-    top_level = max(_MAX_LEVEL_DB, 3.0 + float(highest))
+    max_level = max((curve.decibel.max() for curve in responses.values()), default=0.0)
+    top_level = max(_MAX_LEVEL_DB, 3.0 + float(max_level))
     _draw_zones(ax, top_level)
     for name in in_report_order(responses):
         curve = responses[name]

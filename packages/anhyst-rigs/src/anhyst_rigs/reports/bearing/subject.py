@@ -209,7 +209,7 @@ def _linear_responses(
 
 
 def _run_variants(
-    setups: Mapping[MethodName, BearingSetup], scenario: Scenario, begin: int
+    setups: Mapping[MethodName, BearingSetup], scenario: Scenario, begin_tick: int
 ) -> Mapping[MethodName, Recording]:
     """Simulate a scenario with every variant; return the recordings from a tick on.
 
@@ -220,17 +220,17 @@ def _run_variants(
         recording = SimulatedLoop(setup).run(scenario)
         loss_time = levitation_loss_time(setup.rig, recording, scenario.lift_end_tick)
         if loss_time is None and len(recording) == scenario.ticks:
-            recordings[name] = recording.slice_ticks(begin, len(recording))
+            recordings[name] = recording.slice_ticks(begin_tick, len(recording))
     return recordings
 
 
 def _run_tracking(setups: Mapping[MethodName, BearingSetup], settings: RigFile) -> Iterator[Tracking]:
     """Simulate the trajectories and load steps for the figures."""
     setup = next(iter(setups.values()))
-    for shape in settings.trajectories:
-        recordings = _run_variants(setups, *experiments.plan_trajectory(setup, shape))
-        size = f"{1e6 * shape.amplitude_m:g}{NBSP}µm"
-        yield Tracking(f"{shape.kind} of {size} at {shape.frequency_Hz:g}{NBSP}Hz", recordings)
+    for trajectory in settings.trajectories:
+        recordings = _run_variants(setups, *experiments.plan_trajectory(setup, trajectory))
+        amplitude = f"{1e6 * trajectory.amplitude_m:g}{NBSP}µm"
+        yield Tracking(f"{trajectory.kind} of {amplitude} at {trajectory.frequency_Hz:g}{NBSP}Hz", recordings)
     for force in settings.load_steps_N:
         scenario, begin = experiments.plan_load_step(setup, force)
         ticks = round(0.1 / setup.rig.dt)
@@ -345,8 +345,8 @@ def terminal_summary(simulation: Simulation) -> TerminalSummary:
             interval_text(last_cell.interval(metric.key), factor=metric.factor)
             for metric in (SETTLING, STANDSTILL_OF_STEP)
         )
-        mark = " *" if name == simulation.main_variant else ""
-        rows.append([f"{name}{mark}", *(overshoot_text(step, name) for step in steps), *other_cells])
+        main_mark = " *" if name == simulation.main_variant else ""
+        rows.append([f"{name}{main_mark}", *(overshoot_text(step, name) for step in steps), *other_cells])
     heights = [f"{1e6 * step.height:g} µm" for step in steps]
     overshoots = make_table(
         f"Overshoot of steps at {1e3 * file.gap_m:g} mm",
@@ -387,10 +387,10 @@ def standstill_tables(figures: VariantFigures) -> list[PageTable]:
 def _cycle_row(figures: ExperimentFigures) -> tuple[str, str, str]:
     if figures.lost:
         return interval_text(lost_interval(figures.lost, figures.runs)), UNKNOWN_TEXT, UNKNOWN_TEXT
-    size, period = figures.median("amplitude"), figures.median("period")
+    amplitude, period = figures.median("amplitude"), figures.median("period")
     return (
         f"{len(figures.cycles or ())} of {figures.runs}",
-        UNKNOWN_TEXT if size is None else format_number(1e9 * size, 3),
+        UNKNOWN_TEXT if amplitude is None else format_number(1e9 * amplitude, 3),
         UNKNOWN_TEXT if period is None else format_number(1e3 * period, 3),
     )
 

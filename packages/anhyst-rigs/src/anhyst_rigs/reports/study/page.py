@@ -95,12 +95,12 @@ def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
     interval_rows = math.ceil(2 * values.size / MAX_CURVE_POINTS)
     if interval_rows <= 2:
         return rows
-    extremes = {
-        start + int(extreme(values[start : start + interval_rows]))
+    extreme_indices = {
+        start + int(find_extreme(values[start : start + interval_rows]))
         for start in range(0, values.size, interval_rows)
-        for extreme in (np.argmin, np.argmax)
+        for find_extreme in (np.argmin, np.argmax)
     }
-    index = np.array(sorted({0, *extremes, values.size - 1}))
+    index = np.array(sorted({0, *extreme_indices, values.size - 1}))
     return tuple(curve[index] for curve in rows)
 
 
@@ -191,7 +191,7 @@ def draw_box(
 ) -> None:
     """Draw a box with its title and further lines of text."""
     x, y = centre
-    shape = FancyBboxPatch(
+    box_patch = FancyBboxPatch(
         (x - 0.5 * BOX_WIDTH_IN, y - 0.5 * height),
         BOX_WIDTH_IN,
         height,
@@ -200,8 +200,8 @@ def draw_box(
         ec=_BOX_EDGE_COLOUR,
         lw=0.9,
     )
-    shape.set_gid(f"box-{name}")
-    ax.add_patch(shape)
+    box_patch.set_gid(f"box-{name}")
+    ax.add_patch(box_patch)
     top_line = y + 0.5 * height - 0.14
     text = ax.text(x, top_line, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE_SIZE_PT)
     text.set_gid(f"title-{name}")
@@ -269,8 +269,8 @@ def page_text(
     kind: str, headline: Headline, sections: Sequence[Section | None], source: str = "a simulation"
 ) -> str:
     """Return the page of a study; sections without content are omitted."""
-    nonempty = [section for section in sections if section is not None and section.blocks]
-    return render_page(headline, nonempty, running_version(), kind=kind, source=source)
+    filled_sections = [section for section in sections if section is not None and section.blocks]
+    return render_page(headline, filled_sections, running_version(), kind=kind, source=source)
 
 
 def write_page(path: PathLike, text: str) -> None:
@@ -287,8 +287,8 @@ def origin_section(files: Mapping[str, str], command: str = "", seed: int | None
     texts = [] if seed is None else [f"Seed {seed}; the same seed gives the same results."]
     texts += [f"Made by: {command}"] if command else []
     blocks = [make_table("Files", ["file", "SHA-256"], rows, texts=2)] if rows else []
-    items = [Items("How to repeat the study", tuple(texts))] if texts else []
-    return Section("origin", "Origin", (*blocks, *items))
+    page_items = [Items("How to repeat the study", tuple(texts))] if texts else []
+    return Section("origin", "Origin", (*blocks, *page_items))
 
 
 def file_hashes(files: Sequence[Path]) -> dict[str, str]:

@@ -25,9 +25,9 @@ from anhyst_rigs.rig.recording import (
 def levitation_loss_time(rig: BodyRig, recording: Recording, begin: int = 0) -> float | None:
     """Return when a stop was touched or the controller stopped levitating, s; None if never."""
     body = rig.settings.body
-    fault = recording["state"] >= FAULT_CODE
-    if fault.any():
-        begin = min(begin, int(np.argmax(fault)))
+    is_fault = recording["state"] >= FAULT_CODE
+    if is_fault.any():
+        begin = min(begin, int(np.argmax(is_fault)))
     gap, state = recording["gap_m"][begin:], recording["state"][begin:]
     bounds = (
         SignalBound("an end stop was reached", gap, body.stop_low_m, body.stop_high_m),

@@ -208,15 +208,15 @@ class PacedBench:
         self._awaited_recorder = full_queues[0] if full_queues else ""
         if full_queues:
             return 0, CHUNK_S
-        chunk = max(1, math.floor(CHUNK_S * self._bench.rate * self._speed))
+        chunk_ticks = max(1, math.floor(CHUNK_S * self._bench.rate * self._speed))
         if self._is_paused:
-            ticks = min(self._ticks_to_step, chunk)
+            ticks = min(self._ticks_to_step, chunk_ticks)
             self._ticks_to_step -= ticks
             return ticks, None
         if self._bench.has_own_clock:
-            return chunk, None  # The bench itself waits until these ticks have passed.
-        remaining_time = self._due_time(self._tick + chunk) - time.monotonic()
-        return (0, remaining_time) if remaining_time > 0.0 else (chunk, None)
+            return chunk_ticks, None  # The bench itself waits until these ticks have passed.
+        remaining_time = self._due_time(self._tick + chunk_ticks) - time.monotonic()
+        return (0, remaining_time) if remaining_time > 0.0 else (chunk_ticks, None)
 
     def _advance(self, ticks: int) -> None:
         rows = self._bench.advance(ticks)

@@ -286,11 +286,11 @@ def refusal_reason(command: Command, status: ControllerStatus) -> str:
     states = _permitted_states(command, status.levitates)
     if command in _STAGE_COMMAND_STATES and not status.levitates:
         return "" if status.name in states else f"only in the state {states[0]}, not in {status.name}"
-    hindrance = obstacle(command, **status._asdict())
-    if hindrance == "current":
+    obstacle_text = obstacle(command, **status._asdict())
+    if obstacle_text == "current":
         return "only once the current is zero"
-    if hindrance != "state":
-        return hindrance and "this controller has no such command"
+    if obstacle_text != "state":
+        return obstacle_text and "this controller has no such command"
     if status.name not in states:
         return f"only in the state {' or '.join(states)}, not in {status.name}"
     return "only once the armature is down" if status.plausible else "only with a plausible sample"

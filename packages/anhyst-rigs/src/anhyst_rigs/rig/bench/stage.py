@@ -397,8 +397,8 @@ class StageBench(CycleBench):
         """Execute a command that the state permits."""
         if command is Command.RUN:
             # The first motion after this leads back to the origin.
-            side = -1.0 if self._course_start > 0.0 else 1.0
-            self._state, self._next_direction, self._offset = State.RUN, side, 0.0
+            direction = -1.0 if self._course_start > 0.0 else 1.0
+            self._state, self._next_direction, self._offset = State.RUN, direction, 0.0
         elif command is Command.CLEAR:
             self._state, self._fault = State.READY, Fault.NONE
             self._reset_plant()

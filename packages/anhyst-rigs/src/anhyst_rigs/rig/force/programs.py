@@ -162,6 +162,6 @@ def _min_dead_band(model: Model, rig: ForceControlRig) -> float:
         for current_share in (0.25, 0.5, 0.75, 1.0):
             demand = np.full(2, current_share * force_max)
             gaps = np.array([gap, gap + noise])
-            field = static_model.invert(demand, gaps, history="demagnetised").field
-            max_change = max(max_change, abs(float(field[1] - field[0])))
+            static_field = static_model.invert(demand, gaps, history="demagnetised").field
+            max_change = max(max_change, abs(float(static_field[1] - static_field[0])))
     return MIN_DEAD_BAND_SIGMAS * max_change

@@ -35,11 +35,11 @@ def correction_rows(calibration: CalibratedMethod, compensator: ForceController,
     The columns are the scale of the current, the zero of the gap (m), the scale of the flux
     density, and the lead of the current (s).
     """
-    count = range(1, len(rig.settings.body_magnets) + 1)
-    scales = np.array([1.0 + calibration.value(f"scale_{number}") for number in count])
-    zeros = [calibration.value(f"gap_zero_{number}_m") for number in count]
+    magnet_numbers = range(1, len(rig.settings.body_magnets) + 1)
+    scales = np.array([1.0 + calibration.value(f"scale_{number}") for number in magnet_numbers])
+    gap_zeros = [calibration.value(f"gap_zero_{number}_m") for number in magnet_numbers]
     unit_scales = np.ones(scales.size)
-    rows = np.column_stack([unit_scales, zeros, unit_scales, 0.0 * unit_scales])
+    rows = np.column_stack([unit_scales, gap_zeros, unit_scales, 0.0 * unit_scales])
     if calibration.name in FLUX_PROBE_METHODS:
         rows[:, 2] = scales
     else:

@@ -71,9 +71,9 @@ def fit_method_compensator(
     rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, width_change: float = 0.0
 ) -> ForceController:
     """Fit the compensator of a method to a magnet with a relative change of its loop width."""
-    table, measured_gaps = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
+    table, measured_gaps = rig.settings, [gap for gap in magnet.loops.by_schedule() if gap is not None]
     try:
-        operating = OperatingRange(
+        operating_range = OperatingRange(
             gap=rig.gap,
             force=bias_force(rig, method),
             rate=table.timing.rate_Hz,
@@ -83,6 +83,6 @@ def fit_method_compensator(
             is_bipolar=table.magnet.is_bidirectional,
         )
         wider_magnet = calibrate_magnet(magnet, width_change=width_change) if width_change else magnet
-        return fit_compensators(rig, operating, [wider_magnet], method, table.tracking.format)[0]
+        return fit_compensators(rig, operating_range, [wider_magnet], method, table.tracking.format)[0]
     except InputError as error:
         raise error.with_location(rig.measured_loops.description) from error

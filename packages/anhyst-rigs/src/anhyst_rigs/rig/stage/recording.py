@@ -41,8 +41,8 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
     wrench = axis_columns("demand", axes, WRENCH_UNITS)
     demand = np.column_stack([run[name] for name in wrench]) @ scan_axis
     ticks, delay_ticks = np.arange(n, dtype=float), rig.settings.timing.delay_ticks + 0.5
-    count = len(file.body_magnets)
-    head_numbers = range(count + 1, count + len(file.position_sensors) + 1)
+    magnet_count = len(file.body_magnets)
+    head_numbers = range(magnet_count + 1, magnet_count + len(file.position_sensors) + 1)
     head_readings = np.column_stack([run[column_name("gap_read", "m", number)] for number in head_numbers])
     poses_read = pose_at_body(file, head_readings @ np.linalg.pinv(head_rows(file)).T, reference)
     signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
@@ -56,8 +56,8 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
         # force minus the demand that was given one loop delay earlier
         "force_error_N": np.asarray(run["force_N"] - np.interp(ticks - delay_ticks, ticks, demand)),
         **{name: errors[:, axis_index] for axis_index, name in enumerate(error_columns(axes))},
-        **{name: run[name] for name in magnet_columns([("gap", "m"), *CURRENT_SIGNALS], 1, count)},
-        **{name: run[name] for name in magnet_columns(signals, 1, count)},
+        **{name: run[name] for name in magnet_columns([("gap", "m"), *CURRENT_SIGNALS], 1, magnet_count)},
+        **{name: run[name] for name in magnet_columns(signals, 1, magnet_count)},
         **dict(zip(pose_columns(axes), poses_read.T, strict=True)),
         **{name: run[wrench_name] for name, wrench_name in zip(demand_columns(axes), wrench, strict=True)},
     }

@@ -136,7 +136,7 @@ def plan_braking(
     Its duration follows from the hardest turnaround, so that braking needs no larger force.
     """
     duration = 1.5 * abs(speed) / max(motion.peaks) + 4.0 * motion.jerk_phase
-    count = round(duration / dt)
+    tick_count = round(duration / dt)
 
     def at(time: FloatArray) -> list[FloatArray]:
         s = np.minimum(time / duration, 1.0)
@@ -150,7 +150,7 @@ def plan_braking(
         third = (12.0 * speed / duration**3 + 6.0 * acceleration / duration**2) * np.ones_like(s)
         return [first * is_moving, second * is_moving, third * is_moving, position]
 
-    time = dt * np.arange(count + 1, dtype=np.float64)
+    time = dt * np.arange(tick_count + 1, dtype=np.float64)
     return SampledMotion(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + lead_time)))
 
 
