@@ -325,7 +325,7 @@ class TickRecorder:
         """Start a recording in a new file in the folder."""
         if not _NAME_PATTERN.fullmatch(name):
             raise InputError(
-                "record: a name is of letters, digits, blanks, points, _ and -, without a folder",
+                "record: a name may contain letters, digits, blanks, points, _ and -, but no folder",
                 code="bad-name",
                 key="record",
             )

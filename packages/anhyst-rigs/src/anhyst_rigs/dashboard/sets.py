@@ -69,7 +69,7 @@ class ParameterSets:
     def _set_path(self, name: str) -> Path:
         if not _NAME_PATTERN.fullmatch(name):
             raise InputError(
-                "set: a name is of letters, digits, blanks, points, _ and -, without a folder",
+                "set: a name may contain letters, digits, blanks, points, _ and -, but no folder",
                 code="bad-name",
                 key="set",
             )

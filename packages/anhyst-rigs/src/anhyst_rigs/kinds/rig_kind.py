@@ -44,7 +44,7 @@ class RigKind(FileKind):
     def __post_init__(self) -> None:
         """Raise TypeError if the attribute `places` is not a mapping."""
         if not isinstance(self.places, Mapping):
-            raise TypeError("places is not a table")
+            raise TypeError("`places` is not a mapping")
 
     @property
     def format(self) -> str:
@@ -55,6 +55,8 @@ class RigKind(FileKind):
         """Import and return the function of a method."""
         places: Mapping[str, str] = self.__dict__.get("places", {})  # absent while copying
         if method not in places:
-            raise AttributeError(f"'{method}' is not among the places", name=method, obj=self)
+            raise AttributeError(
+                f"no function is registered for the method '{method}'", name=method, obj=self
+            )
         module, _, name = places[method].partition(":")
         return getattr(import_module(module), name)

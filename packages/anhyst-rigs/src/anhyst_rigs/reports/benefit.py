@@ -300,7 +300,7 @@ def _iron_table(gains: Benefit) -> PageTable:
             "label",
         ),
         rows,
-        "Loop width: of the largest drive. Ratio of the slope just after a reversal to the static slope: "
+        "Loop width: at the largest drive. Ratio of the slope just after a reversal to the static slope: "
         "below a quarter an iron is pathological.",
         texts=0,
     )

@@ -88,7 +88,7 @@ class HasBoard(Protocol):
 
 def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo:
     """Simulate drifted plants, beginning after the results that the file already contains."""
-    task.require_suffix(".jsonl", "results of a Monte Carlo are")
+    task.require_suffix(".jsonl", "results of a Monte Carlo study are")
     figures, files = task.out.parent / MONTE_CARLO_NAME, kind.files(task.rig, task.controller)
     for path in (figures, task.report_path):
         check_writable(path, files)

@@ -340,7 +340,7 @@ def frequency_faults(
     for case in cases:
         frequency, text = case.frequency_Hz, ""
         if frequency >= max_frequency:
-            text = f"{frequency:g} Hz is not below a tenth of rate_Hz, {max_frequency:g} Hz; lower it"
+            text = f"{frequency:g} Hz is not below {max_frequency:g} Hz, a tenth of rate_Hz; lower it"
         elif frequency < min_frequency:
             text = f"a period of {1.0 / frequency:.4g} s is longer than {MAX_PERIOD_S:g} s"
             text += "; raise it"

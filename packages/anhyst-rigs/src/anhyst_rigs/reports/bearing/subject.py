@@ -357,7 +357,7 @@ def terminal_summary(simulation: Simulation) -> TerminalSummary:
         "the noise at standstill",
     )
     slope = (
-        f"{iron.label} iron: just after a reversal {100.0 * iron.slope_ratio:.0f} % of the static N/A; "
+        f"{iron.label} iron: slope just after a reversal {100.0 * iron.slope_ratio:.0f} % of the static one; "
         f"unstable pole {simulation.operating_point.bearing.current_drive_pole:.0f} Hz"
     )
     return TerminalSummary([overshoots], [*simulation.plant.report_lines, slope])

@@ -37,7 +37,7 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
         text = "a single magnet cannot push; raise it to 0 or more"
         yield FileFault(("limits", "force_low_N"), text, code="cannot-push")
     if len(rig.settings.body_magnets) == 1 and not rig.static_load < limits.force_high_N:
-        text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.static_load:g} N"
+        text = f"{limits.force_high_N:g} N cannot lift the load of {rig.path}, {rig.static_load:g} N"
         yield FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
     variant = settings.compensation.variant
     if variant in FLUX_PROBE_METHODS and plant.hall_probe is None:
@@ -49,14 +49,14 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     lowest = min(low_gaps + [plant.gap_m - case.amplitude_m for case in plant.trajectories])
     highest = plant.body.stop_high_m
     if not limits.gap_low_m < lowest:
-        text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
+        text = f"the armature of {rig.path} moves to a gap of {lowest:.5g} m; lower it"
         yield FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered")
     step = plant.gap_sensor.resolution
     if limits.step_m < step:
-        text = f"the position sensor of {rig.path} has steps of {step:.4g} m; raise it"
+        text = f"the position sensor of {rig.path} has a resolution of {step:.4g} m; raise it"
         yield FileFault(("limits", "step_m"), text, code="step-too-fine")
     if not limits.gap_high_m > highest:
-        text = f"{rig.path} rests at a gap of {highest:.5g} m; raise it"
+        text = f"the armature of {rig.path} rests at a gap of {highest:.5g} m; raise it"
         yield FileFault(("limits", "gap_high_m"), text, code="gaps-not-covered")
     yield from _ramp_faults(settings, rig, lowest)
 

@@ -248,7 +248,7 @@ class PiezoBench(CycleBench):
             ("bandwidth", "Hz", 0.1 * bandwidth, 5.0 * bandwidth, "bandwidth of the integrator"),
             ("stroke", "m", 0.0, self._max_displacement - case.low_m, "stroke of the triangle, peak to peak"),
             ("frequency", "Hz", 0.05 * nominal_frequency, max_frequency, "frequency of the triangle"),
-            ("plant", "", 0.0, float(MAX_PLANT_NUMBER), "0: rig file; n: n-th sample of [spread]"),
+            ("plant", "", 0.0, float(MAX_PLANT_NUMBER), "0: rig file; n: n-th plant of [spread]"),
         )
         return (*(Parameter(*entry, values[entry[0]]) for entry in entries), *self._knobs.parameters())
 

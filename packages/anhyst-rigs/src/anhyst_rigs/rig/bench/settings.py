@@ -208,6 +208,6 @@ def stage_parameters(
         ("gain_snap", "s2", -1e-6, 1e-6, "feedforward gain of the snap"),
         ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "crossover of the position loop"),
         ("motion", "", 0.1, 1.0, "accelerations relative to the rig file"),
-        ("plant", "", 0.0, float(MAX_PLANT_NUMBER), "0: rig file; n: n-th sample of [spread]"),
+        ("plant", "", 0.0, float(MAX_PLANT_NUMBER), "0: rig file; n: n-th plant of [spread]"),
     )
     return tuple(Parameter(name, unit, low, high, doc, values[name]) for name, unit, low, high, doc in specs)

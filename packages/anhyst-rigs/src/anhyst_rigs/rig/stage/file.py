@@ -131,7 +131,7 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
             text = f"measures no coordinate of a body that is free in {axes_text}; turn it, or remove it"
             yield FileFault(file.key_path(sensor), text, code="axis-not-seen")
     if file.body.gravity_m_per_s2 and not weight_wrench(file).any():
-        text = f"weight is along -z, and does not move a body that is free in {axes_text}; remove it"
+        text = f"the weight acts along -z and does not move a body that is free in {axes_text}; remove it"
         yield FileFault(file.key_path(file.body, "gravity_m_per_s2"), text, code="without-effect")
     if np.linalg.matrix_rank(head_rows(file)) < len(file.body.free):
         text = f"the position sensors cannot separate {axes_text}; add one, or move them"
