@@ -40,7 +40,7 @@ _SECURITY_HEADERS = (
 
 
 def read_address(text: str, token: bool) -> tuple[str, int]:
-    """Return the host and the port on which the server listens, from the text of an option."""
+    """Return the host and the port of the server, from the text of an option."""
     host, colon, port = text.rpartition(":")
     host = host.strip("[]") if colon else "127.0.0.1"
     try:
@@ -149,10 +149,10 @@ def _add_security_headers(send: Send) -> Send:
 
 
 MAX_FRAME_ROWS = 4000
-"""Maximum number of rows in the queue of one page; more rows are thinned to half of this number."""
+"""Maximum number of rows in the queue of a page; more rows are thinned to half of this number."""
 
 _MAX_QUEUED_RUNS = 64
-"""Maximum number of runs of rows in the queue of one page; the oldest runs are dropped."""
+"""Maximum number of runs of rows in the queue of a page; the oldest runs are dropped."""
 
 _FRAME_HEADER = struct.Struct("<IIdd")
 _RUN_HEADER = struct.Struct("<I")

@@ -22,7 +22,7 @@ MAX_WAIT_S = 5.0
 """Time limit for a complete request, s; uvicorn has the same limit between two requests."""
 
 MIN_WAIT_S = 0.5
-"""Time for which every connection may wait, s. Requests of browsers arrive within this time."""
+"""Time that every connection may wait, s. Requests of browsers arrive within this time."""
 
 MAX_WAITING = 32
 """Maximum number of connections that have waited longer. A browser opens six connections."""

@@ -1,4 +1,4 @@
-"""Generate signals that are added to the target of a bench.
+"""Generate signals, which a bench adds to its target.
 
 :class:`PeriodicWave` repeats a shape. :class:`Chirp` and :class:`WaveTable` end by themselves.
 :class:`DrivenBench` adds such a signal to the target of another bench every millisecond.
@@ -31,12 +31,12 @@ LOWEST_HZ, HIGHEST_HZ = 0.01, 50.0
 
 @dataclass(frozen=True, slots=True)
 class PeriodicWave:
-    """A periodic signal that is added to the target."""
+    """A periodic signal, which a bench adds to its target."""
 
     shape: str  # shape, a key of :data:`WAVE_SHAPES`
     amplitude: float  # amplitude, in the unit of the target; 0 or more
     frequency: float  # frequency, Hz, 0.01 to 50
-    start_tick: int  # tick at which the first period begins
+    start_tick: int  # first tick of the first period
 
     duration_s: ClassVar[float] = math.inf
 
@@ -80,13 +80,13 @@ _MIN_TABLE_ROWS = 2
 
 @dataclass(frozen=True, slots=True)
 class Chirp:
-    """A sine that is added to the target; its frequency changes by constant octaves per second."""
+    """A sine for the target; its frequency changes by constant octaves per second."""
 
     amplitude: float  # amplitude, in the unit of the target; 0 or more
     low: float  # frequencies at the start and at the end, Hz; 0.01 to 50, in any order
     high: float
     duration_s: float  # duration, s, up to 3600
-    start_tick: int  # tick at which the chirp begins
+    start_tick: int  # first tick of the chirp
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
@@ -135,7 +135,7 @@ class WaveTable:
 
     times: FloatArray  # time, s, ascending from 0; shape (n,)
     values: FloatArray  # value, in the unit of the target; shape (n,)
-    start_tick: int  # tick at which the table begins
+    start_tick: int  # first tick of the table
 
     @property
     def duration_s(self) -> float:
@@ -157,7 +157,7 @@ class WaveTable:
 
 
 Wave = PeriodicWave | Chirp | WaveTable
-"""Any signal that is added to the target."""
+"""Any signal that a bench adds to its target."""
 
 
 def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
@@ -246,7 +246,7 @@ class DrivenBench(Bench):
         self._on_refusal = on_refusal
         self._on_event = log
         self.load_N: float | None = None
-        self.generator: Wave | None = None  # signal that is added to the target
+        self.generator: Wave | None = None  # signal that the bench adds to the target
         self._bench = bench
         self._chunk_ticks = max(1, round(_CHUNK_S * bench.rate))
 
@@ -304,7 +304,7 @@ class DrivenBench(Bench):
             )
 
     def demand(self, value: float) -> None:
-        """Set the target, m or N; an active generator continues to be added to it."""
+        """Set the target, m or N; an active generator still adds to the target."""
         if self.generator is not None:
             self._check_generator(value, self.generator)
         self._bench.demand(value)

@@ -69,7 +69,7 @@ class ProcessJob:
         self._thread.join()
 
     def _listen(self) -> None:
-        self._process.start()  # The start takes some time, for which the caller does not wait.
+        self._process.start()  # The start takes some time; the caller does not wait for it.
         self._sender.close()
         self._started.set()
         outcome: Mapping[str, Any] | str = "the work ended without a result; see the terminal"
@@ -240,7 +240,7 @@ class Improver:
         return self._swap_block(*self._previous)
 
     def model_to_monitor(self) -> ModelWithLoops:
-        """Return the model with which rows of the bench can be compared."""
+        """Return the model for a comparison with rows of the bench."""
         self._check_step("watch")
         return self.known_model
 

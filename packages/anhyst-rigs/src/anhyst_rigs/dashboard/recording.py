@@ -164,7 +164,7 @@ class MdfRecorder(RecordingFile):
 
 
 HEADERS = {"gap": "gap_m", "force": "F_N", "current": "I_A", "load": "load_N"}
-"""Column names with which a recording is a valid measurement; other signals keep their names."""
+"""Column names that make a recording a valid measurement; other signals keep their names."""
 
 
 class CsvRecorder(RecordingFile):

@@ -30,7 +30,7 @@ from anhyst_rigs.rig.bench.protocol import Parameter
 from anhyst_rigs.study.improve import DrawnLoop
 
 HANDOVER_TIMEOUT_S = 10.0
-"""Time in which an operator must answer a request for control, s; then the request is granted."""
+"""Time limit of an operator's answer to a request for control, s; then the request is granted."""
 
 
 class OperatorDesk:

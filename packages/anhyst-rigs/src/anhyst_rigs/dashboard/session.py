@@ -212,7 +212,7 @@ class LiveSession:
         self.bench.generate(generator)
 
     def monitor(self, model: ModelWithLoops | None) -> None:
-        """Compare the rows from now on with a model; None ends this."""
+        """Compare all further rows with a model; None ends the comparison."""
         monitored_model = None
         if model is not None:
             monitored_model = BenchMonitor(model.model, self.bench.signals, self.bench.rate)

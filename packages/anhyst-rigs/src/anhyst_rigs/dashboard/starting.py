@@ -22,9 +22,9 @@ from anhyst_rigs.dashboard.connections import make_quiet_server
 from anhyst_rigs.dashboard.server import page_routes
 
 _OPEN_PAGE_AGE_S = 2.0
-"""Age of its last request up to which a page counts as open, s."""
+"""A page counts as open up to this age of its last request, s."""
 _REPLY_WAIT_S = 3.0
-"""Longest time for which a failed start waits until an open page has shown the reason, s."""
+"""Longest time that a failed start waits until an open page has shown the reason, s."""
 
 
 class StartProgress:

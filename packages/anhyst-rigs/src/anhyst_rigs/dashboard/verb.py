@@ -32,7 +32,8 @@ _MAX_CONNECTIONS = 512
 """Maximum number of connections: half of the number of files that most systems allow a process."""
 
 _PING_TIMEOUT_S = 60.0
-"""Time after which a browser that does not answer a ping counts as gone, s. A slow one draws first.
+"""Time limit of a browser's answer to a ping, s; later, the browser counts as gone. A slow one
+draws first.
 """
 
 _SHUTDOWN_S = 2

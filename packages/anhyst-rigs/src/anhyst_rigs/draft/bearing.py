@@ -36,11 +36,11 @@ RATE_LIMITS_HZ = 1e3, 200e3
 """Smallest and largest tick rate, Hz."""
 
 AMPLIFIER_PER_BANDWIDTH = 20.0
-"""Ratio of the bandwidth of the current control to that of the position control."""
+"""Bandwidth of the current control, relative to the bandwidth of the position control."""
 
 FULL_SWING_PER_BANDWIDTH = 5.0
-"""Frequency at which the supply must allow current swings over the full range, relative to the
-bandwidth of the position control."""
+"""Frequency of full current swings that the supply must allow, relative to the bandwidth of the
+position control."""
 
 WINDING_TIME_CONSTANT_S = 0.02
 """Assumed ratio of inductance to resistance of a winding, s."""

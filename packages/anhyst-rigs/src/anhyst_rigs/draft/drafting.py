@@ -49,7 +49,7 @@ RIG_FILE = "rig.toml"
 CONTROLLER_FILE = "controller.toml"
 """Name of the controller file."""
 LOOPS_FOLDER = "loops"
-"""Folder for copies of the loops, in which their names cannot collide with those of other files."""
+"""Folder for copies of the loops, so that their names cannot collide with names of other files."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def init_bearing(
 
 
 def _init_piezo(loops: Loops, loop_source: _LoopSource, out: PathLike, request: MachineRequest) -> Drafted:
-    """Write the rig file of a piezo stage, and a copy of the loops to which the stack is fitted."""
+    """Write the rig file of a piezo stage, and a copy of the fitted loops."""
     if request != MachineRequest():
         raise InputError(
             "--mass, --load and --gap are for magnets, but loops over a voltage belong to a piezo "

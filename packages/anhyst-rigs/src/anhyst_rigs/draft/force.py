@@ -13,7 +13,7 @@ from anhyst_rigs.draft.text import Draft, render_draft, round_down, round_neares
 EXAMPLE_NOTE = "as in the example solenoid"
 
 DEFAULT_RATE_HZ = 1000.0
-"""Default tick rate, Hz, for which a serial line is fast enough."""
+"""Default tick rate, Hz; a serial line is fast enough for it."""
 
 TICKS_PER_CYCLE = 400.0
 """Ticks in a cycle of a solid core's fastest loops, so that demands change little in a tick."""
@@ -22,7 +22,7 @@ MAX_RATE_HZ = 50e3
 """Largest tick rate of a small controller, Hz."""
 
 SLOW_PERIOD_RATIO = 40.0
-"""Ratio of the period of the slow triangle to that of the fastest loops, for a solid core."""
+"""Period of the slow triangle relative to the period of the fastest loops, for a solid core."""
 
 SOLID_DEPTH_M = 0.01
 """Depth of a solid core from its surface to its middle, m. Only the product of its square and the
@@ -35,9 +35,9 @@ FULL_SWING_S = 0.015
 """Time of a current swing over the full range, s, which determines the amplifier's slew rate."""
 
 HELD_GAP_COUNT = 7
-"""Number of gaps at which the armature is held, from the smallest to the largest measured gap."""
+"""Number of gaps of the held armature, from the smallest to the largest measured gap."""
 SOLID_HELD_GAP_COUNT = 3
-"""Number of gaps at which the armature is held, for a solid core."""
+"""Number of gaps of the held armature, for a solid core."""
 
 
 def draft_force_control(magnet: MeasuredMagnet, loop_origin: dict[str, Any]) -> Draft:

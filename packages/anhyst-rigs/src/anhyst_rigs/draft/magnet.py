@@ -32,7 +32,7 @@ MIN_LOAD_RATIO = 0.01
 uncertain for a smaller load."""
 
 MIN_BRANCH_SAMPLES = 12
-"""Smallest number of samples of a branch from which its noise is estimated."""
+"""Smallest number of samples in a branch for an estimate of its noise."""
 
 
 @dataclass(frozen=True, eq=False)

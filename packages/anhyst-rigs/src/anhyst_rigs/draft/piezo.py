@@ -34,13 +34,13 @@ MAX_LAG_SAMPLES = 3.0
 MIN_RATE_RATIO = 3.0
 """Smallest ratio of the fastest to the slowest rate that counts as several rates."""
 MAX_CREEP_RESIDUAL_RATIO = 0.97
-"""Largest ratio of the residual with creep to that without, for which creep is included."""
+"""Creep is included up to this ratio of the residual with creep to the residual without creep."""
 OUTLIER_RATIO = 10.0
 """Ratio to the median residual, above which a residual counts as an outlier."""
 MAX_OUTLIER_SHARE = 0.02
 """Largest fraction of outliers that are excluded. If there are more, all samples are used."""
 MAX_RESIDUAL_RATIO = 0.05
-"""Largest rms residual with which loops count as those of a stack, as a fraction of the stroke."""
+"""Largest rms residual of loops that count as loops of a stack, as a fraction of the stroke."""
 MAX_FIT_SAMPLES = 6_000
 """Largest number of samples in the fit."""
 INITIAL_LOG_BETAS = (0.5, 2.5)
@@ -83,7 +83,7 @@ class FittedStack:
 
 
 def fit_stack(loopset: Loops) -> FittedStack:
-    """Fit a stack to loops; raise an InputError if the loops are not those of a stack."""
+    """Fit a stack to loops; raise an InputError if the loops do not belong to a stack."""
     fit_problem = _FitProblem(loopset)
     fit_problem.exclude_outliers(fit_problem.fit(()))
     fit = without_creep = fit_problem.fit(())
@@ -142,7 +142,7 @@ class _Fit:
 
 
 class _FitProblem:
-    """The loops and the least-squares problem, in which voltages are fractions of their range."""
+    """The loops and the least-squares problem; its voltages are fractions of their range."""
 
     def __init__(self, loopset: Loops) -> None:
         stride = 1 + sum(loop.n for loop in loopset.loops) // MAX_FIT_SAMPLES
@@ -180,7 +180,7 @@ class _FitProblem:
         self.masks = [np.ones(loop.input[self.selection].size, dtype=np.bool_) for loop in self.loops]
 
     def displacements(self) -> list[FloatArray]:
-        """Return the displacements to which the stack is fitted, m."""
+        """Return the displacements that the fit uses, m."""
         loops_and_masks = zip(self.loops, self.masks, strict=True)
         return [loop.output[self.selection][mask] for loop, mask in loops_and_masks]
 

@@ -19,7 +19,7 @@ ACCELERATING_FORCE_RATIO = 0.9
 """Fraction of the largest force that accelerates the mass; the rest is reserved for the feedback.
 """
 PEAK_M_PER_S2 = 22.0
-"""Acceleration from which the mass is guessed, m/s^2."""
+"""Acceleration for the guess of the mass, m/s^2."""
 TRAINING_RATIOS = (1.0, 0.7, 0.4, 0.9, 0.5)
 """Accelerations of the training set-point's turnarounds, as fractions of the largest acceleration.
 """

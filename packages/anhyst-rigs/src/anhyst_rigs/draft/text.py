@@ -31,7 +31,7 @@ _GUESS_MARK = "; guess: "
 
 
 def render_draft(template: str, **values: Any) -> Draft:
-    """Render a template; align its comments, and collect those that contain a guess."""
+    """Render a template; align its comments, and collect the comments with a guess."""
     rendered_text = _templates().get_template(f"{template}.toml.j2").render(values)
     lines, guesses, section, table = [], {}, "", ""
     for line in rendered_text.removesuffix("\n").split("\n"):

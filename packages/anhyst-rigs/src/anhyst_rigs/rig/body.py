@@ -53,7 +53,7 @@ MIN_TICKS_PER_PERIOD = 10.0
 MAX_DELAY_SUBSTEPS = 128
 """Longest delay of an output or a sensor, in sub-steps of the simulation."""
 GAP_MAP_POINTS = 129
-"""Number of gaps at which the gap map of an identified law is tabulated."""
+"""Number of gaps in the tabulated gap map of an identified law."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from anhyst_rigs.rig.plant import make_plant, plant_parameters
 from anhyst_rigs.rig.tables import SPREADS
 
 MAX_SAMPLE_SIGMA = 3.0
-"""Limit at which the sampled normal distributions are truncated, in standard deviations."""
+"""Truncation of the sampled normal distributions, in standard deviations."""
 _UNITS = {"gap_offset": ("m", 1.0), "eddy": ("s", 1.0), "cable": ("N_per_m", 1.0)}
 _UNITS |= {f"place_{axis}": ("m", 1.0) for axis in "xyz"}
 """Unit in files, and factor to it, of each quantity that is not relative."""

@@ -59,15 +59,15 @@ RELATIVE_DEVIATION_SIGMA = 0.003 * 0.1
 """Relative mean deviation that costs as much as a parameter one sigma from its prior mean."""
 
 GUESS_SAMPLES = 600
-"""Number of samples with which initial guesses are compared."""
+"""Number of samples for the comparison of initial guesses."""
 FIT_SAMPLES = 2400
-"""Number of samples to which the plant is fitted."""
+"""Number of samples for the fit of the plant."""
 
 PINNING_STARTS = (-1.0, 0.5, 1.5)
 """Initial guesses of the pinning, in standard deviations of its prior."""
 
 FAST_LOOP_SAMPLES = 100
-"""Average number of samples per fast loop to which the solid iron is fitted."""
+"""Average number of samples per fast loop for the fit of the solid iron."""
 
 STEEL_CONDUCTIVITY_S_PER_M = 5e6
 """Conductivity of plain steel, S/m."""

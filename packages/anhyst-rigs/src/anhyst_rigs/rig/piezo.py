@@ -76,7 +76,7 @@ class PiezoRig:
 
     @property
     def corner_ticks(self) -> int:
-        """Number of ticks over which the corners of the reference are rounded."""
+        """Number of ticks in a rounded corner of the reference."""
         return max(1, round(self.settings.displacement_case.corner_s * self.settings.timing.rate_Hz))
 
     @property

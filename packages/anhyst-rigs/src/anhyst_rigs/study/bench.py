@@ -139,7 +139,7 @@ def _read_manifest(folder: PathLike) -> dict[str, Any]:
 
 
 def _find_model_file(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
-    """Find the model file from which a folder was compiled, by its checksum."""
+    """Find the model file of a compiled folder by its checksum."""
     digest = manifest["model"]["sha256"]
     for path in (file for folder in folders for file in sorted(folder.glob("*.toml"))):
         if hashlib.sha256(path.read_bytes()).hexdigest() == digest:

@@ -47,7 +47,7 @@ from anhyst_rigs.study.plants import drifted_rig, force_plants, piezo_plants, st
 from anhyst_rigs.study.reversals import reversal_slope_ratio
 
 PINNING_SCALES = (0.5, 1.0, 2.0)
-"""Factors by which the pinning of the rig's iron is multiplied."""
+"""Factors that multiply the pinning of the rig's iron."""
 REVERSIBLE_FRACTIONS = (0.05, 0.15, 0.3, 0.5)
 """Reversible fractions of play-cell irons. For other families of iron, only the pinning is varied.
 """
@@ -59,7 +59,7 @@ STEP_METRICS = (
     Metric("overshoot_percent", "overshoot", "%"),
     Metric("settling_in_noise_s", "settling time", "ms", 1e3),
 )
-"""Metrics of a step by which the methods are compared."""
+"""Metrics of a step for the comparison of the methods."""
 DEFAULT_SEED_COUNT = 4
 """Number of noise seeds, if the rig file does not give it."""
 OVERSHOOT_FLOOR_FACTOR = 3.0

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MIN_MAGNETS_FOR_SPREAD = 3
-"""Smallest number of magnets for which a scatter is computed."""
+"""Smallest number of magnets for the computation of a scatter."""
 TABLE_FILE = "fleet.csv"
 """Name of the table with one row for each magnet."""
 FIGURES_FILE = "fleet.json"

@@ -93,7 +93,7 @@ class ForceControl(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """All trials in which control of the force was lost."""
+        """All trials that lost control of the force."""
         lost_trials: list[str] = self.figures["lost_in"]
         return lost_trials
 

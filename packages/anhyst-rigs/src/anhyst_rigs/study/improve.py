@@ -97,9 +97,9 @@ def _find_column(names: Sequence[str], choice: Sequence[str]) -> int:
 
 
 _DRAWN_POINTS = 200
-"""Number of points with which each loop of a record is drawn."""
+"""Number of drawn points in each loop of a record."""
 _COMPARED_POINTS = 100
-"""Number of points with which each loop of a record is drawn for a comparison of two models."""
+"""Number of drawn points in each loop of a record, for a comparison of two models."""
 _MAX_DRAWN_LOOPS = 60
 
 
@@ -113,7 +113,7 @@ class DrawnLoop(NamedTuple):
 
 
 def make_drawn_loops(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
-    """Return loops of force against current with fewer points, and those of a model if given."""
+    """Return loops of force against current with fewer points, and loops of a model if given."""
     if (loops.input.name, loops.output.name) != ("current", "force"):
         return ()
     curves = []
@@ -130,7 +130,7 @@ def _make_drawn_loop(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
 
 
 class ModelWithLoops(NamedTuple):
-    """A model of a bench, and the loops from which it was identified."""
+    """A model of a bench, and the loops for its identification."""
 
     model: Model
     curves: tuple[DrawnLoop, ...]
@@ -198,7 +198,7 @@ LOOPS_FILE = "loops.csv"
 """File with the measured loops; its sidecar is next to it."""
 MODEL_FILE = "model.toml"
 _MAX_DRIVE_POINTS = 1500
-"""Maximum number of points with which a drive is drawn."""
+"""Maximum number of drawn points of a drive."""
 
 
 def excitation_limits(prepared: Improvable) -> dict[str, Any]:

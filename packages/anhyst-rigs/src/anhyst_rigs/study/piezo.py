@@ -110,7 +110,7 @@ class PiezoTracking(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Compensations with which control was lost, with time and reason."""
+        """Compensations that lost control, with time and reason."""
         return [f"{name} {run.loss_text}" for name, run in self.runs.items() if run.loss_text]
 
     def refuse_losses(self) -> None:

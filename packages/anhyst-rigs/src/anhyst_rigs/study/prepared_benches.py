@@ -41,7 +41,7 @@ class PreparedBearing:
     """A bearing with its controller and the firmware."""
 
     setup: BearingSetup  # active setup, in fixed point
-    model: Model  # model from which it was compiled
+    model: Model  # model of the compiled program
     firmware: Path  # path of the firmware for the board ``library``; needed until the bench is open
 
     @property
@@ -149,7 +149,7 @@ class PreparedForce(ForceRig):
 
     @property
     def model(self) -> Model:
-        """The model from which the program was compiled."""
+        """The model of the compiled program."""
         return self.program.model
 
     @property
@@ -189,7 +189,7 @@ class PreparedForce(ForceRig):
 class PreparedBoard(ForceRig):
     """An actuator with a stand-alone controller, and the data with which it was compiled."""
 
-    model: Model  # model from which the controller was compiled
+    model: Model  # model of the compiled controller
     request: CompileRequest
     scales: Scales
     limits: DemandLimits  # limits of the controller
@@ -249,7 +249,7 @@ class PreparedPiezo:
 
 
 Prepared = PreparedBearing | PreparedForce | PreparedStage | PreparedPiezo
-"""Data from which a virtual bench can be opened."""
+"""Data for the opening of a virtual bench."""
 
 Improvable = PreparedBearing | PreparedForce | PreparedBoard
 """Object whose model can be improved."""

@@ -20,7 +20,7 @@ responds; above it, the iron is saturated."""
 _SLOPE_HALF_WIDTH = 0.1
 """Half-width of the window for the fit of the static slope, relative to the range of the input."""
 _EXTRAPOLATION_SAMPLES = 4
-"""Number of samples from which the end of a branch is extrapolated."""
+"""Number of samples for the extrapolation to the end of a branch."""
 _REVERSAL_BINS = 400
 _MIN_SAMPLES = 8
 """Minimum number of samples for an estimate."""

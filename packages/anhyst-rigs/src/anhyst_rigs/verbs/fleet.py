@@ -1,4 +1,4 @@
-"""The command ``fleet``: identify, compile and evaluate many magnets of one type."""
+"""The command ``fleet``: identify, compile and evaluate many magnets of the same type."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def fleet(
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Fleet:
-    """Identify, compile, verify and evaluate many magnets of one type.
+    """Identify, compile, verify and evaluate many magnets of the same type.
 
     All magnets get the same law and gap map, so that their parameters can be compared. The result
     contains the mean and the scatter of each parameter and names the outliers. It counts the

@@ -25,7 +25,7 @@ def watch(
     """Check whether a model still fits its magnet; if not, since when and by how much it drifted.
 
     The model is assumed to fit the first cycles of the current in the recording. Every later
-    residual is compared with those of these cycles. The exit code is 1 after a drift.
+    residual is compared with the residuals of these cycles. The exit code is 1 after a drift.
 
     Parameters
     ----------

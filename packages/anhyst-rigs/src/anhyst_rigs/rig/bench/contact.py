@@ -174,7 +174,7 @@ class Contact:
         return int(self.rows[-1, 1 + self.line.signals.index(signal)])
 
     def check_same_controller(self, earlier_contact: Contact) -> None:
-        """Raise OtherFirmware if this controller differs from that of an earlier contact."""
+        """Raise OtherFirmware if the controller of an earlier contact was a different one."""
         line, earlier_line = self.line, earlier_contact.line
         identity = attrgetter("name", "body", "signals", "tick_interval")
         if identity(line) != identity(earlier_line):

@@ -111,7 +111,7 @@ class HardwareBench(Bench):
         return codes
 
     def _adopt_contact(self, contact: Contact, offset: int) -> None:
-        """Use a contact; its tick numbers plus `offset` are those of the bench."""
+        """Use a contact; the bench adds `offset` to its tick numbers."""
         self._contact, self._line, self._offset = contact, contact.line, offset
         self._columns, self._settings = contact.columns, contact.settings
         self._sources = contact.line.signals

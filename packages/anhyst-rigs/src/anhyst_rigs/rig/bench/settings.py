@@ -28,7 +28,7 @@ MAX_PLANT_NUMBER = 999
 
 
 class SettingsLine(Protocol):
-    """A line over which settings are read and written."""
+    """A line that reads and writes settings."""
 
     def read_setting(self, setting: Setting) -> int:
         """Return the code of a setting."""

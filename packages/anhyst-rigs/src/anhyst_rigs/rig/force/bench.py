@@ -81,7 +81,7 @@ def bench_recording(rows: FloatArray, dt: float) -> Recording:
 
 
 LEAD_IN_S = 0.2
-"""Time in which a demand rises from zero to its first value, s. Errors in this time do not count.
+"""Rise time of a demand from zero to its first value, s. Errors in this time do not count.
 """
 
 

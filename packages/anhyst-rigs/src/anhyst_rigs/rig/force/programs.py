@@ -34,7 +34,7 @@ class Program:
 
     kind: Kind  # kind of the compensator, ``"full"`` or ``"simplified"``
     name: MethodName  # method: the same, or ``"at-rest"``
-    model: Model  # model from which the program was compiled
+    model: Model  # model of the compiled program
     block: Block  # parameter block of the kind that the hysteresis law of the model needs
     cycles: int  # number of cycles of the start-up sequence
     firmware: Path  # path of the firmware, built for the board on which it runs

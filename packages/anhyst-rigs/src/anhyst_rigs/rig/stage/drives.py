@@ -138,7 +138,7 @@ def opposing_magnets(file: RigFile) -> list[int]:
 
 
 def monitoring_settings(rig: BodyRig) -> dict[str, float]:
-    """Return the settings with which a controller detects lost magnets and heads, and lands."""
+    """Return the settings of a controller that detects lost magnets and heads, and lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     current_lag = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
     inverses = inverses_without_head(rig.settings)

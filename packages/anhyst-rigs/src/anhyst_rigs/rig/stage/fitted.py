@@ -24,7 +24,7 @@ from anhyst_rigs.rig.stage.loop import StageSetup, bias_force
 
 
 def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
-    """Identify the magnet of a stage from given loops or from those of its rig file."""
+    """Identify the magnet of a stage from given loops or from the loops of its rig file."""
 
     def usable(magnet: IdentifiedMagnet) -> bool:
         try:

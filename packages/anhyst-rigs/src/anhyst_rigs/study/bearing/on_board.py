@@ -69,7 +69,7 @@ class BoardComparison:
 
     @property
     def differing_ticks(self) -> int:
-        """Number of ticks at which a current differs from the simulation."""
+        """Number of ticks with a current that differs from the simulation."""
         return count_differences(self.simulated, self.board_recording)
 
     @property
@@ -127,7 +127,7 @@ class BoardComparison:
 
 
 def count_differences(simulated: Recording, board_recording: Recording) -> int:
-    """Return the number of ticks at which a current differs between a run and its simulation."""
+    """Return the number of ticks with a current that differs between a run and its simulation."""
     n = min(len(simulated), len(board_recording))
     differs = [board_recording[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
     return int(np.count_nonzero(np.any(differs, axis=0))) + abs(len(simulated) - len(board_recording))

@@ -125,7 +125,7 @@ def _crossing_time(elapsed: FloatArray, progress: FloatArray, crossed_fraction: 
 
 
 def _settling_time(elapsed: FloatArray, error: FloatArray, band: float) -> float:
-    """Return the time after which the error stays within the band; inf if it does not."""
+    """Return the time until the error stays within the band; inf if it does not."""
     settled_tick = settling_tick(error, band)
     if not settled_tick:
         return 0.0

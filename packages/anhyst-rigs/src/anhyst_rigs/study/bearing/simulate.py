@@ -55,7 +55,8 @@ COMPARED_VARIANTS = (
     "flux",
     *(name for name in MODEL_METHODS if name not in ("at-rest", "fused")),
 )
-"""Variants that are compared with that of the controller file; ``flux`` requires a Hall probe."""
+"""Variants that are compared with the variant of the controller file; ``flux`` requires a Hall
+probe."""
 _PART_WORK = (5.0, 4.0)
 """Work of model and first run, then of the steps, relative to that of another experiment."""
 
@@ -114,7 +115,7 @@ class Simulation(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """All experiments in which the variant of the controller file lost levitation."""
+        """All experiments that the variant of the controller file ended by a loss of levitation."""
         all_experiments = self.experiments
         blocks: list[tuple[str, CaseFigures]] = [
             *(
@@ -330,7 +331,7 @@ def _make_compared_setups(
 
 
 def compared_variants(rig: BodyRig, main_variant: MethodName) -> tuple[MethodName, ...]:
-    """Return all variants that a rig permits, including that of the controller file."""
+    """Return all variants that a rig permits, including the one in the controller file."""
     methods = [
         name
         for name in COMPARED_VARIANTS

@@ -1,4 +1,4 @@
-"""State, for each kind of rig, under which conditions compensation would be beneficial."""
+"""State, for each kind of rig, the conditions of a beneficial compensation."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class PlantMetric(Metric):
 
     @property
     def case_names(self) -> tuple[str, ...]:
-        """Names of the cases in which the metric is computed."""
+        """Names of the cases with a value of the metric."""
         if not self.cases:
             return ("",)
         return tuple(f"{1e6 * c:g} um" if isinstance(c, float) else c for c in self.cases)

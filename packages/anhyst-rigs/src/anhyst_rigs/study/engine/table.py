@@ -53,7 +53,7 @@ class Interval:
         return self.mean - floor.mean > math.hypot(self.half_width, floor.half_width)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the interval in the form in which files store it."""
+        """Return the interval in the form for files."""
         return {"mean": self.mean, "half_width": self.half_width, "count": self.count}
 
 
@@ -125,7 +125,7 @@ class ComparedFigure:
 
     @property
     def ratio(self) -> float:
-        """Value of the model divided by that of the baseline; nan if both are zero."""
+        """Value of the model divided by the value of the baseline; nan if both are zero."""
         if self.baseline_value != 0.0:
             return self.model_value / self.baseline_value
         return math.nan if self.model_value == 0.0 else math.inf
@@ -227,7 +227,7 @@ FIGURES_FILE = "figures.json"
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric by which methods are compared; a smaller value is better."""
+    """A metric for the comparison of methods; a smaller value is better."""
 
     key: str  # name in files, including the unit
     title: str  # name in words
@@ -262,7 +262,7 @@ class CaseFigures:
         return self.figures.get(key) or lost_interval(self.lost, self.runs)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the metrics in the form in which files store them."""
+        """Return the metrics in the form for files."""
         figures = {name: interval.as_dict() for name, interval in self.figures.items()}
         return {"lost": self.lost, "runs": self.runs, **figures}
 

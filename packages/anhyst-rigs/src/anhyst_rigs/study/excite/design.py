@@ -35,7 +35,7 @@ MAX_WARMTH = 0.95
 class Winding:
     """Thermal model of a winding: one heat capacity, heated by the square of the current.
 
-    Warmth is the temperature rise divided by that of the largest continuous current.
+    Warmth is the temperature rise divided by the rise due to the largest continuous current.
     """
 
     continuous_current: float  # largest continuous current, A
@@ -296,7 +296,7 @@ DEMAGNETISING_DECAY = (0.85, 0.01)
 SETTLING_DECAY = (0.7, 0.08)
 """The same two ratios for a decaying sine about the operating point."""
 MIN_START_WARMTH = 0.1
-"""Warmth of the winding at which it must be possible to begin every record."""
+"""Warmth of the winding that must permit the beginning of every record."""
 PEAK_REDUCTION = 0.97
 """Factor by which the peak is repeatedly reduced until the winding stays cool enough."""
 MIN_PEAK_RATIO = 0.25

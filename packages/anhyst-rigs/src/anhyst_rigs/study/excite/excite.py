@@ -114,7 +114,7 @@ SLOPE_WINDOW_RATIO = 0.1
 FAST_RATE_MARGIN = 1.5
 """Recommended ratio of the fastest measured rate to the rate that the set-point requires."""
 PROBE_FORCE_RATIO = 0.95
-"""Fraction of the force limit at which the probe stops."""
+"""Fraction of the force limit that stops the probe."""
 _PROBE_SEED = 1000
 """Number that stands for the probe in the seed of its noise."""
 

@@ -45,8 +45,9 @@ MAX_RESIDUAL_RATIO = 0.01
 """Largest rms residual after the fit for which a motion is accepted, as a fraction of the rms
 inertial force (mass times acceleration). The noise is added in quadrature."""
 GATE_RATIO = 2.5
-"""Largest rms residual before the fit, relative to that of earlier motions. If a residual is
-larger, and the uncertainty of the parameters cannot explain it, the plant or a sensor has changed.
+"""Largest rms residual before the fit, relative to the residual of earlier motions. If a residual
+is larger, and the uncertainty of the parameters cannot explain it, the plant or a sensor has
+changed.
 """
 MIN_GATE_RATIO = 0.001
 """Smallest residual with which the gate compares, as a fraction of the inertial force. Every
@@ -59,7 +60,7 @@ MASS_PRIOR_SIGMA = 0.3
 MIN_MASS_CHANGE = 0.01
 """Smallest relative change of mass that is reported; errors of the scales can explain less."""
 TRAINING_SCANS = 4
-"""Number of training scans with which a running stage is calibrated before its evaluation."""
+"""Number of training scans that calibrate a running stage before its evaluation."""
 
 
 @dataclass(frozen=True)
@@ -285,7 +286,7 @@ class ParameterEstimator:
         return self._calibrated_method(self.estimate, self._law_fits)
 
     def _is_explained(self, residual_N: float, force_N: float) -> bool:
-        """Whether a residual is as small as that of a suitable hysteresis model."""
+        """Whether a residual is as small as the residual of a suitable hysteresis model."""
         return residual_N <= math.hypot(self.law.max_residual_ratio * force_N, self.noise_N)
 
     @property

@@ -176,7 +176,7 @@ EARLIEST_LOSS_S = 0.01
 HOLD_TIME_S = 0.1
 """Time that is simulated after the body has braked, s."""
 FINAL_WINDOW_S = 0.02
-"""Length of the window in which the final error is measured, s."""
+"""Length of the window of the final error, s."""
 LIFT_COMMAND_S = 0.2
 """Time of the command that lifts a body from its stops, s."""
 LAND_COMMAND_S = 0.45

@@ -27,9 +27,9 @@ from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS, ParameterName, parame
 FILTER_CORNER_HZ = 250.0
 """Corner frequency of the filter's three equal poles, Hz; at most a twentieth of the tick rate."""
 COMPARISON_RATE_HZ = 1000.0
-"""Rate at which measured and predicted force are compared, Hz."""
+"""Rate of the comparisons of measured and predicted force, Hz."""
 MIN_DEMAND_RATIO = 0.06
-"""Smallest demand at which samples are compared, as a fraction of the largest force. At rest, a
+"""Smallest demand of compared samples, as a fraction of the largest force. At rest, a
 load could not be distinguished from an error of the magnets."""
 MIN_AMPLIFIER_BANDWIDTH_RATIO = 16.0
 """Smallest bandwidth of an amplifier, relative to the corner frequency of the filter. The lag of
@@ -51,7 +51,7 @@ def refuse_slow_amplifier(rig: BodyRig) -> None:
 
 
 class ColumnFault(NamedTuple):
-    """A fault of a recording, and the column in which it is visible."""
+    """A fault of a recording, and the column that shows it."""
 
     text: str
     column: str

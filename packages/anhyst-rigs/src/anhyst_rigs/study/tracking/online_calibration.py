@@ -36,7 +36,8 @@ from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_slow_amp
 MAX_SHOWN_CYCLES = 500
 """Number of cycles that a page can show."""
 PICKUP_TIME_S = 0.1
-"""Time in which the magnets take up the weight of a body, s. These rows are stored, because they
+"""Time that the magnets need to take up the weight of a body, s. These rows are stored, because
+they
 determine the hysteresis state afterwards."""
 MAX_BUFFER_S = 20.0
 """Length of the row buffer, s. It contains a cycle and the earlier rows that determine the
@@ -46,7 +47,7 @@ MAX_ERROR_GROWTH = 1.5
 exceed this ratio, earlier corrections are restored."""
 _BEARING_COLUMNS = ("reference_m", "gap_read_m", "command_A", "load_N", "demand_N", "state", "phase")
 MIN_COMPARISONS = 50
-"""Smallest number of comparisons in a window from which the estimate is updated."""
+"""Smallest number of comparisons in a window that updates the estimate."""
 MIN_SWAP_CHANGE = 0.1
 """Smallest change of a parameter for which the block is replaced, in prior standard deviations."""
 
@@ -383,8 +384,9 @@ MAX_HISTORY_ROWS = 100_000
 class BearingCalibrator(BenchCalibrator):
     """A calibrator that updates from each second with a moving reference, and replaces the block.
 
-    The firmware changes the current gradually to that of the new block. The reported errors are
-    force errors. For comparison, the error of the uncorrected model is computed for each second.
+    The firmware changes the current gradually to the current of the new block. The reported errors
+    are force errors. For comparison, the error of the uncorrected model is computed for each
+    second.
     """
 
     unit = "N"

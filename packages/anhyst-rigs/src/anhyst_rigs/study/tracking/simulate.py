@@ -202,7 +202,7 @@ class VariantResult:
 
     @property
     def lost_in(self) -> list[str]:
-        """Runs that lost control, except those of learning control."""
+        """Runs that lost control, except runs of learning control."""
         lost_count, count = self.case_figures.lost, self.case_figures.runs
         is_lost_by_run = {
             f"test set-point ({lost_count} of {count} runs)": lost_count > 0,
