@@ -58,8 +58,7 @@ class FittedStack:
     low: float  # ends of the voltage range, V
     high: float
     stroke: float  # range of the displacement, m
-    # displacement at the lowest voltage after the highest, the lower limit of a stage, m
-    remains: float
+    remains: float  # displacement at the lowest voltage after the highest, the lower limit, m
     rms: float  # rms residual, m
     rms_without_creep: float  # rms residual without creep, m
     has_times: bool  # whether the loops have times, without which creep is unknown
@@ -192,22 +191,20 @@ class _FitProblem:
         low = [-3.0, 0.0, 0.0, *min_creep_shares]
         high = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
         shapes = [[guess, 0.3, 0.0] for guess in INITIAL_LOG_BETAS] if initial is None else [initial.shape]
-        candidates = []
+        results = []
         for shape in shapes:
             result = least_squares(
-                lambda point: self._solve_weights(point, creep_times)[1],
+                lambda point: self._weights_of(point, creep_times)[1],
                 np.clip([*shape[:3], *(0.005 for _ in creep_times)], low, high),
                 bounds=(low, high),
                 x_scale=[1.0, 1.0, 0.3, *(0.01 for _ in creep_times)],
                 diff_step=1e-4,
                 max_nfev=50,
             )
-            weights, deviation = self._solve_weights(result.x, creep_times)
+            weights, deviation = self._weights_of(result.x, creep_times)
             rms = float(np.sqrt(np.mean(deviation**2)))
-            candidates.append(
-                _Fit(result.x, creep_times, weights, deviation * self.stroke, rms * self.stroke)
-            )
-        return min(candidates, key=lambda fit: fit.rms)
+            results.append(_Fit(result.x, creep_times, weights, deviation * self.stroke, rms * self.stroke))
+        return min(results, key=lambda fit: fit.rms)
 
     def exclude_outliers(self, fit: _Fit) -> None:
         """Exclude samples with a large residual if they are few, as while an amplifier starts."""
@@ -216,9 +213,7 @@ class _FitProblem:
             loop_ends = np.cumsum([mask.size for mask in self.masks])[:-1]
             self.masks = np.split(is_close, loop_ends)
 
-    def _solve_weights(
-        self, shape: FloatArray, creep_times: tuple[float, ...]
-    ) -> tuple[FloatArray, FloatArray]:
+    def _weights_of(self, shape: FloatArray, creep_times: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
         """Return the weights of voltage, its square, hysteresis and offset, and the residual."""
         from scipy.optimize import nnls
 
@@ -226,17 +221,14 @@ class _FitProblem:
             self._regressor_matrix(loop, shape, creep_times)[self.selection][mask]
             for loop, mask in zip(self.loops, self.masks, strict=True)
         ]
-        matrix, displacement = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
-        # Two of the columns may have either sign.
-        signed_columns = np.hstack([matrix, -matrix[:, 1::2]])
+        matrix, output = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
+        signed_columns = np.hstack([matrix, -matrix[:, 1::2]])  # two columns may have either sign
         normal = signed_columns.T @ signed_columns
         cholesky = np.linalg.cholesky(normal + 1e-12 * np.trace(normal) * np.eye(normal.shape[0]))
-        weights, _ = nnls(
-            cholesky.T, np.linalg.solve(cholesky, signed_columns.T @ displacement), maxiter=1000
-        )
+        weights, _ = nnls(cholesky.T, np.linalg.solve(cholesky, signed_columns.T @ output), maxiter=1000)
         weights[1:4:2] -= weights[4:]
         weights = weights[:4]
-        return weights, matrix @ weights - displacement
+        return weights, matrix @ weights - output
 
     def _regressor_matrix(self, loop: Loop, shape: FloatArray, creep_times: tuple[float, ...]) -> FloatArray:
         drive = loop.input / self.span

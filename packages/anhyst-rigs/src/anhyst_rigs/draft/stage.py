@@ -16,13 +16,11 @@ from anhyst_rigs.draft.text import Draft, render_draft, round_down, round_neares
 RATE_HZ = 20e3
 """Tick rate, Hz."""
 ACCELERATING_FORCE_RATIO = 0.9
-"""Fraction of the largest force that accelerates the mass; the rest is reserved for the feedback.
-"""
+"""Fraction of the largest force that accelerates the mass; the feedback needs the rest."""
 PEAK_M_PER_S2 = 22.0
 """Acceleration for the guess of the mass, m/s^2."""
 TRAINING_RATIOS = (1.0, 0.7, 0.4, 0.9, 0.5)
-"""Accelerations of the training set-point's turnarounds, as fractions of the largest acceleration.
-"""
+"""Accelerations of the turnarounds in training, as fractions of the largest acceleration."""
 TEST_RATIOS = (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
 """Accelerations of the test set-point's turnarounds, as fractions of the largest acceleration."""
 JERK_PHASE_S = 7.5e-3

@@ -55,8 +55,6 @@ class RigKind(FileKind):
         """Import and return the function of a method."""
         places: Mapping[str, str] = self.__dict__.get("places", {})  # absent while copying
         if method not in places:
-            raise AttributeError(
-                f"no function is registered for the method '{method}'", name=method, obj=self
-            )
+            raise AttributeError(f"'{method}' has no registered function", name=method, obj=self)
         module, _, name = places[method].partition(":")
         return getattr(import_module(module), name)

@@ -58,8 +58,7 @@ class Plant(Protocol):
 
 
 Exchange = Callable[[PlantSample], PlantDrive]
-"""Function that sends sensor readings to the controller and returns its answer with the currents.
-"""
+"""Function that sends sensor readings to the controller and returns the resulting currents."""
 
 
 def exchange_over_socket(connection: socket.socket, timeout_s: float = 10.0) -> Exchange:
@@ -151,8 +150,7 @@ _NO_ESCAPE = "0x1ff"
 _MAX_LINK_BYTES = 16384  # maximum number of bytes that a library returns per call
 
 HOST_LINK = "pty" if sys.platform == "linux" else "tcp:0"
-"""Default link: a pseudo-terminal on Linux; elsewhere TCP, as they refuse serial bit rates there.
-"""
+"""Default link: a pseudo-terminal on Linux, else TCP, as others refuse serial bit rates."""
 
 
 def check_runs_here(board: str) -> None:

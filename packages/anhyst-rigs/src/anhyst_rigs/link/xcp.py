@@ -198,8 +198,7 @@ _MAX_SAMPLE_BYTES_PER_S = 0.8 * BAUD / 10.0
 """Fraction of the data rate of a serial port that samples may use."""
 
 _SAMPLE_OVERHEAD_BYTES = 12
-"""Bytes of a sample on a serial port in addition to its signals: head, list, time stamp, checksum.
-"""
+"""Bytes of a sample on a serial port besides its signals: head, list, time stamp, checksum."""
 
 _INPUT_ADDRESSES = {value.name: AREA_ADDRESSES["input"] + 4 * n for n, value in enumerate(INPUTS)}
 _STATE_ADDRESS = AREA_ADDRESSES["signal"] + 4 * [value.name for value in SIGNALS].index("state")

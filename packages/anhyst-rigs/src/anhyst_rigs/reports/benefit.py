@@ -112,16 +112,16 @@ def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
 
 def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> QuadMesh:
     widths = sorted({gains.mean_loop_width(map_cell.iron.pinning_scale) for map_cell in gains.cells})
-    fractions = list(dict.fromkeys(cell.iron.reversible_fraction for cell in gains.cells))
-    ratios = np.full((len(widths), len(fractions)), np.nan)
+    levels = list(dict.fromkeys(cell.iron.reversible_fraction for cell in gains.cells))
+    ratios = np.full((len(widths), len(levels)), np.nan)
     for cell, comparison in cells:
         y = widths.index(gains.mean_loop_width(cell.iron.pinning_scale))
-        x = fractions.index(cell.iron.reversible_fraction)
+        x = levels.index(cell.iron.reversible_fraction)
         ratios[y, x] = _ratio_or_nan(comparison)
         _label_cell(ax, (x, y), baseline, cell, comparison)
     # A mesh of squares replaces an image, because identifiers must be unique on a page.
     mesh = ax.pcolormesh(
-        np.arange(len(fractions) + 1) - 0.5,
+        np.arange(len(levels) + 1) - 0.5,
         np.arange(len(widths) + 1) - 0.5,
         np.ma.masked_invalid(np.minimum(ratios, 2.0)),
         cmap="PuOr_r",
@@ -129,10 +129,7 @@ def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> 
         zorder=0.5,  # The mesh is drawn below the hatching.
     )
     ax.grid(visible=False)
-    ax.set_xticks(
-        range(len(fractions)),
-        ["unchanged" if fraction is None else f"{fraction:g}" for fraction in fractions],
-    )
+    ax.set_xticks(range(len(levels)), ["unchanged" if level is None else f"{level:g}" for level in levels])
     ax.set_yticks(range(len(widths)), [f"{100.0 * width:.2g}" for width in widths])
     return mesh
 

@@ -1,4 +1,4 @@
-"""Draw the figure of all gains that a tuning has tried, and of those that it selected."""
+"""Draw the figure of all gains that a tuning has tried, and mark the selected gains."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from anhyst_rigs.study.tuning.result import RESULT_FILES, Tuning, meets_other_ai
 class GainsPoint:
     """A set of gains that a tuning has tried."""
 
-    variant: MethodName  # variant to which these gains belong
+    variant: MethodName  # variant with these gains
     reached: float  # minimised metric, SI unit; infinite if the trial failed
     peak: float  # peak sensitivity
     meets_other_aims: bool  # whether the gains meet all other aims

@@ -31,8 +31,7 @@ ON_GROUND = 2
 def make_plant(rig: BodyRig, seed: int, *magnets: Magnet, parameters: PlantParameters | None = None) -> Plant:
     """Return the plant of a rig, at rest on the stop of the largest gap.
 
-    By default, the plant has the parameters of the rig. Magnets that are not given equal the first
-    one.
+    By default, the plant has the parameters of the rig. Magnets not given equal the first one.
     """
     given_magnets = magnets or (rig.magnet,)
     parameters = parameters or plant_parameters(rig)

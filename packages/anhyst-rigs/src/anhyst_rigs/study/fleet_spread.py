@@ -46,8 +46,7 @@ MAX_STD = 1e3
 class MagnetEstimate:
     """The identified quantities of one magnet."""
 
-    # values and standard deviations in units of the quantities; shape (q,); a standard deviation is
-    # infinite if the loops do not determine the quantity
+    # in units of the quantities, shape (q,); std is infinite for a quantity without information
     values: FloatArray
     std: FloatArray
     correlation: FloatArray  # correlation of the coordinates; shape (q, q)
@@ -149,7 +148,7 @@ def estimate_spread(
         belongs = now_belongs
     is_outlier = squares > limit
     pooled = [
-        (y, s) if keeps_estimate else _shrink_to_mean(y, s, mean, scatter)
+        (y, s) if keeps_estimate else _shrink(y, s, mean, scatter)
         for y, s, keeps_estimate in zip(values, covariances, is_outlier, strict=True)
     ]
     pooled_quantities = transform.to_quantities(np.array([estimate for estimate, _ in pooled]))
@@ -182,9 +181,7 @@ def _expectation_maximisation(values: FloatArray, covariances: FloatArray) -> tu
     scatter = np.maximum(values.std(axis=0), MIN_SCATTER)
     for _ in range(MAX_ITERATIONS):
         previous = mean, scatter
-        posteriors = [
-            _shrink_to_mean(y, cov, mean, scatter) for y, cov in zip(values, covariances, strict=True)
-        ]
+        posteriors = [_shrink(y, cov, mean, scatter) for y, cov in zip(values, covariances, strict=True)]
         pooled = np.array([posterior for posterior, _ in posteriors])
         variances = np.array([np.diag(posterior) for _, posterior in posteriors])
         mean = pooled.mean(axis=0)
@@ -194,7 +191,7 @@ def _expectation_maximisation(values: FloatArray, covariances: FloatArray) -> tu
     return mean, scatter
 
 
-def _shrink_to_mean(
+def _shrink(
     value: FloatArray, covariance: FloatArray, mean: FloatArray, scatter: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the values of a magnet after shrinkage towards the mean, and their covariance."""

@@ -56,8 +56,7 @@ def excite(
     rate, the force and the I^2 t of the winding stay within the limits of the rig file. The command
     reports each limit that reduced the drive. For a piezo stage, it records displacement against
     voltage in the same way, and two fast cycles. The rig is simulated. With `xcp` or `port`, the
-    controller of a real rig, whose armature is fixed at one gap, drives the current and is stopped
-    afterwards.
+    controller of a real rig with a fixed armature drives the current and is stopped afterwards.
 
     Parameters
     ----------

@@ -390,7 +390,7 @@ def figure_sensitivity(responses: Responses, linear: Responses) -> Figure:
 
 
 def _draw_zones(ax: Axes, top_level: float) -> None:
-    """Shade and label the zones in which a sensitivity is rated."""
+    """Shade and label the zones of a sensitivity."""
     edges = [_MIN_LEVEL_DB, *(20.0 * math.log10(limit) for limit in ZONE_LIMITS.values()), top_level]
     names = [*ZONE_LIMITS, "D"]
     for name, fill, low, high in zip(names, _ZONE_COLOURS, edges[:-1], edges[1:], strict=True):

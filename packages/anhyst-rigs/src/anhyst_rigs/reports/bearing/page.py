@@ -94,7 +94,7 @@ def plant_text(rig: BodyRig) -> str:
 
 
 def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
-    """Return the overshoot at the operating gap by step height, and that of the best baseline."""
+    """Return the overshoot at the operating gap by step height, also of the best baseline."""
     tiles = []
     gap = subject.rig.settings.gap_m
     for step in subject.steps:

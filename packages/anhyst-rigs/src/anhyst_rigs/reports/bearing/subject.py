@@ -64,18 +64,16 @@ class SimulationSubject:
     experiments: Experiments | None = None  # metrics of all other experiments
     # runs for the figure of demanded and true force
     forces: Mapping[MethodName, Recording] = field(default_factory=dict)
-    # runs for the figure of the loops
-    run: Mapping[MethodName, Recording] = field(default_factory=dict)
+    run: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs in the figure of loops
     measured_loops: tuple[LoopCurve, ...] = ()  # measured loops at the nearest gaps
     identified: LoopCurve | None = None  # loop that the model predicts at the gap of the run
     tracked: tuple[Tracking, ...] = ()  # trajectories, load steps and recoveries
-    standstill_runs: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs at standstill
+    standstill_runs: Mapping[MethodName, Recording] = field(default_factory=dict)  # at standstill
     # measured sensitivity, then sensitivity and loop gain of the linearised loop
     sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     linear_sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     loop_gain: Mapping[MethodName, Response] = field(default_factory=dict)
-    # margins of the linearised loop
-    margins: Mapping[MethodName, Margins] = field(default_factory=dict)
+    margins: Mapping[MethodName, Margins] = field(default_factory=dict)  # of the linearised loop
     notes: tuple[Note, ...] = ()  # notes for the head of the page
     # SHA-256 of each input file, by file name
     files: Mapping[str, str] = field(default_factory=dict)
@@ -155,9 +153,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         identified=identified_loop(simulation.knowledge.model.at_rest, settings.gap_m, 0.0, current)
         if has_one_magnet
         else None,
-        tracked=tuple(
-            tracking for tracking in _run_tracking(simulation.setups, settings) if tracking.recordings
-        ),
+        tracked=tuple(runs for runs in _run_tracking(simulation.setups, settings) if runs.recordings),
         standstill_runs=_run_variants(simulation.setups, *standstill_plan),
         sensitivity={
             name: Response(response.frequency, response.ratio)

@@ -302,7 +302,7 @@ def picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
 
 
 def comparison_tile(metric: Metric, own_value: float, other_value: float, name: str) -> Tile:
-    """Return a tile with a number in large type, and with the value with which it is compared."""
+    """Return a tile with a number in large type, and with the value for comparison."""
     texts = [
         f"{format_number(metric.factor * value, 2)}{NBSP}{metric.unit}" for value in (own_value, other_value)
     ]

@@ -93,8 +93,8 @@ def fit_bearing_compensators(
 def calibrated_magnets(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName) -> list[IdentifiedMagnet]:
     """Return each magnet corrected by the calibration of a variant, or one uncorrected magnet.
 
-    The gap of the second magnet is the sum of both gaps minus that of the first. Therefore, its
-    zero error has the opposite sign.
+    The gap of the second magnet is the sum of both gaps minus the gap of the first magnet.
+    Therefore, its zero error has the opposite sign.
     """
     calibration = rig.method_calibration(variant)
     if calibration is None or not calibration.is_applied:

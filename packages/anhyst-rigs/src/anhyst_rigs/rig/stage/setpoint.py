@@ -65,8 +65,7 @@ class SetPoint:
     def _integrate_jerk_pulse(self, time: FloatArray, order: int) -> FloatArray:
         """Integrate a jerk pulse of unit height `order` times; the order -1 is its derivative.
 
-        After the pulse, the polynomial has a lower degree, so that long motions keep full
-        precision.
+        After the pulse, the polynomial has a lower degree; long motions keep full precision.
         """
         end, time_after = np.array([self.jerk_phase]), np.maximum(time - self.jerk_phase, 0.0)
         later_integrals = (

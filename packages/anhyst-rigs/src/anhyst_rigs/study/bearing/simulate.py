@@ -55,7 +55,7 @@ COMPARED_VARIANTS = (
     "flux",
     *(name for name in MODEL_METHODS if name not in ("at-rest", "fused")),
 )
-"""Variants that are compared with the variant of the controller file; ``flux`` requires a Hall
+"""Variants compared with the variant of the controller file; ``flux`` requires a Hall
 probe."""
 _PART_WORK = (5.0, 4.0)
 """Work of model and first run, then of the steps, relative to that of another experiment."""

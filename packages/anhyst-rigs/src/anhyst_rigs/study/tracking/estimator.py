@@ -46,8 +46,7 @@ MAX_RESIDUAL_RATIO = 0.01
 inertial force (mass times acceleration). The noise is added in quadrature."""
 GATE_RATIO = 2.5
 """Largest rms residual before the fit, relative to the residual of earlier motions. If a residual
-is larger, and the uncertainty of the parameters cannot explain it, the plant or a sensor has
-changed.
+is larger and parameter errors cannot explain it, the plant or a sensor has changed.
 """
 MIN_GATE_RATIO = 0.001
 """Smallest residual with which the gate compares, as a fraction of the inertial force. Every
@@ -168,7 +167,7 @@ class ParameterEstimator:
         limit_N = GATE_RATIO * expected_N
         if residual_N <= limit_N:
             return None
-        rows = self._information_rows(motion, self.estimate, exact=True)
+        rows = self._info_rows(motion, self.estimate, exact=True)
         # With one coordinate, all motions excite the same combination of parameters. Therefore, the
         # uncertainty of the parameters cannot explain a larger residual.
         sigma_N = self._prediction_sigma(history, rows) if motion.comparisons_per_tick > 1 else 0.0
@@ -179,7 +178,7 @@ class ParameterEstimator:
         values = self.estimate
         for step in range(GAUSS_NEWTON_STEPS):
             is_last = step == GAUSS_NEWTON_STEPS - 1
-            motion_rows = self._information_rows(motion, values, exact=is_last)
+            motion_rows = self._info_rows(motion, values, exact=is_last)
             stacked = np.vstack([history, motion_rows])
             information = np.asarray(np.linalg.qr(stacked, mode="r"))
             excited = self._excited_names(information)
@@ -234,7 +233,7 @@ class ParameterEstimator:
         motion = self.law.make_motion(run.columns)
         if run.loss is not None or not motion.compared_indices.size:
             return self._information[:0]
-        rows = self._information_rows(motion, self.estimate, exact=False)
+        rows = self._info_rows(motion, self.estimate, exact=False)
         return np.asarray(np.linalg.qr(rows, mode="r"))
 
     def relative_sigma(self, *rows: FloatArray) -> dict[ParameterName, float]:
@@ -384,9 +383,7 @@ class ParameterEstimator:
         sigma = prior_sigma * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
         return dict(zip(names, sigma.tolist(), strict=True))
 
-    def _information_rows(
-        self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
-    ) -> FloatArray:
+    def _info_rows(self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool) -> FloatArray:
         """Return the information rows ``[J | z]`` of a motion, linearised at given values."""
         jacobian, predicted_N = self._jacobian_and_force(motion, values, exact=exact)
         point = np.array([values[name] for name in self._names])

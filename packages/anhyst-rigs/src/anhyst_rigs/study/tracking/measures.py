@@ -2,8 +2,7 @@
 
 The measures are servo error, moving average over a slit, settling time and force error. In the
 study of losses, each amplifier or head fails in a separate run. When the controller detects the
-loss, set-point and long stroke brake to rest, unless the remaining magnets can follow the
-set-point.
+loss, set-point and long stroke brake to rest, unless the remaining magnets suffice.
 """
 
 # ruff: noqa: N815 - names carry units

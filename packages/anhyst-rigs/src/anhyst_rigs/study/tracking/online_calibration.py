@@ -375,8 +375,7 @@ WINDOW_S = 1.0
 TAIL_S = 0.1
 """Time before a window in which all rows are kept, s."""
 THINNING_BLOCK_ROWS = 20
-"""Number of older rows that are reduced to those with the smallest and largest current-to-gap
-ratio."""
+"""Number of older rows that are reduced to the two with extreme current-to-gap ratios."""
 MAX_HISTORY_ROWS = 100_000
 """Number of thinned rows above which they are thinned again."""
 
@@ -385,8 +384,7 @@ class BearingCalibrator(BenchCalibrator):
     """A calibrator that updates from each second with a moving reference, and replaces the block.
 
     The firmware changes the current gradually to the current of the new block. The reported errors
-    are force errors. For comparison, the error of the uncorrected model is computed for each
-    second.
+    are force errors. For comparison, the error without corrections is computed for each second.
     """
 
     unit = "N"

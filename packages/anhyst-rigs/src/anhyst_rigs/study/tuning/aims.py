@@ -169,7 +169,7 @@ class Aims:
     def missed_by(self, figures: GainFigures) -> dict[str, float]:
         """Return, for every missed aim, the relative excess above its limit.
 
-        An infinite cost metric (no settling, or no moving average) has the excess 1, even without
+        An infinite cost metric (no settling or moving average) has the excess 1, even without
         limit.
         """
         excess = {name: float(getattr(figures, name)) / limit - 1.0 for name, limit in self.limits.items()}

@@ -281,7 +281,7 @@ _MAX_STARTS = 2
 _MIN_START_DISTANCE = 0.15  # smallest distance between starting points, relative to the range
 _CHECKS_PER_ROUND = 2  # number of candidates that are checked after every round
 _MAX_ROUNDS = 3  # maximum number of rounds; a further round follows if a check misses an aim
-_REPEATED_SEARCH_GENERATIONS = 4  # number of generations in a repeated search
+_REPEAT_GENERATIONS = 4  # number of generations in a repeated search
 _TIGHTENING_FACTOR = 0.98  # additional factor on the limits of missed aims
 _CHECK_WORK = 15.0  # work of one check, in units of one trial, for the progress
 _LIMITS_WORK = 40.0  # work of finding the limits, in units of one trial
@@ -301,8 +301,7 @@ class TuningSearchResult:
 
     loop: Tunable  # loop with the best gains
     parameters: dict[str, float]  # parameters of the best point
-    # check of the best gains; None if the search was interrupted before it
-    check: CheckResult | None
+    check: CheckResult | None  # check of the best gains; None after an interruption
     initial_outcome: GainOutcome  # result of the original gains, with one noise seed
     # all gains that were tried at every condition, including the initial guesses
     candidates: tuple[TriedGains, ...]
@@ -323,11 +322,9 @@ class GainSearch:
 
     loop: Tunable  # loop whose controller gains are searched
     aims: Aims
-    # number of sets of gains that are tried in the nonlinear loop before the first check
-    budget: int = DEFAULT_BUDGET
+    budget: int = DEFAULT_BUDGET  # number of sets of gains that are tried before the first check
     seed: int = 0  # seed of the search and of the noise
-    # function that is called with the completed and the total work
-    progress: Progress | None = None
+    progress: Progress | None = None  # function of the completed and the total work
     jobs: int | None = None  # number of processes; None: the number of cores
     _search_loop: Tunable = field(init=False)
     _candidates: list[TriedGains] = field(init=False, default_factory=list)
@@ -372,10 +369,8 @@ class GainSearch:
         generations = max(self.budget // POPULATION_SIZE, 1)
         for round_ in range(_MAX_ROUNDS):
             if round_ > 0:
-                self._total_work += (
-                    _REPEATED_SEARCH_GENERATIONS * POPULATION_SIZE + _CHECKS_PER_ROUND * _CHECK_WORK
-                )
-            self._search_gains(aims, generations if round_ == 0 else _REPEATED_SEARCH_GENERATIONS, round_)
+                self._total_work += _REPEAT_GENERATIONS * POPULATION_SIZE + _CHECKS_PER_ROUND * _CHECK_WORK
+            self._search_gains(aims, generations if round_ == 0 else _REPEAT_GENERATIONS, round_)
             checked_candidates = [candidate for _, candidate, _ in checked]
             for candidate in [
                 candidate
