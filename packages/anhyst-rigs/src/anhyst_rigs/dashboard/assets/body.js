@@ -17,7 +17,7 @@ const MIN_EDGE_RATIO = 0.25; // smallest edge of the box, as a fraction of its l
 const DEFAULT_SIZE_M = 0.1; // size of the body, m, if all magnets and heads have the same position
 const REFERENCE_TEXTS = {
   error: ["error against the set-point", "at its set-point"],
-  gap: ["place in the gaps", "in the middle of its gaps"],
+  gap: ["position in the gaps", "in the middle of its gaps"],
 };
 const SIDES = [0, 1, 2].flatMap((axis) => [0, 1].map((side) => [axis, side]));
 

@@ -30,7 +30,7 @@ export class Figures {
     this.place = make(
       "div",
       { className: "scroll" },
-      table("axes", ["", "asked, now", "given, now", `error, largest of ${ERROR_WINDOW_S} s`], this.axes),
+      table("axes", ["", "demanded, now", "applied, now", `error, largest of ${ERROR_WINDOW_S} s`], this.axes),
       table("magnets", ["", "gap, from stop to stop", "force", "current"], this.magnets),
     );
   }
