@@ -467,10 +467,10 @@ def _cell_dict(map_cell: MapCell) -> dict[str, Any]:
         },
         "standstill_rms_m": dict(map_cell.standstill_rms),
         **{
-            f"against_{opponent}": {
-                name: _comparison_dict(comparison) for name, comparison in getattr(map_cell, opponent).items()
+            f"against_{baseline}": {
+                name: _comparison_dict(comparison) for name, comparison in getattr(map_cell, baseline).items()
             }
-            for opponent in ("strongest", "ratio", "flux")
+            for baseline in ("strongest", "ratio", "flux")
         },
     }
 

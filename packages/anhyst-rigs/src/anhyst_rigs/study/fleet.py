@@ -289,8 +289,8 @@ def _compare_magnets(
             [coordinate_kind(settings.law, name) for name in names],
         )
     index = 0 if spread is None else int(np.argmin(spread.distance))
-    typical = evaluated[index]["name"]
+    typical_name = evaluated[index]["name"]
     by_name = {member.name: member for member in members}
-    shared_error = partial(shared_model_error, out / typical / MODEL_FILE, settings.history)
+    shared_error = partial(shared_model_error, out / typical_name / MODEL_FILE, settings.history)
     shared = map_ordered(shared_error, [by_name[result["name"]] for result in evaluated], jobs=jobs)
-    return Fleet(out, settings, tuple(results), typical, tuple(shared), spread, names)
+    return Fleet(out, settings, tuple(results), typical_name, tuple(shared), spread, names)

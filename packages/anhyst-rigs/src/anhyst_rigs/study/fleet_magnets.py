@@ -139,8 +139,8 @@ def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
     made_from: dict[str, Any] = {"version": running_version(), "settings": settings}
     try:
         made_from["sha256"] = task.member.digest()
-        if (stored := _load_result(task.folder / RESULT_FILE, made_from)) is not None:
-            return stored
+        if (stored_result := _load_result(task.folder / RESULT_FILE, made_from)) is not None:
+            return stored_result
         outcome = _evaluate_member(task)
     except (InputError, NegativeResult) as error:
         outcome = {"error": str(error)}
@@ -248,8 +248,8 @@ def choose_law(
     """
     if "auto" not in {settings.law, settings.gap_map}:
         return FleetChoice(settings)
-    if (stored := _load_choice(members, settings, out / CHOICE_FILE)) is not None:
-        return stored
+    if (stored_choice := _load_choice(members, settings, out / CHOICE_FILE)) is not None:
+        return stored_choice
     identifications: dict[str, IdentifyResult] = {}
     tried_members: list[Member] = []
     while len(identifications) < PILOT_COUNT and len(tried_members) < len(members):
@@ -263,9 +263,9 @@ def choose_law(
     if not identifications:
         return FleetChoice(settings)
     chosen = {name: (member.model.law, member.model.gap_map) for name, member in identifications.items()}
-    most_common = Counter(chosen.values()).most_common(1)[0][0]
-    pilots = tuple(name for name, choice in chosen.items() if choice == most_common)
-    law, gap_map = most_common[0], "auto" if most_common[1] == "none" else most_common[1]
+    common_choice = Counter(chosen.values()).most_common(1)[0][0]
+    pilots = tuple(name for name, choice in chosen.items() if choice == common_choice)
+    law, gap_map = common_choice[0], "auto" if common_choice[1] == "none" else common_choice[1]
     content = {
         "made_from": _choice_inputs(tried_members, settings),
         "law": law,
@@ -286,10 +286,10 @@ def _identify_pilot(task: FleetTask) -> IdentifyResult | None:
         return None
 
 
-def _choice_inputs(pilots: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
+def _choice_inputs(pilot_magnets: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
     """Return all inputs of a selection. An unreadable file has an empty hash."""
-    digests = dict.fromkeys((member.name for member in pilots), "")
-    for member in pilots:
+    digests = dict.fromkeys((member.name for member in pilot_magnets), "")
+    for member in pilot_magnets:
         with suppress(InputError):
             digests[member.name] = member.digest()
     return {
@@ -303,8 +303,8 @@ def _load_choice(members: Sequence[Member], settings: FleetSettings, path: Path)
     """Return a stored selection for the same magnets and settings, or None."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        pilots = members[: len(content["made_from"]["sha256"])]
-        if content["made_from"] != _choice_inputs(pilots, settings):
+        pilot_magnets = members[: len(content["made_from"]["sha256"])]
+        if content["made_from"] != _choice_inputs(pilot_magnets, settings):
             return None
         chosen = replace(settings, law=str(content["law"]), gap_map=str(content["gap_map"]))
         return FleetChoice(chosen, tuple(content["pilots"]))

@@ -138,14 +138,14 @@ def estimate_spread(
         [estimate.correlation * np.outer(s, s) for estimate, s in zip(estimates, sigma, strict=True)]
     )
     limit = chdtri(values.shape[1], OUTLIER_PROBABILITY / len(values))
-    belongs = _central_half(values)
+    is_central = _central_half(values)
     for _ in range(10):
-        mean, scatter = _expectation_maximisation(values[belongs], covariances[belongs])
+        mean, scatter = _expectation_maximisation(values[is_central], covariances[is_central])
         squares = _squared_distances(values, covariances, mean, scatter)
         now_belongs = squares <= limit
-        if 2 * now_belongs.sum() <= len(values) or np.array_equal(now_belongs, belongs):
+        if 2 * now_belongs.sum() <= len(values) or np.array_equal(now_belongs, is_central):
             break
-        belongs = now_belongs
+        is_central = now_belongs
     is_outlier = squares > limit
     pooled = [
         (y, s) if keeps_estimate else _shrink(y, s, mean, scatter)
@@ -182,10 +182,10 @@ def _expectation_maximisation(values: FloatArray, covariances: FloatArray) -> tu
     for _ in range(MAX_ITERATIONS):
         previous = mean, scatter
         posteriors = [_shrink(y, cov, mean, scatter) for y, cov in zip(values, covariances, strict=True)]
-        pooled = np.array([posterior for posterior, _ in posteriors])
+        means = np.array([posterior for posterior, _ in posteriors])
         variances = np.array([np.diag(posterior) for _, posterior in posteriors])
-        mean = pooled.mean(axis=0)
-        scatter = np.sqrt(np.maximum(((pooled - mean) ** 2 + variances).mean(axis=0), MIN_SCATTER**2))
+        mean = means.mean(axis=0)
+        scatter = np.sqrt(np.maximum(((means - mean) ** 2 + variances).mean(axis=0), MIN_SCATTER**2))
         if np.allclose(mean, previous[0], rtol=1e-6) and np.allclose(scatter, previous[1], rtol=1e-4):
             break
     return mean, scatter
@@ -197,8 +197,8 @@ def _shrink(
     """Return the values of a magnet after shrinkage towards the mean, and their covariance."""
     prior = np.diag(scatter**2)
     gain = np.linalg.solve(covariance + prior, prior).T
-    pooled = mean + gain @ (value - mean)
-    return pooled, prior - gain @ prior
+    posterior_mean = mean + gain @ (value - mean)
+    return posterior_mean, prior - gain @ prior
 
 
 def _squared_distances(

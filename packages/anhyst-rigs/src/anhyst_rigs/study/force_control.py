@@ -284,8 +284,8 @@ def _read_demand(rig: ForceControlRig, path: PathLike) -> Demand:
             code="too-long",
         )
     ticks = np.arange(round((time[-1] - time[0]) * rig.settings.timing.rate_Hz) + 1)
-    sampled = np.interp(time[0] + ticks * rig.dt, time, force)
-    return add_lead_in("file", sampled, rig.settings.timing.rate_Hz)
+    sampled_force = np.interp(time[0] + ticks * rig.dt, time, force)
+    return add_lead_in("file", sampled_force, rig.settings.timing.rate_Hz)
 
 
 def _write_trial(rig: ForceControlRig, path: Path, outcome: ForceOutcome) -> None:

@@ -305,6 +305,6 @@ def judge_stages(summary: Summary) -> Judgement:
 
 def verdict_dict(summary: Summary) -> dict[str, Any]:
     """Return the verdict as ``figures.json`` contains it."""
-    judged = judge_stages(summary)
-    strongest = strongest_baselines(summary)
-    return {"level": judged.level, "text": judged.sentence, "strongest": strongest}
+    judgements = judge_stages(summary)
+    baselines_by_stage = strongest_baselines(summary)
+    return {"level": judgements.level, "text": judgements.sentence, "strongest": baselines_by_stage}

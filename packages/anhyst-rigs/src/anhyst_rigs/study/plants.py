@@ -315,13 +315,13 @@ ERROR_CASES: Mapping[str, tuple[str, ...]] = {
 
 def varied_errors(file: RigFile) -> Mapping[str, tuple[str, ...]]:
     """Return the error cases of a stage: each varied error alone, and all together."""
-    varied = {name for name, key in _SPREAD_KEYS.items() if getattr(file.spread, key) > 0.0}
+    varied_names = {name for name, key in _SPREAD_KEYS.items() if getattr(file.spread, key) > 0.0}
     if file.magnet.solid is None:
-        varied.discard("conductivity")
+        varied_names.discard("conductivity")
     return {
         title: names
         for title, names in ERROR_CASES.items()
-        if title in ("none", "all") or varied.intersection(names)
+        if title in ("none", "all") or varied_names.intersection(names)
     }
 
 

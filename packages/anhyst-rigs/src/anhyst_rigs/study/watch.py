@@ -294,8 +294,8 @@ class DriftMonitor:
         for name, value in values.items():
             if not self._charts.get(name):
                 self._learning_values[name].append(value)
-            elif drift is None and (alarm := self._charts[name].add(value)) is not None:
-                shift, count = alarm
+            elif drift is None and (alarm_result := self._charts[name].add(value)) is not None:
+                shift, count = alarm_result
                 drift = DetectedDrift(name, shift, self._cycle_ends[-1 - count], tick)
         if not self._charts and len(self._cycle_ends) == LEARNING_CYCLES + 1:
             # The first cycle removes the effect of the unknown history, so it is not evaluated.

@@ -145,9 +145,9 @@ def _send_bad_blocks(bench: BearingBench, tick: int) -> bool:
     if tick == 0:
         block_words = bench.link.read_block()
         block_words[2] ^= 0x40
-        for broken in (block_words, set_generation(block_words, 7)):
+        for bad_block in (block_words, set_generation(block_words, 7)):
             try:
-                bench.link.write_block(broken)
+                bench.link.write_block(bad_block)
             except RequestRefusedError:
                 continue
             raise NegativeResult("the controller accepted an invalid parameter block", code="bad-block-taken")

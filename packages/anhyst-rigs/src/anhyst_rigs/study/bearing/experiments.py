@@ -212,12 +212,12 @@ def run_variants(
 
 
 def _summarise(outcomes: Sequence[ExperimentOutcome | None]) -> ExperimentFigures:
-    successful = [outcome for outcome in outcomes if outcome is not None]
-    searched = [outcome.cycles for outcome in successful if outcome.cycles is not None]
+    completed_runs = [outcome for outcome in outcomes if outcome is not None]
+    searched = [outcome.cycles for outcome in completed_runs if outcome.cycles is not None]
     cycles = tuple(cycle for run in searched for cycle in run)
     return ExperimentFigures.summarise(
         [None if outcome is None else outcome.figures for outcome in outcomes],
-        cycles=cycles if searched and len(successful) == len(outcomes) else None,
+        cycles=cycles if searched and len(completed_runs) == len(outcomes) else None,
     )
 
 

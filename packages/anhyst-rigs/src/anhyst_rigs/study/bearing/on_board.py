@@ -120,17 +120,17 @@ class BoardComparison:
         if not self.has_landed:
             text = "the firmware did not land the armature at the end of its run"
             raise NegativeResult(text, code="not-landed")
-        unexpected = [outcome.injection.name for outcome in self.outcomes if not outcome.is_as_expected]
-        if unexpected:
-            text = f"the firmware reported a wrong reason or none for: {'; '.join(unexpected)}"
+        unexpected_names = [outcome.injection.name for outcome in self.outcomes if not outcome.is_as_expected]
+        if unexpected_names:
+            text = f"the firmware reported a wrong reason or none for: {'; '.join(unexpected_names)}"
             raise NegativeResult(text, code="faults-not-noticed")
 
 
 def count_differences(simulated: Recording, board_recording: Recording) -> int:
     """Return the number of ticks with a current that differs between a run and its simulation."""
     n = min(len(simulated), len(board_recording))
-    differs = [board_recording[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
-    return int(np.count_nonzero(np.any(differs, axis=0))) + abs(len(simulated) - len(board_recording))
+    is_different = [board_recording[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
+    return int(np.count_nonzero(np.any(is_different, axis=0))) + abs(len(simulated) - len(board_recording))
 
 
 def _command_columns(run: Recording) -> list[str]:

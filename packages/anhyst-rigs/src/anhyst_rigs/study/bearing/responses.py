@@ -83,7 +83,7 @@ def evaluate_step(time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolut
         raise ValueError("the reference must step after the first sample and stay for at least 7")
     height = float(r[1] - r[0])
     progress = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
-    elapsed = t[1:] - t[1]
+    elapsed_time = t[1:] - t[1]
     standstill_progress = y[1 + int((1.0 - _STANDSTILL_FRACTION) * len(progress)) :]
     late_progress = progress[int((1.0 - _NOISE_FRACTION) * len(progress)) :]
     error = np.abs(y[1:] - r[1])
@@ -91,10 +91,10 @@ def evaluate_step(time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolut
         overshoot_percent=100.0 * max(0.0, float(np.max(progress)) - 1.0),
         noise_percent=100.0 * float(np.max(np.abs(late_progress - np.mean(late_progress)))),
         undershoot_percent=100.0 * max(0.0, -float(np.min(progress))),
-        rise_time_s=_crossing_time(elapsed, progress, 0.9)
-        - min(_crossing_time(elapsed, progress, 0.1), elapsed[-1]),
-        settling_time_s=_settling_time(elapsed, error, SETTLING_BAND * abs(height)),
-        settling_in_noise_s=_settling_time(elapsed, error, settling_band(height, resolution)),
+        rise_time_s=_crossing_time(elapsed_time, progress, 0.9)
+        - min(_crossing_time(elapsed_time, progress, 0.1), elapsed_time[-1]),
+        settling_time_s=_settling_time(elapsed_time, error, SETTLING_BAND * abs(height)),
+        settling_in_noise_s=_settling_time(elapsed_time, error, settling_band(height, resolution)),
         steady_error_m=float(np.mean(standstill_progress)) - float(r[1]),
         standstill_rms_m=float(np.std(standstill_progress)),
     )
@@ -112,24 +112,24 @@ def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
     return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
 
 
-def _crossing_time(elapsed: FloatArray, progress: FloatArray, crossed_fraction: float) -> float:
+def _crossing_time(elapsed_time: FloatArray, progress: FloatArray, crossed_fraction: float) -> float:
     """Return the interpolated time at which the progress first reaches a level; inf if never."""
     reached_samples = np.flatnonzero(progress >= crossed_fraction)
     if not len(reached_samples):
         return math.inf
     i = int(reached_samples[0])
     if i == 0:
-        return float(elapsed[0])
+        return float(elapsed_time[0])
     fraction = (crossed_fraction - progress[i - 1]) / (progress[i] - progress[i - 1])
-    return float(elapsed[i - 1] + fraction * (elapsed[i] - elapsed[i - 1]))
+    return float(elapsed_time[i - 1] + fraction * (elapsed_time[i] - elapsed_time[i - 1]))
 
 
-def _settling_time(elapsed: FloatArray, error: FloatArray, band: float) -> float:
+def _settling_time(elapsed_time: FloatArray, error: FloatArray, band: float) -> float:
     """Return the time until the error stays within the band; inf if it does not."""
     settled_tick = settling_tick(error, band)
     if not settled_tick:
         return 0.0
-    return math.inf if settled_tick == len(elapsed) else float(elapsed[settled_tick])
+    return math.inf if settled_tick == len(elapsed_time) else float(elapsed_time[settled_tick])
 
 
 _MIN_PERIODS = 5  # number of measured periods of each frequency

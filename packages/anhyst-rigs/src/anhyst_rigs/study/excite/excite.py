@@ -290,8 +290,8 @@ def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None =
     rise = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     log.append(np.concatenate([rise, rise[::-1]]), no_gap)
     probe_answer = measure_stack_displacement(rig, log.history().current, specimen.sample_s, seed)
-    probed = evaluate_probe(specimen, no_gap, rise, probe_answer[: rise.size].tolist(), thermal_peak)
-    records = design_records(specimen, probed.peak.value, probed.operating_current)
+    probe_result = evaluate_probe(specimen, no_gap, rise, probe_answer[: rise.size].tolist(), thermal_peak)
+    records = design_records(specimen, probe_result.peak.value, probe_result.operating_current)
     output_times = []
     for record in records:
         log.append(record.approach, no_gap)
@@ -307,8 +307,8 @@ def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None =
         if progress is not None:
             progress(count + 1, len(records))
     names = QUANTITIES[specimen.drive], QUANTITIES[specimen.output]
-    notes = tuple(describe_restrictions(specimen, [probed]))
-    return Excitation(Loops(tuple(loops), *names), specimen, (probed,), drive_history, notes)
+    notes = tuple(describe_restrictions(specimen, [probe_result]))
+    return Excitation(Loops(tuple(loops), *names), specimen, (probe_result,), drive_history, notes)
 
 
 def _probe_gap(
@@ -325,31 +325,31 @@ def _probe_gap(
         if forces[-1] >= PROBE_FORCE_RATIO * specimen.max_force.value:
             break
     magnet.hold(0.0, gap)
-    driven = path[: len(forces)]
-    log.append(np.concatenate([driven, driven[::-1]]), gap)
-    return evaluate_probe(specimen, gap, driven, forces, thermal_peak)
+    driven_path = path[: len(forces)]
+    log.append(np.concatenate([driven_path, driven_path[::-1]]), gap)
+    return evaluate_probe(specimen, gap, driven_path, forces, thermal_peak)
 
 
 def evaluate_probe(
-    specimen: Specimen, gap: float, driven: FloatArray, forces: Sequence[float], thermal_peak: Bound
+    specimen: Specimen, gap: float, driven_path: FloatArray, forces: Sequence[float], thermal_peak: Bound
 ) -> ProbedGap:
     """Evaluate the first increase of the current at a gap."""
     peak = thermal_peak
     if forces[-1] >= PROBE_FORCE_RATIO * specimen.max_force.value:
         # The sample before it is certainly below the limit.
-        peak = Bound(float(driven[max(driven.size - 2, 0)]), specimen.max_force.key)
-    if driven.size < 3:
+        peak = Bound(float(driven_path[max(driven_path.size - 2, 0)]), specimen.max_force.key)
+    if driven_path.size < 3:
         raise InputError(
             f"{specimen.max_force.key}: at {1e3 * gap:g} mm {specimen.max_force.value:g} N are reached at "
-            f"{driven[-1]:.3g} A, which is too small for a loop; raise the limit",
+            f"{driven_path[-1]:.3g} A, which is too small for a loop; raise the limit",
             code="force-limit-too-low",
             key=specimen.max_force.key,
         )
-    sufficient = np.flatnonzero(np.array(forces) >= specimen.operating_force.value)
+    sufficient_samples = np.flatnonzero(np.array(forces) >= specimen.operating_force.value)
     min_operating, max_operating = (operating_fraction * peak.value for operating_fraction in OPERATING_RANGE)
-    bias = float(driven[sufficient[0]]) if sufficient.size else np.inf
+    bias = float(driven_path[sufficient_samples[0]]) if sufficient_samples.size else np.inf
     operating = min(max(bias, min_operating), max_operating)
-    required_rate = _required_rate(specimen, driven, np.array(forces), operating)
+    required_rate = _required_rate(specimen, driven_path, np.array(forces), operating)
     return ProbedGap(gap, peak, max(forces), operating, bias == operating, required_rate)
 
 

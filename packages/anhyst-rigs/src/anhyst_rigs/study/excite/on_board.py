@@ -229,11 +229,11 @@ class BoardDrive:
 
     def _is_driving(self, rows: FloatArray, force: float) -> NDArray[np.bool_]:
         """Return, for each row, whether the demand has not reached its target yet."""
-        differs: NDArray[np.bool_] = (
+        is_different: NDArray[np.bool_] = (
             np.abs(rows[:, self._column_indices["demand"]] - force)
             > _DEMAND_TOLERANCE_RATIO * self._bench.demand_range.high
         )
-        return differs
+        return is_different
 
     def wait_until_cool(self, path: FloatArray) -> None:
         """Wait without current until the winding can stay cool enough during a path, A."""

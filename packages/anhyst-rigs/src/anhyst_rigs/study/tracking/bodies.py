@@ -85,10 +85,10 @@ class StageMotion(Motion):
 
         Moments are divided by the radius of gyration.
         """
-        filtered = [
+        filtered_wrench = [
             self.filter_force(component, delay_ticks) for component in (wrench / self.gyration_radii).T
         ]
-        return np.column_stack(filtered).ravel()
+        return np.column_stack(filtered_wrench).ravel()
 
     @cached_property
     def gyration_radii(self) -> FloatArray:
@@ -173,11 +173,11 @@ class StageLaw(MotionLaw):
         # forces of single magnets along the cached motion, N
         self._cached_forces: dict[tuple[object, ...], FloatArray] = {}
         self._magnet_numbers = range(1, len(rig.settings.body_magnets) + 1)
-        unused = _UNUSED_PARAMETERS.get(method, ())
+        unused_names = _UNUSED_PARAMETERS.get(method, ())
         if rig.settings.magnet.is_bidirectional:
             # The force of this magnet is proportional to the current, not to its square.
-            unused += ("lag",)
-        self.names = [name for name in rig.parameter_names if not name.startswith(unused)]
+            unused_names += ("lag",)
+        self.names = [name for name in rig.parameter_names if not name.startswith(unused_names)]
         coordinate_count = len(rig.settings.body.free)
         # With one coordinate, an error of the gap zero and an error of the magnet's scale have the
         # same effect. If both were estimated, both would drift to their bounds in many motions.
@@ -441,12 +441,12 @@ class BearingLaw(MotionLaw):
         """Return the net force that the model predicts for given parameters, filtered, N."""
         gap = motion.columns["gap_read_m"] - values["gap_zero_m"]
         gap = np.interp(motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap)
-        net = motion.force_per_unit["bias_N"] * values["bias_N"]
+        force = motion.force_per_unit["bias_N"] * values["bias_N"]
         for number, own_gap in enumerate(self.rig.magnet_gaps(gap), 1):
             width = values.get("width", values.get(f"width_{number}", 0.0))
             current = motion.columns[column_name("command", "A", number)]
             current = (1.0 + values[f"scale_{number}"]) * current
             compensator = self.compensator(round_to_grid("width", width)).reset_copy()
             magnet_force = compensator.follow(current, own_gap)
-            net = net + (-1.0) ** (number - 1) * motion.filter_force(magnet_force, motion.delay_ticks)
-        return net
+            force = force + (-1.0) ** (number - 1) * motion.filter_force(magnet_force, motion.delay_ticks)
+        return force

@@ -255,22 +255,22 @@ def calibrate(
             "RUNS: give at least one recording, and each only once", code="recordings-not-once", key="RUNS"
         )
     settings, full_law = body_rig.settings, make_law("full")
-    excluded = set(full_law.uncalibratable_methods(motions))
+    excluded_methods = set(full_law.uncalibratable_methods(motions))
     if not identified_magnet.model.has_layers:
-        excluded.add("at-rest")
+        excluded_methods.add("at-rest")
     make_law = partial(make_law, **full_law.law_options(motions))
-    possible = [name for name in CALIBRATABLE_METHODS if name not in excluded]
+    possible_methods = [name for name in CALIBRATABLE_METHODS if name not in excluded_methods]
     for name in methods:
-        if name not in possible:
+        if name not in possible_methods:
             text = f"methods: '{name}' cannot be calibrated with these recordings; choose from "
-            text += ", ".join(possible)
+            text += ", ".join(possible_methods)
             raise InputError(text, code="no-such-method", key="methods")
     file_content = CalibrationFile(
         format="anhyst-calibration",
         version=1,
         rig=settings.name,
         mass_kg=settings.body.mass_kg,
-        method=[calibrate_from_motions(make_law(name), motions) for name in methods or possible],
+        method=[calibrate_from_motions(make_law(name), motions) for name in methods or possible_methods],
     )
     calibration = Calibration(file_content)
     if out is not None and calibration.has_estimates:

@@ -92,9 +92,9 @@ def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> Compi
     dtype = next(iter(vectors.values())).dtype
     table = write_vectors_csv(vectors, np.array([*vectors.values()]).T.astype(dtype).tolist())
     files = make_stage_sources(stage_controller, version, len(vectors["flags"])) | {"vectors.csv": table}
-    described = _stage_manifest(stage_controller, version)
-    write_folder(out, files, described)
-    return CompiledStage(Path(out), described, (*files, MANIFEST_FILE), vectors)
+    manifest = _stage_manifest(stage_controller, version)
+    write_folder(out, files, manifest)
+    return CompiledStage(Path(out), manifest, (*files, MANIFEST_FILE), vectors)
 
 
 def _refuse_uncompilable(rig: BodyRig, io: SignalFormat, rate: float | None) -> None:
@@ -171,8 +171,8 @@ def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
         result = controller.tick(row[:wrench_row], row[wrench_row:gap_row], gap, readings, int(row[-1]))
         answers.append([*result[0], *result[1], *result[2:]])
     signals = [*inputs, commands, *np.array(answers).T]
-    form = make_stage_record(file.body.free, head_count, magnets)
-    return dict(zip(map(record_column_name, form.record), signals, strict=True))
+    record_type = make_stage_record(file.body.free, head_count, magnets)
+    return dict(zip(map(record_column_name, record_type.record), signals, strict=True))
 
 
 def _encode_inputs(setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_row: int) -> NDArray[Any]:

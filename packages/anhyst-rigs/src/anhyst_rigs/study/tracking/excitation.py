@@ -176,8 +176,8 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
         rows = estimator.information_rows(run)
         ratios = dict.fromkeys((name for name, ratio in estimator.prior_sigma.items() if ratio), 1.0)
         ratios |= estimator.relative_sigma(rows)
-        hidden = [name for name, sigma in ratios.items() if sigma > estimator.law.max_sigma_ratio]
-        return Information(float(run["t_s"][-1]), estimator.condition_number(rows), ratios, hidden)
+        hidden_names = [name for name, sigma in ratios.items() if sigma > estimator.law.max_sigma_ratio]
+        return Information(float(run["t_s"][-1]), estimator.condition_number(rows), ratios, hidden_names)
 
     training_run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
     return CalibratingMove(legs, run, information(run), information(training_run))

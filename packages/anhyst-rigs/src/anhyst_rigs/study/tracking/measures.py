@@ -420,12 +420,12 @@ class LossFlights:
         )
         speed += 0.5 * acceleration * jerk_phase
         candidates = [peak_fraction * max(motion.peaks) for peak_fraction in BRAKING_RATIOS]
-        feasible = (
+        feasible_plans = (
             deceleration
             for deceleration in candidates
             if self._can_apply_forces(magnet, np.array([-mass_kg * deceleration * np.sign(speed)]))
         )
-        peak = next(feasible, candidates[-1])
+        peak = next(feasible_plans, candidates[-1])
         course = plan_braking(speed, 0.0, replace(motion, peaks=(peak,)), rig.dt, rig.loop_delay)
         gains = np.array([self.gains.acceleration, self.gains.jerk, self.gains.snap])
         hold = np.zeros(round(HOLD_TIME_S / rig.dt))

@@ -79,10 +79,10 @@ class Motion(ABC):
     def filter_force(self, force: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
         """Delay a force by some ticks, then apply the filter."""
         gain = -math.expm1(-2.0 * math.pi * min(FILTER_CORNER_HZ * self.rig.dt, 0.05))
-        filtered = np.interp(self.tick_numbers - delay_ticks, self.tick_numbers, force)
+        filtered_force = np.interp(self.tick_numbers - delay_ticks, self.tick_numbers, force)
         for _ in range(3):
-            filtered = lfilter([gain], [1.0, gain - 1.0], filtered)
-        return np.asarray(filtered)
+            filtered_force = lfilter([gain], [1.0, gain - 1.0], filtered_force)
+        return np.asarray(filtered_force)
 
     @property
     @abstractmethod

@@ -284,9 +284,9 @@ class StageCalibrator(BenchCalibrator):
             estimator is None or not any(estimator.applied_values.values())
         )
         corrections = {} if is_original_setup else history.corrections_of(cycle)
-        better = None if corrections is None else history.find_better(cycle, corrections, average)
-        if is_learning and better is not None and estimator is not None:
-            setup = self._restore_best(estimator, *better, average)
+        better_values = None if corrections is None else history.find_better(cycle, corrections, average)
+        if is_learning and better_values is not None and estimator is not None:
+            setup = self._restore_best(estimator, *better_values, average)
         elif is_learning and self._is_superseded(cycle):
             is_learning, self._skipped_cycles = False, self._skipped_cycles + 1
         elif is_learning and cycle.history_start >= first_tick and end_tick > self._start_tick:
@@ -431,12 +431,12 @@ class BearingCalibrator(BenchCalibrator):
             return
         table = np.concatenate(self._buffer)
         self._process_window(table, run_on_bench)
-        tail = round(TAIL_S * self._bench.rate)
-        old_rows = _thin_rows(table[:-tail], self._column_indices)
+        tail_rows = round(TAIL_S * self._bench.rate)
+        old_rows = _thin_rows(table[:-tail_rows], self._column_indices)
         self._history_rows = np.concatenate([self._history_rows, old_rows])
         if len(self._history_rows) > MAX_HISTORY_ROWS:
             self._history_rows = _thin_rows(self._history_rows, self._column_indices)
-        self._buffer = deque([table[-tail:]])
+        self._buffer = deque([table[-tail_rows:]])
 
     def _process_window(self, table: FloatArray, run_on_bench: RunOnBench) -> None:
         """Update the estimate from one window, and activate the corrections."""

@@ -256,10 +256,10 @@ _NOISE_SIGMAS = 3.0  # assumed width of the noise, in standard deviations
 _SETTLING_BAND = 0.02  # settling band, relative to the step height
 
 
-def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:
+def _noise_limits(setup: BearingSetup, check_result: CheckResult) -> list[Limit]:
     """Report whether sensor noise fills at least half of the smallest step's settling band."""
     height = min(setup.rig.settings.step.heights_m)
-    standstill_m = reached.worst.standstill_rms_m
+    standstill_m = check_result.worst.standstill_rms_m
     noise_ratio = _NOISE_SIGMAS * standstill_m / (_SETTLING_BAND * height)
     if noise_ratio < 0.5:
         return []

@@ -41,9 +41,9 @@ class CmaStrategy:
     """A CMA evolution strategy in the unit box, with an ask-and-tell interface."""
 
     def __init__(self, mean: FloatArray, sigma: float, seed: list[int], population_size: int) -> None:
-        box = np.tile([0.0, 1.0], (mean.size, 1))
+        unit_box = np.tile([0.0, 1.0], (mean.size, 1))
         cma_seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
-        self._optimiser = CMA(mean, sigma, bounds=box, seed=cma_seed, population_size=population_size)
+        self._optimiser = CMA(mean, sigma, bounds=unit_box, seed=cma_seed, population_size=population_size)
         self._points: list[FloatArray] = []
 
     def ask(self) -> FloatArray:
