@@ -33,7 +33,7 @@ def rows() -> list[Row]:
         Row(
             "firmware of the bearing in QEMU against the simulation, lift-off to landing",
             "no tick differs",
-            f"{found.differing_ticks} of {len(found.recorded)} differ, landing at "
+            f"{found.differing_ticks} of {len(found.board_recording)} differ, landing at "
             f"{1e3 * found.landing_speed:.1f} mm/s",
             found.differing_ticks == 0 and found.has_landed,
             watch.processor,
