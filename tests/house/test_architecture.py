@@ -157,7 +157,7 @@ def test_a_file_or_symbol_that_does_not_exist_is_found() -> None:
 
 
 def test_every_room_of_the_page_begins_with_a_file_that_exists() -> None:
-    rows = _rows("Rooms")
+    rows = _rows("Subsystems")
     assert len(rows) > 15
     names = [
         f"*/{_QUOTED.findall(room)[0]}/{one}" for room, _, files in rows for one in _QUOTED.findall(files)
@@ -166,7 +166,7 @@ def test_every_room_of_the_page_begins_with_a_file_that_exists() -> None:
 
 
 def test_every_path_of_the_page_exists() -> None:
-    rooms = PAGE.split("\n## Rooms\n")[1].split("\n## ")[0]
+    rooms = PAGE.split("\n## Subsystems\n")[1].split("\n## ")[0]
     named = [name for name in _QUOTED.findall(PAGE.replace(rooms, "")) if "/" in name]
     paths = [name for name in named if " " not in name]
     assert len(paths) > 80
