@@ -1,9 +1,10 @@
 """Measure the models of actuators that are not magnets: piezo stacks and a magnetostrictive rod.
 
 The systems are a real piezo stack in a flexure, the virtual stage of ``examples/piezo`` and the
-virtual rod of ``examples/magnetostrictive``. One half of the real record is fitted, the other half
-is inverted. The error of an inverse is the voltage error at the measured displacement, times the
-mean slope of the loop (stroke divided by voltage range). Hence the metric needs no model.
+virtual rod of ``examples/magnetostrictive``. One half of the real record is fitted, and the other
+half is inverted. The error of an inverse is the voltage error at the measured displacement, times
+the mean slope of the loop (stroke divided by voltage range). Therefore, this error does not depend
+on a model.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from rows import ROOT, Row, measurements
 REACH_M = 0.3e-6
 AUTHORS = "authors 0.58"
 START = 100
-"""Number of samples at the begin of the real record during which the amplifier starts."""
+"""Number of samples at the beginning of the real record in which the amplifier is switched on."""
 
 LEAD_TICKS = 1000
 
@@ -117,7 +118,7 @@ def _classic(own: Loop) -> Inverse:
 
 
 def stage() -> list[Row]:
-    """Follow a triangle with the virtual stage."""
+    """Simulate the virtual stage while it follows a triangle."""
     rig = read_piezo_rig(ROOT / "examples" / "piezo" / "rig.toml")
     found = simulate_tracking(rig)
     texts = ", ".join(
@@ -171,7 +172,7 @@ def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
 
 
 def rod() -> Row:
-    """Predict the strain at a prestress that was not measured."""
+    """Predict the strain at a withheld prestress."""
     folder = ROOT / "examples" / "magnetostrictive"
     model = identify(read_loops(folder / "loops.csv")).model
     unseen = read_loops(folder / "unseen.csv")

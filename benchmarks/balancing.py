@@ -2,10 +2,10 @@
 
 The plants are those of ``anhyst simulate examples/planar/rig.toml --monte-carlo``. All errors act
 at the same time: currents, gap zeros, loop widths and flux-probe gains of every magnet, mass,
-centre of mass and head positions. Everything was fixed before the first result. Each plant follows
-the training set-point, is calibrated on all recordings so far, and follows it again. All metrics
-are evaluated on the test set-point. The same code calibrates every method on its own recordings.
-The same search finds the gains of each method on the nominal plant.
+centre of mass and head positions. All settings were fixed before the first result. Each plant
+follows the training set-point, is calibrated on all recordings so far, and follows it again. All
+metrics are evaluated on the test set-point. The same code calibrates each method on recordings with
+this method. The same search finds the gains of each method.
 """
 
 from __future__ import annotations
@@ -74,8 +74,7 @@ def calibrate_plant(given: tuple[Bench, int]) -> Flown:
 
 
 WAYS = {"x": None, "y": [11.0, 6.0, 9.0]}
-"""Directions of the test set-points, and their accelerations if they differ from the rig file,
-m/s2."""
+"""Directions of the test set-points; accelerations, m/s2, if not those of the rig file."""
 JUDGED = ("x, average, nm", "y, average, nm", "rz, nrad")
 
 
@@ -87,9 +86,9 @@ def turn_set_points(rig: BodyRig, way: str) -> BodyRig:
 
 
 def measure_both_directions(given: tuple[Bench, int]) -> list[list[float]]:
-    """Return the errors along x and y: before, after a scan along x, and after the move instead.
+    """Return the errors along x and y before calibration and after each of two calibrations.
 
-    The move is that of ``anhyst excite --calibrate``; the feedforward contains only the mass.
+    One uses a scan along x, the other the move of ``anhyst excite --calibrate``.
     """
     bench, plant = given
     law = StageLaw(bench.rig, bench.magnet, bench.method)

@@ -1,20 +1,21 @@
 """Simulate the bearing of ``examples/bearing`` with SciPy and with numba, as baselines.
 
-Both implement the same equations from their description, independently of the C code: pinned cells,
-one reluctance circuit, a PI current amplifier with limited supply voltage, the mechanics with
-stops, the load drive, the gap sensor, and 20 kHz control by a PIDD2 and a map from force to
-current. They omit what this case does not need: lift-off, controller states, other sensors, the
-second magnet, eddy currents, and recordings other than gap and force. The noise is generated in
+Both simulators implement the equations from their description, independently of the C code: pinned
+cells, one reluctance circuit, a PI current amplifier with limited supply voltage, the mechanics
+with stops, the load drive, the gap sensor, and 20 kHz control by a PIDD2 and a map from force to
+current. They omit parts that this case does not need: lift-off, controller states, other sensors,
+the second magnet, eddy currents, and recordings other than gap and force. The noise is generated in
 advance.
 
 :class:`ByScipy` calls ``solve_ivp`` for each tick. Its state is the flux linkage, whose rate is
 continuous when cells begin to move, so that the steps stay long. Newton's method finds the field,
-starting from the last one. Plain Python floats are used, because they are faster than arrays for so
-few moving cells. The first trial step is the whole tick. The cell states are updated at every tick.
+starting from the last field. Plain Python floats are used, because they are faster than arrays for
+so few moving cells. The first trial step is the whole tick. The cell states are updated at every
+tick.
 
 :class:`ByNumba` uses the scheme of the plant: half a step of velocity, the gap, the winding by the
-trapezoidal rule, the other half step. The whole loop is compiled for this machine, without fast
-arithmetic. The sum over cells that do not move is computed once.
+trapezoidal rule, and the other half step of velocity. The whole loop is compiled for this machine,
+without fast-math options. The sum over cells that do not move is computed once.
 """
 
 from __future__ import annotations
@@ -128,7 +129,7 @@ class ByScipy:
     method : str
         Method of ``solve_ivp``.
     tolerance : float
-        Relative tolerance; the absolute one is this fraction of a typical value of each state.
+        Relative tolerance. The absolute tolerance is this fraction of a typical value of each state.
     """
 
     def __init__(self, plant: Plant, method: Method, tolerance: float) -> None:

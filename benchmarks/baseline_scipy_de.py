@@ -1,17 +1,17 @@
 """Fit a Jiles-Atherton model with SciPy's differential evolution, as a baseline without anhyst.
 
-The baseline is what an experienced engineer would write in an afternoon to fit
+The baseline is the program that an experienced engineer would write in an afternoon to fit
 ``ferrite_mnzn/mnzn_hp_ferrite_4loops``. The forward model is ``dM/dH = chi/(1 - alpha*chi)`` with
-``chi = max(0, sg*(M_an - M))/k + c*dM_an/dx`` (the law ``effective-field``). RK4 in compiled code
-integrates two cycles to reach the steady state and a third one, which is compared. The optimiser
-runs with its recommended settings. ``python benchmarks/baseline_scipy_de.py [--seeds N]`` prints a
-table.
+``chi = max(0, sg*(M_an - M))/k + c*dM_an/dx`` (the law ``effective-field``). Compiled RK4 code
+integrates two cycles to reach the steady state, and compares the third cycle with the data. The
+optimiser runs with its recommended settings. ``python benchmarks/baseline_scipy_de.py [--seeds N]``
+prints a table.
 
 The baseline is optimised for speed:
 
 - one ``exp`` for the Langevin function and its slope, and fast floating-point arithmetic
-- the least number of RK4 steps for which the integration error does not affect the fit (the table
-  repeats the best fit with 16 times as many steps)
+- the smallest number of RK4 steps for which the integration error does not affect the fit (the
+  table repeats the best fit with 16 times as many steps)
 - logarithms for scale parameters, no redundant parameter, and bounds estimated from the loops
 
 The validity limits of the law are penalties of the optimiser.
@@ -47,7 +47,7 @@ FAILED = 1e3  # T^2, cost of a parameter set whose curve has no finite slope
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "log10 kappa = k/a": (-2.0, 1.0),
     "c": (0.0, 1.0),
-    "alpha*M_s/a": (0.0, 3.0),  # at 3 the anhysteretic curve becomes vertical
+    "alpha*M_s/a": (0.0, 3.0),  # at c = 3, the anhysteretic curve becomes vertical
     "log10 a [A/m]": (0.0, 2.0),  # the loops reach 80 A/m
     "log10 mu0*M_s [T]": (-0.7, 0.3),  # the largest B is 0.39 T
 }
@@ -179,7 +179,7 @@ def run(
 
 
 def seconds_to_reach(result: Mapping[str, Any], sum_of_squares: float) -> float:
-    """Return the processor time until a run reached a sum of squares, s; infinite if never."""
+    """Return the processor time until a run reached a sum of squares, s; infinite if it did not."""
     times = (spent for spent, error in result["history"] if error <= sum_of_squares)
     return float(next(times, math.inf))
 

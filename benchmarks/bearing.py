@@ -42,7 +42,7 @@ VARIANTS: tuple[MethodName, ...] = (
 
 @dataclass(frozen=True)
 class Iron:
-    """One iron of the comparison, its identified model and its setups."""
+    """One iron of the comparison, its identified model and its controllers."""
 
     rig: BodyRig
     at: OperatingPoint

@@ -1,8 +1,9 @@
 """Measure calibration from motion against its targets and all baselines in one table.
 
 calibration_trials.py defines the plants and their calibration. Each row states its number of
-plants: as many as fit into 25 minutes, always the first ones. A new method is added to METHODS, and
-its targets to AIMS. The claims are about the first method.
+plants. The number is chosen so that the benchmark takes 25 minutes, and the first plants are always
+used. To add a method, add it to METHODS and its targets to AIMS. The targets are for the first
+method.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ AVERAGE = 0.5
 """Weight of the moving average in the search of gains."""
 CELLS = ("cells 0.05", "cells 0.3")
 OTHERS = (*CELLS, "preisach-usual", "preisach-hard", "duhem-usual")
-"""Irons besides that of the example; only the largest number of scans is tried."""
+"""Irons other than that of the example; for these, only the largest number of scans is tried."""
 FORGETS = "duhem-usual"
 ALONE = ("gap zero", "current scale", "pinning", "eddy lag")
 """Errors that are tried one at a time with the first method."""
@@ -62,7 +63,7 @@ PROBED = ("flux", "fused")
 ASKED_WITH_PROBE = (44.0, 45.0)
 HOUR_S = 3600.0
 WORKED: Mapping[str, int] = {"full": 150, "flux": 600}
-"""Number of scans of an hour of operation; half as many precede them for settling."""
+"""Number of scans in an hour of operation; half this number precedes them for settling."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ AIMS: Mapping[str, Aim] = {
 
 Pair = tuple[float, float]
 Case = tuple[str, str, str, str]
-"""Iron, method, errors, world."""
+"""Iron, method, random errors and unmodelled effects of a group of plants."""
 
 
 def is_within(found: Pair, aim: Pair) -> bool:
@@ -109,7 +110,7 @@ class Found:
         return sum(found.is_applied for _, found in self.flown)
 
     def pairs(self, name: str) -> str:
-        """Return the percentiles of a metric as text."""
+        """Return the percentiles of a metric before and after calibration, as text."""
         return " -> ".join(f"{half:.3g} / {most:.3g}" for half, most in self.percentiles(name))
 
     @property
@@ -120,7 +121,7 @@ class Found:
         return f"{len(self.flown)} plants, applied to {self.taken}{heavy}"
 
     def row(self, what: str, reach: str, met: bool | None) -> Row:
-        """Return a row of the moving average, with peak and settling time."""
+        """Return a table row with the moving average, the peak and the settling time."""
         others = "; ".join(f"{name[:-2]} {self.pairs(name)}" for name in ("peak_m", "settling_50_s"))
         text = f"{self.pairs('average_m')}; {others} ({self.count})"
         return Row(f"calibration, {what}: average, nm, before -> after", reach, text, met)
@@ -137,7 +138,7 @@ def run_trials(trials: Sequence[Trial]) -> dict[Case, Found]:
 
 
 def headline(title: str, aim: Aim | None, found: Found) -> list[Row]:
-    """Return the rows of a method on the example's own iron."""
+    """Return the rows of a method on the example's iron."""
     average, peak, settled = (found.percentiles(name) for name, _, _ in MEASURED)
     reach = ["reported"] * 3
     met: list[bool | None] = [None] * 3
@@ -176,7 +177,7 @@ def trials_of_example(benches: Sequence[Bench]) -> list[Trial]:
 
 
 def make_example_rows(flown: Mapping[Case, Found]) -> list[Row]:
-    """Return the rows of the example's own iron."""
+    """Return the rows of the example's iron."""
     lines: list[Row] = []
     last = {
         method: found.percentiles("average_m")[-1][0]
@@ -234,7 +235,7 @@ def identify_iron(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedM
 
 
 def measure_parameter_changes(bench: Bench) -> tuple[float, float]:
-    """Return the largest change of a parameter in an hour at rest, and in an hour at work.
+    """Return the largest parameter change in an hour at rest, and in an hour of operation.
 
     The unit is the standard deviation that the rig file states. At rest, the load oscillates. Scans
     alternate between three noise seeds.

@@ -3,12 +3,12 @@
 Plants, seeds, methods and irons are defined here and in examples/stage/rig.toml; they were fixed
 before the first result. A plant has all errors at the same time, as with --monte-carlo: gap zero,
 both currents, loop width, gain of the Hall probes and eddy lag. It follows the training set-point,
-is calibrated on all recordings so far, and follows it again. All metrics are evaluated on the test
-set-point, with the calibration and the gains of the nominal plant.
+is calibrated on all recordings so far, and follows the training set-point again.
 
-The same code calibrates every method on its own recordings. The same search finds the gains; it
-minimises the rms error and half of the moving average. A search by rms alone did not reduce the
-moving average (see docs/calibration.md).
+All metrics are evaluated on the test set-point, with the calibration and the gains of the nominal
+plant. Each method is calibrated by the same code, on recordings with this method. The same search
+finds the gains; it minimises the rms error plus half of the moving average. A search that minimised
+only the rms error did not reduce the moving average (see docs/calibration.md).
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class World:
     def fly(
         self, setup: StageSetup, drift: Drift, motion: SetPoint, gains: Feedforward, noise: int
     ) -> Recording:
-        """Follow a motion with such a plant; the lead of the feedforward stays unchanged."""
+        """Follow a motion with a plant that has these errors; the feedforward lead is unchanged."""
         rig = setup.rig
         ticks = rig.settings.timing.delay_ticks + self.late_ticks
         if self.late_ticks:
@@ -120,7 +120,7 @@ _laws: dict[tuple[str, ...], StageLaw] = {}
 
 
 def bench_of(given: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:
-    """Find the gains on the training set-point; with the iron `MOVE`, calibrate on that move."""
+    """Find the gains on the training set-point; with iron `MOVE`, also calibrate on that move."""
     iron, rig, magnet, method = given
     law = StageLaw(rig, magnet, method)
     own = StageSetup(rig, law.compensator(0.0))
@@ -147,7 +147,7 @@ class Trial:
     def left_on(self) -> tuple[list[Measures], CalibratedMethod]:
         """Return the metrics after training, and after repetitions of the test set-point.
 
-        The stage estimates its parameters from every motion; its correction follows at a bounded
+        The stage estimates its parameters from every motion; the correction follows at a bounded
         rate.
         """
         bench, drift = self.bench, sample_plant(self.plant)

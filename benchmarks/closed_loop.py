@@ -1,8 +1,9 @@
 """Measure the simulation speed of a controlled bearing against SciPy and numba baselines.
 
 All simulators run the bearing of ``examples/bearing`` through the same steps for the same simulated
-time, in one run on one core; the metric is processor time. ``python benchmarks/closed_loop.py``
-prints more than the table: accuracies, and the cost of each tolerance of ``solve_ivp``.
+time, one after the other on one core. The metric is processor time. ``python
+benchmarks/closed_loop.py`` also prints the accuracies and the cost of each tolerance of
+``solve_ivp``.
 """
 
 from __future__ import annotations
@@ -152,7 +153,7 @@ def control_of(setup: BearingSetup) -> Control:
 
 
 def memory_of(control: Control, gap: float, force: float) -> Array:
-    """Return the state of a PIDD2 that holds its position and requests a force."""
+    """Return the state of a PIDD2 that holds a position and requests a force."""
     at = control.middle - gap
     return np.array([at, 0.0, force - control.proportional * (control.weight - 1.0) * at])
 
@@ -300,7 +301,7 @@ def try_all_settings(rig: BodyRig) -> list[Trial]:
 
 
 def strongest(trials: list[Trial], error: float) -> Trial:
-    """Return the fastest setting with at most this error, or else the most accurate one."""
+    """Return the fastest setting with at most this error, or the most accurate if there is none."""
     good = [trial for trial in trials if trial.error <= error]
     if not good:
         return min(trials, key=lambda trial: trial.error)
@@ -308,7 +309,7 @@ def strongest(trials: list[Trial], error: float) -> Trial:
 
 
 def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
-    """Measure everything: simulators, errors, all settings of SciPy and the selected setting."""
+    """Measure all simulators, errors and settings of SciPy, and select a setting."""
     case = example()
     substeps = case.rig.settings.timing.substeps
     plant = plant_of(case.rig)

@@ -28,7 +28,7 @@ async def main(address, count):
     await asyncio.gather(*(worker.finished() for worker in workers))
 asyncio.run(main(sys.argv[1], int(sys.argv[2])))
 """
-"""Program that runs many workers of one thread in one process; sufficient if tasks only sleep."""
+"""Program that runs many workers with one thread each in one process, for tasks that sleep."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def cluster(workers: int, *, together: bool = False) -> Iterator[Cluster]:
     workers : int
         Number of workers.
     together : bool
-        Whether all workers run in one process instead of one process each.
+        Whether all workers run in one process. Otherwise, each worker runs in a separate process.
     """
     from distributed import Client
 
@@ -112,7 +112,7 @@ class Costs:
 
     @property
     def slowest(self) -> float:
-        """The longer overhead: the least time between two tasks for any number of workers."""
+        """The larger overhead: the shortest time between two tasks for any number of workers."""
         return max(self.scheduler, self.client)
 
 

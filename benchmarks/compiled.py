@@ -78,7 +78,7 @@ def chain(folder: Path) -> tuple[Path, list[Row]]:
 
 
 def _most(found: Verification, target: str, part: str) -> str:
-    """Return the worst cost of a part of a step, for each build of a target, as text."""
+    """Return the largest cost of a part of a step, for each build of a target, as text."""
     texts = []
     for result in found.results:
         cost = result.cost(part)
@@ -88,15 +88,15 @@ def _most(found: Verification, target: str, part: str) -> str:
 
 
 REACH = {"full": (1800, 2300), "cells": (1200, 1200), "simplified": (500, 800)}
-"""Targets: instructions of the worst tick with PIDD2 on a Cortex-M4 with the port header; first
-with currents on a converter's grid, then with any current, limits and lost currents."""
+"""Targets, instructions of the worst tick with PIDD2 on a Cortex-M4 with the port header: with
+currents rounded to a converter; with any current, limits and lost currents."""
 
 CONTROLLED_REACH = {"full": None, "cells": (700, 150), "simplified": None}
-"""Targets for the moving demand of a force controller: instructions of a tick, and of its commit.
+"""Targets for ticks of a force controller with a moving demand, in instructions: tick, and commit.
 """
 
 MEMORY_REACH = {"full": 2048, "cells": 4096, "simplified": 2048}
-"""Targets: bytes of parameters."""
+"""Targets for the parameters, in bytes."""
 
 
 def _ticks(found: Verification, kind: str) -> list[Row]:
@@ -127,7 +127,7 @@ def _ticks(found: Verification, kind: str) -> list[Row]:
 def _controlled(folder: Path, kind: str) -> Row:
     """Measure ticks of a controlled force: 100 Hz, most of the range, noise, moving gap.
 
-    The demand rises from zero within 480 ticks; every current is on the converter's grid.
+    The demand rises from zero within 480 ticks; every current is rounded to a 12-bit converter.
     """
     ticks = np.arange(CONTROLLED_TICKS)
     noise = 1e-3 * np.random.default_rng(1).standard_normal((2, ticks.size))
@@ -149,7 +149,7 @@ def _controlled(folder: Path, kind: str) -> Row:
 
 
 PARTS = ("solve", "commit, rounded", "tick, rounded")
-"""Measured parts of a step on the converter's grid."""
+"""Measured parts of a step whose current is rounded to a converter."""
 
 
 def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, FloatArray]:
@@ -181,7 +181,7 @@ def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, F
 
 
 def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
-    """Return instructions, cycles and memory of the kinds on all targets, each for its model."""
+    """Return instructions, cycles and memory of each kind, with its model, on all targets."""
     rows = []
     for kind, model in models.items():
         compiled = _compiled(model, folder, kind)
@@ -253,10 +253,10 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
 
 
 def _demands(scales: Scales, limits: DemandLimits) -> dict[str, FloatArray]:
-    """Return force demands that every gap reaches, N: triangles and full-range jumps.
+    """Return force demands that can be reached at every gap, N: triangles and full-range jumps.
 
-    They begin with a slow ramp that is not evaluated, because an Euler step from zero to a first
-    demand has a permanent error.
+    They begin with a slow ramp that is not evaluated, because a single Euler step from zero to the
+    first demand would cause a permanent error.
     """
     top = 0.25 * min(scales.demand, limits.demand[1])
     ramp = np.linspace(0.0, 0.05 * top, RAMP)

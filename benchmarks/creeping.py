@@ -1,9 +1,9 @@
 """Test the choice of a law for random irons without return-point memory on the single-axis stage.
 
-The parameters of the irons are random values around those of examples/irons. Even numbers were
-inspected before the selection rule was fixed, odd numbers were not. Irons of play cells and of
-Preisach, which have return-point memory, serve as a comparison. The stage has one axis; the gains
-are found on the training set-point; there is one noise seed.
+The parameters of the irons are random values around those of examples/irons. Irons with even
+numbers were inspected before the selection rule was fixed, and irons with odd numbers were not.
+Irons of play cells and of Preisach, which have return-point memory, serve as a comparison. The
+gains of the stage are found on the training set-point; there is one noise seed.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Generate 200 random virtual measurements of magnets and rings, and noise-free test records.
 
 ``drawn.toml`` defines ranges and seed, ``drawn_irons.py`` the six families of iron.
-``draw(number)`` returns one measurement. All are computed together and cached in ``build/`` under a
-hash of their sources. ``python benchmarks/drawn.py`` lists those with an even number.
+``draw(number)`` returns one measurement. All measurements are computed together and cached in
+``build/`` under a hash of their sources. ``python benchmarks/drawn.py`` lists those with an even
+number.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from rows import ROOT
 COUNT: int = SETTINGS["count"]
 
 CYCLES = 3
-"""Number of cycles before a record: of the whole range, or of the same loop."""
+"""Number of cycles before a record, of the whole range or of the recorded loop."""
 
 _MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py")
 
@@ -42,7 +43,7 @@ class Test:
     ----------
     kind : str
         ``same``: the fitted loops at a gap between; ``unseen``: random reversals at that gap;
-        ``moving``: a gap that moves during random reversals; ``small``: small cycles about a bias;
+        ``moving``: random reversals while the gap moves; ``small``: small cycles about a bias;
         ``other``: random reversals at measured gaps.
     input, output : ndarray, shape (n,)
         Input and output, SI units.
@@ -50,7 +51,7 @@ class Test:
         Gap, m.
     history : History
     counted : ndarray of bool, shape (n,)
-        Samples that belong to the kind; False on the way to them.
+        Samples that are evaluated; False for the samples before the first of them.
     """
 
     kind: str
@@ -72,7 +73,7 @@ class Draw:
     true : mapping of str to Any
         The sampled parameters.
     loops : Loops
-        The loops as measured.
+        The measured loops.
     tests : tuple of Test
     """
 
@@ -99,7 +100,7 @@ class _Record:
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """A magnet, its iron and all its records before their computation."""
+    """A magnet, its iron and the paths of all records, before the responses are computed."""
 
     number: int
     family: str
@@ -119,7 +120,7 @@ class _Plan:
 
 
 def _core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArray]:
-    """Size a magnet by the force at its smallest gap; return it and the gaps of the loops, m."""
+    """Choose the size of a magnet from the force at its smallest gap; return it and the gaps, m."""
     field = magnet["saturating"] * true["knee_sharp"]
     density = true["saturation_sharp"] * field / (field + true["knee_sharp"])
     area = magnet["force_N"] * MU_0 / density**2

@@ -1,9 +1,9 @@
 """Simulate six families of iron in a magnetic circuit, without the laws of the package.
 
-Irons of play cells, Preisach and Duhem are those of the plant. This module computes two of these in
-series with leakage between them, an iron of Tellinen and an iron with Langevin curves and friction
-in the field. Path segments between reversals may have any length. The last two families are
-integrated in fine steps, all paths of all magnets together.
+Three families are irons of the plant: play cells, Preisach and Duhem. This module adds three
+families: two of these irons in series with leakage between them, an iron of Tellinen, and an iron
+with Langevin curves and friction in the field. Path segments between reversals may have any length.
+The last two families are integrated in fine steps, all paths of all magnets together.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ITERATIONS = 100
 
 @dataclass(frozen=True)
 class Core:
-    """A two-pole magnet with an armature or, with zero reluctance at any gap, a ring."""
+    """A two-pole magnet with an armature, or a ring, whose gaps have zero reluctance."""
 
     poles: Poles
     ring: bool = False
@@ -117,7 +117,7 @@ class SeriesIron:
 
 
 def _in_series(pieces: tuple[Piece, Piece], driven: float, circuit: tuple[float, ...]) -> tuple[float, float]:
-    """Solve for fields with consistent fluxes, move both pieces, return flux densities, T."""
+    """Find fields for which the fluxes agree, update both irons, return their flux densities, T."""
     first, second = pieces
     length_1, length_2, area_1, area_2, leakage, outer = circuit
     field, low, high = second.field, -np.inf, np.inf
@@ -145,13 +145,13 @@ def _in_series(pieces: tuple[Piece, Piece], driven: float, circuit: tuple[float,
 
 
 class Material(Protocol):
-    """Many irons at the same time, all initially demagnetised."""
+    """Many irons that are computed at the same time, all initially demagnetised."""
 
     def polarisation(self, field: FloatArray) -> FloatArray:
-        """Return the polarisation of the present states at a field, T."""
+        """Return the polarisation at a field for the present states, T."""
 
     def slope(self, field: FloatArray, way: FloatArray, ahead: FloatArray) -> FloatArray:
-        """Return the slope of the polarisation over the field, `ahead` (A/m) in a direction."""
+        """Return the slope of the polarisation at a field that is `ahead` (A/m) in a direction."""
 
     def move(self, field: FloatArray, to: FloatArray) -> None:
         """Move from a field to another without a reversal."""
@@ -174,7 +174,7 @@ class TellinenIron:
 
 
 class _Tellinen:
-    """Many irons of Tellinen at the same time."""
+    """Many irons of Tellinen that are computed at the same time."""
 
     def __init__(self, table: FloatArray) -> None:
         self._coercivity, self._sharp, self._knee, self._slow, self._knee_slow = table.T
@@ -217,7 +217,7 @@ class _Tellinen:
 class LangevinIron:
     """Sum of a wide Langevin curve of the field and a narrow one with friction in the field.
 
-    The friction is that of Dahl, ``dz/dH = (sign(dH)*friction - z)/way``; the argument of the
+    The friction is that of Dahl, ``dz/dH = (sign(dH)*friction - z)/way``. The argument of the
     narrow curve is ``H - z``.
     """
 
@@ -230,7 +230,7 @@ class LangevinIron:
 
 
 class _Langevin:
-    """Many Langevin irons at the same time."""
+    """Many Langevin irons that are computed at the same time."""
 
     def __init__(self, table: FloatArray) -> None:
         (self._narrow, self._width, self._wide, self._width_wide, self._friction,

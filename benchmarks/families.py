@@ -1,7 +1,7 @@
-"""Compare both laws and the strongest baseline on the bearing, with irons of all families.
+"""Compare two laws and the strongest baseline on the bearing, with irons of all families.
 
-The irons are those of ``examples/bearing`` and ``examples/irons``. Each controller knows only the
-loops that the rig's sensors measured. ``python benchmarks/families.py`` prints every step.
+The irons are those of ``examples/bearing`` and ``examples/irons``. Each controller is fitted only
+to loops that the rig's sensors measured. ``python benchmarks/families.py`` prints every step.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ HALF = 0.5
 """Target: ratio of the force error on the slow triangle to that of the best single-valued curve."""
 
 DRIFT = 0.05
-"""Target: drift of a force that is held for :data:`SECONDS`, % of the largest force."""
+"""Target: drift of a constant force in :data:`SECONDS`, % of the largest force."""
 
 SECONDS = 60
 RATE = 20e3
 LEVELS = (0.2, 0.5, 0.8)
-"""Held forces, relative to the largest force that all gaps reach."""
+"""Constant force demands, relative to the largest force that can be reached at all gaps."""
 
 NARROW = 0.02
-"""Factor on the pinning that leaves almost no hysteresis."""
+"""Factor of the pinning that makes the hysteresis negligible."""
 
 SLOW = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
 
@@ -66,14 +66,14 @@ class Tried:
     ----------
     name : str
     steps : mapping of str to sequence of StepCell
-        By variant, one for each height. ``paper`` is `full` with the law of the paper; ``without
-        hysteresis`` is the best single-valued curve on an iron with almost no hysteresis.
+        Results of each variant, one for each step height. ``paper`` is `full` with the law of the
+        paper; ``without hysteresis`` is the best single-valued curve with a nearly unpinned iron.
     triangle : mapping of str to float
         Rms force error on the slow triangle, N; NaN if the armature was lost.
     first : mapping of str to float
-        The same errors if the initial magnetisation curve was measured too, N.
+        The same errors if the initial magnetisation curve was also measured, N.
     drift : tuple of float
-        Drift of a held force over a minute, % of the largest: of the iron, and of the model.
+        Drift of a constant force in a minute, % of the largest: of the iron, and of the model.
     refused : str
         Reason why the law of the paper could not be compiled; empty if it was compiled.
     """
@@ -147,7 +147,7 @@ def _steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str,
 def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]:
     """Hold forces with noise of demand and gap; return the drift of iron and model, % of F_max.
 
-    The noise is that of the compiler's own check. The drift is the difference between the means of
+    The noise is that of the compiler's drift test. The drift is the difference between the means of
     the first second and the last second with noise.
     """
     plan = make_plan(knowledge.model, CompileRequest("full", "q31", RATE), 0)
@@ -203,7 +203,7 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
 
 
 def _overshoot_excess(result: Tried, variant: str) -> list[float]:
-    """Return the significant excess overshoot against the best baseline, % points, by height.
+    """Return the significant excess of overshoot over the best baseline for each height, % points.
 
     Zero if both overshoots are below a multiple of the standstill rms (`OVERSHOOT_FLOOR_FACTOR`).
     """
@@ -307,7 +307,7 @@ def rows() -> list[Row]:
 
 
 def main(names: Sequence[str]) -> None:
-    """Print the rows of some irons, or of all."""
+    """Print the rows of the named irons, or of all irons."""
     _, controller = read()
     for name, rig in rigs().items():
         if not names or name in names:

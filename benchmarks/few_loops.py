@@ -51,7 +51,7 @@ RULES: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Tried:
-    """One measurement: the choice of each rule, and the rms error of the chosen law."""
+    """Results of one measurement: the law that each rule selects, and rms errors of the laws."""
 
     chosen: dict[str, str]
     missed: dict[str, float]  # rms error on records not fitted, relative to the largest output
@@ -110,7 +110,7 @@ def _without_sample(loop: Loop, place: int) -> Loop:
 
 
 def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
-    """Compare all laws; None if the first law leaves only noise or the identification fails."""
+    """Compare all laws; None if the first residual is only noise or the identification fails."""
     compare = model_selection.Selection.compare_play_cells
 
     def stop(made: model_selection.Selection, base: ModelCandidate) -> None:
@@ -150,7 +150,7 @@ def _evaluate_rules(made: model_selection.Selection, tests: Sequence[drawn.Test]
 
 
 def main() -> None:
-    """Try a range of random draws and print one line for each rule."""
+    """Run a range of random draws and print one line for each rule."""
     warnings.simplefilter("ignore")
     first, last = (int(text) for text in sys.argv[1:3])
     pairs = [[measure(*draw) for draw in measure_twice(number)] for number in range(first, last)]

@@ -62,7 +62,7 @@ class Spent:
 
 
 def best_of_repetitions(measure: Callable[[], Spent], times: int = REPETITIONS) -> Spent:
-    """Return the measurement with the least wall time, since other work can only add time."""
+    """Return the measurement with the shortest wall time, because other work can only add time."""
     return min((measure() for _ in range(times)), key=lambda measurement: measurement.wall)
 
 

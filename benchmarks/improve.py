@@ -1,4 +1,4 @@
-"""Improve the model of a running bench whose iron is unknown, and detect a change of the iron."""
+"""Improve the model of a running bench with an unknown iron, and detect a change of the iron."""
 
 from __future__ import annotations
 
@@ -29,11 +29,10 @@ from rows import ROOT, Row
 
 SOLENOID = ROOT / "examples" / "solenoid"
 PINNING = 1.6
-"""Ratio of the pinning of the unknown iron to that of the iron for which the controller was made.
-"""
+"""Ratio of the pinning of the unknown iron to that of the iron in the controller's model."""
 ALL_S = 90.0
 AS_OFF_LINE = 1.1
-"""Largest ratio of the force error to that of a model identified off line from the same loops."""
+"""Largest permitted ratio of the force error to that of an off-line model from the same loops."""
 LEARNT = 15
 """Number of cycles of 1 s before the pinning of the iron increases."""
 HOUR = 3600

@@ -1,9 +1,9 @@
 """Measure the cost of a wrong initial hysteresis state, to test a claim of the paper.
 
 The claim is: "The simplified model is more stable and has no initial-value problem." A compensator
-starts with the state of one history, the iron with that of another; both then follow the same
-demand. The metric is the number of samples until the force stays within 1 % of the largest force,
-compared with the same compensator and the right initial state. ``python
+starts with the state after one history, and the iron with the state after another. Both then follow
+the same demand. The metric is the number of samples until the force stays within 1 % of the largest
+force, compared with the same compensator and the correct initial state. ``python
 benchmarks/initial_state.py`` prints the table.
 """
 
@@ -41,8 +41,7 @@ SAMPLES = 200
 CYCLES = 12
 
 NEAR = (0.01, 0.002)
-"""Tolerances relative to the largest force: close to the right start, and close to the arithmetic's
-error."""
+"""Tolerances relative to the largest force: a small error, and an error of the size of rounding."""
 
 PASTS: tuple[tuple[float, ...], ...] = (
     (0.0,),
@@ -57,8 +56,8 @@ PASTS: tuple[tuple[float, ...], ...] = (
     (0.5,),
     (1.0, 0.2, 0.5),
 )
-"""Reversal points of the current, relative to the largest. The last three histories end at a
-nonzero current, as after a reset of the controller during operation."""
+"""Reversal points of the current in each history, relative to the largest current. The last three
+end at a nonzero current, as after a reset of the controller during operation."""
 
 DEMANDS = {"5-95 %": (0.05, 0.95), "30-70 %": (0.30, 0.70), "45-55 %": (0.45, 0.55)}
 """Reversal points of the triangles, relative to the largest force."""
@@ -107,7 +106,7 @@ class Actuator:
 
 
 def actuator_of(model: Model, gaps: tuple[float, float], gap: float, current: float) -> Actuator:
-    """Compile a model to every kind, for triangles of a force that every gap can reach."""
+    """Compile a model to every kind, for triangles of a force that can be reached at every gap."""
     both = np.array([0.0, current])
     top, force = (
         float(model.predict(both, np.full(2, at), history="demagnetised").output[-1]) for at in (gaps[0], gap)
@@ -149,18 +148,18 @@ def samples_until_near(off: Array, near: float) -> int:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Errors of one compensator under one demand after wrong initial states.
+    """Errors of one compensator with one demand after wrong initial states.
 
     Parameters
     ----------
     samples : ndarray of int, shape (p, 2)
-        For every pair of histories and for both tolerances `NEAR`: samples until the force stays
-        within the tolerance of the right start.
+        For every pair of histories and each of the tolerances `NEAR`: number of samples until the
+        difference from the force after a correct start stays within the tolerance.
     largest : float
-        Largest deviation from the right start, relative to the largest force.
+        Largest difference from the force after a correct start, relative to the largest force.
     settled : float
-        Largest error of the force after a right start against the demand in the last cycle, relative
-        to the largest force.
+        Largest error of the force relative to the demand in the last cycle after a correct start,
+        as a fraction of the largest force.
     """
 
     samples: NDArray[np.int64]
@@ -226,9 +225,9 @@ def study(
 def explicit_error(actuator: Actuator, samples: int) -> float:
     """Return the largest force error in the fourth cycle of the full law with explicit Euler steps.
 
-    One step of eqs. 13 to 15 of the paper per sample, in double precision, with the right start.
-    The demand is a triangle of 5 to 95 % with `samples` per cycle; the error is relative to the
-    largest force.
+    Each sample takes one step of eqs. 13 to 15 of the paper, in double precision, from the correct
+    initial state. The demand is a triangle of 5 to 95 % with `samples` per cycle; the error is
+    relative to the largest force.
     """
     circuit = actuator.model.circuit(np.array([actuator.gap]), np.zeros(1))
     iron = actuator.model.parameters_at(actuator.gap)

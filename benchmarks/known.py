@@ -2,11 +2,11 @@
 
 For each law and gap map, 64 random starts are sampled without knowledge of other fits. The
 parameters of the law and its largest effective field are log-uniform; the parameters of the circuit
-are scanned gap by gap. All starts descend a few steps on few samples, the better ones some more.
-The best eight continue on more samples until they converge or reach a step limit, and the best
-three of these on all.
+are scanned gap by gap. All starts descend a few steps on few samples, and the better ones take some
+more steps. The best eight continue on more samples until they converge or reach a step limit, the
+best three of these on all samples.
 
-    nice python benchmarks/known.py 0-39 60     missing fits of these draws, for up to 60 minutes
+    nice python benchmarks/known.py 0-39 60    missing fits of these draws, for up to 60 minutes
 
 ``known_best.json`` is written after each fit, and a further run continues from it. For each law and
 map it contains:
@@ -60,8 +60,7 @@ STAGES: dict[int, tuple[tuple[Shape, int], ...]] = {
     2: (("langevin", 1), ("langevin", 2)),
     3: (("tanh", 3), ("langevin", 3)),
 }
-"""Play-cell laws of each stage by curve and populations; stage 1 includes the Jiles-Atherton law.
-"""
+"""Play-cell laws of each stage by curve and populations; stage 1 includes Jiles-Atherton."""
 
 STARTS, RANKED, ENDED, FINISHED = 64, 24, 8, 3
 COARSE, FINE = 40, 100
@@ -141,7 +140,7 @@ class Scan:
         self.output = np.concatenate([record.output for record in records.loops])
 
     def best(self, ways: Sequence[ParameterSet], gain: float | None) -> tuple[ParameterSet, float] | None:
-        """Return the set with the least cost, and the cost; fits the gain unless one is given."""
+        """Return the set with the lowest cost, and this cost; fit the gain unless it is given."""
         found: tuple[ParameterSet, float] | None = None
         for local in ways:
             shape = shape_of(self.form, local, self.records)
@@ -156,7 +155,7 @@ class Scan:
 
 
 def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray | None:
-    """Sample a start; None if no sampled set has a solution."""
+    """Sample a start; None if the law has no solution for any sampled parameter set."""
     form, records = space.form, space.records
     home = records.reference_gap
     scans = [Scan(form, records.at_gap(gap)) for gap in range(records.gap_count)]
@@ -217,7 +216,7 @@ def _sets_at_another_gap(
 
 
 def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | None]:
-    """Fit a law and map from random starts, then without offsets; None without a solution."""
+    """Fit a law and map from random starts, then without offsets; None if there is no solution."""
     records = make_fit_records(loops, "loops", read_rest_offsets(loops))
     common = OFFSET_NAMES if target.gap_map == "circuit" else frozenset()
     whole = CoordinateSpace(target.gap_map, records, target.form, common=common)
@@ -268,7 +267,7 @@ def is_usable(found: FoundModel, loops: Loops) -> bool:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run missing fits of some draws for some minutes; expensive laws and odd draws come last."""
+    """Run missing fits of some draws for some minutes, expensive laws and odd draws last."""
     warnings.simplefilter("ignore")
     first, last = (int(end) for end in arguments[0].split("-"))
     until = time.monotonic() + 60.0 * float(arguments[1])

@@ -1,8 +1,9 @@
 """Compare the errors of the laws on virtual magnets of three iron families and on real materials.
 
 The irons and their loops are those of ``examples/irons``, which were fixed before any model was
-identified from them. Every row gives both laws. For a magnet, it also gives the best single-valued
-curve, which is fitted to the same true loops that are used for the evaluation.
+identified from these loops. Every row gives the errors of play cells and Jiles-Atherton. For a
+magnet, it also gives that of the best single-valued curve, which is fitted to the true loops of the
+evaluation.
 """
 
 from __future__ import annotations
@@ -148,7 +149,7 @@ def _bundled(folder: Path) -> Row:
 
 
 def _joint(loops: Loops, law: str, weights: str) -> list[float]:
-    """Return the rms errors of one set, %: of each loop, or a single value with equal weights."""
+    """Return the rms errors of one joint fit, %: of each loop, or one value with equal weights."""
     fit = identify(loops, law=law, weights=weights, offsets=False).model.fit
     assert fit is not None
     if weights == "points":

@@ -1,13 +1,14 @@
 """Calibrate bearings that differ from their controller's model from recordings of their motion.
 
 Plants, seeds and methods are defined here and in examples/bearing; the plants were fixed before the
-first result. The first plant, that of the table, has 20 % more pinning and a gap reading that is 10
-um too large. The others have random errors of all kinds at the same time, as [spread] states. The
-rig file of this benchmark states a standard deviation of 5 um for the gap zero.
+first result. The first plant, whose results are in the table, has 20 % more pinning and a gap
+reading that is 10 um too large. The other plants have random errors of all kinds at the same time,
+as [spread] states. In this benchmark, the standard deviation of the gap zero in the rig file is 5
+um.
 
-Each method controls a plant during the steps of the example and is calibrated on that recording. It
+Each method controls a plant during the steps of the example and is calibrated on this recording. It
 is evaluated with other noise seeds, by the overshoot of the highest step and the force error on a
-slow triangle. These metrics are given for the nominal bearing and for the drifted one before and
+slow triangle. The metrics are given for the nominal bearing, and for the drifted bearing before and
 after calibration. For the first plant, they are also given for a controller that knows the drift.
 """
 
@@ -54,7 +55,7 @@ Figures = tuple[float, float]
 
 
 def evaluate_controller(setup: BearingSetup, drift: Drift) -> Figures:
-    """Evaluate one controller on one plant; mean over the noise seeds."""
+    """Return the metrics of one controller on one plant, averaged over the noise seeds."""
     scenario, begin = plan_trajectory(setup, setup.rig.settings.trajectories[0])
     found = []
     for noise in NOISES:
@@ -67,7 +68,7 @@ def evaluate_controller(setup: BearingSetup, drift: Drift) -> Figures:
 
 
 def record_steps(setup: BearingSetup, drift: Drift) -> Recording:
-    """Lift a plant off and step it up and down."""
+    """Return the recording of a plant that is lifted off and stepped up and down."""
     return SimulatedLoop(setup, plant=drifted_plant(setup.rig, drift, 0)).run(
         plan_recorded_run(setup.rig, setup.controller)[0]
     )
@@ -98,7 +99,7 @@ def calibrate_plant(
 
 
 def make_informed_setup(ready: BearingInputs, before: BearingSetup) -> BearingSetup:
-    """Return the controller that knows the drift of the plant of the table."""
+    """Return the controller that knows the drift of the plant in the table."""
     known = calibrate_magnet(ready.identify_magnet(), gap_zero=TABLE.gap_offset, width_change=TABLE.pinning)
     table = ready.controller.settings
     (fitted,) = fit_bearing_compensators(ready.rig, table, [known], before.method, "fixed")

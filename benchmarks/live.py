@@ -59,7 +59,7 @@ def one_core() -> Iterator[None]:
 
 
 def unpaced(where: str, setup: BearingSetup, firmware: Path) -> Row:
-    """Hover without pacing and measure the ratio of simulated time to wall time."""
+    """Levitate without pacing and measure the ratio of simulated time to wall time."""
     watch = Stopwatch()
     bench = BearingBench(setup, firmware)
     lift(bench)
@@ -89,7 +89,7 @@ def lift(bench: BearingBench) -> None:
 
 
 def paced(setup: BearingSetup, firmware: Path) -> Row:
-    """Hover in real time with a recorder and a viewer as subscribers."""
+    """Levitate in real time while a recorder and a viewer receive the signals."""
     bench = BearingBench(setup, firmware)
     lift(bench)
     first = bench.tick + 1

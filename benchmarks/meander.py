@@ -31,11 +31,11 @@ LONG, PITCH = 0.2, 0.004
 """Length of a field along x, with half a turnaround at each end, and pitch of the fields along y,
 m."""
 ASIDE = SetPoint((10.0, 10.0), 0.12, 0.0, 7.5e-3, 2e-3, has_final_rest=True)
-"""Set-point of a step along y; accelerations in m/s2, speed in m/s."""
+"""Set-point of a step along y: accelerations, m/s2, and speed, m/s."""
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux", "fused")
 PIECE = 20_000
 SETTLED_S = 5e-3
-"""Time from the end of the acceleration to the begin of the exposure, s."""
+"""Time from the end of the acceleration to the beginning of the exposure, s."""
 
 
 @dataclass(frozen=True)

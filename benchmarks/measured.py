@@ -1,6 +1,6 @@
-"""Identify the law of Jiles and Atherton from real measurements; compare with published results.
+"""Identify the Jiles-Atherton law from real measurements, and compare with published results.
 
-``laws.py`` compares the law with play cells.
+``laws.py`` compares this law with play cells.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Array = FloatArray
 LAW = "effective-field"
 
 SAME_ERROR = 0.0227
-"""Sum of squares, T^2, up to which both optimisers are timed on the ferrite loops."""
+"""Sum of squares, T^2, that each optimiser must reach when it is timed on the ferrite loops."""
 
 SEEDS = 10
 

@@ -1,9 +1,9 @@
 """Compare a compensator with one play operator with the full law and the single-valued curve.
 
-The metric is the force error over the whole loop and over small cycles, relative to the true force
-of a virtual magnet. The irons of the magnets are not laws of anhyst, except that of the bearing,
-which consists of play cells. Each compensator is fitted to loops read with the simulated sensors
-and runs in fixed point. ``python -m benchmarks.one_play`` prints a table.
+The metric is the force error on the whole loop and on small cycles, relative to the true force of a
+virtual magnet. The irons of the magnets are not laws of anhyst, except that of the bearing, which
+consists of play cells. Each compensator is fitted to loops that the simulated sensors measured, and
+it runs in fixed point. ``python -m benchmarks.one_play`` prints a table.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tests.foreign.magnets import MAGNETS, ForeignMagnet
 BEARING = Path(__file__).resolve().parent.parent / "examples" / "bearing"
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full")
 REACHED = 0.95
-"""Largest demand at a gap, as a fraction of the force at the largest current there."""
+"""Largest demand at a gap, as a fraction of the force at this gap with the largest current."""
 
 
 def _foreign(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArray:
@@ -40,7 +40,7 @@ def _foreign(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArr
 
 
 def magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
-    """Yield the name, the loops as read and the true force function of each magnet."""
+    """Yield the name, the measured loops and the true force function of each magnet."""
     rig = read_bearing(BEARING / "rig.toml")
 
     def bundled(current: FloatArray, gap: float) -> FloatArray:

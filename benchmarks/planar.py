@@ -92,12 +92,12 @@ def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
 
 
 def make_loss_rows() -> list[Row]:
-    """Return the outcomes of layouts after the loss of each of their magnets."""
+    """Return the results for each layout after the loss of each of its magnets."""
     result_rows = []
     for name, movable in (("8", 0), ("10", 0), ("12", 8), ("14", 14)):
         for peaks in ((22.0, 10.0, 18.0), (10.0, 8.0)):
             if name == "8" and peaks[0] > 10.0:
-                continue  # its two magnets along x cannot follow this motion
+                continue  # two magnets along x are too weak for this motion
             case = LossCase(kind="loss", circuit="open")
             flights = LossFlights(laid(name, peaks), Feedforward(), case).run_all()
             survived_count = sum(flight.outcome in ("flies on", "brakes") for flight in flights)
@@ -110,7 +110,7 @@ def make_loss_rows() -> list[Row]:
 
 
 def head_rows() -> list[Row]:
-    """Return the outcomes of lift-off and landing with ten magnets after a fault of each head."""
+    """Return the results of lift-off and landing with ten magnets after a fault of each head."""
     result_rows = []
     for heads in (6, 7):
         case = LossCase(

@@ -77,7 +77,7 @@ def bundled_example() -> list[Row]:
 
 
 def whole_identify(loops: Path) -> list[Row]:
-    """Measure the time of identifying four gaps, as a call and as the command with all imports."""
+    """Measure the time to identify four gaps, as a call and as the command with all imports."""
     watch = Stopwatch()
     identify(read_loops(loops))
     call = (str(watch), watch.processor)
@@ -131,7 +131,7 @@ def markdown(rows: Sequence[Row], machine: Machine) -> str:
 
 
 def show(rows: Sequence[Row], machine: Machine) -> None:
-    """Print the table: drawn on a terminal, else as Markdown, whose lines must not break."""
+    """Print the table: drawn on a terminal, otherwise as Markdown with unwrapped lines."""
     if not sys.stdout.isatty():
         print(markdown(rows, machine), end="")
         return

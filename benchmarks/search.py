@@ -45,10 +45,10 @@ REACH = 1.1
 """Largest ratio of the deviation to that of the best known fit with at most as many parameters."""
 
 UNSEEN = 1e-4
-"""Deviation relative to the largest output below which no sensor shows a difference."""
+"""Deviation relative to the largest output that is too small for any sensor."""
 
 THROUGH = 1
-"""Stage of ``known.py`` up to which the best fits of a draw must be known."""
+"""Stage of ``known.py`` that must be complete before the best fit of a draw counts as known."""
 
 COVERED = 0.9
 """Target for the fraction of intervals that contain the true value."""
@@ -128,9 +128,9 @@ def known_rms(known: Mapping[str, Any], numbers: int) -> float | None:
 
 
 def with_known(tried: Sequence[Tried]) -> list[Tried]:
-    """Add the ratio of each deviation to that of the best known fit, if one is known.
+    """Add the ratios of each deviation to that of the best known fits, if these are known.
 
-    One ratio is to the fits with at most as many parameters, one to all fits.
+    The first ratio is to the fits with at most as many parameters, the second to all fits.
     """
     known_fits = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
     found = []
@@ -257,7 +257,7 @@ def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
 
 
 def run(numbers: Sequence[int], shown: bool) -> list[Tried]:
-    """Try some draws; draws that may be shown are written to a file after each one."""
+    """Run some draws; draws that may be inspected are written to a file after each one."""
     tried: list[Tried] = []
     for place, number in enumerate(numbers, start=1):
         result = measure(draw(number))

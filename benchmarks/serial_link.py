@@ -1,4 +1,4 @@
-"""Measure the throughput of the serial link in emulation and in a process; compute it for lines."""
+"""Measure the throughput of the serial link in QEMU and in a process; compute it for lines."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def _stream(board: RunningFirmware, count: int) -> tuple[float, int]:
 
 
 def _line(baud: int) -> Row:
-    """Compute the throughput of a full-duplex serial line; the longer answers limit it."""
+    """Compute the throughput of a full-duplex serial line, which the answers limit."""
     demand = len(encode(DemandRequest(0x01010101), 1, 0x01010101))
     status = len(encode(StatusAnswer(*([1] * 12)), 1, 0x01010101))
     a_second = baud / BITS_A_BYTE

@@ -1,9 +1,9 @@
 """Measure force control over the serial link for solenoids with irons of other families.
 
 Winding, poles and instruments are those of ``examples/solenoid``; the irons are those of
-``examples/irons``. The loops are measured again for each iron. Only two of the test positions are
-used, neither of which was measured. ``python benchmarks/solenoids.py NAME`` prints the rows of one
-iron.
+``examples/irons``. The loops are measured again for each iron. Only two of the example's test
+positions are used, and the loops contain neither of them. ``python benchmarks/solenoids.py NAME``
+prints the rows of one iron.
 """
 
 from __future__ import annotations
@@ -33,8 +33,7 @@ REST, MOVING, PART = 0.6, 1.5, 0.25
 """Targets: error at rest and in motion, % of F_max, and ratio to the error of the best curve."""
 
 REACHED = 0.85
-"""Largest demand relative to the force that every position reaches, if below that of the example.
-"""
+"""Largest demand relative to the force that can be reached at every position; at most 40 N."""
 
 
 def _loops_module() -> ModuleType:
@@ -83,7 +82,7 @@ def by_law(summaries: dict[str, dict[str, Any]], stage: str) -> str:
 
 
 def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
-    """Return the rows of one solenoid for each law: at rest and moving."""
+    """Return the rows of one solenoid for each law, at rest and in motion."""
     own = summaries[CHOSEN]
     result_rows = []
     for title, stages, most in (
@@ -105,7 +104,7 @@ def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
 
 
 def measure(name: str) -> list[Row]:
-    """Measure one iron with both laws."""
+    """Measure one iron with two laws."""
     summaries = {}
     for law in (CHOSEN, PAPER):
         with tempfile.TemporaryDirectory() as place:
@@ -114,7 +113,7 @@ def measure(name: str) -> list[Row]:
 
 
 def bundled() -> list[Row]:
-    """Measure the solenoid of the example with both laws, at all its positions."""
+    """Measure the solenoid of the example with two laws, at all its positions."""
     summaries = {}
     for law in (CHOSEN, PAPER):
         with tempfile.TemporaryDirectory() as place:
@@ -144,7 +143,7 @@ def rows() -> list[Row]:
 
 
 def main(chosen: Sequence[str]) -> None:
-    """Print the rows of the named irons, or of all."""
+    """Print the rows of the named irons, or of all irons."""
     for name in chosen or ["cells", *names()]:
         for row in bundled() if name == "cells" else measure(name):
             print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)

@@ -48,7 +48,7 @@ REACH = {"1 Hz": (0.12, 0.6), "20 Hz": (0.35, 1.2), "100 Hz": (0.9, 3.0), "rando
 
 
 STAGE: tuple[MethodName, ...] = ("single-valued", "at-rest", "full", "flux")
-"""Methods that are compared on a stage; the last reads a probe in the gap."""
+"""Methods that are compared on a stage; the last method uses a flux probe in the gap."""
 STAGE_IRONS = ("cells", "preisach-usual", "duhem-usual")
 STAGE_SOLID = SolidTable(depth_m=4e-3, conductivity_S_per_m=2e6, path_m=0.05)
 STAGE_FAST = [45.0, 450.0, 1350.0]  # A/s: full triangles of 5, 50 and 150 Hz
@@ -214,7 +214,7 @@ def bearing_rows() -> list[Row]:
 
 
 def rows() -> list[Row]:
-    """Evaluate all magnets, inspected and not inspected ones separately."""
+    """Evaluate all magnets; inspected and uninspected magnets have separate rows."""
     judged = [judge(number) for number in range(COUNT)]
     lines = []
     for title, odd in (("looked at", 0), ("not looked at", 1)):

@@ -120,7 +120,7 @@ def _triangle(samples: int) -> FloatArray:
 
 
 _Step = Callable[[float, float, float], float]
-"""Function of ampere-turns, A, outer reluctance, 1/H, and time step, s; returns T."""
+"""Function of ampere-turns, A, outer reluctance, 1/H, and time step, s, to flux density, T."""
 
 
 def _ringed(magnet: SolidMagnet) -> _Step:

@@ -1,8 +1,8 @@
 """Measure the time of one step of each law, and of its elementary functions alone.
 
-Each time is the least processor time of several repetitions, because other work on the machine can
-only add time. The comparison is the time of the same number of exponentials and Langevin functions,
-evaluated over an array without the rest of the law.
+Each time is the shortest processor time of several repetitions, because other work on the machine
+can only add time. It is compared with the time of the same number of exponentials and Langevin
+functions, evaluated over an array without the other operations of the law.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SAMPLES_A_LOOP = 200
 
 
 def best_ns(work: Callable[[], object], items: int) -> float:
-    """Return the processor time of one item, ns, the least of several repetitions."""
+    """Return the processor time of one item, ns, as the shortest of several repetitions."""
     times = []
     for _ in range(REPETITIONS):
         began = time.process_time_ns()
@@ -48,7 +48,7 @@ def scalar() -> Row:
     step_time = best_ns(lambda: law.run(omega, r, state), n)
     arguments = np.linspace(-4.0, 4.0, n)
     langevin_time = best_ns(lambda: langevin(arguments), n)
-    # A step evaluates a start and three to four iterates: 4 Langevin functions, 3 exponentials.
+    # A step has an initial guess and 3 to 4 iterates: 4 Langevin functions, 3 exponentials.
     exponential = best_ns(lambda: np.exp(-np.abs(arguments)), n)
     functions_time = 4.0 * langevin_time + 3.0 * exponential
     return Row(
@@ -61,7 +61,7 @@ def scalar() -> Row:
 
 
 def cells() -> list[Row]:
-    """Measure one forward and one inverse step of play cells; Jiles-Atherton on the same drive."""
+    """Measure one forward and one inverse step of play cells, and of Jiles-Atherton."""
     n = 200_000
     pinned = [Population(3e5, 40.0, 20.0, 1.5), Population(1e5, 120.0, 80.0, 2.0)]
     iron = make_iron(discretise_populations((3e4, 50.0), pinned), 0.0)
@@ -93,7 +93,7 @@ def cells() -> list[Row]:
 
 
 def batched(level: str) -> list[Row]:
-    """Measure a step of a batch per parameter set and sample; only the best level has a target."""
+    """Measure a batch step for each set and sample; only the best instruction set has a target."""
     has_target = level == batch_levels()[-1]
     sets, n = 256, SAMPLES_A_LOOP
     rng = np.random.default_rng(0)

@@ -2,7 +2,7 @@
 
 Irons, settings and gain search were fixed before the first result; they are defined in
 examples/stage/rig.toml and below. The baselines are the best single-valued curve, the map with one
-play, and the measured flux. Each method has its own gains from the same search.
+play, and the measured flux. The same search finds separate gains for each method.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ REVERSIBLE = (0.05, 0.15, 0.3)
 FAMILIES = ("preisach-soft", "preisach-usual", "preisach-hard", "duhem-usual")
 """Irons that are not laws of the package."""
 CREEPS = "duhem-usual"
-"""Iron without return-point memory: a ripple of the current makes its force drift."""
+"""Iron without return-point memory: current ripple makes its force drift."""
 VARIANTS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
 
 
@@ -44,12 +44,12 @@ def with_iron(rig: BodyRig, iron: dict[str, object], crossover: float = 130.0) -
 
 
 def without_noise(rig: BodyRig) -> BodyRig:
-    """Return the stage with noise-free position and gap sensors; the current has no ripple then."""
+    """Return the stage with noise-free position and gap sensors, without current ripple."""
     return change_rig(rig, {"position_sensor.noise_m": 0.0, "gap_sensor.noise_m": 0.0})
 
 
 def irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
-    """Yield the tested irons; the three irons of the requirement are first."""
+    """Yield the tested irons; the three irons with targets are first."""
     own = rig.settings.steel.model_dump()
     for share in REVERSIBLE:
         yield f"cells, reversible part {share:g}", own | {"reversible_fraction": share}
@@ -127,7 +127,7 @@ def learning(study: TrackingStudy) -> list[Row]:
 
 
 def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> list[Row]:
-    """Return the effect of fixed point and of the plant's sub-steps, with the same noise."""
+    """Return the effects of fixed point and of the plant's sub-steps, with the same noise."""
     table = rig.settings.scan
     motion = scan_motion(table, table.test_m_per_s2)
     gains = study.variants["full"].gains

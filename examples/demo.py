@@ -1,16 +1,16 @@
 """Run the bundled examples against their strongest baselines: ``make demo``.
 
-- electromagnet: from loops at four gaps to a model with a report; the model is evaluated at two
-  withheld gaps, and by a force demand between the gaps whose current drives the simulated magnet
-- controller: its model as 16-bit fixed-point C, bit for bit on an emulated Cortex-M4
+- electromagnet: identify a model from loops at four gaps; evaluate it at two withheld gaps, and by a
+  force demand whose current drives the simulated magnet
+- controller: compile this model to 16-bit fixed-point C and run it on an emulated Cortex-M4
 - bearing: four steps with position feedback, where compensation has no benefit
 - stage: set-points with feedforward, where compensation has the largest benefit
 
 The results form one table and one picture in ``demo/``, with longer tables as text files. The
-baseline of the electromagnet is the best possible single-valued curve: it is fitted to true loops
-of the gap at which it is evaluated, while the model knows only other gaps. Bearing and stage use
-all noise seeds of their rig files, but not all variants and experiments; these need ``anhyst
-simulate``.
+baseline of the electromagnet is the best possible single-valued curve. It is fitted to true loops
+of the gap at which it is evaluated, while the model is fitted only to loops of other gaps. Bearing
+and stage use all noise seeds of their rig files. Only ``anhyst simulate`` runs all variants and
+experiments.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ Array = FloatArray
 EXAMPLES = Path(__file__).parent
 ELECTROMAGNET = EXAMPLES / "electromagnet"
 BETWEEN = 0.45e-3
-"""Gap of the demand, m: not measured; the gap of the paper's Figs. 2 and 5."""
+"""Gap of the force demand, m, as in Figs. 2 and 5 of the paper; no loop has this gap."""
 BEARING: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued", "play", "full")
 STAGE: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
 CURVE = "best curve without memory"
@@ -192,7 +192,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Piece:
-    """The results of one example: its rows of the table, its panel of the picture, its remark."""
+    """The results of one example: rows of the table, panel of the picture, and remark."""
 
     lines: list[Line]
     draw: Callable[[Axes], None] | None = None
@@ -210,12 +210,12 @@ def step(what: str) -> Iterator[None]:
 
 def electromagnet(out: Path) -> Piece:
     """Identify a model from loops, write its report and evaluate it at withheld gaps."""
-    with step("electromagnet: 16 loops at four gaps to a model, laws and gap maps compared"):
+    with step("electromagnet: identify a model from 16 loops at four gaps"):
         found = identify(read_loops(ELECTROMAGNET / "loops.csv"))
         write_model(found.model, out / "model.toml")
-    with step("its report, and the model at gaps it never saw"):
+    with step("electromagnet: write a report, evaluate the model at withheld gaps"):
         write_report(out / "model.toml", out / "report.html")
-        # The evaluation uses the model from the file, not the one in memory.
+        # The evaluation uses the model from the file, not the model in memory.
         model = read_model(out / "model.toml")
         truth = read_loops(ELECTROMAGNET / "unseen_truth.csv")
         largest = max(float(np.max(loop.output)) for loop in truth.loops)
@@ -237,13 +237,13 @@ def draw_loop(ax: Axes, model: Model, truth: Loops) -> None:
     ax.plot(loop.input, residual, label=CURVE, **line_style("single-valued"))
     ax.plot(loop.input, loop.output - predicted, label="anhyst", **line_style("full"))
     gap = loop.schedule_value
-    where = "" if gap is None else f" at {1e3 * gap:g} mm, never seen"
+    where = "" if gap is None else f" at {1e3 * gap:g} mm (withheld)"
     ax.set(title=f"electromagnet{where}", xlabel="current [A]", ylabel="force error [N]")
 
 
 def compiled(model: Path, folder: Path) -> Piece:
     """Compile a model to C and run the C on an emulated Cortex-M4."""
-    with step("the model to fixed-point C, run on an emulated Cortex-M4"):
+    with step("controller: compile the model to C, run it on an emulated Cortex-M4"):
         request = CompileRequest("full", "q15", rate=20e3, accuracy=0.2, name="electromagnet")
         made = compile_model(model, folder, request)
         found = verify(folder, "cortex-m4")
@@ -254,14 +254,14 @@ def compiled(model: Path, folder: Path) -> Piece:
     return Piece(
         [
             Line("16-bit C, Cortex-M4, worst", f"{worst:.2f} %", "", bits, ""),
-            Line("its instructions, solve", str(cost.most), "", "at most", ""),
+            Line("16-bit C, solve instructions", str(cost.most), "", "at most", ""),
         ]
     )
 
 
 def bearing(out: Path) -> Piece:
     """Run steps of the bearing with position feedback and every compensation method."""
-    with step(f"bearing: steps in the air, {len(BEARING)} ways from force to current"):
+    with step(f"bearing: simulate steps with {len(BEARING)} methods"):
         rig, controller = read_files(EXAMPLES / "bearing" / "rig.toml", None)
         ready = check_inputs(rig, controller)
         rig, tried = ready.rig, ready.rig.settings
@@ -297,7 +297,7 @@ def bearing(out: Path) -> Piece:
             time = 1e3 * (run["t_s"][part] - run["t_s"][begin])
             label = "anhyst" if name == "full" else BASELINE[name]
             ax.plot(time, 1e3 * run["gap_m"][part], label=label, **line_style(name))
-        title = "bearing: feedback hides the hysteresis"
+        title = "bearing: feedback corrects the hysteresis"
         ax.set(title=title, xlabel="time [ms]", ylabel="gap [mm]")
 
     judged = judge_steps(steps, "full")
@@ -311,7 +311,7 @@ def bearing(out: Path) -> Piece:
 
 @dataclass(frozen=True)
 class Tracked:
-    """A variant on the test set-point: metrics of every noise seed, run of the first one."""
+    """A variant on the test set-point: metrics of each noise seed, recording of the first seed."""
 
     measures: list[Measures]
     shown: Recording
@@ -331,8 +331,8 @@ def follow(setup: StageSetup) -> Tracked:
 
 
 def stage(out: Path) -> Piece:
-    """Follow set-points with a stage with feedforward and every compensation method."""
-    with step(f"stage: follows set-points with feedforward, {len(STAGE)} ways"):
+    """Let a stage with feedforward follow set-points with every compensation method."""
+    with step(f"stage: simulate set-points with feedforward and {len(STAGE)} methods"):
         rig = read_stage(EXAMPLES / "stage" / "rig.toml")
         magnet = identify_magnet(rig.measured_loops.read(), rig.settings.loops)
         setups, _ = make_variants(rig, magnet, STAGE)
@@ -360,15 +360,15 @@ def stage(out: Path) -> Piece:
             run = found[name].shown
             label = "anhyst" if name == "full" else BASELINE[name]
             ax.plot(1e3 * run["t_s"], 1e6 * run["error_m"], label=label, **line_style(name))
-        title = "stage: feedforward exposes it"
+        title = "stage: feedforward does not correct it"
         ax.set(title=title, xlabel="time [ms]", ylabel="position error [um]")
 
     return Piece(lines, draw)
 
 
 def write_table(path: Path, title: str, columns: list[str], rows: Mapping[MethodName, list[str]]) -> None:
-    """Write a table that is too long for the common one to a text file."""
-    title += ", 95 % interval; 'full' is anhyst"
+    """Write a table to a text file, because the common table has no space for it."""
+    title += ", 95 % intervals; the method of anhyst is 'full'"
     table = Table("", *columns, title=title, title_justify="left", box=box.SIMPLE_HEAD)
     for name, values in rows.items():
         table.add_row(name, *values)
@@ -379,8 +379,8 @@ def write_table(path: Path, title: str, columns: list[str], rows: Mapping[Method
 def table_of(pieces: list[Piece]) -> Table:
     """Return the table with the rows of all examples."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
-    for name in ("error, simulated magnets", "anhyst", "baseline", "", "of it"):
-        right = name in {"anhyst", "baseline", "of it"}
+    for name in ("error, simulated magnets", "anhyst", "baseline", "", "ratio"):
+        right = name in {"anhyst", "baseline", "ratio"}
         table.add_column(name, justify="right" if right else "left", no_wrap=True)
     for line in (line for piece in pieces for line in piece.lines):
         table.add_row(line.what, line.own, line.baseline, line.against, line.gain)
@@ -418,8 +418,8 @@ def main() -> None:
     console.print(table)
     for remark in (piece.remark for piece in pieces if piece.remark):
         console.print(remark)
-    print(f"picture: {out / 'demo.png'}; page about the electromagnet: {magnet / 'report.html'}")
-    print("next: your own magnet, docs/tutorial.md; or operate that bearing in a browser:")
+    print(f"picture: {out / 'demo.png'}; report of the electromagnet: {magnet / 'report.html'}")
+    print("next: model your magnet (docs/tutorial.md), or operate the bearing in a browser:")
     print("  .venv/bin/anhyst live examples/bearing/rig.toml")
 
 

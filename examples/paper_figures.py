@@ -9,13 +9,13 @@ of the reduction; then c_H remains the last free parameter, as in the paper. The
 - ``fig4.png``: k and c_H after the reduction;
 - ``fig5.png``: loops at the measured gaps and between them, if only c_H depends on the gap.
 
-Result: splines through the free sets fail as in the paper. After the reduction, all loops lie
-between their neighbours. But the reduction that is found ends with alpha, which is a reluctance in
-series, and not with c_H. The gap of this magnet is a reluctance, and the error with only c_H is
-half as large again. The error is at the knee of the smallest gap, which is the only one that
-saturates: the search averages over the gaps and minimises absolute deviations, so that this gap has
-little weight. The default search fits the common parameters of all gaps jointly and does not have
-this error.
+Result: splines through the free sets fail as in the paper. After the reduction, all loops are
+between the loops of the neighbouring gaps. However, the last free parameter of the reduction is
+alpha, which acts as a reluctance in series, and not c_H. The gap of this magnet is a reluctance,
+and the error with only c_H is 1.5 times as large. The error is at the knee of the smallest gap,
+which is the only gap with saturation. The search averages over the gaps and minimises absolute
+deviations, so that this gap has little weight. The default search fits the common parameters of all
+gaps jointly and does not have this error.
 
 Usage: python examples/paper_figures.py [--out FOLDER] [--seed N]; takes two minutes of processor
 time.
@@ -72,7 +72,7 @@ def search(loops: Loops, gap_map: str, seed: int) -> IdentifyResult:
 
 @use_report_style
 def figure_parameters(model: Model, splines: bool) -> Figure:
-    """Draw k and c_H over the gap: at the measured gaps, and between by spline or gap map."""
+    """Draw k and c_H at the measured gaps, and between these gaps by spline or gap map."""
     figure = new_figure(3.2)
     nodes = np.array(model.nodes)
     gaps = np.linspace(nodes[0], nodes[-1], 301)
