@@ -34,7 +34,7 @@ from rows import ROOT, Row, measurements
 
 REACH_M = 0.3e-6
 AUTHORS = "authors 0.58"
-START = 100
+SWITCH_ON_SAMPLES = 100
 """Number of samples at the beginning of the real record in which the amplifier is switched on."""
 
 LEAD_TICKS = 1000
@@ -49,22 +49,24 @@ def real_piezo(folder: Path) -> list[Row]:
         columns={"V_in": "u_V", "y_um": "x_um"},
         history="conditioned:0",
     )
-    whole = loops.loops[0]
-    half = whole.n // 2
+    record = loops.loops[0]
+    half = record.n // 2
     ends = {"first half fitted": (slice(0, half), slice(half, None)),
-            "second half fitted": (slice(half, None), slice(START, half))}  # fmt: skip
+            "second half fitted": (slice(half, None), slice(SWITCH_ON_SAMPLES, half))}  # fmt: skip
     rows = []
     for name, (fitted, other_half) in ends.items():
-        own = _part(whole, fitted, "conditioned:0" if fitted.start == 0 else "conditioned:0,3.6,0")
-        ways = {
-            "play cells": _play_cells(loops, own),
-            "best single-valued curve": _single_valued(own),
-            "classic Prandtl-Ishlinskii": _classic(own),
+        fitted_half = _record_part(
+            record, fitted, "conditioned:0" if fitted.start == 0 else "conditioned:0,3.6,0"
+        )
+        inverses = {
+            "play cells": _play_cells(loops, fitted_half),
+            "best single-valued curve": _single_valued(fitted_half),
+            "classic Prandtl-Ishlinskii": _classic(fitted_half),
         }
-        slope = np.ptp(own.output[START:]) / np.ptp(own.input)
+        slope = np.ptp(fitted_half.output[SWITCH_ON_SAMPLES:]) / np.ptp(fitted_half.input)
         errors = {
-            key: slope * float(np.sqrt(np.mean((way(whole) - whole.input)[other_half] ** 2)))
-            for key, way in ways.items()
+            key: slope * float(np.sqrt(np.mean((inverse(record) - record.input)[other_half] ** 2)))
+            for key, inverse in inverses.items()
         }
         others = ", ".join(f"{key} {1e6 * error:.2f}" for key, error in list(errors.items())[1:])
         rows.append(
@@ -78,7 +80,7 @@ def real_piezo(folder: Path) -> list[Row]:
     return rows
 
 
-def _part(whole: Loop, part: slice, history: str) -> Loop:
+def _record_part(whole: Loop, part: slice, history: str) -> Loop:
     assert whole.time is not None
     return Loop("1", whole.input[part], whole.output[part], None, whole.time[part],
                 History.parse(history))  # fmt: skip
@@ -94,25 +96,25 @@ def _play_cells(loops: Loops, own: Loop) -> Inverse:
 
 
 def _single_valued(own: Loop) -> Inverse:
-    curve = np.polynomial.Polynomial.fit(own.output[START:], own.input[START:], 7)
+    curve = np.polynomial.Polynomial.fit(own.output[SWITCH_ON_SAMPLES:], own.input[SWITCH_ON_SAMPLES:], 7)
     return lambda whole: np.asarray(curve(whole.output))
 
 
 def _classic(own: Loop) -> Inverse:
     """Return the inverse of weighted play operators in closed form (Prandtl-Ishlinskii)."""
     thresholds = np.concatenate([[0.0], np.linspace(0.05, 0.5, 12) * np.ptp(own.input)])
-    places = move_plays(own.input[None], thresholds, np.zeros((1, thresholds.size)))[START:, 0]
+    places = move_plays(own.input[None], thresholds, np.zeros((1, thresholds.size)))[SWITCH_ON_SAMPLES:, 0]
     ends = np.ones((places.shape[0], 1))
-    weights, _ = nnls(np.hstack([places, ends, -ends]), own.output[START:] * 1e6, maxiter=10000)
+    weights, _ = nnls(np.hstack([places, ends, -ends]), own.output[SWITCH_ON_SAMPLES:] * 1e6, maxiter=10000)
     offset, weights = weights[-2] - weights[-1], weights[:-2]
     rising = np.cumsum(weights)
     turned = np.array([weights[:i] @ (r - thresholds[:i]) for i, r in enumerate(thresholds)])
-    back = np.concatenate([[1.0 / weights[0]], -weights[1:] / (rising[1:] * rising[:-1])])
+    inverse_weights = np.concatenate([[1.0 / weights[0]], -weights[1:] / (rising[1:] * rising[:-1])])
 
     def inverse(whole: Loop) -> FloatArray:
         wanted = 1e6 * whole.output[None] - offset
         asked = move_plays(wanted, turned, np.zeros((1, turned.size)))[:, 0]
-        return np.asarray(asked @ back)
+        return np.asarray(asked @ inverse_weights)
 
     return inverse
 

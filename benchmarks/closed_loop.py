@@ -45,7 +45,7 @@ METHODS: tuple[Method, ...] = ("RK23", "RK45", "LSODA", "Radau")
 TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 
 
-class Flier(Protocol):
+class Simulator(Protocol):
     """Interface of both baselines."""
 
     def start(self, gap: float, current: float, load: float) -> float:
@@ -158,7 +158,7 @@ def memory_of(control: Control, gap: float, force: float) -> Array:
     return np.array([at, 0.0, force - control.proportional * (control.weight - 1.0) * at])
 
 
-def find_equilibrium(simulator: Flier, gap: float, load: float) -> float:
+def find_equilibrium(simulator: Simulator, gap: float, load: float) -> float:
     """Bring a baseline to equilibrium; return the current, A."""
     low, high = 0.0, 10.0
     for _ in range(60):
@@ -167,7 +167,7 @@ def find_equilibrium(simulator: Flier, gap: float, load: float) -> float:
     return current
 
 
-def seconds(work: Callable[[], object]) -> float:
+def processor_seconds(work: Callable[[], object]) -> float:
     """Return the processor time, s."""
     began = time.process_time()
     work()
@@ -175,7 +175,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 @dataclass(frozen=True)
-class Measured:
+class SpeedResult:
     """One simulator in the same loop."""
 
     name: str
@@ -194,7 +194,7 @@ def overshoot(case: Case, gap: Array) -> float:
     return float(100.0 * (upper - np.min(step)) / HEIGHTS[place])
 
 
-def measure_project(case: Case, variant: MethodName, number_format: NumberFormat) -> Measured:
+def measure_project(case: Case, variant: MethodName, number_format: NumberFormat) -> SpeedResult:
     """Simulate with the complete plant of this project; lift-off is not counted."""
     setup, scenario = case.setup(variant, number_format), case.scenario()
     start = ScenarioBuilder(case.rig, case.rig.settings.gap_m)
@@ -207,10 +207,10 @@ def measure_project(case: Case, variant: MethodName, number_format: NumberFormat
         run = loop.run(scenario)
         best = min(best, time.process_time() - began)
         gap = run["gap_m"]
-    return Measured(f"{variant} in {number_format}", SECONDS / best, overshoot(case, gap))
+    return SpeedResult(f"{variant} in {number_format}", SECONDS / best, overshoot(case, gap))
 
 
-def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: int) -> Measured:
+def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: int) -> SpeedResult:
     """Simulate with a baseline; compilation is not counted."""
     rig, scenario = case.rig, case.scenario()
     gap, load = float(scenario.target[0]), rig.settings.load.force_N
@@ -225,17 +225,17 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
         began = time.process_time()
         run = simulator.run(control, memory, scenario.target, scenario.load, drawn)
         best = min(best, time.process_time() - began)
-    return Measured(name, SECONDS / best, overshoot(case, run.gap))
+    return SpeedResult(name, SECONDS / best, overshoot(case, run.gap))
 
 
-def open_loop(simulator: Flier, current: float, load: float, gap: float) -> Array:
+def open_loop(simulator: Simulator, current: float, load: float, gap: float) -> Array:
     """Return gap and force at each tick of 3 ms of varying commands."""
     simulator.start(gap, current, load)
     moves = [current + 0.4 * math.sin(0.9 * tick) for tick in range(60)]
     return np.array([simulator.advance(command, load) for command in moves])
 
 
-class Own:
+class ProjectPlant:
     """The plant of this project with the interface of the baselines."""
 
     def __init__(self, rig: BodyRig, substeps: int) -> None:
@@ -257,21 +257,21 @@ class Own:
         return self._plant.gap, self._plant.force
 
 
-def errors(rig: BodyRig, fliers: dict[str, Flier]) -> dict[str, float]:
+def errors(rig: BodyRig, fliers: dict[str, Simulator]) -> dict[str, float]:
     """Return the rms force errors relative to the force range, against 64 sub-steps."""
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
-    exact = Own(rig, 64)
-    current = find_equilibrium(exact, gap, load)
-    truth = open_loop(exact, current, load, gap)[:, 1]
+    reference_plant = ProjectPlant(rig, 64)
+    current = find_equilibrium(reference_plant, gap, load)
+    true_force = open_loop(reference_plant, current, load, gap)[:, 1]
     found = {}
     for name, simulator in fliers.items():
         force = open_loop(simulator, current, load, gap)[:, 1]
-        found[name] = float(np.sqrt(np.mean((force - truth) ** 2)) / np.ptp(truth))
+        found[name] = float(np.sqrt(np.mean((force - true_force) ** 2)) / np.ptp(true_force))
     return found
 
 
 @dataclass(frozen=True)
-class Trial:
+class SolverTrial:
     """A setting of ``solve_ivp`` and its results."""
 
     method: Method
@@ -282,42 +282,42 @@ class Trial:
     """Processor time for the same 3 ms, s."""
 
 
-def try_all_settings(rig: BodyRig) -> list[Trial]:
+def try_all_settings(rig: BodyRig) -> list[SolverTrial]:
     """Try every method of ``solve_ivp`` at every tolerance."""
     plant = plant_of(rig)
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
-    current = find_equilibrium(Own(rig, 64), gap, load)
+    current = find_equilibrium(ProjectPlant(rig, 64), gap, load)
     trials = []
     for method in METHODS:
         for tolerance in TOLERANCES:
             simulator = ByScipy(plant, method, tolerance)
             error = errors(rig, {"": simulator})[""]
             best = min(
-                seconds(lambda: open_loop(simulator, current, load, gap))  # noqa: B023
+                processor_seconds(lambda: open_loop(simulator, current, load, gap))  # noqa: B023
                 for _ in range(3)
             )
-            trials.append(Trial(method, tolerance, error, best))
+            trials.append(SolverTrial(method, tolerance, error, best))
     return trials
 
 
-def strongest(trials: list[Trial], error: float) -> Trial:
+def select_setting(trials: list[SolverTrial], error: float) -> SolverTrial:
     """Return the fastest setting with at most this error, or the most accurate if there is none."""
-    good = [trial for trial in trials if trial.error <= error]
-    if not good:
+    accurate_trials = [trial for trial in trials if trial.error <= error]
+    if not accurate_trials:
         return min(trials, key=lambda trial: trial.error)
-    return min(good, key=lambda trial: trial.seconds)
+    return min(accurate_trials, key=lambda trial: trial.seconds)
 
 
-def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
+def measure() -> tuple[list[SpeedResult], dict[str, float], list[SolverTrial], SolverTrial]:
     """Measure all simulators, errors and settings of SciPy, and select a setting."""
     case = example()
     substeps = case.rig.settings.timing.substeps
     plant = plant_of(case.rig)
     numba = ByNumba(plant, substeps)
-    accuracy = errors(case.rig, {"ours": Own(case.rig, substeps), "numba": numba})
+    accuracy = errors(case.rig, {"ours": ProjectPlant(case.rig, substeps), "numba": numba})
     accuracy["numba, 64 sub-steps"] = errors(case.rig, {"": ByNumba(plant, 64)})[""]
     trials = try_all_settings(case.rig)
-    taken = strongest(trials, accuracy["ours"])
+    selected_setting = select_setting(trials, accuracy["ours"])
     variants: list[tuple[MethodName, NumberFormat]] = [
         ("full", "fixed"),
         ("full", "f64"),
@@ -326,33 +326,35 @@ def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
     ]
     found = [measure_project(case, *variant) for variant in variants]
     found.append(baseline(case, numba, "numba, map", REPETITIONS))
-    scipy = ByScipy(plant, taken.method, taken.tolerance)
-    found.append(baseline(case, scipy, f"SciPy {taken.method} {taken.tolerance:g}, map", 1))
-    return found, accuracy, trials, taken
+    scipy = ByScipy(plant, selected_setting.method, selected_setting.tolerance)
+    found.append(
+        baseline(case, scipy, f"SciPy {selected_setting.method} {selected_setting.tolerance:g}, map", 1)
+    )
+    return found, accuracy, trials, selected_setting
 
 
 def rows() -> list[Row]:
     """Return the rows: this project with compiled `full`, and the baselines with a map."""
-    found, accuracy, _, taken = measure()
-    full, *_, plain, numba, scipy = found
+    found, accuracy, _, selected_setting = measure()
+    full_result, *_, map_result, numba, scipy = found
     return [
         Row(
             "closed loop, 20 kHz, 4 sub-steps, 24 cells, `full` in fixed point: "
             "simulated time / processor time",
             ">= 25 (goal 50), with baselines",
-            f"{full.factor:.1f}; with a map as the baselines {plain.factor:.1f}, "
-            f"numba {numba.factor:.1f}, SciPy ({taken.method}, {taken.tolerance:g}) "
-            f"{scipy.factor:.3f}; `full` against numba {full.factor / numba.factor:.2f}, "
-            f"against SciPy {full.factor / scipy.factor:.0f}",
-            full.factor >= 25.0,
+            f"{full_result.factor:.1f}; with a map as the baselines {map_result.factor:.1f}, "
+            f"numba {numba.factor:.1f}, SciPy ({selected_setting.method}, {selected_setting.tolerance:g}) "
+            f"{scipy.factor:.3f}; `full` against numba {full_result.factor / numba.factor:.2f}, "
+            f"against SciPy {full_result.factor / scipy.factor:.0f}",
+            full_result.factor >= 25.0,
         ),
         Row(
             "open-loop force error against 64 sub-steps",
             "SciPy as accurate as ours",
             f"ours {100 * accuracy['ours']:.4f} % of its range, numba "
-            f"{100 * accuracy['numba']:.4f} %, SciPy {100 * taken.error:.4f} %; overshoot with a "
-            f"map {plain.overshoot:.2f} %, {numba.overshoot:.2f} %, {scipy.overshoot:.2f} %",
-            taken.error <= accuracy["ours"],
+            f"{100 * accuracy['numba']:.4f} %, SciPy {100 * selected_setting.error:.4f} %; overshoot with a "
+            f"map {map_result.overshoot:.2f} %, {numba.overshoot:.2f} %, {scipy.overshoot:.2f} %",
+            selected_setting.error <= accuracy["ours"],
         ),
     ]
 

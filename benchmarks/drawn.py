@@ -119,15 +119,15 @@ class _Plan:
         return found
 
 
-def _core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArray]:
+def _size_core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArray]:
     """Choose the size of a magnet from the force at its smallest gap; return it and the gaps, m."""
     field = magnet["saturating"] * true["knee_sharp"]
     density = true["saturation_sharp"] * field / (field + true["knee_sharp"])
     area = magnet["force_N"] * MU_0 / density**2
     width = float(np.sqrt(area / magnet["aspect"]))
-    least = magnet["smallest_gap"] * width
-    gaps = np.zeros(1) if magnet["ring"] else _gaps(magnet, least)
-    permeance = 0.5 * MU_0 * area / least
+    smallest_gap = magnet["smallest_gap"] * width
+    gaps = np.zeros(1) if magnet["ring"] else _gaps(magnet, smallest_gap)
+    permeance = 0.5 * MU_0 * area / smallest_gap
     poles = Poles(
         turns=1.0,
         resistance=1.0,
@@ -135,7 +135,7 @@ def _core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArra
         depth=area / width,
         leakage=magnet["leakage"] * permeance,
         iron_length=magnet["iron_length"] * width,
-        joints=magnet["joints"] * least,
+        joints=magnet["joints"] * smallest_gap,
     )
     core = Core(poles, magnet["ring"])
     excitation = poles.iron_length * field + float(core.outer(gaps)[0]) * area * density
@@ -153,7 +153,7 @@ def _gaps(magnet: dict[str, Any], least: float) -> FloatArray:
     return np.asarray(least * magnet["gap_range"] ** places)
 
 
-def _sweep(ends: list[float], step: float) -> FloatArray:
+def _sweep_samples(ends: list[float], step: float) -> FloatArray:
     """Return straight ramps between points, evenly sampled."""
     parts = [np.array(ends[:1])]
     for start, end in pairwise(ends):
@@ -179,7 +179,7 @@ def _ranges(
     return found
 
 
-def _measured(
+def _measured_records(
     drive: dict[str, Any], ranges: list[tuple[float, float]], gap: float, rng: np.random.Generator
 ) -> list[_Record]:
     """Return the records of all loops at a gap."""
@@ -191,23 +191,25 @@ def _measured(
         stated: tuple[float, ...] = ()
         if start.startswith("settled"):
             stated = (0.0, whole[1], 0.0) if start == "settled-after-max" else ()
-            cycle = _sweep([low, high, low], step)
-            turn = int(rng.random() * (cycle.size - 1))
+            cycle = _sweep_samples([low, high, low], step)
+            reversal = int(rng.random() * (cycle.size - 1))
             lead = (*stated, *CYCLES * (low, high), low)
-            lead += (high, float(cycle[turn])) if cycle.size <= 2 * turn else (float(cycle[turn]),)
-            current = np.concatenate([cycle[turn:], cycle[1 : turn + 1]])
+            lead += (
+                (high, float(cycle[reversal])) if cycle.size <= 2 * reversal else (float(cycle[reversal]),)
+            )
+            current = np.concatenate([cycle[reversal:], cycle[1 : reversal + 1]])
         elif start == "demagnetised":
-            lead, current = (), _sweep([low, high, low, high, low], step)
+            lead, current = (), _sweep_samples([low, high, low, high, low], step)
         else:
             lead, stated = all_of_it, all_of_it
-            current = _sweep([low, high, low], step)
+            current = _sweep_samples([low, high, low], step)
         found.append(
             _Record("", str(number), lead, start.split("-")[0], stated, current, np.full(current.size, gap))
         )
     return found
 
 
-def _tests(
+def _test_records(
     plan: tuple[dict[str, Any], list[tuple[float, float]]], gaps: FloatArray, top: float,
     rng: np.random.Generator,
 ) -> list[_Record]:  # fmt: skip
@@ -216,11 +218,11 @@ def _tests(
     tests, (low, high) = SETTINGS["tests"], ranges[0]
     step = (high - low) / tests["samples"]
     lead = (*CYCLES * (low, high), low) if low < 0.0 else (0.0, *CYCLES * (high, 0.0))
-    between = [float(np.sqrt(one * two)) for one, two in pairwise(gaps)]
+    between = [float(np.sqrt(one * test_gaps)) for one, test_gaps in pairwise(gaps)]
     unseen = [between[0], between[-1]] if len(between) > 1 else between
 
     def path(kind: str, ends: list[float], gap: float, since: int = 0) -> _Record:
-        current = _sweep([lead[-1], *ends], step)
+        current = _sweep_samples([lead[-1], *ends], step)
         return _Record(kind, f"{kind}-{gap:.6g}", lead, "conditioned", lead, current,
                        np.full(current.size, gap), since)  # fmt: skip
 
@@ -230,12 +232,12 @@ def _tests(
     found = [path("other", reversals(tests["turns"]), float(gaps[0]))]
     for gap in unseen:
         found.append(path("unseen", reversals(tests["turns"]), gap))
-        found += [replace(record, kind="same") for record in _measured(drive, ranges, gap, rng)]
+        found += [replace(record, kind="same") for record in _measured_records(drive, ranges, gap, rng)]
     swing = 0.5 * tests["small"] * top
     for bias in tests["biases"]:
-        middle, gap = bias * top, float((unseen or gaps)[-1])
-        there = _sweep([lead[-1], middle - swing], step).size
-        ends = [middle - swing, *tests["small_cycles"] * [middle + swing, middle - swing]]
+        middle_gap, gap = bias * top, float((unseen or gaps)[-1])
+        there = _sweep_samples([lead[-1], middle_gap - swing], step).size
+        ends = [middle_gap - swing, *tests["small_cycles"] * [middle_gap + swing, middle_gap - swing]]
         found.append(path("small", ends, gap, there))
     if gaps.size > 1:
         record = path("moving", reversals(tests["moving_turns"]), float(gaps[0]))
@@ -245,16 +247,16 @@ def _tests(
     return found
 
 
-def _plan(number: int) -> _Plan:
+def _sample_plan(number: int) -> _Plan:
     rng = np.random.default_rng([SETTINGS["seed"], number])
     family = FAMILIES[number // 2 % len(FAMILIES)]
     magnet, drive, sensors = (from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors"))
     iron, true = draw_iron(family, rng)
-    core, gaps = _core(magnet, true)
+    core, gaps = _size_core(magnet, true)
     top = magnet["current_A"]
     ranges = _ranges(drive, core.ring, top, rng)
-    records = [record for gap in gaps for record in _measured(drive, ranges, float(gap), rng)]
-    records += _tests((drive, ranges), gaps, top, rng)
+    records = [record for gap in gaps for record in _measured_records(drive, ranges, float(gap), rng)]
+    records += _test_records((drive, ranges), gaps, top, rng)
     drawn = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
     return _Plan(number, family, drawn, core, iron, records)
 
@@ -268,25 +270,25 @@ def _hash() -> str:
 
 
 @cache
-def _computed() -> tuple[list[_Plan], list[list[Answer]]]:
+def _compute_responses() -> tuple[list[_Plan], list[list[Answer]]]:
     """Return all plans and the responses of their records, cached in ``build/``."""
-    plans = [_plan(number) for number in range(COUNT)]
+    plans = [_sample_plan(number) for number in range(COUNT)]
     sizes = [job.current.size for plan in plans for job in plan.jobs()]
-    kept = ROOT / "build" / f"drawn-{_hash()}.npy"
-    if kept.exists():
-        every = np.load(kept)
+    cache_file = ROOT / "build" / f"drawn-{_hash()}.npy"
+    if cache_file.exists():
+        all_jobs = np.load(cache_file)
     else:
         found = answers([job for plan in plans for job in plan.jobs()])
-        every = np.concatenate([np.stack(responses) for responses in found], axis=1)
-        kept.parent.mkdir(exist_ok=True)
-        np.save(kept, every)
-    pieces = iter(np.split(every, np.cumsum(sizes)[:-1], axis=1))
+        all_jobs = np.concatenate([np.stack(responses) for responses in found], axis=1)
+        cache_file.parent.mkdir(exist_ok=True)
+        np.save(cache_file, all_jobs)
+    pieces = iter(np.split(all_jobs, np.cumsum(sizes)[:-1], axis=1))
     return plans, [[Answer(*next(pieces)) for _ in plan.records] for plan in plans]
 
 
 def draw(number: int) -> Draw:
     """Return a virtual measurement by its number, 0 to :data:`COUNT` - 1."""
-    plans, found = _computed()
+    plans, found = _compute_responses()
     return measured(plans[number], found[number], np.random.default_rng([SETTINGS["seed"], number, 1]))
 
 

@@ -63,7 +63,7 @@ STAGES: dict[int, tuple[tuple[Shape, int], ...]] = {
 """Play-cell laws of each stage by curve and populations; stage 1 includes Jiles-Atherton."""
 
 STARTS, RANKED, ENDED, FINISHED = 64, 24, 8, 3
-COARSE, FINE = 40, 100
+COARSE_SAMPLES, FINE_SAMPLES = 40, 100
 """Samples per loop for the first descents, and for the descents of the best starts."""
 
 _FIRST, _SHORT, _LONG, _LAST = 4, 8, 80, 30
@@ -71,7 +71,7 @@ _SCAN = 24
 _TRIES = 30
 _NEAR = 1.02
 
-_LAW = {
+_LAW_RANGES = {
     "kappa": (0.01, 10.0),
     "c": (0.0, 0.95),
     "share": (0.03, 3.0),
@@ -81,7 +81,7 @@ _LAW = {
 }
 """Ranges of the law's parameters, by the first part of their names; log-uniform except ``c``."""
 
-_DRIVEN = (0.5, 40.0)
+_MAX_FIELD_RANGE = (0.5, 40.0)
 """Range of the largest effective field, in units of the law."""
 
 _OMEGA = (0.02, 500.0)
@@ -161,7 +161,7 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
     scans = [Scan(form, records.at_gap(gap)) for gap in range(records.gap_count)]
     for _ in range(_TRIES):
         law = tuple(_number(parameter.name, rng) for parameter in form.kernel.fit_parameters)
-        low, high = _DRIVEN
+        low, high = _MAX_FIELD_RANGE
         driven = low * (high / low) ** rng.random()
         size = 1.0 + sum(part for parameter, part in zip(form.kernel.fit_parameters, law, strict=True)
                          if parameter.name.startswith("share"))  # fmt: skip
@@ -182,7 +182,7 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
 
 
 def _number(name: str, rng: np.random.Generator) -> float:
-    low, high = _LAW[name.split("_", maxsplit=1)[0]]
+    low, high = _LAW_RANGES[name.split("_", maxsplit=1)[0]]
     part = float(rng.random())
     return low + (high - low) * part if low == 0.0 else float(low * (high / low) ** part)
 
@@ -220,7 +220,7 @@ def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | N
     records = make_fit_records(loops, "loops", read_rest_offsets(loops))
     common = OFFSET_NAMES if target.gap_map == "circuit" else frozenset()
     whole = CoordinateSpace(target.gap_map, records, target.form, common=common)
-    coarse, fine = (replace(whole, records=records.thinned(most)) for most in (COARSE, FINE))
+    coarse, fine = (replace(whole, records=records.thinned(most)) for most in (COARSE_SAMPLES, FINE_SAMPLES))
     rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
     starts = [random_start(coarse, rng) for _ in range(STARTS)]
     first_fits = [descend_from(coarse, start, 1e-4, _FIRST) for start in starts if start is not None]
@@ -229,21 +229,21 @@ def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | N
     first_fits.sort(key=lambda fit: fit.cost)
     ranked_fits = [descend_from(coarse, fit.theta, 1e-4, _SHORT) for fit in first_fits[:RANKED]]
     ranked_fits.sort(key=lambda fit: fit.cost)
-    ends = [descend_from(fine, fit.theta, 1e-6, _LONG) for fit in ranked_fits[:ENDED]]
-    ends.sort(key=lambda fit: fit.cost)
-    near_count = sum(bool(fit.cost <= _NEAR**2 * ends[0].cost) for fit in ends)
-    final_fits = [descend_from(whole, fit.theta, 1e-7, _LAST) for fit in ends[:FINISHED]]
+    best_fits = [descend_from(fine, fit.theta, 1e-6, _LONG) for fit in ranked_fits[:ENDED]]
+    best_fits.sort(key=lambda fit: fit.cost)
+    near_count = sum(bool(fit.cost <= _NEAR**2 * best_fits[0].cost) for fit in best_fits)
+    final_fits = [descend_from(whole, fit.theta, 1e-7, _LAST) for fit in best_fits[:FINISHED]]
     space_without_offsets, kept_coordinates = whole.with_fixed(OFFSET_NAMES)
     final_fits_without_offsets = [
         descend_from(space_without_offsets, fit.theta[kept_coordinates], 1e-7, _LAST) for fit in final_fits
     ]
     return {
-        target.name: best_of(final_fits, loops, near_count),
-        f"{target.name}/no offsets": best_of(final_fits_without_offsets, loops, near_count),
+        target.name: find_best_fit(final_fits, loops, near_count),
+        f"{target.name}/no offsets": find_best_fit(final_fits_without_offsets, loops, near_count),
     }
 
 
-def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None:
+def find_best_fit(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None:
     """Return the best fit in the form of the file; usable fits are preferred."""
     found = []
     for fit in ends:

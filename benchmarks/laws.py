@@ -29,7 +29,7 @@ from rows import ROOT, Row, Stopwatch, measurements
 PAPER = "effective-field"
 CHOSEN = "auto"
 
-MEAN, WORST, SMALL = 0.12, 0.8, 0.2
+MEAN_TARGET, WORST_TARGET, SMALL_CYCLES_TARGET = 0.12, 0.8, 0.2
 """Targets, % of the largest force: mean and worst at unseen gaps, mean in small cycles about a
 bias."""
 
@@ -46,14 +46,14 @@ def _irons() -> ModuleType:
 
 
 @dataclass(frozen=True)
-class Missed:
+class ForceErrors:
     """Absolute deviations: mean and largest, % of the largest force."""
 
     mean: float
     worst: float
 
     @classmethod
-    def of(cls, off: list[FloatArray], largest: float) -> Missed:
+    def of(cls, off: list[FloatArray], largest: float) -> ForceErrors:
         """Compute the metrics from deviations and a largest force, N."""
         parts = 100.0 * np.abs(np.concatenate(off)) / largest
         return cls(float(parts.mean()), float(parts.max()))
@@ -63,31 +63,31 @@ class Missed:
         return f"{self.mean:.3f} %, worst {self.worst:.2f} %"
 
 
-def _at_unseen(model: Model, truth: Loops) -> list[FloatArray]:
+def _unseen_residuals(model: Model, truth: Loops) -> list[FloatArray]:
     return [
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
         for loop in truth.loops
     ]
 
 
-def _largest(truth: Loops) -> float:
+def _largest_force(truth: Loops) -> float:
     return max(float(np.max(loop.output)) for loop in truth.loops)
 
 
 def _unseen_row(name: str, models: dict[str, Model], truth: Loops) -> Row:
-    largest = _largest(truth)
-    missed = {law: Missed.of(_at_unseen(model, truth), largest) for law, model in models.items()}
-    plain = Missed.of([off for _, off in single_valued_residuals(truth)], largest)
+    largest = _largest_force(truth)
+    missed = {law: ForceErrors.of(_unseen_residuals(model, truth), largest) for law, model in models.items()}
+    plain = ForceErrors.of([off for _, off in single_valued_residuals(truth)], largest)
     ours = missed[CHOSEN]
     return Row(
         f"{name}, unseen gaps: mean error",
-        f"<= {MEAN:g} %, worst {WORST:g} % of F_max",
+        f"<= {MEAN_TARGET:g} %, worst {WORST_TARGET:g} % of F_max",
         f"{ours} ({models[CHOSEN].law}); {PAPER} {missed[PAPER]}; best single-valued {plain}",
-        ours.mean <= MEAN and ours.worst <= WORST,
+        ours.mean <= MEAN_TARGET and ours.worst <= WORST_TARGET,
     )
 
 
-def _path_rows(module: ModuleType, name: str, models: dict[str, Model], at_rest: Missed,
+def _path_rows(module: ModuleType, name: str, models: dict[str, Model], at_rest: ForceErrors,
                largest: float) -> list[Row]:  # fmt: skip
     """Return the rows of a moving gap and of small cycles about a bias."""
     offset = module.SETTINGS["sensors"]["current_offset_A"]
@@ -100,14 +100,14 @@ def _path_rows(module: ModuleType, name: str, models: dict[str, Model], at_rest:
             for truth in truths:
                 modelled = model.predict(truth.current + offset, truth.gap, history="demagnetised").output
                 deviations.append((modelled - truth.force)[truth.counted])
-            missed[law] = Missed.of(deviations, largest)
+            missed[law] = ForceErrors.of(deviations, largest)
         ours, moving = missed[CHOSEN], what == "moving gap"
         result_rows.append(
             Row(
                 f"{name}, {what}: mean error",
-                "<= 1.25 times that at fixed gaps" if moving else f"<= {SMALL:g} % of F_max",
+                "<= 1.25 times that at fixed gaps" if moving else f"<= {SMALL_CYCLES_TARGET:g} % of F_max",
                 f"{ours}; {PAPER} {missed[PAPER]}",
-                ours.mean <= (1.25 * at_rest.mean if moving else SMALL),
+                ours.mean <= (1.25 * at_rest.mean if moving else SMALL_CYCLES_TARGET),
             )
         )
     return result_rows
@@ -126,8 +126,8 @@ def magnets() -> list[Row]:
             truth = read_loops(Path(folder) / "unseen_truth.csv")
         models = {law: identify(loops, law=law).model for law in (PAPER, CHOSEN)}
         result_rows.append(_unseen_row(name, models, truth))
-        largest = _largest(truth)
-        at_rest = Missed.of(_at_unseen(models[CHOSEN], truth), largest)
+        largest = _largest_force(truth)
+        at_rest = ForceErrors.of(_unseen_residuals(models[CHOSEN], truth), largest)
         result_rows += _path_rows(module, name, models, at_rest, largest)
     return result_rows
 
@@ -148,7 +148,7 @@ def _bundled(folder: Path) -> Row:
     )
 
 
-def _joint(loops: Loops, law: str, weights: str) -> list[float]:
+def _joint_rms(loops: Loops, law: str, weights: str) -> list[float]:
     """Return the rms errors of one joint fit, %: of each loop, or one value with equal weights."""
     fit = identify(loops, law=law, weights=weights, offsets=False).model.fit
     assert fit is not None
@@ -169,7 +169,7 @@ def _withheld_rms(loops: Loops, law: str) -> list[float]:
     return found
 
 
-def _listed(values: list[float]) -> str:
+def _list_text(values: list[float]) -> str:
     return ", ".join(f"{value:.2f}" for value in values) + " %"
 
 
@@ -188,14 +188,14 @@ def materials(folder: Path) -> list[Row]:
     )
     found = []
     for name, loops, weights, target_percent in sets:
-        joint = {law: _joint(loops, law, weights) for law in (PAPER, CHOSEN)}
+        joint = {law: _joint_rms(loops, law, weights) for law in (PAPER, CHOSEN)}
         withheld = {law: _withheld_rms(loops, law) for law in (PAPER, CHOSEN)}
         found.append(
             Row(
                 f"{name}: rms of one set",
                 f"<= {target_percent:g} % of B_max",
-                f"{_listed(joint[CHOSEN])}; withheld inner loops {_listed(withheld[CHOSEN])}; {PAPER} "
-                f"{_listed(joint[PAPER])}; withheld {_listed(withheld[PAPER])}",
+                f"{_list_text(joint[CHOSEN])}; withheld inner loops {_list_text(withheld[CHOSEN])}; {PAPER} "
+                f"{_list_text(joint[PAPER])}; withheld {_list_text(withheld[PAPER])}",
                 max(joint[CHOSEN]) <= target_percent,
             )
         )
@@ -209,7 +209,7 @@ def _gadolinium(folder: Path) -> Row:
         deviations = []
         for value in loops.schedule_values[1:-1]:
             model = identify(loops.without(value), law=law, gap_map="free").model
-            deviations += _at_unseen(model, loops.at(value))
+            deviations += _unseen_residuals(model, loops.at(value))
         missed[law] = 1e3 * float(np.mean(np.abs(np.concatenate(deviations))))
     return Row(
         "gadolinium, withheld temperature: mean error",

@@ -50,20 +50,20 @@ REACH = 1.2
 OTHERS = ("preisach-usual", "preisach-hard", "duhem-usual")
 UNSURE = {"spread.gap_zero_m": 5e-6}
 
-Figures = tuple[float, float]
+BearingMetrics = tuple[float, float]
 """Overshoot of the highest step, %, and rms force error on the triangle, N."""
 
 
-def evaluate_controller(setup: BearingSetup, drift: Drift) -> Figures:
+def evaluate_controller(setup: BearingSetup, drift: Drift) -> BearingMetrics:
     """Return the metrics of one controller on one plant, averaged over the noise seeds."""
     scenario, begin = plan_trajectory(setup, setup.rig.settings.trajectories[0])
-    found = []
+    metrics = []
     for noise in NOISES:
         steps = run_bearing({setup.method: setup}, setup.method, drift, noise)
         plant = drifted_plant(setup.rig, drift, noise)
         run = SimulatedLoop(setup, plant=plant).run(scenario).slice_ticks(begin, scenario.ticks)
-        found.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
-    overshoot, force = np.mean(found, axis=0).tolist()
+        metrics.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
+    overshoot, force = np.mean(metrics, axis=0).tolist()
     return overshoot, force
 
 
@@ -76,7 +76,7 @@ def record_steps(setup: BearingSetup, drift: Drift) -> Recording:
 
 def calibrate_plant(
     ready: BearingInputs, what: tuple[MethodName, Drift]
-) -> tuple[Calibration, Figures, Figures]:
+) -> tuple[Calibration, BearingMetrics, BearingMetrics]:
     """Return the calibration of a plant, and its metrics before and after."""
     method, drift = what
     known, table = ready.identify_magnet(), ready.controller.settings
@@ -107,26 +107,30 @@ def make_informed_setup(ready: BearingInputs, before: BearingSetup) -> BearingSe
 
 
 def make_table_row(
-    found: Calibration, nominal: Figures, before: Figures, after: Figures, best: Figures
+    found: Calibration,
+    nominal: BearingMetrics,
+    before: BearingMetrics,
+    after: BearingMetrics,
+    informed: BearingMetrics,
 ) -> Row:
     """Return the row of one method for the plant of the table."""
     (method,) = found.file.method
-    said = "; ".join(
+    metrics_text = "; ".join(
         f"{what} {nominal[part]:.3g} {unit} nominal, {before[part]:.3g} drifted, "
-        f"{after[part]:.3g} calibrated, {best[part]:.3g} with known drift"
+        f"{after[part]:.3g} calibrated, {informed[part]:.3g} with known drift"
         for part, (what, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
     )
     numbers = ", ".join(f"{parameter.name} {parameter.value:.3g}" for parameter in method.parameter)
     return Row(
         f"bearing, pinning +20 %, gap zero +10 um: {method.name}",
         f"calibrated <= {REACH:g} times nominal",
-        f"{said}; {method.summary}; {numbers}",
-        all(now <= REACH * own for now, own in zip(after, nominal, strict=True)),
+        f"{metrics_text}; {method.summary}; {numbers}",
+        all(value <= REACH * own for value, own in zip(after, nominal, strict=True)),
     )
 
 
 def make_random_plants_row(
-    method: MethodName, nominal: Figures, forces: Sequence[tuple[float, float]]
+    method: MethodName, nominal: BearingMetrics, forces: Sequence[tuple[float, float]]
 ) -> Row:
     """Return the row of one method for all random plants."""
     pairs = ", ".join(f"{before:.3g} -> {after:.3g}" for before, after in forces)

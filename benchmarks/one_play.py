@@ -28,18 +28,18 @@ from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
 BEARING = Path(__file__).resolve().parent.parent / "examples" / "bearing"
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full")
-REACHED = 0.95
+DEMAND_FRACTION = 0.95
 """Largest demand at a gap, as a fraction of the force at this gap with the largest current."""
 
 
-def _foreign(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArray:
+def _simulated_readings(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArray:
     """Return the noise-free sensor readings of force; negative currents are set to zero."""
     sensors = magnet.sensors
     driven = np.maximum(current - sensors.current_offset, 0.0)
     return magnet.force(driven, gap) + sensors.force_offset
 
 
-def magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
+def list_magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
     """Yield the name, the measured loops and the true force function of each magnet."""
     rig = read_bearing(BEARING / "rig.toml")
 
@@ -50,25 +50,25 @@ def magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
     with tempfile.TemporaryDirectory() as folder:
         for name, magnet in MAGNETS.items():
             loops = read_loops(magnet.write_loops(Path(folder) / f"{name}.csv"))
-            yield name, loops, partial(_foreign, magnet)
+            yield name, loops, partial(_simulated_readings, magnet)
 
 
 def measure(loops: Loops, answer: ForceModel) -> tuple[float, dict[str, CycleErrors]]:
     """Return the largest demand, N, and the errors of each method over three gaps."""
     gaps = [gap for gap in loops.by_schedule() if gap is not None]
     ends = min(gaps), max(gaps)
-    top = max(float(loop.input.max()) for loop in loops.loops)
-    drive = np.linspace(0.0, top, 100)
+    max_current = max(float(loop.input.max()) for loop in loops.loops)
+    drive = np.linspace(0.0, max_current, 100)
     test_gaps = np.linspace(*ends, 5)[1:-1].tolist()
-    reach = {gap: REACHED * float(answer(drive, gap)[-1]) for gap in test_gaps}
-    largest = max(reach.values())
-    operating_range = OperatingRange(test_gaps[1], 0.5 * largest, 20_000.0, ends, largest, top)
+    max_demand = {gap: DEMAND_FRACTION * float(answer(drive, gap)[-1]) for gap in test_gaps}
+    largest = max(max_demand.values())
+    operating_range = OperatingRange(test_gaps[1], 0.5 * largest, 20_000.0, ends, largest, max_current)
     sources = Sources(operating_range, loops, identify_magnet(loops).model)
     errors_by_method: dict[str, CycleErrors] = {}
     for method in METHODS:
         compensator = make_compensator(method, sources, "fixed")
         for gap in test_gaps:
-            errors = measure_cycle_errors(compensator.reset_copy(), answer, gap, reach[gap])
+            errors = measure_cycle_errors(compensator.reset_copy(), answer, gap, max_demand[gap])
             errors_by_method[method] = (
                 errors_by_method[method].join(errors) if method in errors_by_method else errors
             )
@@ -79,7 +79,7 @@ def main() -> None:
     """Print the table in per cent of the largest force."""
     print("| magnet | law | whole loop, rms | worst | cycles of 10 %, rms | worst |")
     print("| --- | --- | --- | --- | --- | --- |")
-    for name, loops, answer in magnets():
+    for name, loops, answer in list_magnets():
         largest, found = measure(loops, answer)
         for method, errors in found.items():
             values = [of(part) for part in (errors.major, errors.small) for of in (rms, max_magnitude)]

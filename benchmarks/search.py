@@ -41,16 +41,16 @@ KNOWN = ROOT / "benchmarks" / "known_best.json"
 FOUND = ROOT / "build" / "search.json"
 KINDS = ("same", "unseen", "moving", "small", "other")
 
-REACH = 1.1
+MAX_RATIO = 1.1
 """Largest ratio of the deviation to that of the best known fit with at most as many parameters."""
 
-UNSEEN = 1e-4
+MIN_DEVIATION = 1e-4
 """Deviation relative to the largest output that is too small for any sensor."""
 
-THROUGH = 1
+REQUIRED_STAGE = 1
 """Stage of ``known.py`` that must be complete before the best fit of a draw counts as known."""
 
-COVERED = 0.9
+TARGET_COVERAGE = 0.9
 """Target for the fraction of intervals that contain the true value."""
 
 Tried = dict[str, Any]
@@ -122,7 +122,7 @@ def measure(draw_to_measure: Draw) -> Tried:
 
 def known_rms(known: Mapping[str, Any], numbers: int) -> float | None:
     """Return the deviation of the best known usable fit with at most `numbers` parameters."""
-    fits = known["fits"].values() if known["through"] >= THROUGH else ()
+    fits = known["fits"].values() if known["through"] >= REQUIRED_STAGE else ()
     usable_rms = [fit["rms"] for fit in fits if fit and fit["usable"] and fit["numbers"] <= numbers]
     return 0.01 * min(usable_rms) if usable_rms else None
 
@@ -140,7 +140,7 @@ def with_known(tried: Sequence[Tried]) -> list[Tried]:
         for name, numbers in (("ratio", draw_result.get("numbers", 0)), ("ratio_of_all", sys.maxsize)):
             best = known_rms(known, numbers) if known and "rms" in draw_result else None
             if best is not None:
-                ratios[name] = max(draw_result["rms"], UNSEEN) / max(best, UNSEEN)
+                ratios[name] = max(draw_result["rms"], MIN_DEVIATION) / max(best, MIN_DEVIATION)
         found.append(draw_result | ratios)
     return found
 
@@ -158,20 +158,20 @@ def _median(values: Sequence[float], scale: float = 1.0, digits: int = 3) -> str
     return f"{scale * float(np.median(values)):.{digits}g}" if values else "-"
 
 
-def _of_all(tried: Sequence[Tried]) -> str:
+def _all_fits_ratio(tried: Sequence[Tried]) -> str:
     ratios = [draw_result["ratio_of_all"] for draw_result in tried if "ratio_of_all" in draw_result]
     return f"{_median(ratios)}, worst {max(ratios):.3g}" if ratios else "-"
 
 
-def _near(tried: Sequence[Tried]) -> str:
+def _near_fraction(tried: Sequence[Tried]) -> str:
     ratios = [draw_result["ratio"] for draw_result in tried if "ratio" in draw_result]
     if not ratios:
         return "-"
-    share = float(np.mean([ratio <= REACH for ratio in ratios]))
+    share = float(np.mean([ratio <= MAX_RATIO for ratio in ratios]))
     return f"{100.0 * share:.0f} % of {len(ratios)}, worst {max(ratios):.3g}"
 
 
-def _missed(kind: str) -> Callable[[Sequence[Tried]], str]:
+def _error_text(kind: str) -> Callable[[Sequence[Tried]], str]:
     def figure(tried: Sequence[Tried]) -> str:
         have = [draw_result[kind] for draw_result in tried if kind in draw_result]
         mean, worst = ([draw_result[name] for draw_result in have] for name in ("mean", "worst"))
@@ -180,18 +180,18 @@ def _missed(kind: str) -> Callable[[Sequence[Tried]], str]:
     return figure
 
 
-def _moving(tried: Sequence[Tried]) -> str:
+def _moving_ratio(tried: Sequence[Tried]) -> str:
     return _median([draw_result["moving"]["mean"] / draw_result["unseen"]["mean"] for draw_result in tried
                     if "moving" in draw_result])  # fmt: skip
 
 
-def _single(tried: Sequence[Tried]) -> str:
-    have = [draw_result["other"]["rms"] / max(draw_result["rms"], UNSEEN) for draw_result in tried
+def _single_loop_ratio(tried: Sequence[Tried]) -> str:
+    have = [draw_result["other"]["rms"] / max(draw_result["rms"], MIN_DEVIATION) for draw_result in tried
             if draw_result["loops"] == 1 and "other" in draw_result]  # fmt: skip
     return f"{_median(have)}, worst {max(have):.3g} ({len(have)})" if have else "-"
 
 
-def _covered(kind: str) -> Callable[[Sequence[Tried]], str]:
+def _coverage_text(kind: str) -> Callable[[Sequence[Tried]], str]:
     def figure(tried: Sequence[Tried]) -> str:
         have = [draw_result for draw_result in tried if "promised" in draw_result and kind in draw_result]
         inside = [
@@ -203,12 +203,12 @@ def _covered(kind: str) -> Callable[[Sequence[Tried]], str]:
     return figure
 
 
-def _spent(tried: Sequence[Tried]) -> str:
+def _time_text(tried: Sequence[Tried]) -> str:
     seconds = [draw_result["seconds"] for draw_result in tried]
     return f"{_median(seconds)}/{max(seconds):.3g} s"
 
 
-def _share(tried: Sequence[Tried], figure: Callable[[Tried], bool]) -> float:
+def _interval_fraction(tried: Sequence[Tried], figure: Callable[[Tried], bool]) -> float:
     return float(np.mean([figure(draw_result) for draw_result in tried])) if tried else 1.0
 
 
@@ -225,23 +225,40 @@ def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
 
     table: list[tuple[str, str, Callable[[Sequence[Tried]], str], bool | None]] = [
         (
-            f"fit within {REACH:g} times the best known with at most as many parameters",
+            f"fit within {MAX_RATIO:g} times the best known with at most as many parameters",
             "all",
-            _near,
-            _share(ratios, lambda one: bool(one["ratio"] <= REACH)) == 1.0 if ratios else None,
+            _near_fraction,
+            _interval_fraction(ratios, lambda one: bool(one["ratio"] <= MAX_RATIO)) == 1.0
+            if ratios
+            else None,
         ),
-        ("ratio of fit to best known with any number of parameters: median", "reported", _of_all, None),
-        ("unseen gaps, random reversals: mean/worst", "reported", _missed("unseen"), None),
-        ("ratio of errors, moving gap / fixed gaps: mean", "reported", _moving, None),
-        ("cycles of 10 % about a bias: mean/worst", "reported", _missed("small"), None),
-        ("one loop only: ratio of rms on other records to that of the fit", "reported", _single, None),
+        (
+            "ratio of fit to best known with any number of parameters: median",
+            "reported",
+            _all_fits_ratio,
+            None,
+        ),
+        ("unseen gaps, random reversals: mean/worst", "reported", _error_text("unseen"), None),
+        ("ratio of errors, moving gap / fixed gaps: mean", "reported", _moving_ratio, None),
+        ("cycles of 10 % about a bias: mean/worst", "reported", _error_text("small"), None),
+        (
+            "one loop only: ratio of rms on other records to that of the fit",
+            "reported",
+            _single_loop_ratio,
+            None,
+        ),
         (
             "predicted interval contains the true error, loops as measured",
-            f">= {100.0 * COVERED:.0f} %",
-            _covered("same"),
-            _share(promised, holds) >= COVERED if promised else None,
+            f">= {100.0 * TARGET_COVERAGE:.0f} %",
+            _coverage_text("same"),
+            _interval_fraction(promised, holds) >= TARGET_COVERAGE if promised else None,
         ),
-        ("predicted interval contains the error with random reversals", "reported", _covered("unseen"), None),
+        (
+            "predicted interval contains the error with random reversals",
+            "reported",
+            _coverage_text("unseen"),
+            None,
+        ),
     ]
     rows = [
         Row(f"search, {half}: {what}", reach, _by_family(tried, figure), met)
@@ -252,7 +269,7 @@ def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
         *rows,
         Row(f"search, {half}: refused", "0", f"{len(refused)} of {len(tried)}", not refused),
         Row(f"search, {half}: processor time of identify, median/worst", "reported",
-            _by_family(tried, _spent), None, spent),
+            _by_family(tried, _time_text), None, spent),
     ]  # fmt: skip
 
 

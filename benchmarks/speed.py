@@ -39,7 +39,7 @@ def _drive(samples: int) -> Array:
     return np.asarray(4.0 * np.sin(2.0 * np.pi * np.arange(samples) / SAMPLES_A_LOOP))
 
 
-def scalar() -> Row:
+def measure_scalar_step() -> Row:
     """Measure one forward step of the implicit law, solved to rounding error."""
     n = 200_000
     r, omega = _drive(n), np.full(n, OMEGA)
@@ -60,7 +60,7 @@ def scalar() -> Row:
     )
 
 
-def cells() -> list[Row]:
+def measure_cell_steps() -> list[Row]:
     """Measure one forward and one inverse step of play cells, and of Jiles-Atherton."""
     n = 200_000
     pinned = [Population(3e5, 40.0, 20.0, 1.5), Population(1e5, 120.0, 80.0, 2.0)]
@@ -80,19 +80,19 @@ def cells() -> list[Row]:
     play_cell_times, jiles_atherton_times = both(iron, 13), both(jiles_atherton, 3)
     return [
         Row(
-            f"{way} step of play cells, scalar f64",
+            f"{direction} step of play cells, scalar f64",
             "<= 45 ns",
-            f"{found:.0f} ns; Jiles-Atherton on the same drive {slow:.0f} ns",
-            found <= 45.0,
-            1e-9 * found,
+            f"{play_cell_ns:.0f} ns; Jiles-Atherton on the same drive {jiles_atherton_ns:.0f} ns",
+            play_cell_ns <= 45.0,
+            1e-9 * play_cell_ns,
         )
-        for way, found, slow in zip(
+        for direction, play_cell_ns, jiles_atherton_ns in zip(
             ("forward", "inverse"), play_cell_times, jiles_atherton_times, strict=True
         )
     ]
 
 
-def batched(level: str) -> list[Row]:
+def measure_batch_step(level: str) -> list[Row]:
     """Measure a batch step for each set and sample; only the best instruction set has a target."""
     has_target = level == batch_levels()[-1]
     sets, n = 256, SAMPLES_A_LOOP
@@ -129,4 +129,8 @@ def batched(level: str) -> list[Row]:
 
 def rows() -> list[Row]:
     """Return all rows about speed."""
-    return [scalar(), *cells(), *(row for level in batch_levels() for row in batched(level))]
+    return [
+        measure_scalar_step(),
+        *measure_cell_steps(),
+        *(row for level in batch_levels() for row in measure_batch_step(level)),
+    ]

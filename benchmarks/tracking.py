@@ -29,9 +29,9 @@ from rows import ROOT, Row
 RIG = ROOT / "examples" / "stage" / "rig.toml"
 IRONS = ROOT / "examples" / "irons" / "irons.toml"
 REVERSIBLE = (0.05, 0.15, 0.3)
-FAMILIES = ("preisach-soft", "preisach-usual", "preisach-hard", "duhem-usual")
+IRON_NAMES = ("preisach-soft", "preisach-usual", "preisach-hard", "duhem-usual")
 """Irons that are not laws of the package."""
-CREEPS = "duhem-usual"
+CREEPING_IRON = "duhem-usual"
 """Iron without return-point memory: current ripple makes its force drift."""
 VARIANTS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
 
@@ -48,13 +48,13 @@ def without_noise(rig: BodyRig) -> BodyRig:
     return change_rig(rig, {"position_sensor.noise_m": 0.0, "gap_sensor.noise_m": 0.0})
 
 
-def irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
+def list_irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
     """Yield the tested irons; the three irons with targets are first."""
     own = rig.settings.steel.model_dump()
     for share in REVERSIBLE:
         yield f"cells, reversible part {share:g}", own | {"reversible_fraction": share}
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
-    for name in FAMILIES:
+    for name in IRON_NAMES:
         yield name, families[name]
 
 
@@ -75,22 +75,27 @@ def metric_ratio(study: TrackingStudy, name: str, baseline: MethodName = "single
 def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
     """Return the rows of one iron at the low crossover."""
     result_rows = []
-    for what, name, factor, unit, reach in (
+    for what, name, factor, unit, target_ratio in (
         ("peak", "peak_m", 1e9, "nm", 0.4),
         ("moving average", "average_m", 1e9, "nm", 0.2),
         ("settling to 50 nm", "settling_50_s", 1e3, "ms", 0.4),
     ):
         share = metric_ratio(study, name)
         text = f"{share:.3g}; {format_metric(study, name, factor)} {unit}"
-        row = Row(f"tracking, {title}: {what}", f"<= {reach:g} times single-valued", text, share <= reach)
+        row = Row(
+            f"tracking, {title}: {what}",
+            f"<= {target_ratio:g} times single-valued",
+            text,
+            share <= target_ratio,
+        )
         result_rows.append(row)
-    own, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
+    full_interval, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
     result_rows.append(
         Row(
             f"tracking, {title}: peak, ratio to the map with one play",
             "<= 1, with interval",
-            f"{own.mean / play.mean:.3g}; moving average {metric_ratio(study, 'average_m', 'play'):.3g}",
-            own.mean - own.half_width <= play.mean + play.half_width,
+            f"{full_interval.mean / play.mean:.3g}; moving average {metric_ratio(study, 'average_m', 'play'):.3g}",
+            full_interval.mean - full_interval.half_width <= play.mean + play.half_width,
         )
     )
     return result_rows
@@ -107,7 +112,7 @@ def make_high_crossover_row(title: str, study: TrackingStudy) -> Row:
     )
 
 
-def learning(study: TrackingStudy) -> list[Row]:
+def make_learning_rows(study: TrackingStudy) -> list[Row]:
     """Return the rows of iterative learning control."""
     own, plain = (study.variants[name].learning_peaks_m for name in ("full", "single-valued"))
     return [
@@ -126,7 +131,7 @@ def learning(study: TrackingStudy) -> list[Row]:
     ]
 
 
-def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> list[Row]:
+def make_format_rows(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> list[Row]:
     """Return the effects of fixed point and of the plant's sub-steps, with the same noise."""
     table = rig.settings.scan
     motion = scan_motion(table, table.test_m_per_s2)
@@ -160,17 +165,17 @@ def rows() -> list[Row]:
     """Return the rows of all irons at 130 Hz, three at 300 Hz, formats and learning control."""
     rig = read_stage(RIG)
     result_rows: list[Row] = []
-    for number, (title, iron) in enumerate(irons(rig)):
+    for number, (title, iron) in enumerate(list_irons(rig)):
         slow = with_iron(rig, iron)
         magnet = identify_stage_magnet(slow, measure_loops(slow))
         study = explore_stage(slow, magnet)
         result_rows += make_iron_rows(title, study)
-        if title == CREEPS:
+        if title == CREEPING_IRON:
             result_rows += make_iron_rows(f"{title}, no noise", explore_stage(without_noise(slow), magnet))
         if number < len(REVERSIBLE):
             result_rows.append(
                 make_high_crossover_row(title, explore_stage(with_iron(rig, iron, 300.0), magnet))
             )
         if iron.get("reversible_fraction") == rig.settings.steel.model_dump().get("reversible_fraction"):
-            result_rows += [*formats(slow, magnet, study), *learning(study)]
+            result_rows += [*make_format_rows(slow, magnet, study), *make_learning_rows(study)]
     return result_rows
