@@ -264,7 +264,7 @@ def compile_and_verify(model: Path, folder: Path) -> ExampleResult:
     return ExampleResult(
         [
             TableLine("16-bit C, Cortex-M4, worst", f"{worst:.2f} %", "", bits, ""),
-            TableLine("16-bit C, solve instructions", str(cost.most), "", "at most", ""),
+            TableLine("16-bit C, instructions", str(cost.most), "", "at most", ""),
         ]
     )
 
