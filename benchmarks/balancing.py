@@ -96,24 +96,24 @@ def measure_both_directions(given: tuple[Bench, int]) -> list[list[float]]:
     law = StageLaw(bench.rig, bench.magnet, bench.method)
     drift, noise = sample_plant(bench.rig.settings, bench.rig.settings.seed, plant)
     nominal = StageSetup(bench.rig, law.compensator(0.0))
-    plain = replace(nominal, drift=drift)
+    unknown_errors = replace(nominal, drift=drift)
 
     def judged(setup: StageSetup) -> list[float]:
-        averages, turned = [], []
+        averages, turned_rig = [], []
         for direction_name in DIRECTIONS:
             rig = turn_set_points(bench.rig, direction_name)
             motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
             run = track(replace(setup, rig=rig), motion, Feedforward(), noise)
             averages.append(1e9 * measure(run, motion, rig.settings.scan.slit_s).average_m)
-            turned.append(1e9 * cross_talk(run, motion, ["rz"])["rz_rad"])
-        return [*averages, turned[0]]
+            turned_rig.append(1e9 * cross_talk(run, motion, ["rz"])["rz_rad"])
+        return [*averages, turned_rig[0]]
 
     def after(run: Recording) -> list[float]:
         return judged(law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)]), drift))
 
     legs = select_legs(ParameterEstimator(law), nominal)
-    calibrated = track(plain, training_motion(bench.rig), Feedforward(), noise + 1)
-    return [judged(plain), after(calibrated), after(fly_legs(plain, legs, noise + 1))]
+    calibrated = track(unknown_errors, training_motion(bench.rig), Feedforward(), noise + 1)
+    return [judged(unknown_errors), after(calibrated), after(fly_legs(unknown_errors, legs, noise + 1))]
 
 
 def make_method_rows(method: str, results: Sequence[PlantResult]) -> list[Row]:
@@ -163,20 +163,20 @@ def rows() -> list[Row]:
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
     benches = map_ordered(make_bench, [("planar", rig, magnet, method) for method in METHODS])
-    ways = np.array(map_ordered(measure_both_directions, [(benches[0], plant) for plant in range(PLANTS)]))
-    half, most = np.percentile(ways, [50.0, 95.0], axis=0)
+    errors = np.array(map_ordered(measure_both_directions, [(benches[0], plant) for plant in range(PLANTS)]))
+    medians, percentiles_95 = np.percentile(errors, [50.0, 95.0], axis=0)
     text = "; ".join(
         f"{name} "
         + " -> ".join(
             f"{median:.3g} / {percentile_95:.3g}"
-            for median, percentile_95 in zip(half[:, place], most[:, place], strict=True)
+            for median, percentile_95 in zip(medians[:, place], percentiles_95[:, place], strict=True)
         )
         for place, name in enumerate(JUDGED)
     )
     what = "balancing, full, feedforward of the mass only: before -> after a scan in x -> after the move"
-    both = Row(what, "reported", text, None)
+    direction_names = Row(what, "reported", text, None)
     flown = map_ordered(calibrate_plant, [(bench, plant) for bench in benches for plant in range(PLANTS)])
-    return [both] + [
+    return [direction_names] + [
         row
         for place, bench in enumerate(benches)
         for row in make_method_rows(bench.method, flown[place * PLANTS : (place + 1) * PLANTS])

@@ -101,8 +101,8 @@ class CaseResult:
         """Return the 50th and 95th percentiles over the plants, before and after the scans."""
         factor = {metric: by for metric, _, by in METRICS}[name]
         values = np.array([[getattr(measures, name) for measures in figures] for figures, _ in self.flown])
-        half, most = factor * np.percentile(values, [50.0, 95.0], axis=0)
-        return list(zip(half.tolist(), most.tolist(), strict=True))
+        medians, percentiles_95 = factor * np.percentile(values, [50.0, 95.0], axis=0)
+        return list(zip(medians.tolist(), percentiles_95.tolist(), strict=True))
 
     @property
     def applied_count(self) -> int:
@@ -120,13 +120,13 @@ class CaseResult:
         heavy = f", estimated mass {', '.join(masses)} kg" if masses else ""
         return f"{len(self.flown)} plants, applied to {self.applied_count}{heavy}"
 
-    def row(self, what: str, reach: str, met: bool | None) -> Row:
+    def row(self, title: str, reach: str, is_met: bool | None) -> Row:
         """Return a table row with the moving average, the peak and the settling time."""
-        others = "; ".join(
+        other_metrics = "; ".join(
             f"{name[:-2]} {self.percentiles_text(name)}" for name in ("peak_m", "settling_50_s")
         )
-        text = f"{self.percentiles_text('average_m')}; {others} ({self.count_text})"
-        return Row(f"calibration, {what}: average, nm, before -> after", reach, text, met)
+        text = f"{self.percentiles_text('average_m')}; {other_metrics} ({self.count_text})"
+        return Row(f"calibration, {title}: average, nm, before -> after", reach, text, is_met)
 
 
 def run_trials(trials: Sequence[Trial]) -> dict[Case, CaseResult]:
@@ -169,16 +169,16 @@ def make_headline_rows(title: str, target: Aim | None, result: CaseResult) -> li
 
 def trials_of_example(benches: Sequence[Bench]) -> list[Trial]:
     """Return the trials of the example's iron: all errors, single errors, unmodelled effects."""
-    last, own = SCANS[-1:], benches[0]
+    last, example = SCANS[-1:], benches[0]
     trials = [Trial(bench, plant) for bench in benches for plant in range(PLANTS)]
-    trials += [Trial(own, plant, world=COMPILED) for plant in range(PLANTS)]
-    trials += [Trial(own, plant, world=ONLINE_CALIBRATION) for plant in range(OPERATION_PLANTS)]
-    moved = make_bench((MOVE, own.rig, own.magnet, own.method))
+    trials += [Trial(example, plant, world=COMPILED) for plant in range(PLANTS)]
+    trials += [Trial(example, plant, world=ONLINE_CALIBRATION) for plant in range(OPERATION_PLANTS)]
+    moved = make_bench((MOVE, example.rig, example.magnet, example.method))
     trials += [Trial(moved, plant, world=MOVE) for plant in range(PLANTS)]
     few = range(OTHER_PLANTS)
-    trials += [Trial(own, plant, last, errors) for errors in SINGLE_ERRORS for plant in few]
+    trials += [Trial(example, plant, last, errors) for errors in SINGLE_ERRORS for plant in few]
     worlds = [world for world in UNMODELLED_CASES if world not in ("", COMPILED, MOVE)]
-    return trials + [Trial(own, plant, last, world=world) for world in worlds for plant in few]
+    return trials + [Trial(example, plant, last, world=world) for world in worlds for plant in few]
 
 
 def make_example_rows(flown: Mapping[Case, CaseResult]) -> list[Row]:
@@ -193,38 +193,38 @@ def make_example_rows(flown: Mapping[Case, CaseResult]) -> list[Row]:
     for (_, method, errors, world), found in flown.items():
         average = found.percentiles("average_m")
         if world == ONLINE_CALIBRATION:
-            what = f"{own}, {ONLINE_CALIBRATION}, {TRAINING_SCANS} scans, then {TEST_REPETITIONS} test scans"
-            lines.append(found.row(what, "10 / 20", is_within(average[-1], (10.0, 20.0))))
+            title = f"{own}, {ONLINE_CALIBRATION}, {TRAINING_SCANS} scans, then {TEST_REPETITIONS} test scans"
+            lines.append(found.row(title, "10 / 20", is_within(average[-1], (10.0, 20.0))))
         elif world in (COMPILED, MOVE):
             lines += make_headline_rows(f"{own}, {world}", AIMS.get(method), found)
         elif world or errors != "all":
             factor = 1.5 if world else 1.3
-            what = f"{own}, {world or f'{errors} alone'}, 4 scans"
+            title = f"{own}, {world or f'{errors} alone'}, 4 scans"
             reach = f"{factor * calibrated:.3g} (50 %): {factor:g} times the calibrated value"
-            met = None if "not allowed" in world else average[-1][0] <= factor * calibrated
-            lines.append(found.row(what, "reported" if met is None else reach, met))
+            is_met = None if "not allowed" in world else average[-1][0] <= factor * calibrated
+            lines.append(found.row(title, "reported" if is_met is None else reach, is_met))
         else:
             lines += make_headline_rows(method, AIMS.get(method), found)
     ahead = ", ".join(f"{last[name] / calibrated:.3g} of {name}" for name in METHODS[1:])
-    met = last["play"] >= 2.0 * calibrated
-    what = f"calibration, median average after 4 scans, ratios of the others to {own}"
-    return [*lines, Row(what, "play >= 2", ahead, met)]
+    is_met = last["play"] >= 2.0 * calibrated
+    title = f"calibration, median average after 4 scans, ratios of the others to {own}"
+    return [*lines, Row(title, "play >= 2", ahead, is_met)]
 
 
 def make_iron_row(iron: str, method: str, found: CaseResult) -> Row:
     """Return the row of a method on another iron."""
     average = found.percentiles("average_m")
-    reach, met = "reported", None
+    reach, is_met = "reported", None
     if iron == FORGETTING_IRON and method in FLUX_METHODS:
-        half, most = ASKED_WITH_PROBE
-        reach, met = f"{half:g} / {most:g}", is_within(average[-1], ASKED_WITH_PROBE)
+        median, percentile_95 = ASKED_WITH_PROBE
+        reach, is_met = f"{median:g} / {percentile_95:g}", is_within(average[-1], ASKED_WITH_PROBE)
     elif iron == FORGETTING_IRON and method == METHODS[0]:
         reach = "not worse than before"
-        met = all(figures[-1].average_m <= figures[0].average_m for figures, _ in found.flown)
+        is_met = all(figures[-1].average_m <= figures[0].average_m for figures, _ in found.flown)
     elif iron != FORGETTING_IRON and method in AIMS:
-        half, most = AIMS[method].last
-        reach, met = f"{half:g} / {most:g}", is_within(average[-1], (half, most))
-    return found.row(f"{iron}, {method}, 4 scans", reach, met)
+        median, percentile_95 = AIMS[method].last
+        reach, is_met = f"{median:g} / {percentile_95:g}", is_within(average[-1], (median, percentile_95))
+    return found.row(f"{iron}, {method}, 4 scans", reach, is_met)
 
 
 def identify_iron(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedMagnet]:
@@ -252,13 +252,13 @@ def measure_parameter_changes(bench: Bench) -> tuple[float, float]:
     load_swing = replace(training_motion(law.rig), peaks=(0.2, 0.2), speed=0.004)
     swing = 8.0 * np.sin(2.0 * np.pi * 3.0 * law.rig.dt * np.arange(10**6))
     load = swing[: round(load_swing.duration / law.rig.dt)]
-    rest = law.make_motion(track(setup, load_swing, bench.gains, 1, load=load).columns)
+    rest_motion = law.make_motion(track(setup, load_swing, bench.gains, 1, load=load).columns)
     learner, count = ParameterEstimator(law, FORGETTING_TIME_S), OPERATION_SCANS[bench.method]
 
     def moved(motions: Sequence[int]) -> float:
         settling_scans = dict(learner.estimate)
         for number in motions:
-            learner.update(rest if number < 0 else scans[number % 3])
+            learner.update(rest_motion if number < 0 else scans[number % 3])
         return max(
             abs(learner.estimate[name] - settling_scans[name]) / learner.prior_sigma[name]
             for name in law.names
@@ -289,8 +289,8 @@ def rows() -> list[Row]:
     def print_rows(lines: Iterable[Row]) -> None:
         for row in lines:
             result_rows.append(row)
-            met = "" if row.met is None else ": met" if row.met else ": MISSED"
-            print(f"{row.what} | {row.reach}{met} | {row.measured}", file=sys.stderr, flush=True)
+            is_met = "" if row.met is None else ": met" if row.met else ": MISSED"
+            print(f"{row.what} | {row.reach}{is_met} | {row.measured}", file=sys.stderr, flush=True)
 
     rig = change_rig(read_stage(RIG), {"scan.average_weight": AVERAGE_WEIGHT})
     own = "own", rig, identify_stage_magnet(rig)

@@ -160,10 +160,12 @@ def memory_of(control: Control, gap: float, force: float) -> Array:
 
 def find_equilibrium(simulator: Simulator, gap: float, load: float) -> float:
     """Bring a baseline to equilibrium; return the current, A."""
-    low, high = 0.0, 10.0
+    low_current, high_current = 0.0, 10.0
     for _ in range(60):
-        current = 0.5 * (low + high)
-        low, high = (current, high) if simulator.start(gap, current, load) < load else (low, current)
+        current = 0.5 * (low_current + high_current)
+        low_current, high_current = (
+            (current, high_current) if simulator.start(gap, current, load) < load else (low_current, current)
+        )
     return current
 
 
@@ -199,15 +201,15 @@ def measure_project(case: Case, variant: MethodName, number_format: NumberFormat
     setup, scenario = case.setup(variant, number_format), case.scenario()
     start = ScenarioBuilder(case.rig, case.rig.settings.gap_m)
     lift = start.lift_off(case.controller.settings).build()
-    best, gap = math.inf, np.empty(0)
+    best_seconds, gap = math.inf, np.empty(0)
     for _ in range(REPETITIONS):
         loop = SimulatedLoop(setup)
         loop.run(lift)
         began = time.process_time()
         run = loop.run(scenario)
-        best = min(best, time.process_time() - began)
+        best_seconds = min(best_seconds, time.process_time() - began)
         gap = run["gap_m"]
-    return SpeedResult(f"{variant} in {number_format}", SECONDS / best, overshoot(case, gap))
+    return SpeedResult(f"{variant} in {number_format}", SECONDS / best_seconds, overshoot(case, gap))
 
 
 def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: int) -> SpeedResult:
@@ -218,14 +220,14 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
     noise = rig.settings.gap_sensor.noise_m
     drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
     current = find_equilibrium(simulator, gap, load)
-    best, run = math.inf, LevitationRun(np.empty(0), np.empty(0))
+    best_seconds, run = math.inf, LevitationRun(np.empty(0), np.empty(0))
     for _ in range(repetitions):
         simulator.start(gap, current, load)
         memory = memory_of(control, gap, load)
         began = time.process_time()
         run = simulator.run(control, memory, scenario.target, scenario.load, drawn)
-        best = min(best, time.process_time() - began)
-    return SpeedResult(name, SECONDS / best, overshoot(case, run.gap))
+        best_seconds = min(best_seconds, time.process_time() - began)
+    return SpeedResult(name, SECONDS / best_seconds, overshoot(case, run.gap))
 
 
 def open_loop(simulator: Simulator, current: float, load: float, gap: float) -> Array:
@@ -239,8 +241,8 @@ class ProjectPlant:
     """The plant of this project with the interface of the baselines."""
 
     def __init__(self, rig: BodyRig, substeps: int) -> None:
-        fine = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
-        self._rig = change_rig(rig, fine)
+        substep_count = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
+        self._rig = change_rig(rig, substep_count)
 
     def start(self, gap: float, current: float, load: float) -> float:
         """Hold the position with the load as weight; return the magnet's force, N."""
@@ -292,11 +294,11 @@ def try_all_settings(rig: BodyRig) -> list[SolverTrial]:
         for tolerance in TOLERANCES:
             simulator = ByScipy(plant, method, tolerance)
             error = errors(rig, {"": simulator})[""]
-            best = min(
+            best_seconds = min(
                 processor_seconds(lambda: open_loop(simulator, current, load, gap))  # noqa: B023
                 for _ in range(3)
             )
-            trials.append(SolverTrial(method, tolerance, error, best))
+            trials.append(SolverTrial(method, tolerance, error, best_seconds))
     return trials
 
 

@@ -113,8 +113,8 @@ def rows() -> list[Row]:
         text = f"{law}{', warned' * has_warned}; curve {curve:.3g}, cells {cells_error:.3g}, "
         text += f"selected law {selected_error:.3g} nm"
         is_better = selected_error <= min(curve, cells_error) if math.isfinite(selected_error) else None
-        what = f"{family} {number}{' (unseen)' * (number % 2)}: moving average"
+        title = f"{family} {number}{' (unseen)' * (number % 2)}: moving average"
         result_rows.append(
-            Row(what, "not worse than curve and cells, or warned", text, is_better or has_warned)
+            Row(title, "not worse than curve and cells, or warned", text, is_better or has_warned)
         )
     return result_rows

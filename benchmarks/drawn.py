@@ -144,13 +144,13 @@ def _size_core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, Floa
     return replace(core, poles=poles), gaps
 
 
-def _gaps(magnet: dict[str, Any], least: float) -> FloatArray:
+def _gaps(magnet: dict[str, Any], smallest_gap: float) -> FloatArray:
     count = magnet["gaps"]
     if count == 1:
-        return np.array([least])
+        return np.array([smallest_gap])
     places = np.arange(count) / (count - 1.0)
     places[1:-1] += magnet["unevenness"] / (count - 1.0) * (-1.0) ** np.arange(count - 2)
-    return np.asarray(least * magnet["gap_range"] ** places)
+    return np.asarray(smallest_gap * magnet["gap_range"] ** places)
 
 
 def _sweep_samples(ends: list[float], step: float) -> FloatArray:
@@ -166,16 +166,16 @@ def _ranges(
     drive: dict[str, Any], ring: bool, top: float, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
     """Return the limits of the loops at every gap, the largest loop first."""
-    both = ring or drive["bipolar"]
-    found = [(-top if both else 0.0, top)]
+    is_bipolar = ring or drive["bipolar"]
+    found = [(-top if is_bipolar else 0.0, top)]
     for _ in range(drive["ring_loops" if ring else "loops"] - 1):
-        more = from_ranges({name: SETTINGS["drive"][name] for name in
+        loop_limits = from_ranges({name: SETTINGS["drive"][name] for name in
                        ("biased", "inner_size", "biased_low", "biased_high")}, rng)  # fmt: skip
-        if more["biased"]:
-            found.append((more["biased_low"] * top, more["biased_high"] * top))
+        if loop_limits["biased"]:
+            found.append((loop_limits["biased_low"] * top, loop_limits["biased_high"] * top))
         else:
-            size = more["inner_size"] * top
-            found.append((-size if both else 0.0, size))
+            size = loop_limits["inner_size"] * top
+            found.append((-size if is_bipolar else 0.0, size))
     return found
 
 
@@ -219,7 +219,7 @@ def _test_records(
     step = (high - low) / tests["samples"]
     lead = (*CYCLES * (low, high), low) if low < 0.0 else (0.0, *CYCLES * (high, 0.0))
     between = [float(np.sqrt(one * test_gaps)) for one, test_gaps in pairwise(gaps)]
-    unseen = [between[0], between[-1]] if len(between) > 1 else between
+    test_gap = [between[0], between[-1]] if len(between) > 1 else between
 
     def path(kind: str, ends: list[float], gap: float, since: int = 0) -> _Record:
         current = _sweep_samples([lead[-1], *ends], step)
@@ -230,12 +230,12 @@ def _test_records(
         return [float(end) for end in low + (high - low) * rng.random(count)]
 
     found = [path("other", reversals(tests["turns"]), float(gaps[0]))]
-    for gap in unseen:
+    for gap in test_gap:
         found.append(path("unseen", reversals(tests["turns"]), gap))
         found += [replace(record, kind="same") for record in _measured_records(drive, ranges, gap, rng)]
     swing = 0.5 * tests["small"] * top
     for bias in tests["biases"]:
-        middle_gap, gap = bias * top, float((unseen or gaps)[-1])
+        middle_gap, gap = bias * top, float((test_gap or gaps)[-1])
         there = _sweep_samples([lead[-1], middle_gap - swing], step).size
         ends = [middle_gap - swing, *tests["small_cycles"] * [middle_gap + swing, middle_gap - swing]]
         found.append(path("small", ends, gap, there))
@@ -257,8 +257,8 @@ def _sample_plan(number: int) -> _Plan:
     ranges = _ranges(drive, core.ring, top, rng)
     records = [record for gap in gaps for record in _measured_records(drive, ranges, float(gap), rng)]
     records += _test_records((drive, ranges), gaps, top, rng)
-    drawn = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
-    return _Plan(number, family, drawn, core, iron, records)
+    sampled = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
+    return _Plan(number, family, sampled, core, iron, records)
 
 
 def _hash() -> str:
@@ -318,19 +318,19 @@ def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> 
         if record.kind:
             counted = np.arange(read.size) >= record.since
             if record.kind == "moving":
-                where = (float(record.gap[0]),) * len(record.stated)
-                history = replace(history, schedule=where)
+                loop_samples = (float(record.gap[0]),) * len(record.stated)
+                history = replace(history, schedule=loop_samples)
             tests.append(Test(record.kind, true_input, read, gap, history, counted))
             continue
-        seen = true_input + rng.normal(0.0, 1.0, read.size) * noise[0]
+        readings = true_input + rng.normal(0.0, 1.0, read.size) * noise[0]
         read = read + rng.normal(0.0, 1.0, read.size) * noise[1]
         if sensors["bits"]:
             step = 1.2 * top * (2.0 if plan.true["drive"]["bipolar"] or ring else 1.0)
             step /= 2.0 ** sensors["bits"]
-            seen = step * np.round(seen / step)
+            readings = step * np.round(readings / step)
         time = clock + 0.01 * np.arange(read.size) if plan.true["drive"]["clock"] else None
         clock += 0.01 * read.size + 1.0
-        loops.append(Loop(record.label, seen, read, gap, time, history))
+        loops.append(Loop(record.label, readings, read, gap, time, history))
     names = ("field", "flux_density") if field else ("current", "flux_linkage" if ring else "force")
     quantities = [QUANTITIES[name] for name in names]
     read = Loops(tuple(loops), quantities[0], quantities[1], None if ring else QUANTITIES["gap"])

@@ -89,16 +89,16 @@ class IronResult:
 def make_rigs() -> dict[str, BodyRig]:
     """Return the bearing with every iron; the first has the iron of the example."""
     rig, _ = read()
-    others = {name: change_rig(rig, {"iron": table}) for name, table in irons().items()}
-    return {BUNDLED: rig, **others}
+    other_irons = {name: change_rig(rig, {"iron": table}) for name, table in irons().items()}
+    return {BUNDLED: rig, **other_irons}
 
 
 def with_initial_curve(rig: BodyRig, loops: Loops) -> Loops:
     """Return loops with an additional record at every gap, which begins demagnetised."""
-    fresh = measure_loops(change_rig(rig, {"measurement.conditioning_cycles": 0}))
+    demagnetised_loops = measure_loops(change_rig(rig, {"measurement.conditioning_cycles": 0}))
     record = rig.settings.measurement.records[0].name
-    more = [replace(loop, label=f"{loop.label}-first") for loop in fresh.loops]
-    return loops.with_loops([*loops.loops, *(loop for loop in more if record in loop.label)])
+    record_settings = [replace(loop, label=f"{loop.label}-first") for loop in demagnetised_loops.loops]
+    return loops.with_loops([*loops.loops, *(loop for loop in record_settings if record in loop.label)])
 
 
 def _setups(
@@ -130,10 +130,10 @@ def _fit_unpinned_curve(rig: BodyRig, controller: ControllerFile) -> BearingSetu
 
 
 def _triangle_errors(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, float]:
-    still = quiet(rig)
-    quieter = {name: BearingSetup(still, s.compensator, s.controller) for name, s in setups.items()}
-    tried = experiments.run_variants(experiments.run_trajectory, quieter, default_seeds(rig), SLOW)
-    return {name: metrics.interval("force_error_rms_N").mean for name, metrics in tried.items()}
+    standstill = quiet(rig)
+    quieter = {name: BearingSetup(standstill, s.compensator, s.controller) for name, s in setups.items()}
+    settings = experiments.run_variants(experiments.run_trajectory, quieter, default_seeds(rig), SLOW)
+    return {name: metrics.interval("force_error_rms_N").mean for name, metrics in settings.items()}
 
 
 def _compare_steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, list[StepCell]]:
@@ -236,22 +236,22 @@ def _standstill_rms(result: IronResult, variant: str) -> float:
 
 
 def _steps_row(result: IronResult) -> Row:
-    shown = {
+    overshoot_texts = {
         name: "/".join(
             "lost" if cell.lost else f"{cell.interval('overshoot_percent').mean:.2f}" for cell in cells
         )
         for name, cells in result.steps.items()
     }
-    worse = _overshoot_excess(result, "full")
+    excesses = _overshoot_excess(result, "full")
     return Row(
         f"bearing, iron {result.name}: overshoot, steps of 10/20/50/100 um, same gains",
         f"full significantly worse than the strongest baseline by <= {MAX_EXTRA_OVERSHOOT:g} % points",
-        f"excess at most {max(worse):.2f}; "
-        + ", ".join(f"{name} {text} %" for name, text in shown.items())
+        f"excess at most {max(excesses):.2f}; "
+        + ", ".join(f"{name} {text} %" for name, text in overshoot_texts.items())
         + f"; standstill: full {_standstill_rms(result, 'full'):.0f} nm rms, single-valued "
         f"{_standstill_rms(result, 'single-valued'):.0f} nm"
         + (f"; paper: {result.refused}" if result.refused else ""),
-        max(worse) <= MAX_EXTRA_OVERSHOOT,
+        max(excesses) <= MAX_EXTRA_OVERSHOOT,
     )
 
 

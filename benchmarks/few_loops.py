@@ -87,8 +87,8 @@ def measure_twice(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
             for record, path in zip(records, both_readings, strict=True)
         ]
     records += drawn._test_records((drive, ranges), gaps, magnet["current_A"], rng)
-    every = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
-    plan = drawn._Plan(number, family, every, core, iron, records)
+    parameters = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
+    plan = drawn._Plan(number, family, parameters, core, iron, records)
     found = answers(plan.jobs())
     return [_read_loops(plan, found, [SEED, number, 1, turn], turn) for turn in (0, 1)]
 
@@ -127,16 +127,18 @@ def measure(loops: Loops, tests: Sequence[drawn.Test]) -> MeasurementResult | No
     return None
 
 
-def _evaluate_rules(made: model_selection.Selection, tests: Sequence[drawn.Test]) -> MeasurementResult:
-    missed, comparison, loops = {}, made.comparison, made.loopset
+def _evaluate_rules(fitted: model_selection.Selection, tests: Sequence[drawn.Test]) -> MeasurementResult:
+    rms_errors, comparison, loops = {}, fitted.comparison, fitted.loopset
     for candidate in comparison.eligible:
         model = make_model(comparison.fits[candidate].reduced, loops)
         deviations = [deviation(model, test) for test in tests if test.kind in {"other", "unseen"}]
-        missed[candidate] = float(np.sqrt(np.mean(np.concatenate(deviations) ** 2))) / largest_output(loops)
+        rms_errors[candidate] = float(np.sqrt(np.mean(np.concatenate(deviations) ** 2))) / largest_output(
+            loops
+        )
     chosen = {}
     for name, settings in RULES.items():
         with mock.patch.multiple(candidates, **settings):
-            selection = copy(made)
+            selection = copy(fitted)
             selection.comparison = replace(comparison, eligible=list(comparison.eligible))
             chosen[name] = selection.select()
     return MeasurementResult(
@@ -144,8 +146,8 @@ def _evaluate_rules(made: model_selection.Selection, tests: Sequence[drawn.Test]
             name: f"{candidate.title('effective-field')}, {candidate.gap_map}"
             for name, candidate in chosen.items()
         },
-        {name: missed[candidate] for name, candidate in chosen.items()},
-        min(missed.values()),
+        {name: rms_errors[candidate] for name, candidate in chosen.items()},
+        min(rms_errors.values()),
     )
 
 

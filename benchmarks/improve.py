@@ -43,13 +43,13 @@ def rows() -> list[Row]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "rig"
         shutil.copytree(SOLENOID, folder)
-        known = prepare_bench(folder / "rig.toml", None, Path(place) / "known")
-        assert isinstance(known, PreparedForce)
-        unknown = scale_pinning(known, PINNING_RATIO)
+        known_controller = prepare_bench(folder / "rig.toml", None, Path(place) / "known")
+        assert isinstance(known_controller, PreparedForce)
+        unknown = scale_pinning(known_controller, PINNING_RATIO)
         return [
             *measure_improvement(unknown, Path(place)),
-            measure_drift_detection(known),
-            measure_false_alarms(known),
+            measure_drift_detection(known_controller),
+            measure_false_alarms(known_controller),
         ]
 
 

@@ -53,7 +53,7 @@ from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray
 from drawn import draw
 from drawn_families import SETTINGS
-from search import KNOWN, loops_rms
+from search import KNOWN_FILE, loops_rms
 
 STAGES: dict[int, tuple[tuple[Shape, int], ...]] = {
     1: (("tanh", 1), ("tanh", 2)),
@@ -69,7 +69,7 @@ COARSE_SAMPLES, FINE_SAMPLES = 40, 100
 _FIRST, _SHORT, _LONG, _LAST = 4, 8, 80, 30
 _SCAN = 24
 _TRIES = 30
-_NEAR = 1.02
+_NEAR_RATIO = 1.02
 
 _LAW_RANGES = {
     "kappa": (0.01, 10.0),
@@ -111,12 +111,12 @@ def targets(loops: Loops, stage: int) -> Iterator[Target]:
     maps = ["none"] if gaps < 2 else ["reluctance", "circuit", "scaling"]
     if gaps == 2:
         maps.remove("circuit")
-    plain = make_response_form(loops.input, loops.output, DEFAULT_LAW)
-    forms = [plain] if stage == 1 else []
+    first_targets = make_response_form(loops.input, loops.output, DEFAULT_LAW)
+    forms = [first_targets] if stage == 1 else []
     for shape, count in STAGES[stage]:
         law = LAW_BY_SHAPE[shape]
         if LAWS[law].least_slope or not is_electromagnet(loops):
-            forms.append(replace(plain, law=law, cells=CellKernel(shape, count)))
+            forms.append(replace(first_targets, law=law, cells=CellKernel(shape, count)))
     return (Target(gap_map, form) for form in forms for gap_map in maps)
 
 
@@ -146,9 +146,9 @@ class Scan:
             shape = shape_of(self.form, local, self.records)
             if shape is None:
                 continue
-            weighted, wanted = shape * self.weights, self.output * self.weights
-            set_gain = gain or float(weighted @ wanted) / max(float(weighted @ weighted), 1e-300)
-            cost = float(np.sum((set_gain * weighted - wanted) ** 2))
+            weighted, target = shape * self.weights, self.output * self.weights
+            set_gain = gain or float(weighted @ target) / max(float(weighted @ weighted), 1e-300)
+            cost = float(np.sum((set_gain * weighted - target) ** 2))
             if set_gain > 0.0 and (found is None or cost < found[1]):
                 found = replace(local, gain=set_gain), cost
         return found
@@ -219,8 +219,11 @@ def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | N
     """Fit a law and map from random starts, then without offsets; None if there is no solution."""
     records = make_fit_records(loops, "loops", read_rest_offsets(loops))
     common = OFFSET_NAMES if target.gap_map == "circuit" else frozenset()
-    whole = CoordinateSpace(target.gap_map, records, target.form, common=common)
-    coarse, fine = (replace(whole, records=records.thinned(most)) for most in (COARSE_SAMPLES, FINE_SAMPLES))
+    full_records = CoordinateSpace(target.gap_map, records, target.form, common=common)
+    coarse, fine = (
+        replace(full_records, records=records.thinned(max_samples))
+        for max_samples in (COARSE_SAMPLES, FINE_SAMPLES)
+    )
     rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
     starts = [random_start(coarse, rng) for _ in range(STARTS)]
     first_fits = [descend_from(coarse, start, 1e-4, _FIRST) for start in starts if start is not None]
@@ -231,9 +234,9 @@ def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | N
     ranked_fits.sort(key=lambda fit: fit.cost)
     best_fits = [descend_from(fine, fit.theta, 1e-6, _LONG) for fit in ranked_fits[:ENDED]]
     best_fits.sort(key=lambda fit: fit.cost)
-    near_count = sum(bool(fit.cost <= _NEAR**2 * best_fits[0].cost) for fit in best_fits)
-    final_fits = [descend_from(whole, fit.theta, 1e-7, _LAST) for fit in best_fits[:FINISHED]]
-    space_without_offsets, kept_coordinates = whole.with_fixed(OFFSET_NAMES)
+    near_count = sum(bool(fit.cost <= _NEAR_RATIO**2 * best_fits[0].cost) for fit in best_fits)
+    final_fits = [descend_from(full_records, fit.theta, 1e-7, _LAST) for fit in best_fits[:FINISHED]]
+    space_without_offsets, kept_coordinates = full_records.with_fixed(OFFSET_NAMES)
     final_fits_without_offsets = [
         descend_from(space_without_offsets, fit.theta[kept_coordinates], 1e-7, _LAST) for fit in final_fits
     ]
@@ -271,20 +274,20 @@ def main(arguments: Sequence[str]) -> None:
     warnings.simplefilter("ignore")
     first, last = (int(end) for end in arguments[0].split("-"))
     until = time.monotonic() + 60.0 * float(arguments[1])
-    kept = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
+    kept = json.loads(KNOWN_FILE.read_text(encoding="utf-8")) if KNOWN_FILE.exists() else {"draws": {}}
     for stage in STAGES:
         for number in sorted(range(first, last + 1), key=lambda draw_number: draw_number % 2):
             loops = draw(number).loops
             draws = kept["draws"]
-            done = draws.setdefault(str(number), {"through": 0, "fits": {}})
-            fits = done["fits"]
+            finished_stage = draws.setdefault(str(number), {"through": 0, "fits": {}})
+            fits = finished_stage["fits"]
             for target in targets(loops, stage):
                 if time.monotonic() > until:
                     return
                 if target.name not in fits:
                     fits |= best_known(target, loops, number)
                     write(kept)
-            done["through"] = max(stage, done["through"])
+            finished_stage["through"] = max(stage, finished_stage["through"])
             write(kept)
             print(f"known: draw {number}, stage {stage}", flush=True)
 
@@ -294,9 +297,9 @@ def write(kept: dict[str, Any]) -> None:
     lines = []
     for number, done in sorted(kept["draws"].items(), key=lambda item: int(item[0])):
         rows = [f"  {json.dumps(name)}: {json.dumps(fit)}" for name, fit in done["fits"].items()]
-        told = f'"{number}": {{"through": {done["through"]}, "fits": {{'
-        lines.append(f" {told}\n" + ",\n".join(rows) + "\n }}")
-    with atomic_writer(KNOWN) as file:  # a search may read the file at the same time
+        file_text = f'"{number}": {{"through": {done["through"]}, "fits": {{'
+        lines.append(f" {file_text}\n" + ",\n".join(rows) + "\n }}")
+    with atomic_writer(KNOWN_FILE) as file:  # a search may read the file at the same time
         file.write('{"draws": {\n' + ",\n".join(lines) + "\n}}\n")
 
 

@@ -53,9 +53,9 @@ class ForceErrors:
     worst: float
 
     @classmethod
-    def of(cls, off: list[FloatArray], largest: float) -> ForceErrors:
+    def of(cls, deviation: list[FloatArray], largest: float) -> ForceErrors:
         """Compute the metrics from deviations and a largest force, N."""
-        parts = 100.0 * np.abs(np.concatenate(off)) / largest
+        parts = 100.0 * np.abs(np.concatenate(deviation)) / largest
         return cls(float(parts.mean()), float(parts.max()))
 
     def __str__(self) -> str:
@@ -76,13 +76,13 @@ def _largest_force(truth: Loops) -> float:
 
 def _unseen_row(name: str, models: dict[str, Model], truth: Loops) -> Row:
     largest = _largest_force(truth)
-    missed = {law: ForceErrors.of(_unseen_residuals(model, truth), largest) for law, model in models.items()}
-    plain = ForceErrors.of([off for _, off in single_valued_residuals(truth)], largest)
-    ours = missed[CHOSEN]
+    errors = {law: ForceErrors.of(_unseen_residuals(model, truth), largest) for law, model in models.items()}
+    curve_errors = ForceErrors.of([residuals for _, residuals in single_valued_residuals(truth)], largest)
+    ours = errors[CHOSEN]
     return Row(
         f"{name}, unseen gaps: mean error",
         f"<= {MEAN_TARGET:g} %, worst {WORST_TARGET:g} % of F_max",
-        f"{ours} ({models[CHOSEN].law}); {PAPER} {missed[PAPER]}; best single-valued {plain}",
+        f"{ours} ({models[CHOSEN].law}); {PAPER} {errors[PAPER]}; best single-valued {curve_errors}",
         ours.mean <= MEAN_TARGET and ours.worst <= WORST_TARGET,
     )
 
@@ -93,20 +93,20 @@ def _path_rows(module: ModuleType, name: str, models: dict[str, Model], at_rest:
     offset = module.SETTINGS["sensors"]["current_offset_A"]
     paths = {"moving gap": [module.moving(name)], "small cycles": list(module.small_cycles(name))}
     result_rows = []
-    for what, truths in paths.items():
-        missed = {}
+    for title, truths in paths.items():
+        errors = {}
         for law, model in models.items():
             deviations = []
             for truth in truths:
                 modelled = model.predict(truth.current + offset, truth.gap, history="demagnetised").output
                 deviations.append((modelled - truth.force)[truth.counted])
-            missed[law] = ForceErrors.of(deviations, largest)
-        ours, moving = missed[CHOSEN], what == "moving gap"
+            errors[law] = ForceErrors.of(deviations, largest)
+        ours, moving = errors[CHOSEN], title == "moving gap"
         result_rows.append(
             Row(
-                f"{name}, {what}: mean error",
+                f"{name}, {title}: mean error",
                 "<= 1.25 times that at fixed gaps" if moving else f"<= {SMALL_CYCLES_TARGET:g} % of F_max",
-                f"{ours}; {PAPER} {missed[PAPER]}",
+                f"{ours}; {PAPER} {errors[PAPER]}",
                 ours.mean <= (1.25 * at_rest.mean if moving else SMALL_CYCLES_TARGET),
             )
         )
@@ -162,10 +162,10 @@ def _withheld_rms(loops: Loops, law: str) -> list[float]:
     ordered = sorted(loops.loops, key=lambda loop: float(np.max(np.abs(loop.output))))
     found = []
     for loop in ordered[1:-1]:
-        others = loops.with_loops([other for other in loops.loops if other is not loop])
-        model = identify(others, law=law, weights="relative", offsets=False).model
-        off = model.predict(loop.input, loop.schedule, history=loop.history).output - loop.output
-        found.append(100.0 * float(np.sqrt(np.mean(off**2)) / np.max(np.abs(loop.output))))
+        other_loops = loops.with_loops([other_loop for other_loop in loops.loops if other_loop is not loop])
+        model = identify(other_loops, law=law, weights="relative", offsets=False).model
+        residuals = model.predict(loop.input, loop.schedule, history=loop.history).output - loop.output
+        found.append(100.0 * float(np.sqrt(np.mean(residuals**2)) / np.max(np.abs(loop.output))))
     return found
 
 
@@ -204,18 +204,18 @@ def materials(folder: Path) -> list[Row]:
 
 def _gadolinium(folder: Path) -> Row:
     loops = thin_loops(read_loops(sorted(folder.glob("gd_*.csv")), file_name="gd_T{T_C}C"), 300)
-    missed = {}
+    errors = {}
     for law in (PAPER, CHOSEN):
         deviations = []
         for value in loops.schedule_values[1:-1]:
             model = identify(loops.without(value), law=law, gap_map="free").model
             deviations += _unseen_residuals(model, loops.at(value))
-        missed[law] = 1e3 * float(np.mean(np.abs(np.concatenate(deviations))))
+        errors[law] = 1e3 * float(np.mean(np.abs(np.concatenate(deviations))))
     return Row(
         "gadolinium, withheld temperature: mean error",
         "<= 15 mT",
-        f"{missed[CHOSEN]:.1f} mT; {PAPER} {missed[PAPER]:.1f} mT",
-        missed[CHOSEN] <= 15.0,
+        f"{errors[CHOSEN]:.1f} mT; {PAPER} {errors[PAPER]:.1f} mT",
+        errors[CHOSEN] <= 15.0,
     )
 
 

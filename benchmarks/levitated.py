@@ -47,8 +47,8 @@ PLANTS, SEED, NOISES = 6, 30, (1, 2, 3)
 METHODS: tuple[MethodName, ...] = ("full", "play", "single-valued")
 TABLE = Drift(pinning=0.2, gap_offset=10e-6)
 REACH = 1.2
-OTHERS = ("preisach-usual", "preisach-hard", "duhem-usual")
-UNSURE = {"spread.gap_zero_m": 5e-6}
+OTHER_IRONS = ("preisach-usual", "preisach-hard", "duhem-usual")
+GAP_ZERO_SIGMA_M = {"spread.gap_zero_m": 5e-6}
 
 BearingMetrics = tuple[float, float]
 """Overshoot of the highest step, %, and rms force error on the triangle, N."""
@@ -79,14 +79,14 @@ def calibrate_plant(
 ) -> tuple[Calibration, BearingMetrics, BearingMetrics]:
     """Return the calibration of a plant, and its metrics before and after."""
     method, drift = what
-    known, table = ready.identify_magnet(), ready.controller.settings
-    before = make_setup(ready.rig, table, known, method, "fixed")
+    informed, table = ready.identify_magnet(), ready.controller.settings
+    before = make_setup(ready.rig, table, informed, method, "fixed")
     with tempfile.TemporaryDirectory() as folder:
         found = calibrate(
             ready.rig,
             record_steps(before, drift),
             Path(folder) / "calibration.toml",
-            magnet=known,
+            magnet=informed,
             methods=[method],
             controller=ready.controller,
         )
@@ -94,7 +94,7 @@ def calibrate_plant(
         if found.has_estimates:
             own = change_rig(own, {"control.calibration": "calibration.toml"})
             own = replace(own, path=Path(folder) / "rig.toml")
-            after = make_setup(own, table, known, method, "fixed")
+            after = make_setup(own, table, informed, method, "fixed")
     return found, evaluate_controller(before, drift), evaluate_controller(after, drift)
 
 
@@ -116,16 +116,18 @@ def make_table_row(
     """Return the row of one method for the plant of the table."""
     (method,) = found.file.method
     metrics_text = "; ".join(
-        f"{what} {nominal[part]:.3g} {unit} nominal, {before[part]:.3g} drifted, "
+        f"{metric_name} {nominal[part]:.3g} {unit} nominal, {before[part]:.3g} drifted, "
         f"{after[part]:.3g} calibrated, {informed[part]:.3g} with known drift"
-        for part, (what, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
+        for part, (metric_name, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
     )
     numbers = ", ".join(f"{parameter.name} {parameter.value:.3g}" for parameter in method.parameter)
     return Row(
         f"bearing, pinning +20 %, gap zero +10 um: {method.name}",
         f"calibrated <= {REACH:g} times nominal",
         f"{metrics_text}; {method.summary}; {numbers}",
-        all(value <= REACH * own for value, own in zip(after, nominal, strict=True)),
+        all(
+            value <= REACH * calibrated_value for value, calibrated_value in zip(after, nominal, strict=True)
+        ),
     )
 
 
@@ -147,8 +149,8 @@ def make_iron_row(ready: BearingInputs, name: str, drift: Drift) -> Row:
     schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
     rig = change_rig(ready.rig, {"iron": schema.validate_python({"name": "own", **families[name]})})
-    known = identify_magnet(measure_loops(rig))
-    changed = replace(ready, rig=rig, loops=known.loops, model=known.model)
+    identified = identify_magnet(measure_loops(rig))
+    changed = replace(ready, rig=rig, loops=identified.loops, model=identified.model)
     found, before, after = calibrate_plant(changed, ("full", drift))
     (method,) = found.file.method
     return Row(
@@ -173,7 +175,7 @@ def make_method_row(ready: BearingInputs, method: MethodName) -> Row:
 def prepare_inputs() -> BearingInputs:
     """Return the example with a larger standard deviation of the gap zero than its file states."""
     rig, controller = read_files(RIG, None)
-    ready = check_inputs(change_rig(rig, UNSURE), controller)
+    ready = check_inputs(change_rig(rig, GAP_ZERO_SIGMA_M), controller)
     return replace(ready, model=ready.identify_magnet().model)
 
 
@@ -186,12 +188,14 @@ def rows() -> list[Row]:
     """Calibrate every method on the plant of the table, on random plants and on other irons."""
     ready = prepare_inputs()
     drawn = [sample_plant(ready.rig.settings, SEED, number)[0] for number in range(PLANTS)]
-    every = [(method, drift) for method in METHODS for drift in drawn]
-    outcomes = dict(zip(every, map_ordered(partial(calibrate_plant, ready), every), strict=True))
+    all_outcomes = [(method, drift) for method in METHODS for drift in drawn]
+    outcomes = dict(
+        zip(all_outcomes, map_ordered(partial(calibrate_plant, ready), all_outcomes), strict=True)
+    )
     lines = []
     for method, line in zip(METHODS, map_ordered(partial(make_method_row, ready), METHODS), strict=True):
         setup = make_setup(ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed")
-        both = [outcomes[method, drift][1:] for drift in drawn]
-        forces = [(before[1], after[1]) for before, after in both]
+        before_and_after = [outcomes[method, drift][1:] for drift in drawn]
+        forces = [(before[1], after[1]) for before, after in before_and_after]
         lines += [line, make_random_plants_row(method, evaluate_controller(setup, NO_DRIFT), forces)]
-    return lines + [make_iron_row(ready, name, drift) for name in OTHERS for drift in (NO_DRIFT, TABLE)]
+    return lines + [make_iron_row(ready, name, drift) for name in OTHER_IRONS for drift in (NO_DRIFT, TABLE)]

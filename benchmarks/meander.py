@@ -59,12 +59,12 @@ class Path:
             self.motion_along_x,
             float(STEP_ALONG_Y.derivatives_at(np.array([STEP_ALONG_Y.duration]))[0][0]),
         )
-        aside = replace(STEP_ALONG_Y, cruise=(FIELD_PITCH_M - moved) / STEP_ALONG_Y.speed)
-        lasts = aside.duration - 2.0 * aside.cruise  # without the cruise before and after it
+        side_step = replace(STEP_ALONG_Y, cruise=(FIELD_PITCH_M - moved) / STEP_ALONG_Y.speed)
+        lasts = side_step.duration - 2.0 * side_step.cruise  # without the cruise before and after it
         x, y = along.derivatives_at(time)[:2], [np.zeros_like(time), np.zeros_like(time)]
         for begin, length, _ in along.pulses[1:]:
-            since = begin + 0.5 * (length - lasts) - aside.cruise
-            place, acceleration, _, _ = aside.derivatives_at(time - since)
+            since = begin + 0.5 * (length - lasts) - side_step.cruise
+            place, acceleration, _, _ = side_step.derivatives_at(time - since)
             y = [y[0] + place, y[1] + acceleration]
         return np.column_stack([x[0], y[0]]), np.column_stack([x[1], y[1]])
 
@@ -124,6 +124,6 @@ def rows() -> list[Row]:
             f"{axis} {p:.3g} / {m:.3g}"
             for axis, p, m in zip(rig.settings.body.free, peak, average, strict=True)
         )
-        what = f"meander, {FIELDS} fields, {len(pose_errors) * rig.dt:.0f} s, {method}: peak / average"
-        result_rows.append(Row(what, "reported", f"{text} nm, nrad; flags {flags}", True))
+        title = f"meander, {FIELDS} fields, {len(pose_errors) * rig.dt:.0f} s, {method}: peak / average"
+        result_rows.append(Row(title, "reported", f"{text} nm, nrad; flags {flags}", True))
     return result_rows

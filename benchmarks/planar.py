@@ -89,8 +89,8 @@ def make_fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
         f"{name} {1e9 * average:.3g} nm, peak {1e9 * peak:.3g} nm, ry {1e9 * largest_ry:.3g} nrad"
         for name, (average, peak, largest_ry) in found.items()
     )
-    what = f"planar at {FAST_HZ:g} Hz, {iron}: x, moving average"
-    return Row(what, f"<= {1e9 * FAST_TARGET_M:g} nm", text, found["full"][0] <= FAST_TARGET_M)
+    title = f"planar at {FAST_HZ:g} Hz, {iron}: x, moving average"
+    return Row(title, f"<= {1e9 * FAST_TARGET_M:g} nm", text, found["full"][0] <= FAST_TARGET_M)
 
 
 def make_loss_rows() -> list[Row]:
@@ -104,9 +104,9 @@ def make_loss_rows() -> list[Row]:
             flights = LossFlights(laid(name, peaks), Feedforward(), case).run_all()
             survived_count = sum(flight.outcome in ("flies on", "brakes") for flight in flights)
             text = "; ".join(" ".join(flight.table_cells()) for flight in flights)
-            what = f"planar, {name} magnets, {peaks[0]:g} m/s2: survived losses"
+            title = f"planar, {name} magnets, {peaks[0]:g} m/s2: survived losses"
             result_rows.append(
-                Row(what, f"{movable}", f"{survived_count}; {text}", survived_count == movable)
+                Row(title, f"{movable}", f"{survived_count}; {text}", survived_count == movable)
             )
     return result_rows
 

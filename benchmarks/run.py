@@ -56,24 +56,24 @@ def _demo() -> ModuleType:
 def measure_bundled_example() -> list[Row]:
     """Measure errors at withheld gaps of the bundled example against its noise-free truth."""
     demo = _demo()
-    here = Path(demo.ELECTROMAGNET)
-    loops, truth = (read_loops(here / name) for name in ("loops.csv", "unseen_truth.csv"))
+    example_folder = Path(demo.ELECTROMAGNET)
+    loops, truth = (read_loops(example_folder / name) for name in ("loops.csv", "unseen_truth.csv"))
     largest = max(float(np.max(loop.output)) for loop in truth.loops)
-    plain = demo.unseen_single_valued(truth)
+    curve_errors = demo.unseen_single_valued(truth)
     rows = []
     for gap_map, reach in (("scaling", 0.5), ("reluctance", 0.35)):
-        off = demo.unseen_deviation(identify(loops, gap_map=gap_map).model, truth)
-        mean = 100.0 * off.mean / largest
+        errors = demo.unseen_deviation(identify(loops, gap_map=gap_map).model, truth)
+        mean = 100.0 * errors.mean / largest
         rows.append(
             Row(
                 f"bundled example, unseen gaps, '{gap_map}': mean error",
                 f"<= {reach:g} % of F_max",
-                f"{mean:.3f} %, worst {100 * off.worst / largest:.2f} %; best single-valued curve "
-                f"{100 * plain.mean / largest:.2f} %, worst {100 * plain.worst / largest:.2f} %",
+                f"{mean:.3f} %, worst {100 * errors.worst / largest:.2f} %; best single-valued curve "
+                f"{100 * curve_errors.mean / largest:.2f} %, worst {100 * curve_errors.worst / largest:.2f} %",
                 mean <= reach,
             )
         )
-    return [*rows, *measure_identify_time(here / "loops.csv")]
+    return [*rows, *measure_identify_time(example_folder / "loops.csv")]
 
 
 def measure_identify_time(loops: Path) -> list[Row]:

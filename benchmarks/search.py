@@ -37,7 +37,7 @@ from drawn import COUNT, Draw, Test, draw
 from drawn_families import FAMILIES
 from rows import ROOT, Row, Stopwatch
 
-KNOWN = ROOT / "benchmarks" / "known_best.json"
+KNOWN_FILE = ROOT / "benchmarks" / "known_best.json"
 FOUND = ROOT / "build" / "search.json"
 KINDS = ("same", "unseen", "moving", "small", "other")
 
@@ -53,7 +53,7 @@ REQUIRED_STAGE = 1
 TARGET_COVERAGE = 0.9
 """Target for the fraction of intervals that contain the true value."""
 
-Tried = dict[str, Any]
+DrawResult = dict[str, Any]
 
 
 def loops_rms(model: Model, loops: Loops) -> float:
@@ -76,10 +76,10 @@ def deviation(model: Model, test: Test) -> FloatArray:
     return np.asarray((output - test.output)[test.counted])
 
 
-def measure(draw_to_measure: Draw) -> Tried:
+def measure(draw_to_measure: Draw) -> DrawResult:
     """Identify a draw with default settings; return the errors of its model on all test records."""
     loops, drive = draw_to_measure.loops, draw_to_measure.true["drive"]
-    found: Tried = {
+    found: DrawResult = {
         "number": draw_to_measure.number,
         "family": draw_to_measure.family,
         "start": drive["start"],
@@ -109,11 +109,11 @@ def measure(draw_to_measure: Draw) -> Tried:
     for kind in KINDS:
         residuals = [deviation(model, test) / span for test in draw_to_measure.tests if test.kind == kind]
         if residuals:
-            every = np.concatenate(residuals)
+            all_tests = np.concatenate(residuals)
             found[kind] = {
-                "mean": float(np.mean(np.abs(every))),
-                "worst": float(np.max(np.abs(every))),
-                "rms": float(np.sqrt(np.mean(every * every))),
+                "mean": float(np.mean(np.abs(all_tests))),
+                "worst": float(np.max(np.abs(all_tests))),
+                "rms": float(np.sqrt(np.mean(all_tests * all_tests))),
             }
     if promised := model.fit.cross_validation:
         found["promised"] = list(promised.interval)
@@ -127,12 +127,12 @@ def known_rms(known: Mapping[str, Any], numbers: int) -> float | None:
     return 0.01 * min(usable_rms) if usable_rms else None
 
 
-def with_known(tried: Sequence[Tried]) -> list[Tried]:
+def with_known(tried: Sequence[DrawResult]) -> list[DrawResult]:
     """Add the ratios of each deviation to that of the best known fits, if these are known.
 
     The first ratio is to the fits with at most as many parameters, the second to all fits.
     """
-    known_fits = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
+    known_fits = json.loads(KNOWN_FILE.read_text(encoding="utf-8")) if KNOWN_FILE.exists() else {"draws": {}}
     found = []
     for draw_result in tried:
         known = known_fits["draws"].get(str(draw_result["number"]))
@@ -145,7 +145,7 @@ def with_known(tried: Sequence[Tried]) -> list[Tried]:
     return found
 
 
-def _by_family(tried: Sequence[Tried], figure: Callable[[Sequence[Tried]], str]) -> str:
+def _by_family(tried: Sequence[DrawResult], figure: Callable[[Sequence[DrawResult]], str]) -> str:
     """Return a metric of all draws and of each family, as text."""
     groups = {
         name: [draw_result for draw_result in tried if draw_result["family"] == name] for name in FAMILIES
@@ -158,12 +158,12 @@ def _median(values: Sequence[float], scale: float = 1.0, digits: int = 3) -> str
     return f"{scale * float(np.median(values)):.{digits}g}" if values else "-"
 
 
-def _all_fits_ratio(tried: Sequence[Tried]) -> str:
+def _all_fits_ratio(tried: Sequence[DrawResult]) -> str:
     ratios = [draw_result["ratio_of_all"] for draw_result in tried if "ratio_of_all" in draw_result]
     return f"{_median(ratios)}, worst {max(ratios):.3g}" if ratios else "-"
 
 
-def _near_fraction(tried: Sequence[Tried]) -> str:
+def _near_fraction(tried: Sequence[DrawResult]) -> str:
     ratios = [draw_result["ratio"] for draw_result in tried if "ratio" in draw_result]
     if not ratios:
         return "-"
@@ -171,8 +171,8 @@ def _near_fraction(tried: Sequence[Tried]) -> str:
     return f"{100.0 * share:.0f} % of {len(ratios)}, worst {max(ratios):.3g}"
 
 
-def _error_text(kind: str) -> Callable[[Sequence[Tried]], str]:
-    def figure(tried: Sequence[Tried]) -> str:
+def _error_text(kind: str) -> Callable[[Sequence[DrawResult]], str]:
+    def figure(tried: Sequence[DrawResult]) -> str:
         have = [draw_result[kind] for draw_result in tried if kind in draw_result]
         mean, worst = ([draw_result[name] for draw_result in have] for name in ("mean", "worst"))
         return f"{_median(mean, 100.0)}/{_median(worst, 100.0)} %"
@@ -180,19 +180,19 @@ def _error_text(kind: str) -> Callable[[Sequence[Tried]], str]:
     return figure
 
 
-def _moving_ratio(tried: Sequence[Tried]) -> str:
+def _moving_ratio(tried: Sequence[DrawResult]) -> str:
     return _median([draw_result["moving"]["mean"] / draw_result["unseen"]["mean"] for draw_result in tried
                     if "moving" in draw_result])  # fmt: skip
 
 
-def _single_loop_ratio(tried: Sequence[Tried]) -> str:
+def _single_loop_ratio(tried: Sequence[DrawResult]) -> str:
     have = [draw_result["other"]["rms"] / max(draw_result["rms"], MIN_DEVIATION) for draw_result in tried
             if draw_result["loops"] == 1 and "other" in draw_result]  # fmt: skip
     return f"{_median(have)}, worst {max(have):.3g} ({len(have)})" if have else "-"
 
 
-def _coverage_text(kind: str) -> Callable[[Sequence[Tried]], str]:
-    def figure(tried: Sequence[Tried]) -> str:
+def _coverage_text(kind: str) -> Callable[[Sequence[DrawResult]], str]:
+    def figure(tried: Sequence[DrawResult]) -> str:
         have = [draw_result for draw_result in tried if "promised" in draw_result and kind in draw_result]
         inside = [
             draw_result["promised"][0] <= draw_result[kind]["mean"] <= draw_result["promised"][1]
@@ -203,27 +203,27 @@ def _coverage_text(kind: str) -> Callable[[Sequence[Tried]], str]:
     return figure
 
 
-def _time_text(tried: Sequence[Tried]) -> str:
+def _time_text(tried: Sequence[DrawResult]) -> str:
     seconds = [draw_result["seconds"] for draw_result in tried]
     return f"{_median(seconds)}/{max(seconds):.3g} s"
 
 
-def _interval_fraction(tried: Sequence[Tried], figure: Callable[[Tried], bool]) -> float:
+def _interval_fraction(tried: Sequence[DrawResult], figure: Callable[[DrawResult], bool]) -> float:
     return float(np.mean([figure(draw_result) for draw_result in tried])) if tried else 1.0
 
 
-def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
+def lines_of(half_name: str, tried: Sequence[DrawResult]) -> list[Row]:
     """Return the rows of some draws."""
     tried = with_known(tried)
     ratios = [draw_result for draw_result in tried if "ratio" in draw_result]
     refused = [draw_result for draw_result in tried if "refused" in draw_result]
     promised = [draw_result for draw_result in tried if "promised" in draw_result and "same" in draw_result]
 
-    def holds(draw_result: Tried) -> bool:
+    def holds(draw_result: DrawResult) -> bool:
         low, high = draw_result["promised"]
         return bool(low <= draw_result["same"]["mean"] <= high)
 
-    table: list[tuple[str, str, Callable[[Sequence[Tried]], str], bool | None]] = [
+    table: list[tuple[str, str, Callable[[Sequence[DrawResult]], str], bool | None]] = [
         (
             f"fit within {MAX_RATIO:g} times the best known with at most as many parameters",
             "all",
@@ -261,21 +261,21 @@ def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
         ),
     ]
     rows = [
-        Row(f"search, {half}: {what}", reach, _by_family(tried, figure), met)
+        Row(f"search, {half_name}: {what}", reach, _by_family(tried, figure), met)
         for what, reach, figure, met in table
     ]
     spent = sum(draw_result["seconds"] for draw_result in tried)
     return [
         *rows,
-        Row(f"search, {half}: refused", "0", f"{len(refused)} of {len(tried)}", not refused),
-        Row(f"search, {half}: processor time of identify, median/worst", "reported",
+        Row(f"search, {half_name}: refused", "0", f"{len(refused)} of {len(tried)}", not refused),
+        Row(f"search, {half_name}: processor time of identify, median/worst", "reported",
             _by_family(tried, _time_text), None, spent),
     ]  # fmt: skip
 
 
-def run(numbers: Sequence[int], shown: bool) -> list[Tried]:
+def run(numbers: Sequence[int], shown: bool) -> list[DrawResult]:
     """Run some draws; draws that may be inspected are written to a file after each one."""
-    tried: list[Tried] = []
+    tried: list[DrawResult] = []
     for place, number in enumerate(numbers, start=1):
         result = measure(draw(number))
         tried.append(result)

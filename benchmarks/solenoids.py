@@ -60,8 +60,8 @@ def write_rig(folder: Path, name: str, law: str) -> Path:
     for file, text in _loops_module().files(place).items():
         (folder / file).write_text(text, encoding="utf-8")
     gaps = read_loops(folder / "loops.csv").by_schedule().values()
-    least = min(max(float(loop.output.max()) for loop in loops) for loops in gaps)
-    largest = min(40.0, 5.0 * (DEMAND_FRACTION * least // 5.0))
+    smallest_force = min(max(float(loop.output.max()) for loop in loops) for loops in gaps)
+    largest = min(40.0, 5.0 * (DEMAND_FRACTION * smallest_force // 5.0))
     text = place.read_text(encoding="utf-8")
     place.write_text(re.sub(r"force_max_N = [\d.]+", f"force_max_N = {largest}", text), "utf-8")
     return place

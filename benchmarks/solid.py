@@ -152,7 +152,7 @@ def stage_rows() -> list[Row]:
     rows = []
     for iron in STAGE_IRONS:
         found = run_on_stage(iron)
-        for what, name, factor, unit in (
+        for title, name, factor, unit in (
             ("moving average", "average_m", 1e9, "nm"),
             ("peak", "peak_m", 1e9, "nm"),
             ("force, rms", "force_rms_N", 1.0, "N"),
@@ -162,7 +162,7 @@ def stage_rows() -> list[Row]:
             values_text = ", ".join(f"{method} {metric_value:.3g}" for method, metric_value in value.items())
             rows.append(
                 Row(
-                    f"stage on solid iron, {iron}: {what}",
+                    f"stage on solid iron, {iron}: {title}",
                     "<= 1/3 times at-rest",
                     f"{share:.2g}; {values_text} {unit}",
                     share <= 1.0 / 3.0,
@@ -217,8 +217,8 @@ def rows() -> list[Row]:
     """Evaluate all magnets; inspected and uninspected magnets have separate rows."""
     results = [evaluate_magnet(number) for number in range(COUNT)]
     lines = []
-    for title, odd in (("looked at", 0), ("not looked at", 1)):
-        group = [result for result in results if result.number % 2 == odd]
+    for title, is_odd in (("looked at", 0), ("not looked at", 1)):
+        group = [result for result in results if result.number % 2 == is_odd]
         for name, (mean, worst) in DEVIATION_TARGETS.items():
             lines.append(
                 Row(
@@ -243,8 +243,8 @@ def rows() -> list[Row]:
                 all(result.slow <= 1.2 for result in group),
             )
         )
-    for title, odd in (("looked at", 0), ("not looked at", 1)):
-        pairs = [result.force for result in results if result.number % 2 == odd]
+    for title, is_odd in (("looked at", 0), ("not looked at", 1)):
+        pairs = [result.force for result in results if result.number % 2 == is_odd]
         lines.append(
             Row(
                 f"50 Hz force triangle, ratio of errors with layers / static, compiled, magnets {title}",
@@ -256,8 +256,8 @@ def rows() -> list[Row]:
             )
         )
     most = max(result.seconds for result in results)
-    told = f"median {np.median([result.seconds for result in results]):.1f} s, worst {most:.1f} s"
-    lines.append(Row("identify, nine records", "<= 10 s", told, most <= 10.0, most))
+    choice_text = f"median {np.median([result.seconds for result in results]):.1f} s, worst {most:.1f} s"
+    lines.append(Row("identify, nine records", "<= 10 s", choice_text, most <= 10.0, most))
     return lines + stage_rows() + bearing_rows()
 
 

@@ -62,8 +62,8 @@ def format_metric(study: TrackingStudy, name: str, factor: float) -> str:
     """Format a metric of all variants with its confidence interval."""
     parts = []
     for variant in VARIANTS:
-        one = study.variants[variant].interval(name)
-        parts.append(f"{variant} {factor * one.mean:.3g} ± {factor * one.half_width:.2g}")
+        interval = study.variants[variant].interval(name)
+        parts.append(f"{variant} {factor * interval.mean:.3g} ± {factor * interval.half_width:.2g}")
     return ", ".join(parts)
 
 
@@ -75,7 +75,7 @@ def metric_ratio(study: TrackingStudy, name: str, baseline: MethodName = "single
 def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
     """Return the rows of one iron at the low crossover."""
     result_rows = []
-    for what, name, factor, unit, target_ratio in (
+    for metric_title, name, factor, unit, target_ratio in (
         ("peak", "peak_m", 1e9, "nm", 0.4),
         ("moving average", "average_m", 1e9, "nm", 0.2),
         ("settling to 50 nm", "settling_50_s", 1e3, "ms", 0.4),
@@ -83,7 +83,7 @@ def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
         share = metric_ratio(study, name)
         text = f"{share:.3g}; {format_metric(study, name, factor)} {unit}"
         row = Row(
-            f"tracking, {title}: {what}",
+            f"tracking, {title}: {metric_title}",
             f"<= {target_ratio:g} times single-valued",
             text,
             share <= target_ratio,
