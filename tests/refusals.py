@@ -48,7 +48,8 @@ def says(said: str, what: str) -> bool:
     """Whether a line of a command's output has the wording of this error."""
     code, key, held = _parts(what)
     return any(
-        all(part in line for part in (key, *held)) and any(one.search(line) for one in _wordings(code))
+        all(part in line for part in (key, *held))
+        and any(wording.search(line) for wording in _wordings(code))
         for line in said.splitlines()
     )
 

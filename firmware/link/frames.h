@@ -8,7 +8,7 @@
 #include "link/bytes.h"
 
 #define LINK_VERSION 4
-#define LINK_PAYLOAD_MOST 240
+#define LINK_MAX_PAYLOAD 240
 #define LINK_PLANT_MAGIC UINT32_C(0x616E6879)
 
 /* Types of frames. */
@@ -17,37 +17,39 @@ enum {
      open, the frame is answered and has no effect. */
   LINK_TYPE_HELLO = 1,
   LINK_TYPE_HEARTBEAT = 2, /* Requests the status. */
-  /* The demanded force, valid from the next tick on. No effect outside the state run and on a
-     position controller. */
+  /* Sets the demanded force, valid from the next tick on. It has an effect only in the state RUN of
+     a force controller. */
   LINK_TYPE_DEMAND = 3,
   LINK_TYPE_COMMAND = 4, /* Changes the state. Detail of the answer: the new state. */
   LINK_TYPE_SETTING_READ = 5, /* Requests a setting. */
   LINK_TYPE_SETTING_WRITE = 6, /* Changes a setting, valid from the next tick on. */
   /* Announces a parameter block and discards words of an incomplete one. */
   LINK_TYPE_BLOCK_BEGIN = 7,
-  /* The next words of the block. Detail of the answer: the next offset. */
+  /* Sends the next words of the block. Detail of the answer: the next offset. */
   LINK_TYPE_BLOCK_DATA = 8,
   /* Checks the block and activates it between two ticks. After an error, the old block remains
      active. Detail of the answer: the generation of the active block. */
   LINK_TYPE_BLOCK_SWAP = 9,
   LINK_TYPE_BLOCK_READ = 10, /* Requests words of the active block. */
-  /* The target position, valid from the next tick on; before a lift, the first target. A position
-     outside the range is rejected, and a force controller rejects every target. */
+  /* Sets the target position, valid from the next tick on; before a lift, the first target. A
+     position outside the range is rejected, and a force controller rejects every target. */
   LINK_TYPE_TARGET = 14,
   /* Stores the active block for the next start, if the board has non-volatile memory. Allowed only
-     in idle or ready at zero current, because the board may stop its ticks for seconds. Detail: the
+     in IDLE or READY at zero current, because the board may stop its ticks for seconds. Detail: the
      generation of the block. */
   LINK_TYPE_KEEP = 15,
-  /* An XCP command; an empty frame requests only samples. Only the command of an unlocked master
-     counts as a heartbeat, not the frame. */
+  /* Contains an XCP command; an empty frame requests only samples. Only a command of an unlocked
+     master counts as a heartbeat, not the frame itself. */
   LINK_TYPE_XCP = 16,
-  LINK_TYPE_INFO = 129, /* Identification of the controller. */
-  LINK_TYPE_STATUS = 130, /* State and signals of the tick in the header. */
+  LINK_TYPE_INFO = 129, /* Identifies the controller. */
+  /* Contains state and signals of the tick whose number is in the header. */
+  LINK_TYPE_STATUS = 130,
   LINK_TYPE_ACK = 131, /* The request was executed. */
   LINK_TYPE_NAK = 132, /* The request was rejected and had no effect. */
-  LINK_TYPE_SETTING = 133, /* The value of a setting. */
-  LINK_TYPE_BLOCK_WORDS = 134, /* Words of the active block. */
-  /* The answer to the command, then events and samples; each packet follows its length. */
+  LINK_TYPE_SETTING = 133, /* Contains the value of a setting. */
+  LINK_TYPE_BLOCK_WORDS = 134, /* Contains words of the active block. */
+  /* Contains the answer to the command, then events and samples. The length of each packet precedes
+     it. */
   LINK_TYPE_XCP_PACKETS = 137,
   LINK_TYPE_COUNT = 20
 };
@@ -57,7 +59,7 @@ enum {
   LINK_REASON_NONE = 0,
   LINK_REASON_VERSION = 1, /* different protocol version; detail: the controller's version */
   LINK_REASON_TYPE = 2, /* unknown request */
-  LINK_REASON_LENGTH = 3, /* wrong length of the payload; detail: its length */
+  LINK_REASON_LENGTH = 3, /* wrong length of the payload; detail: length of the payload */
   /* the sequence number is older than the last one; detail: 1 if a request with this number was
      answered, otherwise 0 */
   LINK_REASON_OLD = 4,
@@ -67,11 +69,12 @@ enum {
   LINK_REASON_ORDER = 7,
   LINK_REASON_CHECKSUM = 8, /* the received block does not have the announced checksum */
   LINK_REASON_BLOCK = 9, /* the block is invalid, or has a different kind or layout */
-  LINK_REASON_GENERATION = 10, /* the block has a different generation; detail: its generation */
+  /* the block has a different generation; detail: generation of the block */
+  LINK_REASON_GENERATION = 10,
   LINK_REASON_SESSION = 11, /* no session is open: send hello first */
   LINK_REASON_CURRENT = 12, /* current still flows; repeat the request at zero current */
-  /* the block has different full scales, gaps, rate or units; detail: the first word that differs
-     */
+  /* the block has different full scales, gaps, rate or units; detail: number of the first word that
+     differs */
   LINK_REASON_SCALE = 13,
   LINK_REASON_NOT_KEPT = 14, /* the board has no non-volatile memory, or writing failed */
   LINK_REASON_COUNT = 15
@@ -89,12 +92,13 @@ enum {
   /* ticks without a new request after which the link counts as lost; limited by the board */
   LINK_SETTING_HEARTBEAT_TICKS = 0,
   LINK_SETTING_DEMAND_SLEW = 1, /* largest change of the demand per tick, q31 */
-  LINK_SETTING_COMPENSATION = 2, /* 1: the compensator; 0: a constant force-current ratio */
+  /* 1: the compensator calculates the current; 0: a constant ratio of current to demand */
+  LINK_SETTING_COMPENSATION = 2,
   LINK_SETTING_RATIO = 3, /* constant ratio of current to demand, q30 */
   /* current that updates the hysteresis state. 0: commanded; 1: measured */
   LINK_SETTING_FOLLOW = 4,
-  /* 0: built-in gains; 1: built-in gains times gain_p to gain_dd, read when this setting is written
-     */
+  /* 0: built-in gains; 1: built-in gains times gain_p to gain_dd, which are read when this setting
+     is written */
   LINK_SETTING_GAINS = 5,
   LINK_SETTING_GAIN_P = 6, /* factor of the built-in proportional gain, q30 */
   LINK_SETTING_GAIN_I = 7, /* factor of the built-in integral gain, q30 */
@@ -118,16 +122,16 @@ enum {
   LINK_SIGNAL_GAP = 2, /* measured gap, q30 */
   LINK_SIGNAL_CURRENT = 3, /* measured current, q30 */
   LINK_SIGNAL_DRIVE = 4, /* commanded current, q31 of the full-scale current */
-  LINK_SIGNAL_FLUX = 5, /* flux of the model after the commit, q30 */
-  LINK_SIGNAL_EXPECTED = 6, /* force of the model after the commit, q31 */
+  LINK_SIGNAL_FLUX = 5, /* flux that the model predicts after the commit, q30 */
+  LINK_SIGNAL_EXPECTED = 6, /* force that the model predicts after the commit, q31 */
   LINK_SIGNAL_STATE = 7, /* state, as a number */
-  LINK_SIGNAL_FLAGS = 8, /* flags, as in status */
+  LINK_SIGNAL_FLAGS = 8, /* flags, one bit each, as in the frame status */
   LINK_SIGNAL_POSITION = 9, /* measured position, q31 of the controller's full scale */
   LINK_SIGNAL_REFERENCE = 10, /* reference position, q31 of the controller's full scale */
   LINK_SIGNAL_PHASE = 11, /* phase, as a number */
   LINK_SIGNAL_CURRENT_2 = 12, /* measured current of the second magnet, q30 */
   LINK_SIGNAL_DRIVE_2 = 13, /* commanded current of the second magnet, q31 */
-  LINK_SIGNAL_FAULT = 14, /* latched reason of a fault, as a number */
+  LINK_SIGNAL_FAULT = 14, /* latched fault, as a number */
   LINK_SIGNAL_COUNT = 15
 };
 
@@ -163,20 +167,20 @@ static inline void link_get_hello(link_hello *m, const uint8_t *p)
 #define LINK_SIZE_HEARTBEAT 0
 
 #define LINK_SIZE_DEMAND 4
-/* force: q31 of the full-scale force */
+/* force: demanded force, q31 of the full scale */
 static inline int32_t link_get_demand(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_COMMAND 2
-/* command: one of command */
+/* command: number of the command */
 static inline uint16_t link_get_command(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_SETTING_READ 2
-/* setting: one of setting */
+/* setting: number of the setting */
 static inline uint16_t link_get_setting_read(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_SETTING_WRITE 6
 typedef struct {
-  uint16_t setting; /* one of setting */
+  uint16_t setting; /* number of the setting */
   int32_t value;
 } link_setting_write;
 static inline void link_get_setting_write(link_setting_write *m, const uint8_t *p)
@@ -189,7 +193,7 @@ static inline void link_get_setting_write(link_setting_write *m, const uint8_t *
 typedef struct {
   uint16_t words; /* length of the block */
   uint16_t generation; /* generation of the block */
-  uint32_t checksum; /* CRC-32 of all its words, low byte first */
+  uint32_t checksum; /* CRC-32 of all words of the block, low byte first */
 } link_block_begin;
 static inline void link_get_block_begin(link_block_begin *m, const uint8_t *p)
 {
@@ -218,7 +222,7 @@ static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
 }
 
 #define LINK_SIZE_TARGET 4
-/* position: q31 of the position controller's full scale */
+/* position: target position, q31 of the controller's full scale */
 static inline int32_t link_get_target(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_KEEP 0
@@ -236,8 +240,8 @@ typedef struct {
   uint16_t ramp; /* time from full current to zero in the safe state, ms */
   uint32_t model; /* first 32 bits of the model's hash */
   uint32_t rate; /* ticks per second */
-  uint16_t body; /* controlled quantity, one of body */
-  uint16_t magnets; /* number of magnets: 1, or an opposing pair */
+  uint16_t body; /* number of the controlled quantity (body) */
+  uint16_t magnets; /* number of magnets; 2: an opposing pair */
 } link_info;
 static inline void link_put_info(uint8_t *p, const link_info *m)
 {
@@ -256,9 +260,9 @@ static inline void link_put_info(uint8_t *p, const link_info *m)
 
 #define LINK_SIZE_STATUS 54
 typedef struct {
-  uint8_t state; /* one of state */
-  uint8_t fault; /* latched reason, one of fault */
-  uint16_t flags; /* bits of flag */
+  uint8_t state; /* number of the state */
+  uint8_t fault; /* number of the latched fault */
+  uint16_t flags; /* flags, one bit each */
   int32_t demand; /* active demand, q31 */
   int32_t force; /* measured force, q30 */
   int32_t gap; /* measured gap, q30 */
@@ -268,7 +272,7 @@ typedef struct {
   uint16_t bad_frames; /* damaged frames, modulo 65536 */
   uint16_t lost_frames; /* missing sequence numbers, modulo 65536 */
   uint16_t missed_ticks; /* missed ticks since power-on, modulo 65536 */
-  uint16_t phase; /* one of phase */
+  uint16_t phase; /* number of the phase */
   int32_t position; /* last plausible position, q31 */
   int32_t reference; /* reference position, q31 */
   uint32_t cycles; /* processor cycles of the longest tick; 0: not counted */
@@ -298,7 +302,7 @@ static inline void link_put_status(uint8_t *p, const link_status *m)
 #define LINK_SIZE_ACK 4
 typedef struct {
   uint16_t request; /* type of the request */
-  uint16_t detail; /* see the request */
+  uint16_t detail; /* detail that the request describes */
 } link_ack;
 static inline void link_put_ack(uint8_t *p, const link_ack *m)
 {
@@ -309,8 +313,8 @@ static inline void link_put_ack(uint8_t *p, const link_ack *m)
 #define LINK_SIZE_NAK 6
 typedef struct {
   uint16_t request; /* type of the request */
-  uint16_t reason; /* one of reason */
-  uint16_t detail; /* see the reason */
+  uint16_t reason; /* number of the reason */
+  uint16_t detail; /* detail that the reason describes */
 } link_nak;
 static inline void link_put_nak(uint8_t *p, const link_nak *m)
 {
@@ -321,7 +325,7 @@ static inline void link_put_nak(uint8_t *p, const link_nak *m)
 
 #define LINK_SIZE_SETTING 6
 typedef struct {
-  uint16_t setting; /* one of setting */
+  uint16_t setting; /* number of the setting */
   int32_t value;
 } link_setting;
 static inline void link_put_setting(uint8_t *p, const link_setting *m)
@@ -339,14 +343,14 @@ static inline void link_put_block_words(uint8_t *p, uint16_t offset) { link_put_
 #define LINK_SIZE_PLANT_SAMPLE 32
 /* Plant to controller: the sensor readings at the beginning of a tick. */
 typedef struct {
-  uint32_t tick; /* counts from 1 */
-  int32_t gap; /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
-  int32_t force; /* q30 of the full-scale force */
-  int32_t position; /* q31 of the position controller's full scale */
+  uint32_t tick; /* number of the tick, from 1 on */
+  int32_t gap; /* gap, q30: 0 is the smallest gap of the model, 1.0 the largest */
+  int32_t force; /* force, q30 of the full scale */
+  int32_t position; /* position, q31 of the controller's full scale */
   /* current of the first magnet, q30 of full scale; current of the second magnet, q30 of full scale
      */
   int32_t current[2];
-  uint32_t status; /* bits of PORT_... in port/port.h */
+  uint32_t status; /* status bits PORT_... of port/port.h */
 } link_plant_sample;
 /* Returns whether the record is valid; fills it in any case. */
 static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
@@ -368,12 +372,12 @@ typedef struct {
   /* commanded current of the first magnet, q31 of full scale; commanded current of the second
      magnet, q31 of full scale */
   int32_t drive[2];
-  uint32_t state; /* state + 256*fault */
-  uint32_t mode; /* flags + 65536*phase */
+  uint32_t state; /* number of the state + 256*(reason of the fault) */
+  uint32_t mode; /* bit mask of the flags + 65536*phase */
   int32_t demand; /* active demand, q31 of the full-scale force */
   int32_t reference; /* reference position, q31 of the controller's full scale */
-  int32_t flux; /* flux of the first magnet's model after the commit, q30 */
-  int32_t expected; /* force of this model, q31 */
+  int32_t flux; /* flux of the first magnet after the commit, as its model predicts, q30 */
+  int32_t expected; /* force of the first magnet, as its model predicts, q31 */
 } link_plant_drive;
 static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
 {

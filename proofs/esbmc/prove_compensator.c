@@ -69,7 +69,7 @@ static int16_t interpolate_over_gap(gap_position position, int16_t first)
   return (int16_t)any_within(first == FLUX_ARM ? least_flux_arm : -ANHYST_Q15_MAX, ANHYST_Q15_MAX);
 }
 
-static int32_t root(int32_t a, int16_t knee)
+static int32_t root_with_knee(int32_t a, int16_t knee)
 {
   SHOW(a >= 0 && knee >= 2 && knee <= 8);
   return any_within(0, ANHYST_Q30_ONE);
@@ -121,7 +121,7 @@ static void prove_swap(void)
   SHOW(c.words == other && c.stage == ANHYST_STAGE_UNKNOWN);
 }
 
-/* Any gap, and any table over the gap in the block. */
+/* Proves the interpolation at any gap, with any table over the gap in the block. */
 static void prove_over_gap(void)
 {
   int16_t words[ANHYST_BLOCK_MOST_WORDS]; /* any */
@@ -130,7 +130,7 @@ static void prove_over_gap(void)
   const int16_t first = (int16_t)any_within(ANHYST_BLOCK_LEAST_WORDS, ANHYST_BLOCK_MOST_WORDS);
   ASSUME(first + segments + 1 <= ANHYST_BLOCK_MOST_WORDS);
   const gap_position position = locate_gap(words, nondet_i32());
-  SHOW(position.part >= 0 && position.part <= 32767);
+  SHOW(position.fraction >= 0 && position.fraction <= 32767);
   const int32_t segment = (int32_t)(position.words - words);
   SHOW(segment >= 0 && segment < segments);
   const int32_t change = (int32_t)words[first + segment + 1] - words[first + segment];

@@ -13,10 +13,10 @@ int main(void)
   const int32_t force = nondet_i32();
   const table_position at = locate_force(&map, force);
   SHOW(at.index < columns_of(&map));
-  SHOW(at.part >= 0);
-  SHOW(force_at(&map, at) == (force > 0 ? force : 0));
+  SHOW(at.fraction >= 0);
+  SHOW(force_at_position(&map, at) == (force > 0 ? force : 0));
   const table_position end = {columns_of(&map) - 1U, ONE};
-  SHOW(force_at(&map, end) == ANHYST_Q31_MAX);
+  SHOW(force_at_position(&map, end) == ANHYST_Q31_MAX);
 #else
   const int32_t whole = any_within(2, ANHYST_Q31_MAX);
   SHOW(anhyst_ratio(any_within(1, whole - 1), whole) >= 0);

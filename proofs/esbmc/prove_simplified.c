@@ -12,7 +12,7 @@
 
 enum { WORDS = ANHYST_BLOCK_MOST_WORDS };
 
-/* Valid words, with the table of the curve anywhere in the block. */
+/* Fills valid words, with the table of the curve anywhere in the block. */
 static void any_words(int16_t *words)
 {
   ASSUME(words[ANHYST_WORD_SIMPLE_RATE] > 0 && words[ANHYST_WORD_SIMPLE_HOLD] > 0);
@@ -46,16 +46,17 @@ static number distance_at_state(const entry *words, number state)
 #ifdef VALUE_BY_CONTRACT
 static const int16_t *block;
 
-static inline int32_t anhyst_value_at(anhyst_spot spot)
+static inline int32_t anhyst_table_value(anhyst_table_position table_position)
 {
   const int32_t n = block[ANHYST_WORD_SIMPLE_SEGMENTS];
   const int16_t *first = block + block[ANHYST_WORD_SIMPLE_CURVE];
-  SHOW(spot.at >= first && spot.at < first + ((block[ANHYST_WORD_SIMPLE_OCTAVES] + 1) << n));
-  SHOW(spot.part >= 0 && spot.part <= 32768);
+  SHOW(table_position.segment >= first &&
+       table_position.segment < first + ((block[ANHYST_WORD_SIMPLE_OCTAVES] + 1) << n));
+  SHOW(table_position.fraction >= 0 && table_position.fraction <= 32768);
   return any_within(0, ANHYST_Q15_MAX * 32768);
 }
 
-static void prove_state_of(void)
+static void prove_state_at_distance(void)
 {
   int16_t words[WORDS];
   any_words(words);
@@ -70,7 +71,7 @@ static void prove_step(void)
   int16_t words[WORDS];
   any_words(words);
   const int32_t state = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  SHOW(path_start(words, state) >= -ANHYST_Q30_ONE);
+  SHOW(stored_path_start(words, state) >= -ANHYST_Q30_ONE);
   anhyst_simplified_memory path = {0, state, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), 0,
                                    any_within(-ANHYST_Q30_ONE, ANHYST_Q31_MAX)};
   const int32_t flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
@@ -79,7 +80,7 @@ static void prove_step(void)
   SHOW(found >= -ANHYST_Q30_ONE && found <= ANHYST_Q30_ONE);
 }
 
-static void prove_distance_of(void)
+static void prove_distance_at_state(void)
 {
   int16_t words[WORDS];
   any_words(words);

@@ -7,7 +7,7 @@
 
 #include "compensator/lookup.h"
 
-#define MAX_TARGET (ANHYST_Q30_ONE / 8 * 5) /* as in prove_cells.c */
+#define MAX_TARGET (ANHYST_Q30_ONE / 8 * 5) /* the scale of prove_cells.c */
 
 static inline int32_t proof_quotient(int32_t numerator, int32_t denominator)
 {
@@ -29,16 +29,16 @@ static number solve_current(const entry *words, const cells_memory *from, const 
   return nondet_i32();
 }
 
-static number flux_of_candidate(const entry *words, const candidate *at) { return nondet_i32(); }
+static number flux_of_trial(const entry *words, const candidate *at) { return nondet_i32(); }
 
-/* A block that passed its check. */
+/* Fills the words of a block that passed its check. */
 static void any_block(int16_t *words)
 {
   words[ANHYST_WORD_CELLS_AIR] = (int16_t)any_within(1, ANHYST_Q15_MAX);
-  ASSUME(is_solid_valid(words));
+  ASSUME(are_solid_layers_valid(words));
 }
 
-/* Any state of the search of a compensator, with any shares and slopes. */
+/* Sets any state of the search of a compensator, with any shares and slopes. */
 static void any_tick(solid_tick *tick, anhyst_compensator *c)
 {
   const int16_t *words = c->words;
@@ -46,13 +46,13 @@ static void any_tick(solid_tick *tick, anhyst_compensator *c)
   c->arms.field_arm = (int16_t)any_within(1, ANHYST_Q15_MAX);
   tick->c = c;
   tick->is_flux_given = nondet_i16() != 0;
-  tick->layers = layers_of(words);
+  tick->layers = layer_count(words);
   tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
-  tick->hold_slope = any_within(1, ANHYST_Q30_ONE);
-  tick->own_slope = read_own_slope(words);
+  tick->diffusion_slope = any_within(1, ANHYST_Q30_ONE);
+  tick->coupling_slope = read_coupling_slope(words);
   for (int16_t i = 0; i < ANHYST_MEMORIES; i++) {
-    tick->share[i] = (int16_t)any_within(MIN_SHARE, ANHYST_Q15_MAX);
-    tick->stiffness[i] = any_within(1, ANHYST_Q31_MAX);
+    tick->area_fraction[i] = (int16_t)any_within(MIN_AREA_FRACTION, ANHYST_Q15_MAX);
+    tick->field_slope[i] = any_within(1, ANHYST_Q31_MAX);
   }
 }
 
@@ -61,14 +61,14 @@ static void prove_layer(void)
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   anhyst_compensator c;
   solid_tick tick;
-  solid_line line = {nondet_i32(), any_within(0, ANHYST_Q31_MAX)};
+  load_line line = {nondet_i32(), any_within(0, ANHYST_Q31_MAX)};
   any_block(words);
   c.words = words;
   any_tick(&tick, &c);
-  line = line_below_layer(&tick, 0, line);
+  line = load_line_below_layer(&tick, 0, line);
   SHOW(line.slope >= 0);
-  solve_layer_for_line(&tick, 1, line, nondet_i32());
-  SHOW(tick.stiffness[1] >= 1);
+  solve_layer_for_load_line(&tick, 1, line, nondet_i32());
+  SHOW(tick.field_slope[1] >= 1);
 }
 
 static void prove_surface(void)
@@ -79,12 +79,12 @@ static void prove_surface(void)
   any_block(words);
   c.words = words;
   any_tick(&tick, &c);
-  solve_layer_for_flux(&tick, 0, divide_by_share(nondet_i32(), tick.share[0]));
-  set_circuit(&tick);
-  SHOW(line_at_surface(&tick).slope >= 0);
+  solve_layer_for_flux(&tick, 0, divide_by_fraction(nondet_i32(), tick.area_fraction[0]));
+  set_circuit_slopes(&tick);
+  SHOW(load_line_at_surface(&tick).slope >= 0);
 }
 
-static void prove_owed(void)
+static void prove_owed_flux(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   anhyst_compensator c;
@@ -92,8 +92,8 @@ static void prove_owed(void)
   any_block(words);
   c.words = words;
   any_tick(&tick, &c);
-  const int32_t owed = owed_flux(words, nondet_i32(), MAX_OWED_FLUX);
-  SHOW(owed >= -MAX_OWED_FLUX && owed <= MAX_OWED_FLUX);
+  const int32_t owed = outstanding_flux(words, nondet_i32(), MAX_OUTSTANDING_FLUX);
+  SHOW(owed >= -MAX_OUTSTANDING_FLUX && owed <= MAX_OUTSTANDING_FLUX);
   (void)are_equations_solved(&tick);
 }
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Checks the side of the play for every radius that a block can state: at the largest distances
    within the radius, nothing overflows, and the side keeps its sign. A smaller distance has a
-   smaller product. Compiled so that an overflow stops the program. */
+   smaller product. The program is compiled so that an overflow stops it. */
 #include "compensator/play_map.c"
 
 int main(void)
@@ -14,8 +14,8 @@ int main(void)
       words[ANHYST_WORD_PLAY_STEEPNESS] = (int16_t)steepness;
       words[ANHYST_WORD_PLAY_SHIFT] = shift;
       wrong += !read_scales(&law, words) || law.radius < 2097152;
-      wrong += side_from_distance(&law, law.radius - 1) < 0 ||
-               side_from_distance(&law, 1 - law.radius) > 0;
+      wrong += branch_position_from_distance(&law, law.radius - 1) < 0 ||
+               branch_position_from_distance(&law, 1 - law.radius) > 0;
     }
   }
   return wrong == 0 ? 0 : 1;

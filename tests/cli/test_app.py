@@ -109,7 +109,7 @@ def test_every_ending_has_its_code_and_line(
     assert captured.out.strip() == ""
 
 
-def test_version_comes_without_loading_what_it_does_not_need() -> None:
+def test_the_version_is_printed_without_loading_unneeded_modules() -> None:
     result = anhyst("--version")
     assert result.returncode == 0
     assert result.stdout.startswith("anhyst ")
@@ -143,7 +143,7 @@ def test_progress_shows_on_a_terminal_only(
     assert ("50 %" in message.err) == visible
 
 
-def test_a_fault_of_the_program_is_one_line_and_has_an_exit_code_of_its_own(
+def test_an_internal_error_is_one_line_with_exit_code_70(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(**_: object) -> int:

@@ -137,7 +137,7 @@ def refusal(
 CELLS = [(verb, kind) for verb in WORKS for kind in CALLED]
 
 
-@pytest.mark.parametrize(("verb", "kind"), [one for one in CELLS if one[1] not in WORKS[one[0]]])
+@pytest.mark.parametrize(("verb", "kind"), [cell for cell in CELLS if cell[1] not in WORKS[cell[0]]])
 def test_a_good_file_of_another_kind_is_refused_by_its_name(
     verb: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -151,8 +151,8 @@ def test_a_good_file_of_another_kind_is_refused_by_its_name(
     assert sorted(tmp_path.iterdir()) == before
 
 
-@pytest.mark.parametrize(("verb", "kind"), [one for one in CELLS if one[1] in WORKS[one[0]]])
-def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
+@pytest.mark.parametrize(("verb", "kind"), [cell for cell in CELLS if cell[1] in WORKS[cell[0]]])
+def test_every_accepted_kind_reaches_its_reader(
     verb: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = written(kind, tmp_path)
@@ -175,7 +175,7 @@ def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
         ("compile", "bearing", "--controller"),
     ],
 )
-def test_where_physics_forbids_a_verb_the_refusal_says_so(
+def test_a_verb_that_physics_forbids_is_refused_with_the_reason(
     verb: str,
     kind: str,
     reason: str,
@@ -188,7 +188,7 @@ def test_where_physics_forbids_a_verb_the_refusal_says_so(
         assert not set(record.verbs) & set(record.reasons)
 
 
-def test_the_page_says_which_rig_a_verb_takes() -> None:
+def test_the_page_lists_the_rigs_of_each_verb() -> None:
     page = (EXAMPLES.parent / "docs" / "commands.md").read_text()
     rows = re.findall(
         r"^\| `([\w-]+)` \|(.*)\|$", page.partition("### What a rig")[2].partition("\n## ")[0], re.M
@@ -223,7 +223,7 @@ def test_readers_and_functions_name_the_kind_as_the_verbs_do(
     assert f"this is {CALLED[kind]}; " in str(caught.value)
 
 
-def test_a_file_that_says_no_kind_is_asked_for_it_alone(
+def test_a_file_without_a_kind_is_refused_for_that_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = written("stage", tmp_path)

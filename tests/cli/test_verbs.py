@@ -43,39 +43,39 @@ def test_docstring_describes_every_parameter(verb: Verb) -> None:
 @pytest.mark.parametrize("verb", VERBS.values(), ids=VERBS)
 def test_command_has_the_parameters_and_defaults_of_the_function(verb: Verb) -> None:
     command = typer.main.get_command(cli.app).commands[verb.command]  # type: ignore[attr-defined]
-    defaults = {one.name: one.default for one in command.params if not one.required}
+    defaults = {param.name: param.default for param in command.params if not param.required}
     own = {} if verb.is_endless else {"as_json": False, "_verbose": False}
-    in_python = {name: one.default for name, one in verb.parameters.items()}
+    in_python = {name: parameter.default for name, parameter in verb.parameters.items()}
     assert defaults == {
         name: Path(value) if (verb.name, name) == ("report", "out") else value
         for name, value in (in_python | own).items()
         if name in defaults
     }
-    assert {one.name for one in command.params} == in_python.keys() | own.keys()
-    assert all(one.help for one in command.params)
+    assert {param.name for param in command.params} == in_python.keys() | own.keys()
+    assert all(param.help for param in command.params)
 
 
-def test_the_verbs_of_the_other_parts_are_those_that_are_named_where_they_are_missing() -> None:
+def test_verbs_of_missing_packages_are_listed_completely() -> None:
     for part, names in PROJECT_PACKAGES.items():
         folder = import_module(f"{part.replace('-', '_')}.verbs")
         assert sorted(names) == [verb.name for verb in iter_modules(folder.__path__)]
 
 
-def test_options_of_reading_are_those_of_read_loops() -> None:
+def test_reading_options_are_the_parameters_of_read_loops() -> None:
     takes = inspect.signature(anhyst.read_loops).parameters
     names = inspect.signature(read_options).parameters.keys() - {"clean"}
     assert {takes[name].default for name in names} == {None}
     assert read_docstring(read_options).parameters.keys() - {"clean"} == names
 
 
-def test_words_and_numbers_of_a_signature_are_those_of_the_package() -> None:
+def test_literals_of_a_signature_are_those_of_the_package() -> None:
     for verb, name, words in (
         ("compile", "SignalFormat", SignalFormat),
         ("compile", "CompensatorKind", StageKind),
         ("fleet", "Kind", Kind),
         ("fleet", "SignalFormat", SignalFormat),
-        ("export", "Of", exporter.ExportedPart),
-        ("export", "Form", exporter.ExportForm),
+        ("export", "ModelComponent", exporter.ExportedPart),
+        ("export", "ExportForm", exporter.ExportForm),
     ):
         assert set(get_args(getattr(VERBS[verb].module, name))) <= set(get_args(words)), verb
     law = VERBS["identify"].docstring.parameters["law"].text

@@ -107,8 +107,8 @@ FAULTS = [
     Fault(
         "reversible part too small",
         "src/compensator/generic/full_path.h",
-        "return y + multiply_by_part(anhysteretic - y, reversible);",
-        "return y + multiply_by_part(anhysteretic - y, reversible) / 2;",
+        "return y + times_fraction(anhysteretic - y, reversible);",
+        "return y + times_fraction(anhysteretic - y, reversible) / 2;",
         "test_fixed_full",
     ),
     Fault(
@@ -121,8 +121,8 @@ FAULTS = [
     Fault(
         "half of the steepest slope",
         "src/compensator/generic/full_block.h",
-        "slope_of_sum(sum, flux_arm[i], steepest)",
-        "slope_of_sum(sum, flux_arm[i], steepest / 2)",
+        "weighted_slope(sum, flux_arm[i], steepest)",
+        "weighted_slope(sum, flux_arm[i], steepest / 2)",
         "test_fixed_full",
     ),
     Fault(
@@ -142,7 +142,7 @@ FAULTS = [
     Fault(
         "slope limited to 32",
         "src/compensator/simplified_fixed.h",
-        "return slope > MAX_LAG_SLOPE ? MAX_LAG_SLOPE : slope;",
+        "return slope > MAX_STATE_SLOPE ? MAX_STATE_SLOPE : slope;",
         "return slope > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : slope;",
         "test_fixed_closed",
     ),
@@ -219,8 +219,8 @@ FAULTS = [
     Fault(
         "too few Newton steps",
         "src/compensator/play_map.c",
-        "#define PLAY_STEPS ANHYST_PLAY_STEPS",
-        "#define PLAY_STEPS 1",
+        "#define MAX_NEWTON_STEPS ANHYST_PLAY_STEPS",
+        "#define MAX_NEWTON_STEPS 1",
         "test_fixed_play_map",
     ),
     Fault(
@@ -233,22 +233,22 @@ FAULTS = [
     Fault(
         "a reversal with the moving cells subtracted",
         "src/compensator/generic/cells.h",
-        "path->rest = mirrored(saturate(path->rest + moving_m), -1);",
-        "path->rest = mirrored(saturate(path->rest - moving_m), -1);",
+        "path->resting_m = mirrored(saturate(path->resting_m + active_m), -1);",
+        "path->resting_m = mirrored(saturate(path->resting_m - active_m), -1);",
         "test_fixed_cells",
     ),
     Fault(
         "reversal point with the wrong sign",
         "src/compensator/generic/cells.h",
-        "path->reversal = locate(path, path->rows, mirrored(x, -1));",
-        "path->reversal = locate(path, path->rows, x);",
+        "path->reversal = locate_field(path, path->rows, mirrored(x, -1));",
+        "path->reversal = locate_field(path, path->rows, x);",
         "test_fixed_cells",
     ),
     Fault(
         "wrong sign of a joining cell",
         "src/compensator/generic/cells.h",
-        "saturate(path->rest - resting_magnetisation(path, position, last));",
-        "saturate(path->rest + resting_magnetisation(path, position, last));",
+        "saturate(path->resting_m - resting_magnetisation(path, position, last_cell));",
+        "saturate(path->resting_m + resting_magnetisation(path, position, last_cell));",
         "test_fixed_cells",
     ),
     Fault(
@@ -261,15 +261,15 @@ FAULTS = [
     Fault(
         "resting cells recorded in the wrong direction",
         "src/compensator/generic/cells.h",
-        "path->mirror == 0 ? resting_mask | moving_mask : resting_mask",
-        "path->mirror != 0 ? resting_mask | moving_mask : resting_mask",
+        "path->mirror == 0 ? resting_mask | active_mask : resting_mask",
+        "path->mirror != 0 ? resting_mask | active_mask : resting_mask",
         "test_fixed_cells",
     ),
     Fault(
         "wrong sign of cells that join again",
         "src/compensator/generic/cells.h",
-        "saturate(\n        resting_before + between(reversal_now, path->reversal.at + row_offset(path, cells - 1)));",
-        "saturate(resting_before - between(reversal_now, path->reversal.at + row_offset(path, cells - 1)));",
+        "saturate(\n        start_m + row_difference(reversal, path->reversal.segment + row_offset(path, cells - 1)));",
+        "saturate(start_m - row_difference(reversal, path->reversal.segment + row_offset(path, cells - 1)));",
         "test_fixed_cells",
     ),
     Fault(
@@ -282,8 +282,8 @@ FAULTS = [
     Fault(
         "wrong sign of a step on a segment",
         "src/compensator/generic/cells.h",
-        "unsafe_difference(mirrored(target, mirror), left_side(&eq, at->of.cells.flux, begin));",
-        "unsafe_sum(mirrored(target, mirror), left_side(&eq, at->of.cells.flux, begin));",
+        "unsafe_difference(mirrored(target, mirror), left_side(&eq, trial->of.cells.flux, begin));",
+        "unsafe_sum(mirrored(target, mirror), left_side(&eq, trial->of.cells.flux, begin));",
         "test_fixed_cells",
     ),
     Fault(
@@ -296,7 +296,7 @@ FAULTS = [
     Fault(
         "difference of rows without interpolation",
         "src/compensator/cells_fixed.h",
-        "return low * 32768 + (high - low) * position.part;",
+        "return low * 32768 + (high - low) * position.fraction;",
         "return low * 32768;",
         "test_fixed_cells",
     ),
@@ -331,9 +331,9 @@ FAULTS = [
 ]
 
 
-BLOCKS = ("compensator/block",)
-"""Further sources of a test that includes the tested source."""
-BESIDE = {
+BLOCK_SOURCES = ("compensator/block",)
+"""Additional sources of a test that includes the tested source."""
+OTHER_SOURCES = {
     "test_simplified_formats": tuple(
         f"compensator/{name}" for name in ("simplified", "simplified_f32", "simplified_f64")
     ),
@@ -348,21 +348,21 @@ BESIDE = {
         f"compensator/{name}" for name in ("force_controller", "map", "compensator", "block")
     ),
 }
-"""Further sources of the other tests."""
+"""Additional sources of the other tests."""
 
 
-def passes(core: Path, test: str, folder: Path) -> bool:
-    """Build one C test with a copy of core/, and return whether its claims hold."""
+def claims_pass(core: Path, test: str, folder: Path) -> bool:
+    """Build one C test with a copy of core/, and return whether its claims are true."""
     program = folder / test
     # No warning flags, because a fault may leave a variable unused.
-    command = [tool("cc", "gcc"), "-std=c99", "-O1", "-DTEST_SANITIZED", "-DTEST_UP_TO_THE_FIRST"]
+    command = [tool("cc", "gcc"), "-std=c99", "-O1", "-DTEST_SANITIZED", "-DTEST_STOP_AT_FIRST_FAILURE"]
     command += [f"-I{core / 'include'}", f"-I{core / 'src'}"]
     sources = [str(HERE / f"{test}.c"), str(HERE / "truth.c")]
-    sources += [str(core / "src" / f"{name}.c") for name in BESIDE.get(test, BLOCKS)]
+    sources += [str(core / "src" / f"{name}.c") for name in OTHER_SOURCES.get(test, BLOCK_SOURCES)]
     subprocess.run([*command, *sources, "-lm", "-o", str(program)], check=True)
-    done = subprocess.run([program], capture_output=True, check=False, timeout=600)
-    assert done.returncode in {0, 1}, "the test crashed instead of answering"
-    return done.returncode == 0
+    completed = subprocess.run([program], capture_output=True, check=False, timeout=600)
+    assert completed.returncode in {0, 1}, "the test crashed instead of answering"
+    return completed.returncode == 0
 
 
 @pytest.mark.slow
@@ -374,4 +374,4 @@ def test_a_seeded_fault_is_found(tmp_path: Path, fault: Fault) -> None:
     text = broken.read_text(encoding="utf-8")
     assert text.count(fault.right) == 1, "the source has changed: adapt the fault"
     broken.write_text(text.replace(fault.right, fault.wrong), encoding="utf-8")
-    assert not passes(core, fault.test, tmp_path)
+    assert not claims_pass(core, fault.test, tmp_path)

@@ -74,6 +74,6 @@ def refusal(words: list[str]) -> str:
     if verb.startswith("--"):
         return ""
     command = _verbs()[verb]
-    known = {name for one in command.params for name in one.opts} | {"--help"}
+    known = {name for param in command.params for name in param.opts} | {"--help"}
     unknown = [word for word in rest if word.startswith("--") and word not in known]
     return f"anhyst {verb} has no {', '.join(unknown)}" if unknown else ""

@@ -38,7 +38,7 @@ def test_lines_are_whole_however_long_and_times_are_in_yardsticks_too(
     assert second == "| what is no time | reported | 1.5 % |  | - |"
 
 
-def test_the_machine_says_what_it_is(bench: ModuleType) -> None:
+def test_the_machine_is_described(bench: ModuleType) -> None:
     machine = bench.this_machine()
     assert machine.processor
     assert machine.level in machine.levels

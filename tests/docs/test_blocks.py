@@ -62,7 +62,7 @@ def test_blocks_of_the_page_run(name: str, place: Path, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_block_says_what_it_is(name: str) -> None:
+def test_every_code_block_names_its_language(name: str) -> None:
     text = text_of(name)
     assert indented(text) == [], "fence code, and say its language"
     for block in blocks(text):
@@ -70,12 +70,12 @@ def test_every_block_says_what_it_is(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_commands_stand_in_blocks_of_a_shell(name: str) -> None:
+def test_commands_are_in_shell_blocks(name: str) -> None:
     shown = [block for block in blocks(text_of(name)) if block.language in SHOWN]
     assert [one.line for one in shown if commands(f"```\n{one.code}```")] == []
 
 
-def test_every_step_of_the_tutorial_says_how_long_it_takes() -> None:
+def test_every_step_of_the_tutorial_states_its_duration() -> None:
     steps = re.findall(r"^## (\d+\..+)$", text_of("docs/tutorial.md"), re.M)
     assert len(steps) > 7
     assert [step for step in steps if not re.search(r"\((\d+ s|a minute)\b[^)]*\)$", step)] == []

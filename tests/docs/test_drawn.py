@@ -73,7 +73,7 @@ def test_irons_that_are_integrated_do_not_depend_on_the_steps(
 
 
 @pytest.mark.parametrize("kind", ["tellinen", "langevin"])
-def test_a_cycle_of_an_iron_that_is_integrated_takes_energy(
+def test_a_cycle_of_an_integrated_iron_loses_energy(
     irons: ModuleType, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(irons, "FINE", 300)

@@ -25,7 +25,7 @@ def read(part: str) -> str:
 @pytest.mark.parametrize("part", PARTS)
 def test_a_part_says_how_it_is_tested_and_its_commands_and_folders_exist(part: str) -> None:
     text = read(part)
-    assert len(text.split()) < 400  # takes a minute
+    assert len(re.sub(r"```.*?```", "", text, flags=re.S).split()) < 400  # takes a minute
     (target,) = set(re.findall(r"`make test PART=([\w-]+)`", text))
     assert target == "c" or (ROOT / "packages" / target / "tests").is_dir()
     assert [one for words in commands(text) if (one := refusal(words))] == []
@@ -42,6 +42,9 @@ int main(void)
 {
   if (start() != ANHYST_OK) {
     return 1;
+  }
+  for (long i = 0; i < 100000; i++) { /* the start-up sequence ends */
+    (void)tick(0, 9000);
   }
   const int16_t more = tick(16000, 9000);
   const int16_t less = tick(4000, 9000);

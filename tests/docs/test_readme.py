@@ -14,7 +14,7 @@ from tests.docs.blocks import blocks, commands
 from tests.repository import ROOT
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
-STRAIGHT = ["inspect", "identify", "report", "compile", "verify", "simulate", "live"]
+STRAIGHT = ["inspect", "identify", "report", "compile", "verify", "init", "simulate", "live"]
 ROWS = [
     [cell.strip() for cell in line.strip("| ").split(" | ")]
     for line in TEXT.split("## How good is it")[1].split("\n## ")[0].splitlines()
@@ -26,7 +26,7 @@ ROWS = [
 def test_python_of_the_readme_gives_forces_and_currents(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (code,) = [one.code for one in blocks(TEXT) if one.language == "python"]
+    (code,) = [block.code for block in blocks(TEXT) if block.language == "python"]
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     exec(compile(code.replace('"examples/', f'"{ROOT}/examples/'), "README.md", "exec"), names)
@@ -52,7 +52,7 @@ def section(link: str) -> str:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0][1:20])
-def test_a_figure_of_the_readme_stands_on_the_page_that_it_links_to(row: list[str]) -> None:
+def test_every_number_of_the_readme_is_on_its_linked_page(row: list[str]) -> None:
     about, *figures = row
     measured = re.findall(r"\d+(?:\.\d+)?", section(re.findall(r"\((docs/[^)]+)\)", about)[0]))
     for figure in filter(None, figures):

@@ -29,7 +29,7 @@ def test_a_link_out_of_the_docs_becomes_a_name() -> None:
     assert without_outside_links(text, 1) == "a (`core/x.h`) [b](../theory.md#c)"
 
 
-def test_what_users_expect_is_shown_by_tests_that_exist() -> None:
+def test_tests_named_on_the_page_exist() -> None:
     page = (ROOT / "docs" / "coming-from.md").read_text()
     named = set(re.findall(r"`(test_\w+)`", page))
     files = (path for top in ("tests", "packages") for path in (ROOT / top).rglob("test_*.py"))
@@ -44,7 +44,7 @@ def test_the_gallery_has_a_dozen_short_scripts() -> None:
         assert len(path.read_text().splitlines()) < 60, path.name
 
 
-def test_the_command_line_is_told_whole() -> None:
+def test_the_command_line_is_documented_completely() -> None:
     text = command_line()
     for verb in ("inspect", "identify", "force-control", "fleet", "live"):
         assert f"### anhyst {verb}\n" in text
@@ -52,19 +52,19 @@ def test_the_command_line_is_told_whole() -> None:
     assert "    anhyst fleet magnets --out fleet --tolerance 0.5" in text
 
 
-def test_functions_of_the_core_are_told_with_their_comments() -> None:
+def test_functions_of_the_core_are_documented_by_their_comments() -> None:
     text = c_reference(ROOT / "core" / "include")
     part = text.split("anhyst_map_value_q31(", 1)[1]
-    assert part.split("```", 1)[1].lstrip().startswith("Returns the value, q31. A signal below 0 counts")
+    assert part.split("```", 1)[1].lstrip().startswith("Returns the value of the map, q31. A force or a gap")
     assert text.count("```c\n") > 120
 
 
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning() -> None:
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "tools/docs"], cwd=ROOT, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr[-3000:]
+    assert completed.returncode == 0, completed.stderr[-3000:]
     site = ROOT / "build" / "site"
     pictures = list((site / "_images").glob("sphx_glr_plot_*_001.png"))
     assert len(pictures) == len(SCRIPTS)

@@ -24,7 +24,7 @@ PIEZO = EXAMPLES / "piezo"
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["piezo", "magnetostrictive"])
-def test_the_files_are_made_again_byte_by_byte(name: str, tmp_path: Path) -> None:
+def test_the_files_are_reproduced_byte_for_byte(name: str, tmp_path: Path) -> None:
     script = EXAMPLES / name / "make_loops.py"
     subprocess.run([sys.executable, script, "--out", tmp_path], check=True)
     made = sorted(tmp_path.iterdir())
@@ -47,7 +47,7 @@ def test_the_virtual_stack_has_a_loop_creeps_and_rings() -> None:
     assert found[1500] - found[500] == pytest.approx(5.2e-6, rel=0.15)
 
 
-def test_a_voltage_that_is_not_changed_leaves_the_stage_at_rest() -> None:
+def test_a_constant_voltage_leaves_the_stage_at_rest() -> None:
     stage = read_piezo_rig(PIEZO / "rig.toml").make_motion(1e-4)
     assert np.all(stage.run(np.zeros(10)) == 0.0)
 
@@ -58,28 +58,28 @@ def test_random_reversals_are_predicted_four_times_as_well_as_by_a_curve() -> No
     model = identify(loops).model
     unseen = read_loops(PIEZO / "unseen.csv").loops[0]
     made = model.predict(unseen.input, time=unseen.time, history="conditioned:0").output
-    off = float(np.sqrt(np.mean((made - unseen.output) ** 2)))
+    error = float(np.sqrt(np.mean((made - unseen.output) ** 2)))
     curve = np.polynomial.Polynomial.fit(loops.loops[0].input, loops.loops[0].output, 5)
     plain = float(np.sqrt(np.mean((curve(unseen.input) - unseen.output) ** 2)))
-    assert off < 0.013 * np.ptp(unseen.output)
-    assert off < plain / 3.0
+    assert error < 0.013 * np.ptp(unseen.output)
+    assert error < plain / 3.0
 
 
 @pytest.mark.slow
-def test_where_rates_differ_the_model_says_how_far_it_goes(tmp_path: Path) -> None:
-    done = quick("identify", PIEZO / "loops.csv", "--out", "slow.toml", cwd=tmp_path)
-    assert "the loops run at up to 1.5 Hz; faster runs were not measured" in unwrapped(done.stdout)
+def test_the_model_reports_its_fastest_fitted_rate(tmp_path: Path) -> None:
+    completed = quick("identify", PIEZO / "loops.csv", "--out", "slow.toml", cwd=tmp_path)
+    assert "the loops run at up to 1.5 Hz; faster runs were not measured" in unwrapped(completed.stdout)
     options = ("--history", "conditioned:0", "--out", "rates.csv")
-    done = quick("predict", "slow.toml", PIEZO / "rates.csv", *options, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "the model was validated only up to 1.5 Hz" in done.stderr
+    completed = quick("predict", "slow.toml", PIEZO / "rates.csv", *options, cwd=tmp_path)
+    assert completed.returncode == 0, completed.stderr
+    assert "the model was validated only up to 1.5 Hz" in completed.stderr
 
 
 @pytest.mark.slow
 def test_a_triangle_is_followed_with_a_fifth_of_the_error(tmp_path: Path) -> None:
-    done = quick("simulate", PIEZO / "rig.toml", "--out", "run.csv", "--json", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
+    completed = quick("simulate", PIEZO / "rig.toml", "--out", "run.csv", "--json", cwd=tmp_path)
+    assert completed.returncode == 0, completed.stderr
+    said = json.loads(completed.stdout)
     assert said["rms_with_over_without"] <= 0.2
     assert said["worst_with_over_without"] <= 0.2
     assert (tmp_path / "run.svg").read_text(encoding="utf-8").startswith("<?xml")
@@ -92,8 +92,8 @@ def test_the_bias_of_a_rod_is_found_and_a_prestress_between_predicted(noise: flo
     rng = np.random.default_rng(1)
     loops = noisy(read_loops(here / "loops.csv"), noise, seed=0)
     restless = [
-        replace(one, input=one.input + 7.0 * (noise > 0.0) * rng.standard_normal(one.n))
-        for one in loops.loops
+        replace(loop, input=loop.input + 7.0 * (noise > 0.0) * rng.standard_normal(loop.n))
+        for loop in loops.loops
     ]
     model = identify(loops.with_loops(restless)).model
     assert model.output.name == "magnetostriction"

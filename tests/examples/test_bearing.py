@@ -46,7 +46,7 @@ def rows(pattern: str) -> list[list[str]]:
     return [[cell.strip() for cell in row.strip("|").split("|")] for row in found]
 
 
-def test_the_loops_are_what_the_script_makes(example: ModuleType) -> None:
+def test_the_loops_are_reproduced_by_their_script(example: ModuleType) -> None:
     for name, text in example.files().items():
         assert (FOLDER / name).read_text() == text, f"{name}: run make_loops.py again"
 
@@ -79,11 +79,11 @@ def opening(current: FloatArray, rising: FloatArray, falling: FloatArray) -> Flo
 def test_the_table_of_gaps(rig: BodyRig) -> None:
     table = rows(r"^\| 0\.\d\d mm.*$")
     mechanics, measured = rig.settings.body, rig.settings.measurement.gaps_m
-    wanted = sorted({*measured, rig.settings.gap_m})
-    assert [float(row[0].split()[0]) for row in table] == [round(1e3 * gap, 2) for gap in wanted]
+    expected = sorted({*measured, rig.settings.gap_m})
+    assert [float(row[0].split()[0]) for row in table] == [round(1e3 * gap, 2) for gap in expected]
     assert measured[0] == mechanics.stop_low_m
     assert measured[-1] == mechanics.stop_high_m
-    for gap, (_, force, density, width, at_load, where) in zip(wanted, table, strict=True):
+    for gap, (_, force, density, width, at_load, where) in zip(expected, table, strict=True):
         current, rising, falling, most = both_ways(rig, gap)
         assert f"{rising[-1]:.1f} N" == force
         assert f"{most:.2f} T" == density

@@ -39,7 +39,7 @@ def width(current: FloatArray, force: FloatArray) -> FloatArray:
 
 
 @every
-def test_the_table_holds_what_the_irons_do(name: str) -> None:
+def test_the_table_agrees_with_the_irons(name: str) -> None:
     coercive, remanence, density, force, widest, mean = map(float, ROWS[name])
     assert major(STEELS[name]) == pytest.approx((coercive, remanence, density), abs=6e-3, rel=5e-3)
     example = generator()
@@ -72,7 +72,7 @@ def test_winding_and_poles_are_those_of_the_bundled_magnet() -> None:
         assert coil.force == pytest.approx(bundled.step(float(current), float(gap)), abs=2e-4)
 
 
-def test_the_files_can_be_read_and_are_the_same_again(tmp_path: Path) -> None:
+def test_the_files_are_readable_and_reproducible(tmp_path: Path) -> None:
     example = generator()
     files = example.files("duhem-usual")
     assert files == example.files("duhem-usual")
@@ -83,7 +83,7 @@ def test_the_files_can_be_read_and_are_the_same_again(tmp_path: Path) -> None:
 
 
 @every
-def test_truths_go_where_they_say(name: str) -> None:
+def test_truth_files_cover_their_stated_ranges(name: str) -> None:
     example = generator()
     moving = example.moving(name)
     assert (moving.gap.min(), moving.gap.max()) == pytest.approx((0.3e-3, 0.6e-3), abs=1e-6)

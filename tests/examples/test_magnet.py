@@ -71,7 +71,7 @@ def slope_after_turning(magnet: Any, current: float, gap: float) -> float:
 
 
 @pytest.mark.slow
-def test_committed_files_are_what_the_script_writes(example: ModuleType) -> None:
+def test_committed_files_are_reproduced_by_their_script(example: ModuleType) -> None:
     for name, text in example.files().items():
         assert (FOLDER / name).read_bytes() == text.encode(), name
 
@@ -104,7 +104,7 @@ def test_unseen_gaps_lie_between_the_identified_ones(settings: dict[str, Any]) -
 
 @pytest.mark.parametrize("gap", GAPS)
 @pytest.mark.parametrize("current", [0.8, 1.5, 2.4, 3.0])
-def test_slope_after_a_reversal_is_that_of_the_stated_reversible_fraction(
+def test_the_slope_after_a_reversal_agrees_with_the_reversible_fraction(
     example: ModuleType, settings: dict[str, Any], current: float, gap: float
 ) -> None:
     magnet, _ = example.load()
@@ -183,7 +183,7 @@ def test_electric_work_of_a_cycle_is_the_heat_of_the_iron(example: ModuleType) -
     assert electric == pytest.approx(heat, rel=1e-3)
 
 
-def test_work_of_a_moving_armature_leaves_only_the_heat_of_the_iron(example: ModuleType) -> None:
+def test_the_energy_of_a_moving_armature_equals_the_iron_loss(example: ModuleType) -> None:
     magnet, _ = example.load()
     near, far, low, high, n = GAPS[0], GAPS[-1], 1.0, 2.5, 400
     corners = ((low, far), (low, near), (high, near), (high, far), (low, far))
@@ -204,7 +204,7 @@ def test_work_of_a_moving_armature_leaves_only_the_heat_of_the_iron(example: Mod
     assert electric - mechanical == pytest.approx(heat, rel=1e-3)
 
 
-def test_sensors_are_as_dirty_as_stated(records: list[Any], settings: dict[str, Any]) -> None:
+def test_sensors_have_their_stated_errors(records: list[Any], settings: dict[str, Any]) -> None:
     sensors, drive = settings["sensors"], settings["drive"]
     largest = max(record.force.max() for record in records)
     assert sensors["force_noise_N"] >= 0.002 * largest
@@ -242,7 +242,7 @@ def test_truth_holds_the_true_force_and_the_current_with_the_sensor_offset(
     np.testing.assert_array_equal(measured, table[:, [0, 3]])
 
 
-def test_readme_table_is_what_the_loops_show(records: list[Any], settings: dict[str, Any]) -> None:
+def test_the_readme_table_agrees_with_the_loops(records: list[Any], settings: dict[str, Any]) -> None:
     readme = (FOLDER / "README.md").read_text(encoding="utf-8")
     full = settings["drive"]["current_max_A"]
     for record in full_loops(records):

@@ -42,7 +42,7 @@ def table() -> list[list[str]]:
     return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
 
 
-def test_the_data_are_what_the_script_makes(example: ModuleType) -> None:
+def test_the_data_are_reproduced_by_their_script(example: ModuleType) -> None:
     for name, text in example.files().items():
         assert (FOLDER / name).read_text() == text, f"{name}: run make_loops.py again"
 

@@ -11,7 +11,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
 @pytest.mark.parametrize("name", ["stage", "planar"])
-def test_the_loops_are_those_of_the_script(name: str) -> None:
+def test_the_loops_of_the_stage_are_reproduced_by_their_script(name: str) -> None:
     folder = EXAMPLES / name
     spec = importlib.util.spec_from_file_location(f"make_{name}_loops", folder / "make_loops.py")
     assert spec is not None

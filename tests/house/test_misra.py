@@ -56,20 +56,20 @@ def listed(group: str) -> dict[str, int]:
     "packages/anhyst/src/anhyst/compilation/toolchain.py",
 )
 @pytest.mark.parametrize("group", GROUPS)
-def test_deviations_are_those_listed(group: str, tmp_path: Path) -> None:
+def test_misra_deviations_are_those_listed(group: str, tmp_path: Path) -> None:
     sources, includes = GROUPS[group]
     cppcheck = Path(sys.executable).parent / "cppcheck"
     command = [str(cppcheck), "--addon=misra", "--enable=style", "--quiet", "--std=c99", "-j2"]
     command += [f"--cppcheck-build-dir={tmp_path}"]  # no file is written next to the sources
     command += ["-D__STDC__=1"]  # one configuration: the portable one, without a port header
     command += [f"-I{folder}" for folder in includes]
-    done = subprocess.run(
+    completed = subprocess.run(
         [*command, "--template={file}:{line}:{column} {id}", *map(str, sources)],
         capture_output=True,
         text=True,
         check=True,
     )
-    found = Counter(re.findall(r"misra-c2012-([\d.]+)", done.stdout + done.stderr))
-    most = listed(group)
-    assert found.keys() == most.keys()
-    assert {rule: n for rule, n in found.items() if n > most[rule]} == {}
+    found = Counter(re.findall(r"misra-c2012-([\d.]+)", completed.stdout + completed.stderr))
+    largest = listed(group)
+    assert found.keys() == largest.keys()
+    assert {rule: n for rule, n in found.items() if n > largest[rule]} == {}

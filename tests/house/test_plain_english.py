@@ -40,7 +40,7 @@ def test_checker_finds_a_construction(sentence: str, rule: str) -> None:
         "Maximum rate of the applied corrections, in prior standard deviations per second.",
     ],
 )
-def test_checker_accepts_plain_sentences(sentence: str) -> None:
+def test_the_checker_accepts_plain_sentences(sentence: str) -> None:
     assert Item("a.py", 1, "comment", sentence).broken_rules == []
 
 

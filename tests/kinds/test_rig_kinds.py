@@ -41,27 +41,27 @@ RIGS = {"bearing": "levitation", "stage": "tracking", "solenoid": "force", "piez
 
 
 def methods_of(protocol: type) -> dict[str, Any]:
-    return {name: one for name, one in vars(protocol).items() if not name.startswith("_")}
+    return {name: var for name, var in vars(protocol).items() if not name.startswith("_")}
 
 
 def arguments(function: Any) -> int:
     parameters = inspect.signature(function).parameters.values()
-    return sum(one.default is one.empty and one.name != "self" for one in parameters)
+    return sum(parameter.default is parameter.empty and parameter.name != "self" for parameter in parameters)
 
 
 @pytest.mark.parametrize("word", RIGS.values())
-def test_a_record_does_what_every_verb_of_it_asks_and_nothing_else(word: str) -> None:
+def test_a_rig_kind_implements_exactly_the_protocols_of_its_verbs(word: str) -> None:
     kind = rig_kinds()[word]
     assert isinstance(kind, RigKind)
     assert ("export" in kind.verbs) == (word in RIG_PART_FACTORIES)
-    asked = [one for verb in kind.verbs for one in PROTOCOLS[verb]]
+    asked = [protocol for verb in kind.verbs for protocol in PROTOCOLS[verb]]
     if kind.has_option("simulate", "--board"):
         asked.append(HasBoard)
     if "with_iron" in kind.places:
         asked.append(HasIrons)
-    wanted = {name: one for protocol in asked for name, one in methods_of(protocol).items()}
-    assert kind.places.keys() == wanted.keys()
-    for name, method in wanted.items():
+    expected = {name: one for protocol in asked for name, one in methods_of(protocol).items()}
+    assert kind.places.keys() == expected.keys()
+    for name, method in expected.items():
         own = arguments(getattr(kind, name))
         # callers may omit an argument that has a default
         assert own <= arguments(method), name
@@ -174,10 +174,10 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_an_installed_package_adds_a_kind_of_rig(oven: Path) -> None:
-    done = run(oven, "simulate", "rig.toml", "--out", "run.csv")
-    assert done.returncode == 0, done.stderr
-    assert "it is warm" in done.stdout
-    assert "300 K" in done.stdout
+    completed = run(oven, "simulate", "rig.toml", "--out", "run.csv")
+    assert completed.returncode == 0, completed.stderr
+    assert "it is warm" in completed.stdout
+    assert "300 K" in completed.stdout
     assert (oven / "run.csv").is_file()
     refused = run(oven, "tune", "rig.toml", "--out", "tuned")
     assert refused.returncode == 2
@@ -187,7 +187,7 @@ def test_an_installed_package_adds_a_kind_of_rig(oven: Path) -> None:
     assert (refused.returncode, "an oven has no --board; leave it out" in refused.stderr) == (2, True)
 
 
-def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> None:
+def test_a_rig_kind_without_a_needed_method_is_named(oven: Path) -> None:
     refused = run(oven, "export", "rig.toml", "--as", "simulink", "--out", "block")
     assert refused.returncode == 2
     assert "rig.toml: control.kind: 'oven' has no part for export; ask the author" in refused.stderr
@@ -211,7 +211,7 @@ def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> Non
         ("oven = anhyst_rigs.kinds.nosuch:OVEN", "", "other adds it and cannot be loaded"),
     ],
 )
-def test_a_package_that_cannot_be_used_disturbs_its_own_files_alone(
+def test_an_unusable_package_affects_only_its_own_files(
     entry: str, text: str, why: str, tmp_path: Path
 ) -> None:
     install(tmp_path, "other", entry, text)

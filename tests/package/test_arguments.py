@@ -82,12 +82,12 @@ def test_wrong_type_is_refused_with_the_name_of_the_argument(
 
 
 @pytest.mark.parametrize("argument", [*MODEL_VERBS, *PATH_VERBS])
-def test_loops_are_refused_where_a_model_or_a_rig_is_needed(argument: str) -> None:
+def test_loops_are_refused_by_verbs_of_models_and_rigs(argument: str) -> None:
     assert refusal((MODEL_VERBS | PATH_VERBS)[argument], LOOPS).endswith(", not Loops")
 
 
 @pytest.mark.parametrize("argument", LOOP_VERBS)
-def test_a_model_is_refused_where_loops_are_needed(argument: str) -> None:
+def test_a_model_is_refused_by_verbs_of_loops(argument: str) -> None:
     assert refusal(LOOP_VERBS[argument], MODEL).endswith(", not Model")
 
 
@@ -115,9 +115,9 @@ def test_columns_that_hold_no_loop_are_refused_with_the_reason(text: str) -> Non
 def test_inspect_accepts_a_path_a_folder_a_list_arrays_and_loops_alike(tmp_path: Path) -> None:
     path = LOOPS.save(tmp_path / "loops.csv")
     cleaned = anhyst.clean(LOOPS, "dedupe")
-    wanted = anhyst.inspect(cleaned).as_dict()["verdict"]
+    expected = anhyst.inspect(cleaned).as_dict()["verdict"]
     for source in (path, str(path), tmp_path, [path], ARRAYS, cleaned):
-        assert anhyst.inspect(source).as_dict()["verdict"] == wanted
+        assert anhyst.inspect(source).as_dict()["verdict"] == expected
 
 
 def test_identify_reads_a_path_as_the_command_line_does(tmp_path: Path) -> None:
@@ -147,18 +147,18 @@ def test_history_accepts_turning_points() -> None:
     points = [0.0, 200.0, 0.0]
     text = "conditioned:0,200,0"
     field = np.linspace(0.0, 50.0, 20)
-    wanted = MODEL(field, history=text)
-    assert not np.array_equal(wanted, MODEL(field, history="demagnetised"))
-    assert np.array_equal(MODEL(field, history=points), wanted)
-    assert np.array_equal(MODEL.predict(field, history=np.array(points)).output, wanted)
-    demand = MODEL.inverse(wanted, history=points)
+    expected = MODEL(field, history=text)
+    assert not np.array_equal(expected, MODEL(field, history="demagnetised"))
+    assert np.array_equal(MODEL(field, history=points), expected)
+    assert np.array_equal(MODEL.predict(field, history=np.array(points)).output, expected)
+    demand = MODEL.inverse(expected, history=points)
     assert np.allclose(demand, field, atol=1e-3)
     stepper = MODEL.stepper(history=points)
-    assert stepper.follow(field, np.zeros(20)) == pytest.approx(wanted)
+    assert stepper.follow(field, np.zeros(20)) == pytest.approx(expected)
     for read in (anhyst.read_loops(ARRAYS, history=points), LOOPS.with_history(points)):
         assert str(read[0].history) == "conditioned:0.0,200.0,0.0"
     run = anhyst.predict(MODEL, {"H_A_per_m": field}, history=points)
-    assert np.array_equal(run.to_columns()["B_T"], wanted)
+    assert np.array_equal(run.to_columns()["B_T"], expected)
 
 
 def test_predict_accepts_arrays_and_loops_and_gives_a_data_frame(tmp_path: Path) -> None:

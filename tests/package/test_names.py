@@ -15,7 +15,7 @@ import anhyst_rigs
 from tests.repository import ROOT
 
 
-def test_every_name_is_there_and_described() -> None:
+def test_every_exported_name_exists_and_is_documented() -> None:
     for name in anhyst.__all__:
         found = getattr(anhyst, name)
         assert name == "__version__" or (found.__doc__ and "\n" in found.__doc__.strip()), name
@@ -32,8 +32,8 @@ def test_every_name_is_there_and_described() -> None:
 def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     heavy = ("numpy", "scipy", "pydantic", "matplotlib", "pandas", "typer")
     command = f"import anhyst, sys; print([m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    completed = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True)
+    assert completed.stdout.strip() == "[]"
 
 
 SCRIPT = """
@@ -57,7 +57,7 @@ reveal_type(anhyst_rigs.tune("rig.toml", "tuned"))
 @pytest.mark.slow
 def test_a_script_of_a_user_is_typed(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(SCRIPT)
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache", "script.py"],
         cwd=tmp_path,
         env=os.environ | {"MYPYPATH": os.pathsep.join(map(str, (ROOT / "packages").glob("*/src")))},
@@ -65,8 +65,8 @@ def test_a_script_of_a_user_is_typed(tmp_path: Path) -> None:
         text=True,
         check=False,
     )
-    lines = [line for line in done.stdout.splitlines() if line.startswith("script.py")]
-    assert len(lines) == 3, done.stdout
+    lines = [line for line in completed.stdout.splitlines() if line.startswith("script.py")]
+    assert len(lines) == 3, completed.stdout
     assert '"kind"' in lines[0]
     assert "Literal['ful']" in lines[0] or '"ful"' in lines[0]
     assert 'Revealed type is "anhyst.verification.result.Verification"' in lines[1]

@@ -101,15 +101,15 @@ def played(platform: str, script: str, cwd: Path, libraries: str = LIBRARIES) ->
     """Run a script on an imitated system; return its output."""
     modules, functions = SYSTEMS[platform]
     play = PLAY.format(modules=modules, functions=functions, platform=platform)
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", libraries + play + script],
         cwd=cwd,
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stdout[-1000:] + done.stderr[-3000:]
-    return done.stdout
+    assert completed.returncode == 0, completed.stdout[-1000:] + completed.stderr[-3000:]
+    return completed.stdout
 
 
 @pytest.mark.slow
@@ -140,15 +140,15 @@ def test_loops_become_a_model_and_c_on_another_system(platform: str, tmp_path: P
 
 @pytest.mark.slow
 @pytest.mark.parametrize("code_page", ["ascii", "cp1252"])
-def test_signs_that_a_code_page_lacks_stop_no_command(code_page: str, tmp_path: Path) -> None:
+def test_characters_missing_in_a_code_page_stop_no_command(code_page: str, tmp_path: Path) -> None:
     variables = {"PYTHONIOENCODING": code_page, "PYTHONUTF8": "0"}
-    done = anhyst("inspect", LOOPS, cwd=tmp_path, variables=variables, encoding=code_page)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "16 loops" in done.stdout
+    completed = anhyst("inspect", LOOPS, cwd=tmp_path, variables=variables, encoding=code_page)
+    assert (completed.returncode, completed.stderr) == (0, "")
+    assert "16 loops" in completed.stdout
 
 
 @pytest.mark.slow
-def test_boards_that_windows_cannot_run_say_so(tmp_path: Path) -> None:
+def test_boards_that_windows_cannot_run_are_refused(tmp_path: Path) -> None:
     _, emulated, process = played("win32", REFUSED, tmp_path).splitlines()
     assert emulated.startswith("board qemu-mps2: runs on Linux and macOS, not on Windows; ")
     assert process.startswith("board host: runs on Linux and macOS, not on Windows; ")

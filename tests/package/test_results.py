@@ -67,18 +67,18 @@ def results(
 
 
 def test_every_result_has_a_table(results: dict[str, Result]) -> None:
-    for name, one in results.items():
-        frame = one.to_dataframe()
+    for name, result in results.items():
+        frame = result.to_dataframe()
         assert isinstance(frame, pd.DataFrame)
         # No time is measured on the host; all other results have rows.
         assert len(frame) > 0 or name == "verification", name
 
 
-def test_every_result_is_drawn_where_one_wants(results: dict[str, Result]) -> None:
-    for name, one in results.items():
+def test_every_result_can_be_plotted_on_given_axes(results: dict[str, Result]) -> None:
+    for name, result in results.items():
         figure, mine = plt.subplots()
-        assert one.plot(mine) is mine, name
-        assert one.plot().figure is not figure, name
+        assert result.plot(mine) is mine, name
+        assert result.plot().figure is not figure, name
         plt.close("all")
     ax = results["model"].plot()
     assert ax.get_xlabel() == "current I [A]"
@@ -86,7 +86,7 @@ def test_every_result_is_drawn_where_one_wants(results: dict[str, Result]) -> No
     assert len(ax.lines) == 4
 
 
-def test_every_result_says_in_short_what_it_holds(results: dict[str, Result]) -> None:
+def test_every_result_has_a_short_representation(results: dict[str, Result]) -> None:
     for one in results.values():
         text = repr(one)
         assert text.startswith(f"<{type(one).__name__} ")
@@ -97,7 +97,7 @@ def test_every_result_says_in_short_what_it_holds(results: dict[str, Result]) ->
     assert "gap 0.3 mm" in repr(results["loops"])
 
 
-def test_what_a_result_says_is_escaped(found: anhyst.IdentifyResult) -> None:
+def test_text_of_a_result_is_escaped(found: anhyst.IdentifyResult) -> None:
     from dataclasses import replace
 
     odd = replace(found.model, name="<script>x</script>")
@@ -106,12 +106,12 @@ def test_what_a_result_says_is_escaped(found: anhyst.IdentifyResult) -> None:
 
 def test_every_result_is_saved_whole(results: dict[str, Result], tmp_path: Path) -> None:
     endings = {"loops": ".csv", "identified": ".toml", "model": ".toml", "piezo": ".csv"}
-    for name, one in results.items():
+    for name, result in results.items():
         path = tmp_path / f"{name}{endings.get(name, '.json')}"
-        assert one.save(path) == path
+        assert result.save(path) == path
         assert path.stat().st_size > 100
         with refused("cannot-be-written: nowhere"):
-            one.save(tmp_path / "nowhere" / path.name)
+            result.save(tmp_path / "nowhere" / path.name)
     back = anhyst.read_loops(tmp_path / "loops.csv")
     assert np.array_equal(back.loops[3].output, results["loops"].loops[3].output)  # type: ignore[attr-defined]
     assert anhyst.read_model(tmp_path / "model.toml") == results["model"]
@@ -129,7 +129,7 @@ def test_a_model_is_a_function_and_has_an_inverse(found: anhyst.IdentifyResult) 
     assert np.abs(again - current).max() < 1e-6
 
 
-def test_the_fit_in_the_table_is_the_fit_in_the_figures(found: anhyst.IdentifyResult) -> None:
+def test_the_table_agrees_with_the_fit_metrics(found: anhyst.IdentifyResult) -> None:
     frame = found.to_dataframe()
     fit = found.model.fit
     assert fit is not None
@@ -170,7 +170,7 @@ def test_a_model_in_memory_compiles_as_its_file_does(
         anhyst.compile(path, tmp_path / "controller")
 
 
-def test_two_models_are_told_apart(results: dict[str, Result]) -> None:
+def test_two_models_are_distinguished(results: dict[str, Result]) -> None:
     apart = results["diff"]
     assert isinstance(apart, ModelDiff)
     assert not apart.same

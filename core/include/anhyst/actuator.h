@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The names of the actuator that a program is built for. The options -DACTUATOR_NAME=magnet
-   -DACTUATOR_MACRO=MAGNET select the actuator that `anhyst compile` named magnet. All programs then
-   use the same names below. */
+/* Names for the one actuator of a program. The compiler options -DACTUATOR_NAME=magnet and
+   -DACTUATOR_MACRO=MAGNET select the actuator that `anhyst compile` named magnet. Every program
+   then uses the names below, whatever the actuator is called. */
 #ifndef ANHYST_ACTUATOR_NAMES_H
 #define ANHYST_ACTUATOR_NAMES_H
 
-#define ACTUATOR_JOINED(name, part) name##part
-#define ACTUATOR_JOIN(name, part) ACTUATOR_JOINED(name, part)
-#define ACTUATOR_TEXT(words) #words
-#define ACTUATOR_FILE(name) ACTUATOR_TEXT(name)
+#define ACTUATOR_PASTE_TOKENS(name, part) name##part
+#define ACTUATOR_JOIN(name, part) ACTUATOR_PASTE_TOKENS(name, part)
+#define ACTUATOR_MAKE_STRING(words) #words
+#define ACTUATOR_FILE(name) ACTUATOR_MAKE_STRING(name)
 
 #include ACTUATOR_FILE(ACTUATOR_JOIN(ACTUATOR_NAME, _parameters).h)
 
@@ -16,7 +16,7 @@
 
 #define ACTUATOR_PARAMETERS ACTUATOR_JOIN(ACTUATOR_NAME, _parameters)
 
-/* Without a name, `anhyst compile` calls the actuator actuator and defines these macros itself. */
+/* Without --name, `anhyst compile` names the actuator "actuator" and defines these macros. */
 #ifndef ACTUATOR_KERNEL
 #define ACTUATOR_KERNEL ACTUATOR_JOIN(ACTUATOR_MACRO, _KERNEL)
 #define ACTUATOR_PARAMETERS_WORDS ACTUATOR_JOIN(ACTUATOR_MACRO, _PARAMETERS_WORDS)

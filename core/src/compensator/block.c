@@ -11,5 +11,5 @@ anhyst_status anhyst_block_check(const anhyst_kernel *kernel, const int16_t *wor
 
 uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales)
 {
-  return find_misfit(words, scales);
+  return find_scale_mismatch(words, scales);
 }

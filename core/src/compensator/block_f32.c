@@ -13,5 +13,5 @@ anhyst_status anhyst_block_check_f32(const anhyst_kernel_f32 *kernel, const floa
 
 uint16_t anhyst_block_misfit_f32(const float *words, const float *scales)
 {
-  return find_misfit(words, scales);
+  return find_scale_mismatch(words, scales);
 }

@@ -13,5 +13,5 @@ anhyst_status anhyst_block_check_f64(const anhyst_kernel_f64 *kernel, const doub
 
 uint16_t anhyst_block_misfit_f64(const double *words, const double *scales)
 {
-  return find_misfit(words, scales);
+  return find_scale_mismatch(words, scales);
 }

@@ -15,16 +15,16 @@ static const anhyst_kernel_f32 kernel_solid;
 
 static const anhyst_kernel_f32 *kernel_for_block(const entry *words)
 {
-  return layers_of(words) > 0 ? &kernel_solid : &anhyst_kernel_cells_f32;
+  return layer_count(words) > 0 ? &kernel_solid : &anhyst_kernel_cells_f32;
 }
 
-static const anhyst_kernel_f32 kernel_solid = {ANHYST_KIND_CELLS,    solid_field,     solid_flux,
-                                               is_cells_block_valid, solid_carry,     solid_keep,
-                                               solid_start,          kernel_for_block};
+static const anhyst_kernel_f32 kernel_solid = {
+    ANHYST_KIND_CELLS,    solid_field_for_flux, solid_flux_for_current, is_cells_block_valid,
+    solid_transfer_state, solid_store_state,    solid_init_state,       kernel_for_block};
 #else
 #define kernel_for_block 0
 #endif
 
 const anhyst_kernel_f32 anhyst_kernel_cells_f32 = {
-    ANHYST_KIND_CELLS, cells_field, cells_flux,  is_cells_block_valid,
-    cells_carry,       cells_keep,  cells_start, kernel_for_block};
+    ANHYST_KIND_CELLS,    cells_field_for_flux, cells_flux_for_current, is_cells_block_valid,
+    cells_transfer_state, cells_store_plays,    cells_init_state,       kernel_for_block};

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* CRC-32 (IEEE 802.3, reflected) of a parameter block, without a table. It covers the bits of every
+/* CRC-32 (IEEE 802.3, reflected) of a parameter block, without a table. The checksum covers every
    word, low byte first, except the two words of the checksum itself. */
 #ifndef ANHYST_CHECKSUM_H
 #define ANHYST_CHECKSUM_H
 
 #include <stdint.h>
 
-/* Start value; the checksum is the complement of the final value. */
+/* Initial value of the checksum. The stored checksum is the complement of the final value. */
 #define ANHYST_CHECKSUM_START 0xFFFFFFFFUL
 
 /* Adds 16 bits to a running checksum. */

@@ -5,13 +5,13 @@
 #include "lookup.h"
 
 #define DEMAND_TOLERANCE 0
-/* One q15 code: tolerance of an applied current beyond a limit. */
+/* Tolerance of an applied current beyond its limit: one LSB of a q15 code. */
 #define CURRENT_TOLERANCE ((int32_t)65536)
 
-/* Position of a gap in the tables over the gap. */
+/* Position of a gap in the tables that depend on the gap. */
 typedef struct {
-  const int16_t *words; /* words of the block, advanced to the segment */
-  int32_t part;         /* position on the segment, q15 */
+  const int16_t *words; /* block words, advanced by the index of the segment */
+  int32_t fraction;     /* fraction of the segment below the gap, q15 */
 } gap_position;
 
 static void read_scales(anhyst_compensator *c) { (void)c; }
@@ -32,24 +32,24 @@ static gap_position locate_gap(const int16_t *words, int32_t gap)
   return position;
 }
 
-/* Returns the interpolated entry of a table, rounded; `first` is the word of the block that
-   contains the table's index. */
+/* Returns the interpolated, rounded entry of the table that starts at the block word `first`. */
 static int16_t interpolate_over_gap(gap_position position, int16_t first)
 {
   const int16_t *entry_below = position.words + first;
-  return (int16_t)(entry_below[0] +
-                   ((((int32_t)entry_below[1] - entry_below[0]) * position.part + 0x4000) >> 15));
+  return (
+      int16_t)(entry_below[0] +
+               ((((int32_t)entry_below[1] - entry_below[0]) * position.fraction + 0x4000) >> 15));
 }
 
-static int32_t bias_of(int16_t over_gap) { return (int32_t)over_gap * 16384; }
+static int32_t bias_from_table(int16_t over_gap) { return (int32_t)over_gap * 16384; }
 
 static int32_t limit_bias(int32_t bias)
 {
   return anhyst_clamp(bias, -(ANHYST_Q30_ONE / 2), ANHYST_Q30_ONE / 2);
 }
 
-static int16_t add_arms(int16_t a, int16_t b) { return anhyst_add_q15(a, b); }
-static int32_t product(int32_t a, int16_t weight) { return anhyst_scale(a, weight); }
+static int16_t add_coefficients(int16_t a, int16_t b) { return anhyst_add_q15(a, b); }
+static int32_t multiply(int32_t a, int16_t weight) { return anhyst_scale(a, weight); }
 static int32_t add(int32_t a, int32_t b) { return anhyst_add_q31(a, b); }
 static int32_t subtract(int32_t a, int32_t b) { return anhyst_sub_q31(a, b); }
 static int32_t word_to_signal(int16_t word) { return (int32_t)word * 65536; }
@@ -60,18 +60,17 @@ static int is_finite(int32_t a)
   return 1;
 }
 
-/* Returns the square root of a q31 that is not negative, q30. Below the knee, 2^(-2*knee), the
+/* Returns the square root of a non-negative q31 as a q30. Below the knee, at 2^(-2*knee), the
    function is linear, because the infinite slope of the root would amplify the last bit of a demand
    near zero. Above the knee, the relative error is below 2e-9 plus 1 LSB. */
-static int32_t root(int32_t a, int16_t knee)
+static int32_t root_with_knee(int32_t a, int16_t knee)
 {
   if ((a >> (31 - 2 * knee)) == 0) {
     return (int32_t)((uint32_t)a << (knee - 1));
   }
   const unsigned shift = anhyst_headroom(a) & ~1U;            /* even, because the root halves it */
   const int32_t normalised = (int32_t)((uint32_t)a << shift); /* 2^29..2^31 - 1 */
-  /* Linear start value within 5 %; each Newton step doubles the digits. r is the root times
-     2^15. */
+  /* Linear start value within 5 %; each Newton step doubles the correct digits. r is root*2^15. */
   int32_t r = (normalised >> 17) + (normalised >> 19) + 12000;
   r = (r + (normalised >> 1) / r) >> 1;
   r = (r + (normalised >> 1) / r) >> 1;
@@ -81,8 +80,8 @@ static int32_t root(int32_t a, int16_t knee)
   return ((r * 16384) + (refined_quotient >> 1)) >> (shift >> 1);
 }
 
-/* Returns the square of a q30 in 0..1, q31: the inverse of root. Error below 2^-15. Saturates. */
-static int32_t square(int32_t a, int16_t knee)
+/* Returns the square of a q30 in 0..1 as a q31: the inverse of the root. Error below 2^-15. */
+static int32_t square_with_knee(int32_t a, int16_t knee)
 {
   if ((a >> (30 - knee)) == 0) {
     return (a >> knee) * 2;
@@ -90,13 +89,14 @@ static int32_t square(int32_t a, int16_t knee)
   return anhyst_shl_q31(anhyst_scale(a, anhyst_sat_q15(a >> 15)), 2);
 }
 
-/* Returns the flux for an output above the offset, q30 divided by 2^ANHYST_WORD_FLUX_SHIFT. */
+/* Returns the flux for an output above the offset, q30 divided by 2^(flux shift of the block). */
 static int32_t output_to_flux(const int16_t *words, int32_t above_offset, gap_position position)
 {
-  const int32_t part = words[ANHYST_WORD_POWER] == 2
-                           ? root(above_offset > 0 ? above_offset : 0, words[ANHYST_WORD_ROOT_KNEE])
-                           : above_offset >> 1;
-  return anhyst_scale(part, interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]));
+  const int32_t relative_flux =
+      words[ANHYST_WORD_POWER] == 2
+          ? root_with_knee(above_offset > 0 ? above_offset : 0, words[ANHYST_WORD_ROOT_KNEE])
+          : above_offset >> 1;
+  return anhyst_scale(relative_flux, interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]));
 }
 
 static int32_t flux_limit(const int16_t *words)
@@ -110,26 +110,28 @@ static int32_t limit_flux(int32_t flux)
   return anhyst_clamp(flux, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
 
-static int32_t to_inner_flux(const int16_t *words, int32_t flux)
+static int32_t to_internal_flux(const int16_t *words, int32_t flux)
 {
   return anhyst_shl_q31(flux, (uint16_t)words[ANHYST_WORD_FLUX_SHIFT]);
 }
 
 static int32_t flux_to_output(const int16_t *words, int32_t flux, gap_position position)
 {
-  /* The shift comes first because the quotient alone may exceed 32 bits. */
+  /* Shifts before the division, because the quotient alone may exceed 32 bits. */
   const int32_t flux_size = anhyst_abs_q31(flux) >> (uint16_t)words[ANHYST_WORD_FLUX_SHIFT];
-  int32_t part = 0;
+  int32_t relative_flux = 0;
   if (flux_size > 0) {
-    part = anhyst_quotient(flux_size, interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]));
+    relative_flux =
+        anhyst_quotient(flux_size, interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]));
   }
   if (words[ANHYST_WORD_POWER] == 2) {
-    return square(anhyst_clamp(part, 0, ANHYST_Q30_ONE - 1), words[ANHYST_WORD_ROOT_KNEE]);
+    return square_with_knee(anhyst_clamp(relative_flux, 0, ANHYST_Q30_ONE - 1),
+                            words[ANHYST_WORD_ROOT_KNEE]);
   }
-  return anhyst_shl_q31(flux < 0 ? -part : part, 1);
+  return anhyst_shl_q31(flux < 0 ? -relative_flux : relative_flux, 1);
 }
 
-/* The inner current is q30 divided by 2^ANHYST_WORD_CURRENT_SHIFT. */
+/* An internal current is q30 divided by 2^n. The block states n (ANHYST_WORD_CURRENT_SHIFT). */
 static uint16_t current_shift(const int16_t *words)
 {
   return (uint16_t)(words[ANHYST_WORD_CURRENT_SHIFT] + 1);
@@ -140,19 +142,19 @@ static int32_t current_limit(const int16_t *words, int16_t word)
   return ((int32_t)words[word] * 65536) >> current_shift(words);
 }
 
-static int32_t to_outer_current(const int16_t *words, int32_t current)
+static int32_t to_external_current(const int16_t *words, int32_t current)
 {
   return (int32_t)((uint32_t)current << current_shift(words));
 }
 
-static int32_t to_inner_current(const int16_t *words, int32_t current)
+static int32_t to_internal_current(const int16_t *words, int32_t current)
 {
   return current >> current_shift(words);
 }
 
 #include "generic/compensator.h"
 
-int32_t anhyst_root_q31(int32_t a) { return anhyst_shl_q31(root(a > 0 ? a : 0, 8), 1); }
+int32_t anhyst_root_q31(int32_t a) { return anhyst_shl_q31(root_with_knee(a > 0 ? a : 0, 8), 1); }
 
 anhyst_status anhyst_compensator_init_sized(anhyst_compensator *c, size_t size,
                                             const anhyst_kernel *kernel, const int16_t *words,
@@ -163,56 +165,56 @@ anhyst_status anhyst_compensator_init_sized(anhyst_compensator *c, size_t size,
   }
   const anhyst_status status = anhyst_block_check(kernel, words, capacity);
   if (status == ANHYST_OK) {
-    init(c, kernel, words);
+    init_state(c, kernel, words);
   }
   return status;
 }
 
 void anhyst_compensator_demagnetise(anhyst_compensator *c) { demagnetise(c); }
 
-void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words) { swap(c, words); }
+void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words) { swap_block(c, words); }
 
 int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap)
 {
-  solve(c, demand, gap);
+  solve_demand(c, demand, gap);
   return c->current;
 }
 
-/* The limits of the current have 16 bits. Rounding to q15 therefore does not exceed them. */
+/* Limits of the current are 16-bit codes, so that rounding to q15 does not exceed them. */
 int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int16_t gap)
 {
-  solve(c, word_to_signal(demand), word_to_signal(gap));
+  solve_demand(c, word_to_signal(demand), word_to_signal(gap));
   return (int16_t)((c->current + 0x8000) >> 16);
 }
 
 void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32_t gap)
 {
-  commit(c, applied, gap);
+  commit_current(c, applied, gap);
 }
 
-/* Commits the solved current if it rounds to the applied code. */
+/* Commits the solved current if it rounds to the applied code, otherwise the applied code. */
 void anhyst_compensator_commit_q15(anhyst_compensator *c, int16_t applied, int16_t gap)
 {
   const int32_t given = word_to_signal(applied);
   const uint32_t off = (uint32_t)c->current - (uint32_t)given + 0x8000U;
-  commit(c, off < 0x10000U ? c->current : given, word_to_signal(gap));
+  commit_current(c, off < 0x10000U ? c->current : given, word_to_signal(gap));
 }
 
-int32_t anhyst_compensator_output_q31(const anhyst_compensator *c) { return output(c); }
+int32_t anhyst_compensator_output_q31(const anhyst_compensator *c) { return model_output(c); }
 
 int16_t anhyst_compensator_output_q15(const anhyst_compensator *c)
 {
-  return anhyst_round_q31(output(c));
+  return anhyst_round_q31(model_output(c));
 }
 
-int32_t anhyst_conditioning_length(const anhyst_compensator *c) { return conditioning_length(c); }
+int32_t anhyst_conditioning_length(const anhyst_compensator *c) { return conditioning_ticks(c); }
 
 int16_t anhyst_conditioning_q15(const anhyst_compensator *c, int32_t tick)
 {
-  return conditioning(c, tick);
+  return conditioning_word(c, tick);
 }
 
 int32_t anhyst_conditioning_q31(const anhyst_compensator *c, int32_t tick)
 {
-  return word_to_signal(conditioning(c, tick));
+  return word_to_signal(conditioning_word(c, tick));
 }

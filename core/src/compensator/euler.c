@@ -1,28 +1,27 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The published form of the simplified law as a baseline: eqs. 13 to 15 with eqs. 19 and 20 of the
-   paper, integrated by the explicit Euler method with a fixed number of sub-steps per sample. The
-   bounded state is a linear function of flux and magnetisation. Therefore, a step of the bounded
-   state is the same as a step of the magnetisation, but avoids the paper's small difference of
-   large numbers. */
+/* The published form of the simplified law, as a baseline: eqs. 13 to 15 with eqs. 19 and 20 of the
+   paper. The law is integrated by the explicit Euler method with a fixed number of sub-steps per
+   sample. The hysteresis field u is a linear function of flux and magnetisation. Therefore, a step
+   of u is equivalent to a step of magnetisation, but avoids a small difference of large numbers. */
 #include "simplified_fixed.h"
 
 #include "generic/simplified.h"
 
-/* Returns 0, because a step starts at the bounded state itself and needs no stored start. */
-static int32_t path_start(const int16_t *words, int32_t state)
+/* Returns 0, because a step starts at u itself and needs no stored start. */
+static int32_t stored_path_start(const int16_t *words, int32_t state)
 {
   (void)words;
   (void)state;
   return 0;
 }
 
-/* Returns part*slope, slope in units of 1/1024. Saturates. The slope becomes a weight of 15 bits
-   and an exponent. */
-static int32_t multiply_by_slope(int32_t part, int32_t slope)
+/* Returns travel*slope, with the slope in units of 1/1024. The result saturates. The slope is
+   converted to a 15-bit weight and an exponent. */
+static int32_t multiply_by_slope(int32_t travel, int32_t slope)
 {
   const uint16_t excess_bits =
       slope > ANHYST_Q15_MAX ? (uint16_t)(16U - anhyst_headroom(slope)) : 0U;
-  return anhyst_shl_q31(anhyst_scale(part, (int16_t)(slope >> excess_bits)),
+  return anhyst_shl_q31(anhyst_scale(travel, (int16_t)(slope >> excess_bits)),
                         (uint16_t)(excess_bits + 6U));
 }
 
@@ -30,25 +29,25 @@ static int32_t state_at_flux(const int16_t *words, const anhyst_simplified_memor
                              int32_t flux)
 {
   const int16_t substeps = words[ANHYST_WORD_EULER_SUBSTEPS];
-  const int32_t part = anhyst_sub_q31(flux, path->peak) / substeps;
+  const int32_t travel = anhyst_sub_q31(flux, path->peak) / substeps;
   int32_t u = path->u;
   for (int16_t i = 0; i < substeps; i++) {
-    u = anhyst_add_q31(u, multiply_by_slope(part, lag_slope(words, u)));
+    u = anhyst_add_q31(u, multiply_by_slope(travel, state_slope(words, u)));
     u = anhyst_clamp(u, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   }
   return u;
 }
 
-static int is_euler_valid(const int16_t *words)
+static int is_euler_block_valid(const int16_t *words)
 {
-  return is_path_valid(words) && is_integer(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
+  return are_path_words_valid(words) && is_integer(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
 }
 
 const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER,
-                                           simplified_field,
-                                           simplified_flux,
-                                           is_euler_valid,
-                                           simplified_carry,
+                                           simplified_field_for_flux,
+                                           simplified_flux_for_current,
+                                           is_euler_block_valid,
+                                           simplified_transfer_state,
                                            0,
                                            0,
                                            0};

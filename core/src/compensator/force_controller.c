@@ -11,7 +11,7 @@ static int is_finite(int32_t a)
   return 1; /* every code is finite */
 }
 
-static int is_loop_valid(const anhyst_flux_loop_q31 *loop)
+static int is_flux_loop_valid(const anhyst_flux_loop_q31 *loop)
 {
   return anhyst_factor_is_valid(loop->proportional) && anhyst_factor_is_valid(loop->integral) &&
          anhyst_factor_is_valid(loop->back) && loop->back.mantissa >= 0 &&
@@ -23,20 +23,20 @@ static int32_t limit_current(const anhyst_force_controller_q31 *c, int32_t curre
   return anhyst_clamp(current, c->low, c->high);
 }
 
-/* Limits a demand to the forces of the map: 0 to the largest code (the last column). */
+/* Limits a demand to the forces of the map: from 0 to the largest code, the last column. */
 static int32_t limit_demand(const anhyst_map_q31 *map, int32_t demand)
 {
   (void)map;
   return demand > 0 ? demand : 0;
 }
 
-/* Returns the current that the integral of the flux error adds. */
+/* Returns the current from the integral of the flux error. */
 static int32_t integral_current(const anhyst_force_controller_q31 *c)
 {
   return anhyst_shl_q31(c->integral, 1);
 }
 
-static int32_t conditioning_length(const anhyst_compensator *compensator)
+static int32_t compensator_conditioning_ticks(const anhyst_compensator *compensator)
 {
   return anhyst_conditioning_length(compensator);
 }
@@ -46,14 +46,14 @@ static void demagnetise(anhyst_force_controller_q31 *c)
   anhyst_compensator_demagnetise(&c->compensator);
 }
 
-static void swap(anhyst_compensator *compensator, const int16_t *words)
+static void swap_compensator_block(anhyst_compensator *compensator, const int16_t *words)
 {
   anhyst_compensator_swap(compensator, words);
 }
 
-/* Updates the current that the measured flux adds. The measured flux is compared with the flux that
-   is expected at present, not with the demanded one: their difference is a delay, which no current
-   removes. Fluxes are halved, so that no difference leaves the format. */
+/* Updates the current that corrects the flux error. The measured flux is compared with the flux
+   that is expected in this tick, instead of the demanded flux. Expected and demanded flux differ by
+   a delay, which no current can remove. Fluxes are halved, so that no difference overflows. */
 static void update_correction(anhyst_force_controller_q31 *c, int32_t gap, int32_t flux)
 {
   c->flux = anhyst_map_value_q31(&c->loop->wanted, anhyst_root_q31(c->demand), gap) >> 1;
@@ -63,10 +63,9 @@ static void update_correction(anhyst_force_controller_q31 *c, int32_t gap, int32
   c->correction = anhyst_shl_q31(half, 1);
 }
 
-/* Advances the expected flux and the integral. Only a limit drives the integral back: a measured
-   current differs from the solved one also by the error of its sensor and by the lag of the
-   amplifier. */
-static void advance_flux(anhyst_force_controller_q31 *c, int32_t applied)
+/* Advances the expected flux and the integral. Anti-windup acts only if a limit reduced the
+   current. The error of the sensor and the lag of the amplifier also change a measured current. */
+static void advance_flux_loop(anhyst_force_controller_q31 *c, int32_t applied)
 {
   const anhyst_flux_loop_q31 *loop = c->loop;
   const int32_t flux_lag = c->expected - c->flux;
@@ -80,8 +79,7 @@ static void advance_flux(anhyst_force_controller_q31 *c, int32_t applied)
   c->integral = anhyst_add_q31(c->integral, integral_change);
 }
 
-/* Limits the current that is added to a compensator, so that a failed probe has a limited
-   effect. */
+/* Limits the correction of a compensator's current, to limit the effect of a failed flux probe. */
 static void limit_correction(anhyst_force_controller_q31 *c)
 {
   c->correction = anhyst_clamp(c->correction, -c->loop->most, c->loop->most);

@@ -5,4 +5,4 @@
 #include "generic/full.h"
 
 const anhyst_kernel anhyst_kernel_full = {
-    ANHYST_KIND_FULL, field_for_flux, flux_for_current, is_valid, transfer_state, 0, 0, 0};
+    ANHYST_KIND_FULL, field_for_flux, flux_for_current, is_block_valid, transfer_state, 0, 0, 0};

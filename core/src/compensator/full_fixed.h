@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the Jiles-Atherton law in fixed point, for generic/full.h. Internal numbers are
-   q28. Sums of a few of them stay within 32 bits, so that no sum has to saturate. Slopes are in
-   units of 1/1024. */
+   q28. A sum of a few of them needs no saturation in 32 bits. Slopes are in units of 1/1024. */
 #ifndef ANHYST_FULL_FIXED_H
 #define ANHYST_FULL_FIXED_H
 
@@ -9,35 +8,35 @@
 
 #include "formats/block_fixed.h"
 
-#define UNIT ((number)268435456) /* 1.0 */
-#define MAX_FIELD (UNIT - 1)     /* the largest field */
-#define RESIDUAL_DEADBAND 32     /* largest residual that counts as rounding error, 1.2e-7 */
-#define PLAY_SLACK 0             /* rounding error between the play and its end position */
-#define MAX_TANGENT_STEP (UNIT / 256)
-#define MIN_SLOPE ((number)1)  /* smallest slope of a left side that is divided by, a weight */
-#define QUARTER ((entry)16384) /* 1/4 as a weight */
+#define ONE ((number)268435456) /* 1.0 as an internal number */
+#define MAX_FIELD (ONE - 1)     /* largest field */
+#define RESIDUAL_DEADBAND 32    /* largest residual from rounding errors, 1.2e-7 */
+#define PLAY_ROUNDING 0         /* rounding error of the play's end position */
+#define MAX_TANGENT_STEP (ONE / 256)
+#define MIN_SLOPE ((number)1)         /* smallest slope that is used as a divisor */
+#define QUARTER_WEIGHT ((entry)16384) /* 1/4 as a weight */
 
 #define MAX_SEGMENTS_EXPONENT 9
 #define MAX_RATE_SHIFT 12
-#define TABLE_ROUNDING 1 /* of the rise of a segment */
-#define BISECTIONS 24    /* of an interval of 4: the final interval is 2.4e-7 */
+#define SEGMENT_RISE_ROUNDING 1 /* rounding error of the rise of a segment */
+#define TRANSFER_BISECTIONS 24  /* number of bisections; the final interval is 2.4e-7 */
 
 typedef int32_t slope;
 typedef int16_t candidate_slope;
-typedef int32_t mirror_type; /* -1: the path falls, 0: it rises */
+typedef int32_t mirror_type; /* 0 if the field rises along the path, -1 if it falls */
 
 typedef struct {
-  const entry *at;
-  uint16_t n; /* number of segments is 2^n */
+  const entry *entries;
+  uint16_t log2_segments; /* log2 of the number of segments */
 } table;
 
-/* Decay of the effect of the history along the play. */
+/* Decay rate of the history's effect along the play. */
 typedef struct {
   entry rate;
   uint16_t shift;
 } decay_rate;
 
-static inline table table_at(const entry *words, entry first, uint16_t n)
+static inline table table_from_word(const entry *words, entry first, uint16_t n)
 {
   const table t = {words + first, n};
   return t;
@@ -50,13 +49,13 @@ static inline decay_rate read_decay_rate(const entry *words)
   return decay;
 }
 
-/* Convert a q30 to an internal number, and back. */
-static inline number to_inner(number a) { return a >> 2; }
-static inline number to_memory(number a) { return a * 4; }
+/* Convert a q30 of the stored state to an internal number, and back. */
+static inline number to_internal(number a) { return a >> 2; }
+static inline number to_stored(number a) { return a * 4; }
 
-static inline number to_outer(number a) { return anhyst_shl_q31(a, 2); } /* saturates */
+static inline number to_external(number a) { return anhyst_shl_q31(a, 2); } /* saturates */
 
-static inline number limit_to_unit(number a) { return anhyst_sat_q28(a); }
+static inline number limit_to_one(number a) { return anhyst_sat_q28(a); }
 
 static inline number clamped(number a, number low, number high)
 {
@@ -64,10 +63,9 @@ static inline number clamped(number a, number low, number high)
 }
 
 static inline number absolute(number a) { return a < 0 ? -a : a; }
-static inline mirror_type mirror_for(int is_falling) { return is_falling ? -1 : 0; }
+static inline mirror_type mirror_sign(int is_falling) { return is_falling ? -1 : 0; }
 
-/* Converts a number to the direction of a rising path. Uses -1 - a for -a, because -a could leave
-   the range. */
+/* Mirrors a number if the field falls. Uses -1 - a for -a, because -a could exceed the range. */
 static inline number mirrored(number a, mirror_type mirror)
 {
   return (number)((uint32_t)a ^ (uint32_t)mirror);
@@ -75,130 +73,129 @@ static inline number mirrored(number a, mirror_type mirror)
 
 static inline int is_residual(number residual) { return absolute(residual) > RESIDUAL_DEADBAND; }
 static inline number scaled(number a, entry weight) { return anhyst_scale(a, weight); }
-static inline number multiply_by_part(number a, entry part) { return anhyst_scale(a, part) * 2; }
+static inline number times_fraction(number a, entry f) { return anhyst_scale(a, f) * 2; }
 static inline number half(number a) { return a >> 1; }
 
-/* Interpolates a table at 0 <= u < 1, q28; *rise is the rise of the segment, q15. */
+/* Interpolates a table at 0 <= u < 1, q28. *rise is the rise of the segment, q15. */
 static inline number interpolate(table t, number u, number *rise)
 {
-  const int32_t scaled_u = u >> (15U - t.n); /* segment, and 13 bits of the position on it */
-  const int16_t *entries = t.at + (scaled_u >> 13);
+  const int32_t scaled_u = u >> (15U - t.log2_segments); /* segment, and 13 bits within it */
+  const int16_t *entries = t.entries + (scaled_u >> 13);
   const int32_t low = entries[0];
   *rise = entries[1] - low;
   return low * 8192 + *rise * (scaled_u & 8191);
 }
 
-static inline slope slope_of(table curve, number rise)
+static inline slope curve_slope(table curve, number rise)
 {
-  return (int32_t)((uint32_t)rise << curve.n) >> 5;
+  return (int32_t)((uint32_t)rise << curve.log2_segments) >> 5;
 }
 
-/* Limits a slope to 0..ANHYST_SLOPE_MAX. */
+/* Limits a slope to 0..ANHYST_MAX_SLOPE. */
 static inline slope limit_slope(slope a) { return anhyst_sat_u15(a); }
 
-/* Returns step*slope for a step of at most MAX_EXTRAPOLATION. */
-static inline number along_slope(number step, slope a)
+/* Returns step*slope for a step of at most MAX_EXTRAPOLATION_STEP. */
+static inline number multiply_by_slope(number step, slope a)
 {
   return anhyst_scale(step, (int16_t)a) * 64;
 }
 
-static inline number slope_of_sum(number air, entry iron, slope m_slope)
+static inline number weighted_slope(number air, entry iron, slope m_slope)
 {
   return air + (((int32_t)iron * m_slope) >> 10);
 }
 
-static inline slope mixed_slope(slope y_slope, slope x_slope, entry part)
+static inline slope total_m_slope(slope y_slope, slope x_slope, entry reversible)
 {
-  return y_slope + (((x_slope - y_slope) * part) >> 15);
+  return y_slope + (((x_slope - y_slope) * reversible) >> 15);
 }
 
-/* Returns dy/dp if the branch is above y by this amount. */
+/* Returns dy/dp at a distance `above` between the ascending branch and y. */
 static inline slope irreversible_slope(number above, entry steepness)
 {
   return ((above >> 15) * steepness) >> 11;
 }
 
-/* Return the air weight of a current: field_arm + 4*air*flux_arm; and the same as a word above
-   0. */
-static inline number air_term(entry air, entry flux_arm, entry field_arm)
+/* Return the field's weight in a current, field_arm + 4*air*flux_arm, as a number or a word > 0. */
+static inline number air_weight(entry air, entry flux_arm, entry field_arm)
 {
   return field_arm + (((int32_t)air * flux_arm) >> 14);
 }
 
-static inline entry air_of_current(entry air, const arms_type *arms)
+static inline entry air_weight_of_current(entry air, const arms_type *arms)
 {
-  return (entry)anhyst_clamp(air_term(air, arms->flux_arm, arms->field_arm), 1, ANHYST_Q15_MAX);
+  return (entry)anhyst_clamp(air_weight(air, arms->flux_arm, arms->field_arm), 1, ANHYST_Q15_MAX);
 }
 
-/* Returns the rounding error of the slope of a current: half a unit of each arm, and one for each
-   product. */
-static inline number slope_rounding(entry air, slope steepest)
+/* Returns the rounding error of a current's slope: 1/2 LSB per weight and 1 LSB per product. */
+static inline number slope_rounding_error(entry air, slope steepest)
 {
   return 3 + (air >> 15) + (steepest >> 11);
 }
 
-/* Returns the largest rise of a segment whose slope is within ANHYST_SLOPE_MAX. */
-static inline entry max_rise(uint16_t n)
+/* Returns the largest rise of a segment whose slope is at most ANHYST_MAX_SLOPE. */
+static inline entry max_segment_rise(uint16_t n)
 {
   return (entry)(ANHYST_Q15_MAX >> (n > 5U ? n - 5U : 0U));
 }
 
-/* Returns n/d for a slope d, with 14 bits or exact; at most 4. Requires n >= 0 and d > 0. */
+/* Returns n/d for a slope d, exact or with 14 bits, and at most 4. Requires n >= 0 and d > 0. */
 static inline number quotient(number n, number d)
 {
   const int32_t over = 16 - (int32_t)anhyst_headroom(n | 1);
   const int32_t down = over > 0 ? over : 0;
   const int32_t ratio = (int32_t)((uint32_t)n << (16 - down)) / d;
-  const int32_t most = (UNIT * 4 - 1) >> down;
+  const int32_t most = (ONE * 4 - 1) >> down;
   return (int32_t)((uint32_t)(ratio < most ? ratio : most) << down);
 }
 
-/* Returns the longest step along a tangent that needs no evaluation after it. */
-static inline number tangent_step_of(entry steepness)
+/* Returns the longest step along a tangent after which the law need not be evaluated again. */
+static inline number max_tangent_step(entry steepness)
 {
   const number step = MAX_TANGENT_STEP * 1024 / steepness;
   return step < MAX_TANGENT_STEP ? step : MAX_TANGENT_STEP;
 }
 
-/* Returns 1 - 2^(-t) for t octaves, input q26, output q28. Below one octave, uses a cubic
-   polynomial for (1 - 2^-f)/f; whole octaves are shifts. The error is below 7e-5, and below 1.5e-4
-   of the result. */
-static inline number decayed_share(int32_t t)
+/* Returns 1 - 2^(-t) for t octaves; t is q26, the result q28. Below one octave, uses a cubic
+   polynomial for (1 - 2^-f)/f. Whole octaves are shifts. Error below 7e-5, 1.5e-4 of the result. */
+static inline number decayed_fraction(int32_t t)
 {
-  const uint16_t whole = (uint16_t)(t >> 26) & 31U; /* t is not negative */
-  const int32_t inverse_error = t & 0x3FFFFFF;
-  const int32_t f = inverse_error >> 11; /* q15 */
+  const uint16_t octaves = (uint16_t)(t >> 26) & 31U; /* t is not negative */
+  const int32_t octave_fraction = t & 0x3FFFFFF;
+  const int32_t f = octave_fraction >> 11; /* q15 */
   int32_t ratio = 1775 - ((241 * f) >> 15);
   ratio = 7863 - ((ratio * f) >> 15);
   ratio = 22713 - ((ratio * f) >> 15);
-  return UNIT - ((UNIT - anhyst_scale(inverse_error * 8, (int16_t)ratio)) >> whole);
+  return ONE - ((ONE - anhyst_scale(octave_fraction * 8, (int16_t)ratio)) >> octaves);
 }
 
-/* Returns the decayed share of the offset after this travel of the play. */
-static inline number decayed_share_after(decay_rate decay, number travel)
+/* Returns the fraction of the offset that has decayed after this travel of the play. */
+static inline number decayed_fraction_after(decay_rate decay, number travel)
 {
   const int32_t octaves = anhyst_scale(travel * 4, decay.rate);
-  if (octaves > ANHYST_Q31_MAX >> decay.shift) { /* above this, everything has decayed */
-    return UNIT;
+  if (octaves > ANHYST_Q31_MAX >> decay.shift) { /* at longer travel, everything has decayed */
+    return ONE;
   }
-  return decayed_share((int32_t)((uint32_t)octaves << decay.shift));
+  return decayed_fraction((int32_t)((uint32_t)octaves << decay.shift));
 }
 
-/* Returns the field in which the effect of the history decays to 1/e, at most 1. */
-static inline number kappa_of(entry steepness)
+/* Returns the field change in which the history's effect decays to 1/e, at most 1. */
+static inline number decay_field(entry steepness)
 {
-  return steepness > 256 ? UNIT / steepness * 256 : UNIT;
+  return steepness > 256 ? ONE / steepness * 256 : ONE;
 }
 
-static inline number multiply_by_share(number a, number share)
+static inline number multiply_by_decay(number a, number fraction)
 {
-  return anhyst_scale(a, anhyst_sat_q15(share >> 13)) * 2;
+  return anhyst_scale(a, anhyst_sat_q15(fraction >> 13)) * 2;
 }
 
-/* Converts a number of -2..2 to a weight of a quarter of its size; returns a part of such a
-   weight. */
-static inline entry lead_of(number a) { return anhyst_sat_q15((0x2000 + a) >> 14); }
-static inline number lead_part(number part, entry lead) { return anhyst_scale(part, lead) * 4; }
+/* Convert a number in -2..2 to a weight of a quarter of its size; multiply by such a weight. */
+static inline entry to_quarter_weight(number a) { return anhyst_sat_q15((0x2000 + a) >> 14); }
+static inline number times_quarter_weight(number a, entry weight)
+{
+  return anhyst_scale(a, weight) * 4;
+}
 static inline number saturate_target(number a) { return anhyst_sat_q28(a); }
 
 static inline number current_limit(const entry *words, int16_t word)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation in the tables of a compensator, and shared functions, in single precision. */
+/* Interpolation in the tables of a compensator, and common functions, in single precision. */
 #ifndef ANHYST_LOOKUP_F32_H
 #define ANHYST_LOOKUP_F32_H
 

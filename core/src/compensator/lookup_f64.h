@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation in the tables of a compensator, and shared functions, in double precision. */
+/* Interpolation in the tables of a compensator, and common functions, in double precision. */
 #ifndef ANHYST_LOOKUP_F64_H
 #define ANHYST_LOOKUP_F64_H
 

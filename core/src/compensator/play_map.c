@@ -8,7 +8,7 @@ typedef anhyst_play_law_q31 law_type;
 typedef anhyst_play_point_q31 point;
 typedef anhyst_play_map_q31 play_type;
 
-#define PLAY_STEPS ANHYST_PLAY_STEPS
+#define MAX_NEWTON_STEPS ANHYST_PLAY_STEPS
 
 static int is_finite(number a)
 {
@@ -19,9 +19,9 @@ static int is_finite(number a)
 static number absolute(number a) { return anhyst_abs_q31(a); }
 static number add(number a, number b) { return anhyst_add_q31(a, b); }
 static number subtract(number a, number b) { return anhyst_sub_q31(a, b); }
-static number limit(number a, number low, number high) { return anhyst_clamp(a, low, high); }
+static number clamp(number a, number low, number high) { return anhyst_clamp(a, low, high); }
 
-/* Limits a demand to the forces of the map: 0 to the largest code (the last column). */
+/* Limits a demand to the forces of the map: from 0 to the largest code, the last column. */
 static number limit_demand(const map_type *map, number demand)
 {
   (void)map;
@@ -35,13 +35,13 @@ static int is_gap_in_range(const map_type *map, number gap)
 }
 
 /* Returns distance/radius. Requires |distance| < radius, so that no product overflows. */
-static number side_from_distance(const law_type *law, number distance)
+static number branch_position_from_distance(const law_type *law, number distance)
 {
   return 4 * anhyst_scale(distance * ((int32_t)1 << law->shift), law->steepness);
 }
 
-/* Returns a difference of two currents, divided by 4 so that it stays in the format. It is compared
-   only with other results of this function. */
+/* Returns a difference of two currents, divided by 4 to prevent overflow. The difference is
+   compared only with other results of this function. */
 static number difference(number a, number b) { return (a >> 2) - (b >> 2); }
 
 /* Returns numerator/denominator with 14 bits, at most 1, rounded down. Requires numerator > 0. */
@@ -59,23 +59,23 @@ static number quotient_up_to_one(number numerator, number denominator)
   return (int32_t)((ratio << 15) >> (up - down));
 }
 
-/* Returns the same quotient with 28 bits: the remainder gives a second digit. numerator >= 0. */
-static number fine_quotient(number numerator, number denominator)
+/* Returns numerator/denominator with 28 bits, 14 from the remainder. Requires numerator >= 0. */
+static number precise_quotient(number numerator, number denominator)
 {
   if (numerator == 0) {
     return 0;
   }
   const number first = quotient_up_to_one(numerator, denominator);
-  const number rest = numerator - multiply_by_part(denominator, first);
-  return rest > 0 ? add(first, quotient_up_to_one(rest, denominator)) : first;
+  const number remainder = numerator - times_fraction(denominator, first);
+  return remainder > 0 ? add(first, quotient_up_to_one(remainder, denominator)) : first;
 }
 
-/* Returns whether a difference of two currents is only rounding. */
-static int is_rounding(number left, number start, number end)
+/* Returns whether a difference of two currents is only a rounding error. */
+static int is_rounding_error(number remaining, number start, number end)
 {
   (void)start;
   (void)end;
-  return left <= ANHYST_PLAY_NEAR / 4 && left >= -(ANHYST_PLAY_NEAR / 4);
+  return remaining <= ANHYST_PLAY_NEAR / 4 && remaining >= -(ANHYST_PLAY_NEAR / 4);
 }
 
 static int is_word_equal(entry word, uint16_t value) { return (uint16_t)word == value; }
@@ -87,14 +87,14 @@ static uint32_t add_word_to_checksum(uint32_t sum, entry word)
 
 static number word_to_current(entry word) { return (number)word * 65536; }
 
-/* Returns 2^-15 of full scale: rounding of a D/A converter may exceed a limit by this. */
+/* Returns 2^-15 of full scale. Rounding in a D/A converter may exceed a limit by this amount. */
 static number current_tolerance(const entry *words)
 {
   (void)words;
   return 65536;
 }
 
-/* Reads the sizes and the play; the range of forces starts at 0. Returns whether they are valid. */
+/* Reads the table sizes and the play. Forces start at 0. Returns whether all words are valid. */
 static int read_scales(law_type *law, const entry *words)
 {
   const entry steepness = words[ANHYST_WORD_PLAY_STEEPNESS];
@@ -117,15 +117,15 @@ static int read_scales(law_type *law, const entry *words)
 anhyst_status anhyst_play_map_init_q31(anhyst_play_map_q31 *c, const int16_t *words,
                                        uint16_t capacity)
 {
-  return init(c, words, capacity);
+  return init_play_map(c, words, capacity);
 }
 
 int32_t anhyst_play_map_solve_q31(anhyst_play_map_q31 *c, int32_t demand, int32_t gap)
 {
-  return solve(c, demand, gap);
+  return solve_demand(c, demand, gap);
 }
 
 int32_t anhyst_play_map_commit_q31(anhyst_play_map_q31 *c, int32_t applied, int32_t gap)
 {
-  return commit(c, applied, gap);
+  return commit_current(c, applied, gap);
 }

@@ -7,13 +7,13 @@
 #include "checksum.h"
 
 typedef float number;
-typedef uint32_t pattern; /* as wide as a number */
+typedef uint32_t pattern; /* unsigned integer with the size of a number */
 typedef anhyst_map_f32 map_type;
 typedef anhyst_play_law_f32 law_type;
 typedef anhyst_play_point_f32 point;
 typedef anhyst_play_map_f32 play_type;
 
-#define EPSILON 1.1920929e-7f /* distance from 1 to the next larger number */
+#define MACHINE_EPSILON 1.1920929e-7f /* distance from 1 to the next larger number */
 
 #include "generic/map_real.h"
 #include "generic/play_map_real.h"
@@ -24,15 +24,15 @@ typedef anhyst_play_map_f32 play_type;
 anhyst_status anhyst_play_map_init_f32(anhyst_play_map_f32 *c, const float *words,
                                        uint16_t capacity)
 {
-  return init(c, words, capacity);
+  return init_play_map(c, words, capacity);
 }
 
 float anhyst_play_map_solve_f32(anhyst_play_map_f32 *c, float demand, float gap)
 {
-  return solve(c, demand, gap);
+  return solve_demand(c, demand, gap);
 }
 
 float anhyst_play_map_commit_f32(anhyst_play_map_f32 *c, float applied, float gap)
 {
-  return commit(c, applied, gap);
+  return commit_current(c, applied, gap);
 }

@@ -10,11 +10,11 @@ typedef anhyst_saved_layer_f32 saved_layer;
 
 void anhyst_compensator_save_f32(const anhyst_compensator_f32 *c, anhyst_saved_memory_f32 *to)
 {
-  save(c, to);
+  save_state(c, to);
 }
 
 anhyst_status anhyst_compensator_restore_f32(anhyst_compensator_f32 *c,
                                              const anhyst_saved_memory_f32 *from)
 {
-  return restore(c, from);
+  return restore_state(c, from);
 }

@@ -10,11 +10,11 @@ typedef anhyst_saved_layer_f64 saved_layer;
 
 void anhyst_compensator_save_f64(const anhyst_compensator_f64 *c, anhyst_saved_memory_f64 *to)
 {
-  save(c, to);
+  save_state(c, to);
 }
 
 anhyst_status anhyst_compensator_restore_f64(anhyst_compensator_f64 *c,
                                              const anhyst_saved_memory_f64 *from)
 {
-  return restore(c, from);
+  return restore_state(c, from);
 }

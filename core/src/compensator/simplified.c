@@ -6,10 +6,10 @@
 #include "generic/closed_form.h"
 
 const anhyst_kernel anhyst_kernel_simplified = {ANHYST_KIND_SIMPLIFIED,
-                                                simplified_field,
-                                                simplified_flux,
-                                                is_simplified_valid,
-                                                simplified_carry,
+                                                simplified_field_for_flux,
+                                                simplified_flux_for_current,
+                                                is_simplified_block_valid,
+                                                simplified_transfer_state,
                                                 0,
                                                 0,
                                                 0};

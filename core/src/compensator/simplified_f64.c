@@ -7,10 +7,10 @@
 #include "generic/closed_form.h"
 
 const anhyst_kernel_f64 anhyst_kernel_simplified_f64 = {ANHYST_KIND_SIMPLIFIED,
-                                                        simplified_field,
-                                                        simplified_flux,
-                                                        is_simplified_valid,
-                                                        simplified_carry,
+                                                        simplified_field_for_flux,
+                                                        simplified_flux_for_current,
+                                                        is_simplified_block_valid,
+                                                        simplified_transfer_state,
                                                         0,
                                                         0,
                                                         0};

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the simplified law and of Euler's form in fixed point, for generic/simplified.h and
-   generic/closed_form.h. Flux, bounded state and current are q30, distances q27, slopes in units of
-   1/1024. */
+   generic/closed_form.h. Flux, hysteresis field and current are q30, distances q27, slopes q10. */
 #ifndef ANHYST_SIMPLIFIED_FIXED_H
 #define ANHYST_SIMPLIFIED_FIXED_H
 
@@ -11,12 +10,12 @@
 #include "lookup.h"
 
 #define ONE ANHYST_Q30_ONE
-#define CURRENT_MAX (ANHYST_Q30_ONE - 1)
-#define DISTANCE_MAX ANHYST_Q31_MAX
+#define MAX_CURRENT (ANHYST_Q30_ONE - 1)
+#define MAX_DISTANCE ANHYST_Q31_MAX
 #define MAX_WEIGHT_SHIFT 12
-#define MAX_LAG_SLOPE ((int32_t)2097152) /* 2048: the largest slope that a weight can represent */
+#define MAX_STATE_SLOPE ((int32_t)2097152) /* 2048, the limit of a weight with exponent 12 */
 
-/* Largest difference of two currents that rounding alone can cause. */
+/* Largest difference of two currents that rounding errors alone can cause. */
 #define RESIDUAL_DEADBAND 128
 
 static inline number sum(number a, number b) { return anhyst_add_q31(a, b); }
@@ -25,11 +24,11 @@ static inline number absolute(number a) { return anhyst_abs_q31(a); }
 static inline number clamp(number a, number low, number high) { return anhyst_clamp(a, low, high); }
 static inline number scaled(number a, entry weight) { return anhyst_scale(a, weight); }
 
-/* Converts a weight of the block. */
+/* Converts a weight of the block to q30. */
 static inline number weight_to_number(entry weight) { return (number)weight * 16384; }
 
-/* Returns travel*weight*2^shift. Requires travel >= 0. Saturates. A short travel is shifted first,
-   so that a tiny step loses at most 1 LSB. */
+/* Returns travel*weight*2^shift. Requires travel >= 0. Saturates. A short travel is shifted before
+   the product, so that a tiny step loses at most 1 LSB. */
 static inline number scale_travel(number travel, entry weight, entry shift)
 {
   const uint16_t n = (uint16_t)shift;
@@ -39,27 +38,26 @@ static inline number scale_travel(number travel, entry weight, entry shift)
   return anhyst_shl_q31(anhyst_scale(travel, weight), n);
 }
 
-/* Returns the change of the bounded state on the line of slope `hold`. Requires travel >= 0. */
-static inline number hold_change(const entry *words, number travel)
+/* Returns the change of u for a travel >= 0 of the flux, on the straight line after a reversal. */
+static inline number linear_state_change(const entry *words, number travel)
 {
   return scale_travel(travel, words[ANHYST_WORD_SIMPLE_HOLD], words[ANHYST_WORD_SIMPLE_HOLD_SHIFT]);
 }
 
-/* Returns the distance for a travel of the flux. Requires travel >= 0. */
+/* Returns the distance z for a travel of the flux. Requires travel >= 0. */
 static inline number distance_of_travel(const entry *words, number travel)
 {
   return scale_travel(travel, words[ANHYST_WORD_SIMPLE_RATE], words[ANHYST_WORD_SIMPLE_RATE_SHIFT]);
 }
 
-/* Returns the distance from a bounded state below 0 up to 0. */
-static inline number hold_distance(const entry *words, number state)
+/* Returns the distance z from a negative u to u = 0. */
+static inline number linear_distance(const entry *words, number state)
 {
   return anhyst_scale(-state, words[ANHYST_WORD_SIMPLE_REST]) >> 2;
 }
 
-/* Returns the slope of the bounded state over the flux, 0..MAX_LAG_SLOPE. Requires |state| <=
-   ONE. */
-static inline number lag_slope(const entry *words, number state)
+/* Returns the slope of u over the flux, 0..MAX_STATE_SLOPE. Requires |state| <= ONE. */
+static inline number state_slope(const entry *words, number state)
 {
   if (state < 0) {
     return anhyst_shl_q31(words[ANHYST_WORD_SIMPLE_HOLD],
@@ -73,11 +71,11 @@ static inline number lag_slope(const entry *words, number state)
   if (v == 0) {
     return 0;
   }
-  /* The rate belongs to the distance, whose unit is 8. */
+  /* The block states the rate for a distance in units of 8. */
   const int32_t ratio = anhyst_shl_q31(anhyst_quotient(v, denominator),
                                        (uint16_t)words[ANHYST_WORD_SIMPLE_RATE_SHIFT]);
   const int32_t slope = anhyst_scale(ratio, words[ANHYST_WORD_SIMPLE_RATE]) >> 3;
-  return slope > MAX_LAG_SLOPE ? MAX_LAG_SLOPE : slope;
+  return slope > MAX_STATE_SLOPE ? MAX_STATE_SLOPE : slope;
 }
 
 /* Returns the slope of the current over the flux, in units of 1/65536. */
@@ -93,31 +91,31 @@ static inline number newton_step(number residual, number slope)
   return residual < 0 ? -travel : travel;
 }
 
-/* ---- the table of the closed form ---- */
+/* ---- table of the closed form ---- */
 
-typedef anhyst_spot spot; /* a position in the table */
+typedef anhyst_table_position table_position; /* position in the table */
 
-static inline number value_at(spot at) { return anhyst_value_at(at); }
+static inline number table_value(table_position position) { return anhyst_table_value(position); }
 static inline number word_value(entry word) { return (number)word * 32768; }
 
-/* Returns the position where the line of a segment has risen by this, q15 in 0..1, rounded down. */
-static inline number part_at_rise(number rise_up_to_part, entry low, entry high)
+/* Returns the fraction of a segment at which its line has risen by an amount, q15, rounded down. */
+static inline number fraction_at_rise(number partial_rise, entry low, entry high)
 {
   const int32_t rise = (int32_t)high - low;
-  return rise > 0 ? anhyst_clamp(rise_up_to_part / rise, 0, 32768) : 0;
+  return rise > 0 ? anhyst_clamp(partial_rise / rise, 0, 32768) : 0;
 }
 
-/* Returns n; the first octave starts at the distance 2^n. */
-static inline uint16_t first_bits(const entry *words)
+/* Returns n: the first octave starts at the distance 2^n. */
+static inline uint16_t first_octave_bits(const entry *words)
 {
   return (uint16_t)(31 - words[ANHYST_WORD_SIMPLE_OCTAVES]);
 }
 
-/* Returns the position of a distance. Requires z >= 0. */
-static inline spot locate_distance(const entry *words, number z)
+/* Returns the table position of a distance. Requires z >= 0. */
+static inline table_position locate_distance(const entry *words, number z)
 {
   const uint16_t n = (uint16_t)words[ANHYST_WORD_SIMPLE_SEGMENTS];
-  uint16_t bits = first_bits(words);
+  uint16_t bits = first_octave_bits(words);
   int32_t index = 0;
   int32_t remainder = z;
   if ((z >> bits) != 0) {
@@ -127,26 +125,26 @@ static inline spot locate_distance(const entry *words, number z)
     remainder = z - (int32_t)((uint32_t)1 << top);
   }
   const uint16_t width = (uint16_t)(bits - n);
-  const int32_t inside = remainder >> width;
-  remainder -= (int32_t)((uint32_t)inside << width);
-  spot found;
-  found.at = words + words[ANHYST_WORD_SIMPLE_CURVE] + index + inside;
-  found.part =
+  const int32_t segment = remainder >> width;
+  remainder -= (int32_t)((uint32_t)segment << width);
+  table_position found;
+  found.segment = words + words[ANHYST_WORD_SIMPLE_CURVE] + index + segment;
+  found.fraction =
       width >= 15U ? remainder >> (width - 15U) : (int32_t)((uint32_t)remainder << (15U - width));
   return found;
 }
 
-/* Returns the distance at a position on a segment, rounded down. Saturates. */
-static inline number distance_at_part(const entry *words, int32_t index, number part)
+/* Returns the distance at a fraction of a segment, rounded down. Saturates. */
+static inline number distance_at_fraction(const entry *words, int32_t index, number fraction)
 {
   const uint16_t n = (uint16_t)words[ANHYST_WORD_SIMPLE_SEGMENTS];
   const uint16_t octave = (uint16_t)(index >> n);
-  const uint16_t bits = (uint16_t)(first_bits(words) + (octave > 0U ? octave - 1U : 0U));
+  const uint16_t bits = (uint16_t)(first_octave_bits(words) + (octave > 0U ? octave - 1U : 0U));
   const uint16_t width = (uint16_t)(bits - n);
-  const uint32_t inside = (uint32_t)index - ((uint32_t)octave << n);
-  const uint32_t fraction =
-      width >= 15U ? (uint32_t)part << (width - 15U) : (uint32_t)part >> (15U - width);
-  const uint32_t z = (octave > 0U ? (uint32_t)1 << bits : 0U) + (inside << width) + fraction;
+  const uint32_t segment = (uint32_t)index - ((uint32_t)octave << n);
+  const uint32_t offset =
+      width >= 15U ? (uint32_t)fraction << (width - 15U) : (uint32_t)fraction >> (15U - width);
+  const uint32_t z = (octave > 0U ? (uint32_t)1 << bits : 0U) + (segment << width) + offset;
   return z > (uint32_t)ANHYST_Q31_MAX ? ANHYST_Q31_MAX : (int32_t)z;
 }
 

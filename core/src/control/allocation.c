@@ -15,9 +15,9 @@ static int32_t product(int32_t a, int32_t b)
   return anhyst_add_q31(2 * anhyst_scale(a, high), anhyst_scale(a, low) >> 14);
 }
 
-/* Returns smaller/larger as a q31, less than 16 LSB below the exact ratio, by long division with
-   two digits. Requires 0 <= smaller <= larger and larger > 0. For such arguments the clamps have no
-   effect; for all others they prevent overflow. */
+/* Returns smaller/larger as a q31 by long division with two digits, less than 16 LSB below the
+   exact ratio. Requires 0 <= smaller <= larger and larger > 0. The clamps only have an effect, to
+   prevent overflow, if the arguments violate this requirement. */
 static int32_t ratio(int32_t smaller, int32_t larger)
 {
   const uint16_t up = anhyst_headroom(larger);
@@ -31,12 +31,11 @@ static int32_t ratio(int32_t smaller, int32_t larger)
   return anhyst_add_q31(digit * 65536, second_digit * 4);
 }
 
-/* Returns half the root of 1 + t*t, q31. Linear start value within 1 %; each Newton step doubles
-   the digits. */
+/* Returns sqrt(1 + t*t)/2, q31. A linear start value is within 1 %; Newton steps refine it. */
 static int32_t half_root(int32_t t)
 {
   const int32_t square = product(t, t);
-  const int32_t quarter = (ANHYST_Q30_ONE >> 1) + (square >> 2); /* of 1 + t*t */
+  const int32_t quarter = (ANHYST_Q30_ONE >> 1) + (square >> 2); /* a quarter of 1 + t*t */
   int32_t root = 1083180000 + anhyst_scale(square, 13573);       /* 0.5..0.72 */
   root = (root >> 1) + (ratio(quarter, root) >> 1);
   return (root >> 1) + (ratio(quarter, root) >> 1);
@@ -54,7 +53,7 @@ static int32_t larger_force(int32_t net, int32_t idle)
   return larger > idle ? larger : idle;
 }
 
-/* Uses a quotient, because a difference of two large forces would lose digits. */
+/* Uses a quotient, because the difference of two large forces would lose digits. */
 static int32_t smaller_force(int32_t larger, int32_t idle)
 {
   return product(idle, ratio(idle, larger));

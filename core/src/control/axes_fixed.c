@@ -8,7 +8,7 @@
 #include "limits.h"
 
 static int is_number(int32_t a) { return a != ANHYST_Q31_MIN; }
-static int is_measured(int32_t a) { return is_number(a); }
+static int is_measurement_present(int32_t a) { return is_number(a); }
 
 static int are_rows_valid(anhyst_rows_q31 rows, uint16_t count, uint16_t length)
 {
@@ -18,7 +18,7 @@ static int are_rows_valid(anhyst_rows_q31 rows, uint16_t count, uint16_t length)
 static int are_limits_valid(const anhyst_axes_settings_q31 *settings)
 {
   return !settings->axis && settings->current_step > 0 &&
-         are_on_grid(settings->current_low, settings->current_high, settings->current_step);
+         is_range_on_grid(settings->current_low, settings->current_high, settings->current_step);
 }
 
 static int are_axis_limits_valid(const anhyst_axes_settings_q31 *settings, int k)
@@ -53,10 +53,10 @@ static int32_t step_pid(const anhyst_axis_pid_q31 *pid, anhyst_axis_pid_state_q3
   return anhyst_sat_wide(anhyst_part_wide(output, pid->shift));
 }
 
-static int32_t multiply_by_part(int32_t a, int32_t part) { return anhyst_product_q31(a, part); }
+static int32_t times_fraction(int32_t a, int32_t f) { return anhyst_product_q31(a, f); }
 
-static void multiply(anhyst_rows_q31 matrix, int rows, int columns, const int32_t *values,
-                     int32_t *result)
+static void multiply_matrix(anhyst_rows_q31 matrix, int rows, int columns, const int32_t *values,
+                            int32_t *result)
 {
   int i;
   for (i = 0; i < rows; i++) {
@@ -68,11 +68,11 @@ static void multiply(anhyst_rows_q31 matrix, int rows, int columns, const int32_
 static void measure_pose(const anhyst_axes_settings_q31 *settings, anhyst_rows_q31 see,
                          const int32_t *head, const int32_t *target, int32_t *pose)
 {
-  (void)target; /* only floating point supports heads that are fixed to the ground */
-  multiply(see, (int)settings->layout.axes, (int)settings->heads, head, pose);
+  (void)target; /* only floating point supports sensors on the ground */
+  multiply_matrix(see, (int)settings->layout.axes, (int)settings->heads, head, pose);
 }
 
-static anhyst_rows_q31 rows_after(anhyst_rows_q31 matrix, int row, int columns)
+static anhyst_rows_q31 matrix_from_row(anhyst_rows_q31 matrix, int row, int columns)
 {
   const anhyst_rows_q31 from = {&matrix.number[(ptrdiff_t)row * columns], &matrix.shift[row]};
   return from;

@@ -12,8 +12,8 @@ anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
   return are_limits_valid && are_rates_valid ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
-/* Resets phase and faults. The next sample is checked only for its range. */
-static void reset(anhyst_levitation *l)
+/* Resets phase and faults. The next position is only checked for its range. */
+static void reset_phase(anhyst_levitation *l)
 {
   l->phase = ANHYST_PHASE_REST;
   l->seen = 0;
@@ -24,7 +24,7 @@ static void reset(anhyst_levitation *l)
 void anhyst_levitation_start(anhyst_levitation *levitation)
 {
   anhyst_supervisor_start(&levitation->supervisor);
-  reset(levitation);
+  reset_phase(levitation);
   levitation->position = 0;
   levitation->rest = 0;
   levitation->reference = 0;
@@ -39,8 +39,7 @@ static int32_t step_towards(int32_t from, int32_t to, int32_t step)
   return anhyst_clamp(to, anhyst_sub_q31(from, step), anhyst_add_q31(from, step));
 }
 
-/* Returns whether the change since the last plausible position is possible: at most one step for
-   each tick between the two. */
+/* Returns whether the change since the last plausible position is at most one step per tick. */
 static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t position)
 {
   const int32_t ticks = (int32_t)l->supervisor.age + 1;
@@ -73,7 +72,7 @@ static void start_landing(anhyst_levitation *l)
   }
 }
 
-static void lose_position(anhyst_levitation *l)
+static void handle_lost_position(anhyst_levitation *l)
 {
   if (anhyst_levitation_controls(l)) {
     l->phase = ANHYST_PHASE_FALL;
@@ -83,7 +82,7 @@ static void lose_position(anhyst_levitation *l)
   }
 }
 
-/* Starts control at the present position, with the present demand. */
+/* Starts closed-loop control at the present position, with the present demand. */
 static void start_control(anhyst_levitation *l, uint16_t phase)
 {
   l->phase = phase;
@@ -91,16 +90,16 @@ static void start_control(anhyst_levitation *l, uint16_t phase)
   l->begins = 1;
 }
 
-/* Processes the sample: leaves selftest, enters a fault, or leaves a fall. */
+/* Processes a sample: may leave state SELFTEST, enter state FAULT, or leave phase FALL. */
 static void process_sample(anhyst_levitation *l, const anhyst_levitation_limits *limits,
                            const anhyst_levitation_input *input)
 {
   const uint16_t fault = find_fault(l, limits, input);
   if (anhyst_supervisor_sample(&l->supervisor, fault, limits->max_missing_samples,
                                limits->selftest)) {
-    /* Otherwise, a position that jumped would count as plausible again after enough ticks. */
+    /* Otherwise, a position that jumped would count as plausible again after some ticks. */
     l->lost |= fault == ANHYST_FAULT_POSITION_STEP ? 1U : 0U;
-    lose_position(l);
+    handle_lost_position(l);
   }
   if (fault != ANHYST_FAULT_NONE) {
     l->flags |= ANHYST_SAMPLE_IMPLAUSIBLE;
@@ -135,7 +134,7 @@ uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t comma
     start_landing(l);
     break;
   case ANHYST_COMMAND_CLEAR:
-    reset(l);
+    reset_phase(l);
     break;
   default:
     break;
@@ -150,13 +149,13 @@ void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int 
     start_landing(levitation);
   } else {
     levitation->lost = 1;
-    lose_position(levitation);
+    handle_lost_position(levitation);
   }
 }
 
 static void run_breakaway(anhyst_levitation *l, const anhyst_levitation_settings *settings)
 {
-  if (l->tick == 0) { /* first tick after the command: the armature is at rest */
+  if (l->tick == 0) { /* first tick after the command: the armature still rests */
     l->rest = l->position;
     l->tick = 1;
   }
@@ -203,7 +202,7 @@ static void move_reference(anhyst_levitation *l, const anhyst_levitation_setting
   }
 }
 
-/* Executes this tick of the phase, and selects the next phase. */
+/* Executes one tick of the phase, and selects the next phase. */
 static void advance_phase(anhyst_levitation *l, const anhyst_levitation_limits *limits,
                           const anhyst_levitation_settings *settings,
                           const anhyst_levitation_input *input)
@@ -229,7 +228,7 @@ static void advance_phase(anhyst_levitation *l, const anhyst_levitation_limits *
                    : ANHYST_PHASE_REST;
     break;
   default:
-    /* The first reference is the position itself, so that the start of control is bumpless. */
+    /* The first reference is the position itself, so that control starts without a jump. */
     if (l->begins == 0U) {
       move_reference(l, settings, anhyst_clamp(input->target, limits->low, limits->high));
     }

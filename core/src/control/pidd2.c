@@ -19,12 +19,12 @@ int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
                                int32_t position, int32_t load,
                                anhyst_pidd2_candidate_q31 *candidate)
 {
-  const int32_t y = position >> 1; /* q30, so that differences of two such numbers fit */
+  const int32_t y = position >> 1; /* q30, so that differences do not overflow */
   const int32_t r = reference >> 1;
   const int32_t weighted = r + anhyst_scale(reference, gains->unweighted); /* 0..r */
 
-  /* A filter moves by its derivative. Therefore, a derivative needs no state of its own, and
-     rounding errors are not integrated. */
+  /* The change of a filter's output in a tick is the filtered derivative. Therefore, a derivative
+     needs no state of its own, and rounding errors are not integrated. */
   const int32_t first = anhyst_factor_product(state->position - y, gains->smoothing);
   const int32_t second =
       anhyst_factor_product(anhyst_sub_q31(state->velocity, first), gains->smoothing_2);
@@ -47,14 +47,14 @@ int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
 void anhyst_pidd2_commit_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_state_q31 *state,
                              const anhyst_pidd2_candidate_q31 *candidate, int32_t applied)
 {
-  /* Exactly zero if the output was applied without a change. */
+  /* This difference is exactly zero if the output was applied unchanged. */
   const int32_t not_applied = anhyst_sub_q31(applied >> 3, candidate->wanted);
   *state = candidate->next;
   state->integral =
       anhyst_add_q31(state->integral, anhyst_factor_product(not_applied, gains->back));
 }
 
-/* Shifts the integral so that the output changes from one number to another, q28. */
+/* Shifts the integral so that the output changes by to - from, both q28. */
 static void shift_integral(anhyst_pidd2_state_q31 *state, int32_t from, int32_t to)
 {
   state->integral = anhyst_add_q31(state->integral, anhyst_shl_q31(anhyst_sub_q31(to, from), 2));
@@ -75,9 +75,9 @@ void anhyst_pidd2_change_q31(const anhyst_pidd2_gains_q31 *from, const anhyst_pi
                              anhyst_pidd2_state_q31 *state, int32_t reference, int32_t position,
                              int32_t load)
 {
-  anhyst_pidd2_candidate_q31 before;
-  anhyst_pidd2_candidate_q31 after;
-  (void)anhyst_pidd2_solve_q31(from, state, reference, position, load, &before);
-  (void)anhyst_pidd2_solve_q31(to, state, reference, position, load, &after);
-  shift_integral(state, after.wanted, before.wanted);
+  anhyst_pidd2_candidate_q31 old_candidate;
+  anhyst_pidd2_candidate_q31 new_candidate;
+  (void)anhyst_pidd2_solve_q31(from, state, reference, position, load, &old_candidate);
+  (void)anhyst_pidd2_solve_q31(to, state, reference, position, load, &new_candidate);
+  shift_integral(state, new_candidate.wanted, old_candidate.wanted);
 }

@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-/* Positions and demands are already the integers of levitation.h. */
+/* Positions and demands are already integers in the format of levitation.h. */
 
 static int32_t position_to_code(const anhyst_position_units_q31 *units, int32_t position)
 {
@@ -42,16 +42,16 @@ static int32_t clamp(int32_t a, int32_t low, int32_t high) { return anhyst_clamp
 
 static int32_t position_to_gap(const anhyst_gap_line_q31 *line, int32_t position)
 {
-  const int32_t part = anhyst_shl_q31(anhyst_factor_product(position, line->factor), 1);
-  return anhyst_add_q31(line->offset, part);
+  const int32_t gap_change = anhyst_shl_q31(anhyst_factor_product(position, line->factor), 1);
+  return anhyst_add_q31(line->offset, gap_change);
 }
 
-static uint32_t distance(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
+static uint32_t current_range(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
 
 static int32_t round_to_grid(const anhyst_position_limits_q31 *limits, int32_t current)
 {
   const uint32_t step = (uint32_t)limits->current_step;
-  const uint32_t offset = distance(limits->current_low, current);
+  const uint32_t offset = current_range(limits->current_low, current);
   const uint32_t remainder = offset % step;
   const uint32_t rounded =
       remainder >= step - remainder ? offset - remainder + step : offset - remainder;
@@ -67,14 +67,15 @@ static int are_settings_valid(const anhyst_position_limits_q31 *limits,
   }
   return are_factors_valid && limits->current_low < limits->current_high &&
          limits->current_step > 0 &&
-         distance(limits->current_low, limits->current_high) % (uint32_t)limits->current_step ==
+         current_range(limits->current_low, limits->current_high) %
+                 (uint32_t)limits->current_step ==
              0U &&
          limits->release >= limits->current_step;
 }
 
 #include "generic/position.h"
 
-/* Sets the currents that the force controllers now give for the demand of the last tick. */
+/* Computes the currents of the force controllers again, for the demand of the last tick. */
 static void recompute_currents(anhyst_position_q31 *c, int32_t *demanded)
 {
   const int32_t step = c->levitation.supervisor.step;
@@ -83,7 +84,7 @@ static void recompute_currents(anhyst_position_q31 *c, int32_t *demanded)
   switch (c->levitation.phase) {
   case ANHYST_PHASE_REST:
   case ANHYST_PHASE_FALL:
-    break; /* on the ramp from the driven currents to zero, which does not depend on the method */
+    break; /* the ramp to zero does not depend on the method */
   case ANHYST_PHASE_CONDITION:
     for (int i = 0; i < magnet_count(c); i++) {
       demanded[i] = anhyst_force_controller_conditioning_q31(c->magnet[i], step > 0 ? step : 0);
@@ -95,7 +96,7 @@ static void recompute_currents(anhyst_position_q31 *c, int32_t *demanded)
   }
 }
 
-/* Starts the fading of the difference between the driven currents and the new demanded ones. */
+/* Stores the difference between last applied and newly demanded currents, which then decays. */
 static void start_fading(anhyst_position_q31 *c)
 {
   int32_t demanded[ANHYST_POSITION_MAGNETS] = {c->current[0], c->current[1]};
@@ -114,18 +115,18 @@ void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
     anhyst_force_controller_carry_q31(c->magnet[i], words);
   }
   if (supervisor->conditioning != 0U) {
-    supervisor->step = -1; /* starts again */
+    supervisor->step = -1; /* starts the conditioning sequence again */
   }
   start_fading(c);
 }
 
-/* Returns the state of the next tick: the candidate if it waits for the measured current. */
+/* Returns the controller state of the next tick, which is in the candidate until the commit. */
 static anhyst_pidd2_state_q31 *next_state(anhyst_position_q31 *c)
 {
   return c->pending != 0U ? &c->candidate.next : &c->state;
 }
 
-/* Continues with the net force that the force controllers now expect for the driven currents. */
+/* Sets the net force that the force controllers now expect for the present currents. */
 static void match_expected_force(anhyst_position_q31 *c)
 {
   int32_t *integral = &next_state(c)->integral;

@@ -57,8 +57,8 @@ int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t fault, uint16_t max_
   return 0;
 }
 
-/* Returns whether this state accepts a command, for any current. */
-static int is_allowed(const anhyst_supervisor *s, uint16_t command, const anhyst_body *body)
+/* Returns whether the present state accepts a command, at any current. */
+static int is_command_allowed(const anhyst_supervisor *s, uint16_t command, const anhyst_body *body)
 {
   const int is_idle = s->state == ANHYST_STATE_IDLE;
   const int is_ready = s->state == ANHYST_STATE_READY;
@@ -104,14 +104,14 @@ uint16_t anhyst_supervisor_obstacle(const anhyst_supervisor *s, uint16_t command
       (is_for_force && body->levitates != 0U)) {
     return ANHYST_REFUSED_UNKNOWN;
   }
-  if (!is_allowed(s, command, body)) {
+  if (!is_command_allowed(s, command, body)) {
     return ANHYST_REFUSED_STATE;
   }
   return requires_zero_current(command) && body->at_zero == 0U ? ANHYST_REFUSED_CURRENT
                                                                : ANHYST_REFUSED_NOT;
 }
 
-/* Stops a running sequence, a levitated armature, or a force. */
+/* Stops a conditioning sequence, a levitation or a force. */
 static void execute_stop(anhyst_supervisor *s, const anhyst_body *body)
 {
   if (s->conditioning != 0U) {
@@ -151,7 +151,7 @@ void anhyst_supervisor_command(anhyst_supervisor *s, uint16_t command, const anh
   case ANHYST_COMMAND_CLEAR:
     enter_selftest(s);
     break;
-  default: /* none; land: the body comes to rest by itself */
+  default: /* no command, or a landing: the body comes to rest by itself */
     break;
   }
 }

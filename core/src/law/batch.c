@@ -1,26 +1,27 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The batch, compiled once for each instruction set with another ANHYST_BATCH_NAME. The inner loops
-   run over sets, and contain no branch and no call, so that the compiler vectorises them. */
+/* The batch, compiled once for each instruction set with a different ANHYST_BATCH_NAME. The inner
+   loops run over parameter sets, without branches or calls, so that a compiler vectorises them. */
 #include "anhyst/law/batch.h"
 
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
 
-#define PASTE_(a, b) a##b
-#define PASTE(a, b) PASTE_(a, b)
-#define BATCH(name) PASTE(PASTE(anhyst_batch_, name), ANHYST_BATCH_NAME)
+#define PASTE_TOKENS(a, b) a##b
+#define EXPAND_AND_PASTE(a, b) PASTE_TOKENS(a, b)
+#define BATCH_NAME(name) EXPAND_AND_PASTE(EXPAND_AND_PASTE(anhyst_batch_, name), ANHYST_BATCH_NAME)
 
-/* Number of sets that are simulated together: their states stay in the first-level cache. */
+/* Number of parameter sets that are simulated together. All states fit into the L1 cache. */
 #define BLOCK_SETS 64
 
-anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
-                         const double *drive, double *x, double *y, double *m_out, double *x_out);
-void BATCH(functions)(size_t n, const double *t, double *exp_minus, double *langevin);
+anhyst_status BATCH_NAME(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
+                              const double *drive, double *x, double *y, double *m_out,
+                              double *x_out);
+void BATCH_NAME(functions)(size_t n, const double *t, double *exp_of_negative, double *langevin);
 
-/* Returns exp(-t) for t >= 0; limited to about 1e-300. Adding the magic number rounds t/ln 2 to an
-   integer in the low bits, which then become the exponent. */
-static inline double exp_minus(double t)
+/* Returns exp(-t) for t >= 0, but at least about 1e-300. Adding the magic number rounds t/ln 2 to
+   an integer in the low bits, which then become the exponent. */
+static inline double exp_of_negative(double t)
 {
   const double magic = 6755399441055744.0; /* 1.5 * 2^52 */
   const double bounded = t < 690.0 ? t : 690.0;
@@ -42,9 +43,9 @@ static inline double exp_minus(double t)
   return p * power;
 }
 
-/* Returns L(z), and L'(z) = 1 - L^2 - 2*L/z in *slope. L(z)/|z| is one quotient of polynomials in
-   |z| for all arguments, fitted for the smallest maximum error of L, 4.4e-9. It needs no
-   exponential and no branch. */
+/* Returns L(z), and sets *slope to L'(z) = 1 - L^2 - 2*L/z. For all arguments, L(z)/|z| is one
+   quotient of polynomials in |z|, fitted for the smallest maximum error of L, 4.4e-9. The quotient
+   needs no exponential and no branch. */
 static inline double langevin(double z, double *slope)
 {
   const double t = fabs(z);
@@ -64,7 +65,7 @@ static inline double langevin(double z, double *slope)
   return value;
 }
 
-/* States and parameters of one block of sets. */
+/* States and parameters of one block of parameter sets. */
 typedef struct {
   double kappa_inverse[BLOCK_SETS], c[BLOCK_SETS], omega[BLOCK_SETS];
   double scale[BLOCK_SETS], shift[BLOCK_SETS]; /* r = scale*drive - shift */
@@ -77,37 +78,38 @@ typedef struct {
   double distance[BLOCK_SETS];     /* estimated distance to the solution of this sample */
 } block;
 
-/* Purpose of an evaluation of the law. */
+/* Purposes of an evaluation of the law. */
 enum { PREDICT, CORRECT, COMMIT };
 
-/* All code below works in the direction of travel: the law is odd, and signs are removed once. */
+/* All code below works in the direction of travel. The law is odd: signs are removed once. */
 
 static inline double limit_to_positive(double value) { return value > 0.0 ? value : 0.0; }
 
-/* Irreversible magnetisation at the end of a step, and the inverse slope of the equation there. */
+/* Irreversible magnetisation at the end of a step, and inverse slope of the equation there. */
 typedef struct {
   double y, newton_gain;
 } step_end;
 
-/* Estimates a step. Lag over s = distance/kappa with exp(-s) = 1/(1 + s + s^2/2). A step that
-   starts with constant y is treated as if it crossed the anhysteretic curve at its start. Lag and
-   slope together need one division. lead and ahead: L minus y at the start and at the end. */
+/* Estimates the end of a step. The lag decays with exp(-s) = 1/(1 + s + s^2/2) for s =
+   distance/kappa. A step that starts with constant y is treated as if it crossed the anhysteretic
+   curve at its start. One division is sufficient for y and the inverse slope. Arguments: lead is L
+   minus y at the start, ahead is L minus y at the end. */
 static inline step_end estimate_end(double y0, double lead, double ahead, double s,
                                     double stiffness, double pinned)
 {
   const double half = 0.5 * s;
   const double second_order = half + half * s;
   const double denominator = 1.0 + half + second_order;
-  const double moved = ahead * second_order + lead * half;
-  const double stiff = denominator * stiffness + pinned * (ahead * denominator - moved);
+  const double y_change = ahead * second_order + lead * half;
+  const double stiff = denominator * stiffness + pinned * (ahead * denominator - y_change);
   const double inverse = 1.0 / (denominator * stiff);
-  const step_end end = {y0 + moved * (stiff * inverse), denominator * denominator * inverse};
+  const step_end end = {y0 + y_change * (stiff * inverse), denominator * denominator * inverse};
   return end;
 }
 
-/* The linear step of operator.h: y1 = y0 + lead*E(S) + rise*G(S). A step that starts with constant
-   y starts at the crossing of the anhysteretic curve, S = s*ahead/(m1 - m0) =
-   numerator/denominator. */
+/* Returns y1 of the linear step in operator.h: y1 = y0 + lead*E(S) + rise*G(S). A step that starts
+   with constant y effectively starts at the crossing of the anhysteretic curve, so that S =
+   s*ahead/(m1 - m0). S is numerator/denominator. */
 static inline double linear_step(double y0, double m0, double m1, double ahead, double s)
 {
   const int is_constant_first = m0 < y0;
@@ -116,13 +118,13 @@ static inline double linear_step(double y0, double m0, double m1, double ahead, 
   const double numerator = is_constant_first ? s * ahead : s;
   const double denominator = is_constant_first ? m1 - m0 : 1.0;
   const double inverse = 1.0 / (numerator * denominator + 1e-280);
-  const double e = 1.0 - exp_minus(numerator * numerator * inverse);
+  const double e = 1.0 - exp_of_negative(numerator * numerator * inverse);
   return y0 + lead * e + rise * (1.0 - e * (denominator * denominator * inverse));
 }
 
-/* Evaluates the law once for every set. PREDICT makes a linearly implicit step and estimates its
-   end. CORRECT and COMMIT use the present distance and the linear step. PREDICT and CORRECT improve
-   the distance by a Newton step; with commit, the result becomes the new state. */
+/* Evaluates the law once for every parameter set. PREDICT makes a linearly implicit step and
+   estimates its end. CORRECT and COMMIT use the present distance and the linear step. If commit is
+   0, a Newton step improves the distance. If commit is 1, the result is the new state. */
 static inline void evaluate_step(block *restrict b, double drive, int purpose, int commit)
 {
   for (int i = 0; i < BLOCK_SETS; i++) {
@@ -166,7 +168,7 @@ static void load_block(block *b, const anhyst_batch_sets *sets, size_t first, co
                        const double *y)
 {
   for (size_t i = 0; i < BLOCK_SETS; i++) {
-    /* The last block is filled with copies of the last set. */
+    /* The last block is filled with copies of the last parameter set. */
     const size_t set = first + i < sets->sets ? first + i : sets->sets - 1;
     b->kappa_inverse[i] = 1.0 / sets->kappa[set];
     b->c[i] = sets->c[set];
@@ -184,8 +186,9 @@ static void load_block(block *b, const anhyst_batch_sets *sets, size_t first, co
   }
 }
 
-anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
-                         const double *drive, double *x, double *y, double *m_out, double *x_out)
+anhyst_status BATCH_NAME(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
+                              const double *drive, double *x, double *y, double *m_out,
+                              double *x_out)
 {
   for (size_t first = 0; first < sets->sets; first += BLOCK_SETS) {
     const size_t count = sets->sets - first < BLOCK_SETS ? sets->sets - first : BLOCK_SETS;
@@ -210,11 +213,11 @@ anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, 
   return ANHYST_OK;
 }
 
-void BATCH(functions)(size_t n, const double *t, double *exp_out, double *langevin_out)
+void BATCH_NAME(functions)(size_t n, const double *t, double *exp_out, double *langevin_out)
 {
   for (size_t i = 0; i < n; i++) {
     double slope;
-    exp_out[i] = exp_minus(fabs(t[i]));
+    exp_out[i] = exp_of_negative(fabs(t[i]));
     langevin_out[i] = langevin(t[i], &slope);
   }
 }

@@ -1,33 +1,33 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Selects the batch that is compiled for an instruction set of the processor. */
+/* Selects the version of the batch for the instruction set of the processor. */
 #include "anhyst/law/batch.h"
 
 #ifdef ANHYST_BATCH_X86
 #include <cpuid.h>
 #endif
 
-#define DECLARE(suffix)                                                                            \
+#define DECLARE_BATCH_FUNCTIONS(suffix)                                                            \
   anhyst_status anhyst_batch_run##suffix(const anhyst_batch_sets *sets, anhyst_batch_mode mode,    \
                                          size_t n, const double *drive, double *x, double *y,      \
                                          double *m_out, double *x_out);                            \
   void anhyst_batch_functions##suffix(size_t n, const double *t, double *exp_minus,                \
                                       double *langevin);
 
-DECLARE(_base)
+DECLARE_BATCH_FUNCTIONS(_base)
 #ifdef ANHYST_BATCH_X86
-DECLARE(_avx2)
-DECLARE(_avx512)
+DECLARE_BATCH_FUNCTIONS(_avx2)
+DECLARE_BATCH_FUNCTIONS(_avx512)
 #endif
 
 #ifdef ANHYST_BATCH_X86
-/* Leaf 1, register c; leaf 7, register b; register 0 of the state saved at a task switch. */
+/* Bits of CPUID leaf 1, register c; leaf 7, register b; and registers saved at task switches. */
 #define FMA_XSAVE_AVX (1u << 12 | 1u << 27 | 1u << 28)
 #define AVX2 (1u << 5)
 #define AVX512_F_DQ_VL (1u << 16 | 1u << 17 | 1u << 31)
-#define SAVES_256 (3u << 1)
-#define SAVES_512 (SAVES_256 | 7u << 5)
+#define SAVES_256_BIT (3u << 1)
+#define SAVES_512_BIT (SAVES_256_BIT | 7u << 5)
 
-/* __builtin_cpu_supports is not used: linked by zig, it returns 0 for every feature. */
+/* Does not use __builtin_cpu_supports: it returns 0 for every feature if zig links the program. */
 anhyst_batch_level anhyst_batch_best(void)
 {
   unsigned a, b, c, d;
@@ -39,10 +39,10 @@ anhyst_batch_level anhyst_batch_best(void)
   // NOLINTNEXTLINE(portability-no-assembler): the intrinsic would need -mxsave
   __asm__("xgetbv" : "=a"(enabled), "=d"(high) : "c"(0));
   __cpuid_count(7, 0, a, b, c, d);
-  if (!(b & AVX2) || (enabled & SAVES_256) != SAVES_256) {
+  if (!(b & AVX2) || (enabled & SAVES_256_BIT) != SAVES_256_BIT) {
     return ANHYST_BATCH_BASE;
   }
-  return (b & AVX512_F_DQ_VL) == AVX512_F_DQ_VL && (enabled & SAVES_512) == SAVES_512
+  return (b & AVX512_F_DQ_VL) == AVX512_F_DQ_VL && (enabled & SAVES_512_BIT) == SAVES_512_BIT
              ? ANHYST_BATCH_AVX512
              : ANHYST_BATCH_AVX2;
 }

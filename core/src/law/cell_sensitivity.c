@@ -10,12 +10,12 @@ typedef struct {
   const anhyst_cells_f64 *cells;
   const anhyst_cell_weights_f64 *weights;
   const anhyst_cell_directions_f64 *directions;
-  size_t count; /* number of directions */
+  size_t direction_count; /* number of directions */
 } problem;
 
-/* Adds the derivatives of a cell's contribution with a fixed play to sum, for each direction.
-   Returns its slope over the play. */
-static double add_fixed_play_terms(const problem *s, int cell, double place, double *sum)
+/* Adds the derivatives of a cell's contribution at a constant play to a sum, for each direction.
+   Returns the slope of the contribution with respect to the play. */
+static double add_fixed_play_terms(const problem *s, int cell, double play, double *sum)
 {
   const anhyst_cell_weights_f64 *w = s->weights;
   double slope = 0.0;
@@ -23,11 +23,11 @@ static double add_fixed_play_terms(const problem *s, int cell, double place, dou
     const size_t index = (size_t)cell * (size_t)w->widths + (size_t)j;
     const double inverse = 1.0 / w->width[j];
     double z;
-    const cell_jet phi = anhyst_cell_curve(w, j, place, &z);
+    const cell_jet phi = anhyst_cell_curve(w, j, play, &z);
     const double slope_term = w->weight[index] * inverse * phi.f1;
-    const double *weight_t = s->directions->weight_t + index * s->count;
-    const double *width_t = s->directions->width_t + (size_t)j * s->count;
-    for (size_t t = 0; t < s->count; t++) {
+    const double *weight_t = s->directions->weight_t + index * s->direction_count;
+    const double *width_t = s->directions->width_t + (size_t)j * s->direction_count;
+    for (size_t t = 0; t < s->direction_count; t++) {
       sum[t] += weight_t[t] * phi.f - slope_term * z * width_t[t];
     }
     slope += slope_term;
@@ -35,8 +35,8 @@ static double add_fixed_play_terms(const problem *s, int cell, double place, dou
   return slope;
 }
 
-/* Returns the number of moving cells; the one without a threshold always moves. */
-static int count_moving_cells(const anhyst_cells_state_f64 *state)
+/* Returns the number of active cells. The cell with threshold 0 is always active. */
+static int count_active_cells(const anhyst_cells_state_f64 *state)
 {
   return state->active > 1 ? state->active : 1;
 }
@@ -45,48 +45,48 @@ static void sum_resting_cells(const problem *s, const anhyst_cells_state_f64 *st
                               const double *numbers_t, double *rest)
 {
   const size_t cells = (size_t)s->cells->cells;
-  memset(rest, 0, s->count * sizeof *rest);
-  for (int i = count_moving_cells(state); i < s->cells->cells; i++) {
+  memset(rest, 0, s->direction_count * sizeof *rest);
+  for (int i = count_active_cells(state); i < s->cells->cells; i++) {
     const double slope = add_fixed_play_terms(s, i, state->place[i], rest);
-    for (size_t t = 0; t < s->count; t++) {
+    for (size_t t = 0; t < s->direction_count; t++) {
       rest[t] += slope * numbers_t[t * cells + (size_t)i];
     }
   }
 }
 
-/* Sets the derivatives of the plays of the moving cells: the derivative of x, minus that of the
-   threshold in the direction of travel. */
+/* Sets the derivatives of the plays of the active cells: the derivative of x, minus the derivative
+   of the threshold in the direction of travel. */
 static void store_play_derivatives(const problem *s, const anhyst_cells_state_f64 *state,
                                    double *numbers_t)
 {
   const size_t cells = (size_t)s->cells->cells;
-  for (size_t t = 0; t < s->count; t++) {
+  for (size_t t = 0; t < s->direction_count; t++) {
     for (int i = 1; i < state->active; i++) {
       numbers_t[t * cells + (size_t)i] =
           numbers_t[t * cells] -
-          state->direction * s->directions->threshold_t[(size_t)i * s->count + t];
+          state->direction * s->directions->threshold_t[(size_t)i * s->direction_count + t];
     }
   }
 }
 
-/* Differentiates at the new state. On entry, m_t contains the sum of the cells at rest. */
-static void differentiate(const problem *s, const anhyst_cells_state_f64 *state, double omega,
-                          const double *omega_t, const double *r_t, double *numbers_t, double *x_t,
-                          double *m_t)
+/* Differentiates at the new state. On entry, m_t contains the derivatives for the cells at rest. */
+static void differentiate_step(const problem *s, const anhyst_cells_state_f64 *state, double omega,
+                               const double *omega_t, const double *r_t, double *numbers_t,
+                               double *x_t, double *m_t)
 {
   const size_t cells = (size_t)s->cells->cells;
   double slope = state->bend.slope;
-  for (int i = 0; i < count_moving_cells(state); i++) {
+  for (int i = 0; i < count_active_cells(state); i++) {
     const double cell_slope =
         add_fixed_play_terms(s, i, state->x - state->direction * s->cells->threshold[i], m_t);
     slope = state->active == 0 ? cell_slope : slope;
-    for (size_t t = 0; i > 0 && t < s->count; t++) {
-      m_t[t] -=
-          cell_slope * state->direction * s->directions->threshold_t[(size_t)i * s->count + t];
+    for (size_t t = 0; i > 0 && t < s->direction_count; t++) {
+      m_t[t] -= cell_slope * state->direction *
+                s->directions->threshold_t[(size_t)i * s->direction_count + t];
     }
   }
   const double inverse = 1.0 / (1.0 + omega * slope);
-  for (size_t t = 0; t < s->count; t++) {
+  for (size_t t = 0; t < s->direction_count; t++) {
     x_t[t] = (r_t[t] - omega_t[t] * state->m - omega * m_t[t]) * inverse;
     m_t[t] += slope * x_t[t];
     numbers_t[t * cells] = x_t[t];
@@ -122,8 +122,8 @@ anhyst_status anhyst_cells_sensitivity_f64(const anhyst_cells_f64 *cells,
       sum_resting_cells(&s, state, numbers_t, rest);
     }
     memcpy(m_t + i * count, rest, count * sizeof *rest);
-    differentiate(&s, state, drive->omega[i], drive->omega_t + i * count, drive->r_t + i * count,
-                  numbers_t, x_t + i * count, m_t + i * count);
+    differentiate_step(&s, state, drive->omega[i], drive->omega_t + i * count,
+                       drive->r_t + i * count, numbers_t, x_t + i * count, m_t + i * count);
     x[i] = state->x;
     m[i] = state->m;
   }

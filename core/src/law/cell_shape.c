@@ -37,16 +37,16 @@ cell_jet anhyst_cell_shape(anhyst_shape shape, double z)
   return shape == ANHYST_SHAPE_TANH ? tanh_jet(z) : langevin_jet(z);
 }
 
-cell_jet anhyst_cell_curve(const anhyst_cell_weights_f64 *weights, int j, double place, double *z)
+cell_jet anhyst_cell_curve(const anhyst_cell_weights_f64 *weights, int j, double play, double *z)
 {
   const double inverse = 1.0 / weights->width[j];
   const double centre = weights->centre == NULL ? 0.0 : weights->centre[j];
-  *z = place * inverse;
+  *z = play * inverse;
   if (!(centre > 0.0)) {
     return anhyst_cell_shape(weights->shape, *z);
   }
-  const double upper_z = (place - centre) * inverse;
-  const double lower_z = (place + centre) * inverse;
+  const double upper_z = (play - centre) * inverse;
+  const double lower_z = (play + centre) * inverse;
   const cell_jet first = anhyst_cell_shape(weights->shape, upper_z);
   const cell_jet second = anhyst_cell_shape(weights->shape, lower_z);
   const cell_jet mean = {0.5 * (first.f + second.f), 0.5 * (first.f1 + second.f1),

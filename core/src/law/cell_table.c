@@ -5,17 +5,17 @@
 
 #include "cell_shape.h"
 
-/* Pieces per width of the narrowest curve in the first octave, and maximum pieces in an octave. */
-static const double PIECES_PER_WIDTH = 4.0;
-static const int MAX_PIECES = 1024;
+/* Segments per width of the narrowest curve in the first octave; maximum segments per octave. */
+static const double SEGMENTS_PER_WIDTH = 4.0;
+static const int MAX_OCTAVE_SEGMENTS = 1024;
 /* Maximum error of the tables, as a fraction of the saturation. */
 static const double MAX_TABLE_ERROR = 1e-6;
-/* Reach of the tables, in units of the widest curve plus the largest threshold. */
-static const double REACH_FACTOR = 131072.0;
-/* Error of a quintic with value, slope and curvature at both ends: h^6*f''''''/46080. */
+/* Range of the tables, in units of the width of the widest curve plus the largest threshold. */
+static const double RANGE_FACTOR = 131072.0;
+/* Divisor of h^6*f'''''', the error of a quintic with value, slope and curvature at both ends. */
 static const double QUINTIC_ERROR_DIVISOR = 46080.0;
 
-/* Returns an upper bound of the sixth derivative of the curve at and above |z|. */
+/* Returns an upper bound of the sixth derivative of the curve at arguments of |z| and above. */
 static double sixth_derivative_bound(anhyst_shape shape, double z)
 {
   const double bound_at_zero = shape == ANHYST_SHAPE_TANH ? 53.0 : 0.45;
@@ -25,7 +25,7 @@ static double sixth_derivative_bound(anhyst_shape shape, double z)
   return tail_bound < bound_at_zero ? tail_bound : bound_at_zero;
 }
 
-static double centre_of(const anhyst_cell_weights_f64 *w, int j)
+static double curve_centre(const anhyst_cell_weights_f64 *w, int j)
 {
   return w->centre == NULL ? 0.0 : w->centre[j];
 }
@@ -39,7 +39,7 @@ static int are_weights_valid(const anhyst_cell_weights_f64 *w)
     is_valid = w->threshold[i] > w->threshold[i - 1] && w->threshold[i] < 1e15;
   }
   for (int j = 0; is_valid && j < w->widths; j++) {
-    const double centre = centre_of(w, j);
+    const double centre = curve_centre(w, j);
     is_valid = w->width[j] > 1e-15 && w->width[j] < 1e15 && centre >= 0.0 && centre < 1e15;
   }
   for (int i = 0; is_valid && i < w->cells * w->widths; i++) {
@@ -49,9 +49,9 @@ static int are_weights_valid(const anhyst_cell_weights_f64 *w)
   return is_valid && sum > 1e-15 && sum < 1e15;
 }
 
-/* Finds the narrowest and the widest curve with a weight above 0. The distance of its centre adds
-   to the width of a curve. */
-static void find_widths(const anhyst_cell_weights_f64 *w, double *narrowest, double *widest)
+/* Finds the narrowest and the widest curve with a weight above 0. The width of a curve includes the
+   distance of its centre from zero. */
+static void find_extreme_widths(const anhyst_cell_weights_f64 *w, double *narrowest, double *widest)
 {
   *narrowest = 1e300;
   *widest = 0.0;
@@ -59,28 +59,28 @@ static void find_widths(const anhyst_cell_weights_f64 *w, double *narrowest, dou
     const double width = w->width[i % w->widths];
     if (w->weight[i] > 0.0) {
       *narrowest = width < *narrowest ? width : *narrowest;
-      const double reach = width + centre_of(w, i % w->widths);
-      *widest = reach > *widest ? reach : *widest;
+      const double shifted_width = width + curve_centre(w, i % w->widths);
+      *widest = shifted_width > *widest ? shifted_width : *widest;
     }
   }
 }
 
-static double distance(double place, double low, double high)
+static double distance_to_interval(double position, double low, double high)
 {
-  return place < low ? low - place : (place > high ? place - high : 0.0);
+  return position < low ? low - position : (position > high ? position - high : 0.0);
 }
 
-/* Returns an error bound of one piece from low to high on either side, for the sum of all cells. */
-static double piece_error(const anhyst_cell_weights_f64 *w, double low, double high)
+/* Returns an error bound for a segment, low to high on either side, for the sum of all cells. */
+static double segment_error_bound(const anhyst_cell_weights_f64 *w, double low, double high)
 {
   double sum = 0.0;
   for (int i = 0; i < w->cells; i++) {
     for (int j = 0; j < w->widths; j++) {
       if (w->weight[i * w->widths + j] > 0.0) {
-        /* The halves of a curve bend where |x| is the sum or the difference of threshold and
-           centre. */
-        const double above = distance(w->threshold[i] + centre_of(w, j), low, high);
-        const double below = distance(fabs(w->threshold[i] - centre_of(w, j)), low, high);
+        /* The halves of a curve bend where |x| is the sum or difference of threshold and centre. */
+        const double above = distance_to_interval(w->threshold[i] + curve_centre(w, j), low, high);
+        const double below =
+            distance_to_interval(fabs(w->threshold[i] - curve_centre(w, j)), low, high);
         const double distance_from_bend = above < below ? above : below;
         const double relative_length = (high - low) / w->width[j];
         const double cube = relative_length * relative_length * relative_length;
@@ -92,18 +92,18 @@ static double piece_error(const anhyst_cell_weights_f64 *w, double low, double h
   return sum / QUINTIC_ERROR_DIVISOR;
 }
 
-/* Divides the next octave, from begin to 2*begin, into the required number of pieces. Returns 0 if
-   there is no storage, or the error limit cannot be met. */
+/* Divides the next octave, from begin to 2*begin, into the required number of segments. Returns 0
+   if the table is full, or if the error exceeds MAX_TABLE_ERROR. */
 static int divide_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                          double aim, double begin)
 {
   const double low = (begin - 1.0) / cells->per_unit;
   const double high = (2.0 * begin - 1.0) / cells->per_unit;
   const int octave = cells->octaves;
-  double error = piece_error(weights, low, high) / cells->saturation;
+  double error = segment_error_bound(weights, low, high) / cells->saturation;
   int count = 1;
   int bisections = 0;
-  while (error > aim && count < MAX_PIECES) {
+  while (error > aim && count < MAX_OCTAVE_SEGMENTS) {
     count *= 2;
     bisections++;
     error /= 64.0;
@@ -113,7 +113,7 @@ static int divide_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 
   }
   cells->shift[octave] = 52 - bisections;
   cells->per_piece[octave] = (double)count / begin;
-  cells->first[octave] = (int64_t)(cell_bits(begin) >> cells->shift[octave]) - cells->pieces;
+  cells->first[octave] = (int64_t)(cell_bits_of(begin) >> cells->shift[octave]) - cells->pieces;
   cells->pieces += count;
   cells->octaves++;
   return 1;
@@ -127,7 +127,7 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
   }
   double narrowest;
   double widest;
-  find_widths(weights, &narrowest, &widest);
+  find_extreme_widths(weights, &narrowest, &widest);
   cells->cells = weights->cells;
   cells->saturation = 0.0;
   for (int i = 0; i < weights->cells * weights->widths; i++) {
@@ -137,9 +137,9 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
     cells->threshold[i] = weights->threshold[i];
   }
   cells->scale = widest + weights->threshold[weights->cells - 1];
-  cells->reach = REACH_FACTOR * cells->scale;
-  cells->per_unit = PIECES_PER_WIDTH / narrowest;
-  /* 5e-5 of the narrowest width; its fourth power is 6e-18. */
+  cells->reach = RANGE_FACTOR * cells->scale;
+  cells->per_unit = SEGMENTS_PER_WIDTH / narrowest;
+  /* 5e-5 of the narrowest width. The fourth power of 5e-5 is 6e-18. */
   cells->tangent = 5e-5 * narrowest;
   cells->pieces = 0;
   cells->octaves = 0;
@@ -174,9 +174,9 @@ static void evaluate_rows(const anhyst_cell_weights_f64 *w, double x, cell_jet *
   }
 }
 
-/* Computes the piece of length h away from zero; direction is -1 for negative fields. */
-static void fill_piece(double *c, const cell_jet *from, const cell_jet *to, double h,
-                       double direction)
+/* Fits the polynomial of a segment of length h, away from zero; `direction` is -1 for x < 0. */
+static void fit_segment(double *c, const cell_jet *from, const cell_jet *to, double h,
+                        double direction)
 {
   c[0] = from->f;
   c[1] = direction * h * from->f1;
@@ -189,14 +189,14 @@ static void fill_piece(double *c, const cell_jet *from, const cell_jet *to, doub
   c[5] = 6.0 * value - 3.0 * slope + 0.5 * curve;
 }
 
-/* Fills all rows on one side of zero. Raises *steepest to the largest slope at a node, and
- *steepest_reversible to that of cell 0. */
-static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
-                      anhyst_cell_piece_f64 *storage, double direction, double *steepest,
-                      double *steepest_reversible)
+/* Tabulates all rows on one side of zero field. Raises *steepest to the largest slope at a knot,
+   and *steepest_reversible to the largest slope of cell 0. */
+static void tabulate_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
+                          anhyst_cell_piece_f64 *storage, double direction, double *steepest,
+                          double *steepest_reversible)
 {
   cell_jet ends[2][ANHYST_CELLS_MAX];
-  int64_t piece = direction < 0.0 ? cells->pieces : 0;
+  int64_t segment = direction < 0.0 ? cells->pieces : 0;
   double from = 0.0;
   evaluate_rows(weights, from, ends[0]);
   double begin = 1.0;
@@ -206,8 +206,8 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
       const double to = (begin * (1.0 + (double)i / (double)count) - 1.0) / cells->per_unit;
       evaluate_rows(weights, direction * to, ends[1]);
       for (int row = 0; row < weights->cells; row++) {
-        fill_piece(storage[piece + 2 * (int64_t)row * cells->pieces].c, &ends[0][row],
-                   &ends[1][row], to - from, direction);
+        fit_segment(storage[segment + 2 * (int64_t)row * cells->pieces].c, &ends[0][row],
+                    &ends[1][row], to - from, direction);
         *steepest = ends[0][row].f1 > *steepest ? ends[0][row].f1 : *steepest;
         if (row == 0 && ends[0][row].f1 > *steepest_reversible) {
           *steepest_reversible = ends[0][row].f1;
@@ -215,7 +215,7 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
       }
       memcpy(ends[0], ends[1], sizeof ends[0]);
       from = to;
-      piece++;
+      segment++;
     }
     begin *= 2.0;
   }
@@ -226,9 +226,9 @@ void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weight
 {
   cells->reversible = 0.0;
   cells->steepest = 0.0;
-  fill_side(cells, weights, storage, 1.0, &cells->steepest, &cells->reversible);
-  fill_side(cells, weights, storage, -1.0, &cells->steepest, &cells->reversible);
-  /* Between nodes, a curve can be slightly steeper than at both nodes. */
+  tabulate_side(cells, weights, storage, 1.0, &cells->steepest, &cells->reversible);
+  tabulate_side(cells, weights, storage, -1.0, &cells->steepest, &cells->reversible);
+  /* Between two knots, a curve can be slightly steeper than at both knots. */
   cells->steepest *= 1.001;
   cells->rows = storage;
 }

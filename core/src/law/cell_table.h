@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Positions in the tables of play cells, and interpolation of a row. */
+/* Positions in the tables of play cells, and interpolation in a table row. */
 #ifndef ANHYST_CELL_TABLE_H
 #define ANHYST_CELL_TABLE_H
 
@@ -12,37 +12,38 @@ typedef struct {
   double value, slope, curve, third;
 } cell_sum;
 
-static inline uint64_t cell_bits(double place)
+static inline uint64_t cell_bits_of(double value)
 {
   uint64_t bits;
-  memcpy(&bits, &place, sizeof bits);
+  memcpy(&bits, &value, sizeof bits);
   return bits;
 }
 
-static inline double cell_place(uint64_t bits)
+static inline double cell_double_of(uint64_t bits)
 {
-  double place;
-  memcpy(&place, &bits, sizeof place);
-  return place;
+  double value;
+  memcpy(&value, &bits, sizeof value);
+  return value;
 }
 
-/* Returns the bits of 1 + |x|/unit, at most the end of the tables; the exponent is the octave. */
+/* Returns the bits of 1 + |x|/unit, at most the end of the tables. The exponent is the octave. */
 static inline uint64_t cell_position_bits(const anhyst_cells_f64 *cells, double x)
 {
-  const double place = 1.0 + fabs(x) * cells->per_unit;
-  return cell_bits(place < cells->top ? place : cells->top);
+  const double position = 1.0 + fabs(x) * cells->per_unit;
+  return cell_bits_of(position < cells->top ? position : cells->top);
 }
 
 static inline size_t cell_octave(uint64_t bits) { return (size_t)(bits >> 52) - 1023U; }
 
-/* Returns T_(row+1)(x) and its derivatives. */
-static inline cell_sum cell_row_at(const anhyst_cells_f64 *cells, int row, double x)
+/* Returns T_(row+1)(x), the sum of row + 1 active cells, and the derivatives of this sum. */
+static inline cell_sum cell_evaluate_row(const anhyst_cells_f64 *cells, int row, double x)
 {
   const uint64_t bits = cell_position_bits(cells, x);
   const size_t octave = cell_octave(bits);
   const int shift = cells->shift[octave];
   const uint64_t number = bits >> shift;
-  const double u = (cell_place(bits) - cell_place(number << shift)) * cells->per_piece[octave];
+  const double u =
+      (cell_double_of(bits) - cell_double_of(number << shift)) * cells->per_piece[octave];
   const int64_t side = 2 * (int64_t)row + (x < 0.0 ? 1 : 0);
   const int64_t piece = side * cells->pieces + ((int64_t)number - cells->first[octave]);
   const double *c = cells->rows[piece].c;

@@ -8,18 +8,18 @@
 /* Slope of the equation below which the search follows the path instead of using a bracket. */
 static const double MIN_SLOPE = 1e-6;
 
-/* A path in the direction of travel: positions are x*sign, so that it always rises. */
+/* A path in the direction of travel. Positions are multiplied by `sign`: every path rises. */
 typedef struct {
   const anhyst_cells_f64 *cells;
   const anhyst_cells_state_f64 *state;
   double sign, omega, target;
   double from;     /* start of the path */
-  double reached;  /* position so far; the left side is below its target */
-  double residual; /* target minus left side there, > 0 */
+  double low;      /* lower bound of the solution; the left side is below the target */
+  double residual; /* target minus left side at the lower bound, > 0 */
   double rest;     /* sum of the cells at rest */
   anhyst_cells_bend_f64 bend;
   int active;
-  int is_reversed; /* whether the path reverses the direction of the state */
+  int is_reversed; /* whether the path moves against the direction of the state */
 } path;
 
 static double left_side(const path *p, double x, const cell_sum *at)
@@ -27,8 +27,8 @@ static double left_side(const path *p, double x, const cell_sum *at)
   return x + p->omega * (at->value + p->rest);
 }
 
-/* Returns the position where the next cell starts to move. */
-static double next_start(const path *p)
+/* Returns the position at which the next cell becomes active. */
+static double next_activation(const path *p)
 {
   const int i = p->active;
   if (i >= p->cells->cells) {
@@ -36,31 +36,31 @@ static double next_start(const path *p)
   }
   const double r = p->cells->threshold[i];
   if (p->is_reversed && i < p->state->active) {
-    return p->from + 2.0 * r; /* it moved until the reversal */
+    return p->from + 2.0 * r; /* the cell was active until the reversal */
   }
   return p->sign * p->state->place[i] + r;
 }
 
-static anhyst_cells_bend_f64 derivatives_of(const cell_sum *at)
+static anhyst_cells_bend_f64 row_derivatives(const cell_sum *at)
 {
   const anhyst_cells_bend_f64 bend = {at->slope, at->curve, at->third};
   return bend;
 }
 
-/* Adds the next cell to the moving ones from x on; before: value of the present row there. */
-static void start_cell(path *p, double x, double before)
+/* Makes the next cell active from x on. At x, the present row has the value row_value. */
+static void activate_cell(path *p, double x, double row_value)
 {
-  const cell_sum next_row = cell_row_at(p->cells, p->active, x);
-  p->rest -= next_row.value - before;
-  p->bend = derivatives_of(&next_row);
+  const cell_sum next_row = cell_evaluate_row(p->cells, p->active, x);
+  p->rest -= next_row.value - row_value;
+  p->bend = row_derivatives(&next_row);
   p->active++;
   if (p->active == p->cells->cells) {
     p->rest = 0.0; /* so that rounding errors do not accumulate from cycle to cycle */
   }
 }
 
-/* Returns the root t of left = t + omega*(slope*t + curve/2*t^2 + third/6*t^3), to third order.
-   Returns the linear root if the step is too long for that. */
+/* Returns the solution t of residual = t + omega*(slope*t + curve/2*t^2 + third/6*t^3), to third
+   order. If the step is too long for a third-order solution, returns the linear solution. */
 static inline double taylor_step(double residual, double omega, const anhyst_cells_bend_f64 *bend)
 {
   const double inverse = 1.0 / (1.0 + omega * bend->slope);
@@ -87,22 +87,22 @@ static void store_candidate(const path *p, double x, const cell_sum *at, double 
   candidate->active = p->active;
 }
 
-static double rounding(const path *p, double x)
+static double rounding_error(const path *p, double x)
 {
   return 4.0 * DBL_EPSILON * (fabs(x) + fabs(p->target) + fabs(p->omega) * p->cells->saturation);
 }
 
-/* Newton's method with curvature on the present row, starting at x, between `reached` and a
-   position where the left side exceeds the target. */
+/* Solves in the present row by Newton's method with curvature, starting at x. The solution is
+   between p->low and a position at which the left side exceeds the target. */
 static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
                                   anhyst_cells_candidate_f64 *candidate)
 {
-  double low = p->reached;
+  double low = p->low;
   double high = upper_bound;
   double longest = high - low;
   for (int i = 0; i < 200; i++) {
-    const cell_sum at = cell_row_at(p->cells, p->active - 1, x);
-    const anhyst_cells_bend_f64 bend = derivatives_of(&at);
+    const cell_sum at = cell_evaluate_row(p->cells, p->active - 1, x);
+    const anhyst_cells_bend_f64 bend = row_derivatives(&at);
     const double residual = p->target - left_side(p, x, &at);
     const double step = taylor_step(residual, p->omega, &bend);
     const double next = x + step;
@@ -116,15 +116,15 @@ static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
       store_candidate(p, x, &at, step, candidate);
       return ANHYST_OK;
     }
-    /* Cells are interpolated on the grid of numbers at the start of the path. Near a root at 0, the
-       interval would otherwise stay wide compared with x. */
+    /* Plays are rounded to the floating-point grid at the start of the path. Near a solution at 0,
+       the interval would otherwise stay wide compared with x. */
     const double resolution = 2.0 * DBL_EPSILON * (fabs(x) + (i < 100 ? 0.0 : fabs(p->from)));
-    if (fabs(residual) <= rounding(p, x) || high - low <= resolution) {
+    if (fabs(residual) <= rounding_error(p, x) || high - low <= resolution) {
       store_candidate(p, x, &at, 0.0, candidate);
       return ANHYST_OK;
     }
     if (is_inside && fabs(step) <= longest) {
-      longest = 0.5 * fabs(step); /* Newton's method could oscillate across a bend */
+      longest = 0.5 * fabs(step); /* Newton steps could oscillate across a bend */
       x = next;
     } else {
       x = 0.5 * (low + high);
@@ -134,17 +134,18 @@ static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
   return ANHYST_NOT_CONVERGED;
 }
 
-/* Solves row by row, while the solution is after the start of the next cell, for a rising left
-   side. Most solutions are before it, so that the row there need not be evaluated. */
-static anhyst_status solve_rising(path *p, double steepest, anhyst_cells_candidate_f64 *candidate)
+/* Solves row by row for a rising left side, while the solution is after the start of the next cell.
+   Usually the solution is before this start, so that the next row need not be evaluated. */
+static anhyst_status solve_monotonic(path *p, double steepest,
+                                     anhyst_cells_candidate_f64 *candidate)
 {
   for (;;) {
-    const double edge = next_start(p);
-    const double guess = p->reached + taylor_step(p->residual, p->omega, &p->bend);
-    /* Rounding, also of the first residual, could move the solution beyond the bound. */
+    const double edge = next_activation(p);
+    const double guess = p->low + taylor_step(p->residual, p->omega, &p->bend);
+    /* Rounding errors, also of the first residual, could move the solution beyond the bound. */
     const double min_slope = 1.0 + p->omega * steepest;
-    const double farthest = p->reached + (p->omega > 0.0 ? p->residual : p->residual / min_slope);
-    double upper_bound = farthest + rounding(p, farthest) + 4.0 * DBL_EPSILON * fabs(p->reached);
+    const double farthest = p->low + (p->omega > 0.0 ? p->residual : p->residual / min_slope);
+    double upper_bound = farthest + rounding_error(p, farthest) + 4.0 * DBL_EPSILON * fabs(p->low);
     if (guess < edge) {
       const anhyst_status status =
           solve_on_row(p, guess < upper_bound ? guess : upper_bound, upper_bound, candidate);
@@ -152,50 +153,49 @@ static anhyst_status solve_rising(path *p, double steepest, anhyst_cells_candida
         return status;
       }
     }
-    const cell_sum at = cell_row_at(p->cells, p->active - 1, edge);
+    const cell_sum at = cell_evaluate_row(p->cells, p->active - 1, edge);
     const double residual = p->target - left_side(p, edge, &at);
     if (residual <= 0.0) {
       upper_bound = edge < upper_bound ? edge : upper_bound;
-      return solve_on_row(p, 0.5 * (p->reached + upper_bound), upper_bound, candidate);
+      return solve_on_row(p, 0.5 * (p->low + upper_bound), upper_bound, candidate);
     }
-    start_cell(p, edge, at.value);
-    p->reached = edge > p->reached ? edge : p->reached;
+    activate_cell(p, edge, at.value);
+    p->low = edge > p->low ? edge : p->low;
     p->residual = residual;
   }
 }
 
-static double next_node(const anhyst_cells_f64 *cells, double x)
+static double next_knot(const anhyst_cells_f64 *cells, double x)
 {
   const uint64_t bits = cell_position_bits(cells, x);
   const int shift = cells->shift[cell_octave(bits)];
-  uint64_t piece = bits >> shift;
+  uint64_t segment = bits >> shift;
   double node = x;
   if (x >= 0.0) {
     while (!(node > x)) {
-      piece++;
-      node = (cell_place(piece << shift) - 1.0) / cells->per_unit;
+      segment++;
+      node = (cell_double_of(segment << shift) - 1.0) / cells->per_unit;
     }
     return node;
   }
-  const double next_inward = -(cell_place(piece << shift) - 1.0) / cells->per_unit;
+  const double next_inward = -(cell_double_of(segment << shift) - 1.0) / cells->per_unit;
   if (next_inward > x) {
     return next_inward;
   }
-  const uint64_t before = (piece << shift) - 1U;
-  if (before < cell_bits(1.0)) {
+  const uint64_t previous_bits = (segment << shift) - 1U;
+  if (previous_bits < cell_bits_of(1.0)) {
     return 0.0;
   }
-  const int inner_shift = cells->shift[cell_octave(before)];
-  return -(cell_place((before >> inner_shift) << inner_shift) - 1.0) / cells->per_unit;
+  const int inner_shift = cells->shift[cell_octave(previous_bits)];
+  return -(cell_double_of((previous_bits >> inner_shift) << inner_shift) - 1.0) / cells->per_unit;
 }
 
-/* Returns the position between low and high where the left side is largest and its slope changes
-   sign. Stops early if the left side reaches the target. */
+/* Returns the position at which the left side is largest, or at which it reaches the target. */
 static double find_fold(const path *p, double low, double high)
 {
   for (int i = 0; i < 60; i++) {
     const double middle = 0.5 * (low + high);
-    const cell_sum at = cell_row_at(p->cells, p->active - 1, middle);
+    const cell_sum at = cell_evaluate_row(p->cells, p->active - 1, middle);
     if (left_side(p, middle, &at) >= p->target) {
       return middle;
     }
@@ -208,30 +208,30 @@ static double find_fold(const path *p, double low, double high)
   return low;
 }
 
-/* Follows the path piece by piece to the first solution, where m may jump. */
+/* Follows the path segment by segment to the first solution, at which m may jump. */
 static anhyst_status solve_with_jumps(path *p, anhyst_cells_candidate_f64 *candidate)
 {
-  while (p->reached < p->cells->reach) {
-    const double edge = next_start(p);
-    const double node = next_node(p->cells, p->reached);
+  while (p->low < p->cells->reach) {
+    const double edge = next_activation(p);
+    const double node = next_knot(p->cells, p->low);
     const double end = edge < node ? edge : node;
-    const cell_sum at = cell_row_at(p->cells, p->active - 1, end);
+    const cell_sum at = cell_evaluate_row(p->cells, p->active - 1, end);
     const double residual = p->target - left_side(p, end, &at);
     if (residual <= 0.0) {
-      return solve_on_row(p, 0.5 * (p->reached + end), end, candidate);
+      return solve_on_row(p, 0.5 * (p->low + end), end, candidate);
     }
     if (1.0 + p->omega * p->bend.slope > 0.0 && 1.0 + p->omega * at.slope < 0.0) {
-      const double maximum = find_fold(p, p->reached, end);
-      const cell_sum row_at_maximum = cell_row_at(p->cells, p->active - 1, maximum);
+      const double maximum = find_fold(p, p->low, end);
+      const cell_sum row_at_maximum = cell_evaluate_row(p->cells, p->active - 1, maximum);
       if (left_side(p, maximum, &row_at_maximum) >= p->target) {
-        return solve_on_row(p, 0.5 * (p->reached + maximum), maximum, candidate);
+        return solve_on_row(p, 0.5 * (p->low + maximum), maximum, candidate);
       }
     }
-    p->reached = end > p->reached ? end : p->reached;
+    p->low = end > p->low ? end : p->low;
     p->residual = residual;
-    p->bend = derivatives_of(&at);
+    p->bend = row_derivatives(&at);
     if (edge <= node) {
-      start_cell(p, edge, at.value);
+      activate_cell(p, edge, at.value);
     }
   }
   return ANHYST_OUT_OF_RANGE;
@@ -255,7 +255,7 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
   p.state = state;
   p.omega = omega;
   p.target = p.sign * r;
-  if (fabs(residual) <= rounding(&p, state->x)) {
+  if (fabs(residual) <= rounding_error(&p, state->x)) {
     candidate->x = state->x;
     candidate->m = state->m;
     candidate->direction = state->direction;
@@ -265,12 +265,12 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
     return ANHYST_OK;
   }
   p.from = p.sign * state->x;
-  p.reached = p.from;
+  p.low = p.from;
   p.residual = fabs(residual);
   if (p.is_reversed) {
     p.active = 0;
     p.rest = p.sign * state->m;
-    start_cell(&p, p.from, 0.0);
+    activate_cell(&p, p.from, 0.0);
   } else {
     p.active = state->active;
     p.rest = state->rest;
@@ -278,7 +278,7 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
   }
   const int is_rising = 1.0 + omega * cells->steepest > MIN_SLOPE;
   const anhyst_status status =
-      is_rising ? solve_rising(&p, cells->steepest, candidate) : solve_with_jumps(&p, candidate);
+      is_rising ? solve_monotonic(&p, cells->steepest, candidate) : solve_with_jumps(&p, candidate);
   if (status == ANHYST_OK && !(fabs(candidate->x) <= cells->reach)) {
     return ANHYST_OUT_OF_RANGE;
   }
@@ -301,16 +301,16 @@ void anhyst_cells_accept_f64(const anhyst_cells_f64 *cells, anhyst_cells_state_f
   state->active = candidate->active;
 }
 
-static double limit(double value, double low, double high)
+static double clamp(double value, double low, double high)
 {
   const double above = value > low ? value : low;
   return above < high ? above : high;
 }
 
-/* Returns the contribution of cell i > 0 at x - r_i: its row minus the row before. */
+/* Returns the contribution of cell i > 0 at the play x - r_i: its row minus the previous row. */
 static double cell_contribution(const anhyst_cells_f64 *cells, int i, double x)
 {
-  return cell_row_at(cells, i, x).value - cell_row_at(cells, i - 1, x).value;
+  return cell_evaluate_row(cells, i, x).value - cell_evaluate_row(cells, i - 1, x).value;
 }
 
 void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers,
@@ -318,20 +318,20 @@ void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers
 {
   const anhyst_cells_bend_f64 zero = {0.0, 0.0, 0.0};
   const int is_number = !isnan(numbers[0]);
-  state->x = is_number ? limit(numbers[0], -cells->reach, cells->reach) : 0.0;
+  state->x = is_number ? clamp(numbers[0], -cells->reach, cells->reach) : 0.0;
   state->place[0] = state->x;
-  state->m = cell_row_at(cells, 0, state->x).value;
+  state->m = cell_evaluate_row(cells, 0, state->x).value;
   state->direction = 0.0;
   state->rest = 0.0;
   state->bend = zero;
   state->active = 0;
   for (int i = 1; i < cells->cells; i++) {
-    /* From both sides, so that a mirrored state has exactly the mirrored magnetisation. */
+    /* Uses both sides of zero, so that a mirrored state has exactly the mirrored magnetisation. */
     const double r = cells->threshold[i];
     const double max_distance = r - cells->threshold[i - 1];
     const double previous_place = state->place[i - 1];
     const double place = isnan(numbers[i]) ? previous_place : numbers[i];
-    state->place[i] = limit(place, previous_place - max_distance, previous_place + max_distance);
+    state->place[i] = clamp(place, previous_place - max_distance, previous_place + max_distance);
     state->m += 0.5 * (cell_contribution(cells, i, state->place[i] + r) -
                        cell_contribution(cells, i, r - state->place[i]));
   }

@@ -5,7 +5,7 @@
 
 #include "layers.h"
 
-/* The comparisons are written so that NaN and infinity also fail. */
+/* The comparisons in this function also reject NaN and infinity. */
 static int is_iron_valid(const anhyst_iron_f64 *iron)
 {
   return iron->saturation > 0.0 && iron->shape > 0.0 && iron->interaction < 1.0 &&
@@ -139,7 +139,7 @@ anhyst_status anhyst_inverse_f64(const anhyst_iron_f64 *iron, const anhyst_memor
   reaction->flux = flux;
   reaction->drive =
       reaction->field + circuit->gap_ratio * total_field + circuit->eddy * (flux - eddy_term);
-  /* The solver does not use the circuit, so that a circuit that is not finite appears only here. */
+  /* The solver does not use the circuit, so that an infinite or NaN circuit appears only here. */
   return fabs(reaction->drive) <= 1e30 ? ANHYST_OK : ANHYST_OUT_OF_RANGE;
 }
 

@@ -1,24 +1,25 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The effective-field law, exact for any step length: y is the steady-state branch plus an
-   exponential decay of its deviation at the departure. */
+/* The effective-field law, exact for any step length. The irreversible magnetisation y is the
+   steady-state branch plus a deviation, which decays exponentially from the start of its change. */
 #include <math.h>
 
 #include "anhyst/numeric/elementary.h"
 
 #include "lag.h"
 
-static int is_valid(const anhyst_operator_f64 *law)
+static int is_law_valid(const anhyst_operator_f64 *law)
 {
   return law->branch != 0 && !(law->branch->kappa < law->kappa) &&
          !(law->branch->kappa > law->kappa);
 }
 
-static double carry(anhyst_path_f64 *path, double p, double pull, double slope, double *y_slope)
+static double irreversible_m(anhyst_path_f64 *path, double p, double pull, double slope,
+                             double *y_slope)
 {
   const anhyst_operator_f64 *law = path->law;
   (void)slope;
   if (!path->departure_known) {
-    anhyst_path_depart(path);
+    anhyst_path_find_y_start(path);
     path->lead =
         path->from.y - path->sign * anhyst_branch_at_f64(law->branch, path->sign * path->departure);
   }
@@ -33,4 +34,4 @@ static double carry(anhyst_path_f64 *path, double p, double pull, double slope, 
   return y;
 }
 
-const anhyst_lag anhyst_lag_exact = {is_valid, anhyst_lag_straight, carry};
+const anhyst_lag anhyst_lag_exact = {is_law_valid, anhyst_lag_max_slope, irreversible_m};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The effective-field law with a linear anhysteretic curve over a step. */
+/* The effective-field law with an anhysteretic curve that is linear within each step. */
 #include <math.h>
 
 #include "anhyst/numeric/elementary.h"
@@ -7,13 +7,14 @@
 #include "lag.h"
 #include "weights.h"
 
-static int is_valid(const anhyst_operator_f64 *law)
+static int is_law_valid(const anhyst_operator_f64 *law)
 {
   (void)law;
   return 1;
 }
 
-static double carry(anhyst_path_f64 *path, double p, double pull, double slope, double *y_slope)
+static double irreversible_m(anhyst_path_f64 *path, double p, double pull, double slope,
+                             double *y_slope)
 {
   const double y0 = path->from.y;
   const double travel = p - path->from.p;
@@ -27,11 +28,11 @@ static double carry(anhyst_path_f64 *path, double p, double pull, double slope, 
         path->sign / path->law->kappa * (start * (1.0 - w.e) + rise * w.g_slope) + slope * w.g;
     return y0 + start * w.e + rise * w.g;
   }
-  const double share = s * ahead / rise;
-  const weights w = weights_at(share);
-  *y_slope =
-      slope * w.g + ahead * w.g_slope * share * (1.0 / travel + slope / ahead - slope / rise);
+  const double s_after_crossing = s * ahead / rise;
+  const weights w = weights_at(s_after_crossing);
+  *y_slope = slope * w.g +
+             ahead * w.g_slope * s_after_crossing * (1.0 / travel + slope / ahead - slope / rise);
   return y0 + ahead * w.g;
 }
 
-const anhyst_lag anhyst_lag_linear = {is_valid, anhyst_lag_straight, carry};
+const anhyst_lag anhyst_lag_linear = {is_law_valid, anhyst_lag_max_slope, irreversible_m};

@@ -6,7 +6,7 @@
 
 #include "anhyst/numeric/elementary.h"
 
-/* Returns L(z)/z from t = z^2: the continued fraction 1/(3 + t/(5 + t/(7 + ...))), one quotient. */
+/* Returns L(z)/z from t = z^2: the continued fraction 1/(3 + t/(5 + t/(7 + ...))) as a quotient. */
 static double langevin_per_z(double t)
 {
   const double top = 4583103525.0 + t * (349188840.0 + t * (6891885.0 + t * (42900.0 + t * 65.0)));

@@ -7,7 +7,7 @@
 
 #include "lag.h"
 
-static const anhyst_lag *lag_of(const anhyst_operator_f64 *law)
+static const anhyst_lag *lag_method_of(const anhyst_operator_f64 *law)
 {
   if (law->step == ANHYST_STEP_EXACT) {
     return &anhyst_lag_exact;
@@ -15,13 +15,13 @@ static const anhyst_lag *lag_of(const anhyst_operator_f64 *law)
   return law->step == ANHYST_STEP_LINEAR ? &anhyst_lag_linear : &anhyst_lag_1986;
 }
 
-double anhyst_lag_straight(const anhyst_operator_f64 *law)
+double anhyst_lag_max_slope(const anhyst_operator_f64 *law)
 {
   (void)law;
   return 1.0 / 3.0;
 }
 
-void anhyst_path_depart(anhyst_path_f64 *path)
+void anhyst_path_find_y_start(anhyst_path_f64 *path)
 {
   const int is_constant_first = path->sign * (path->pull - path->from.y) < 0.0;
   path->departure = is_constant_first ? anhyst_inverse_langevin_f64(path->from.y) : path->from.p;
@@ -30,11 +30,11 @@ void anhyst_path_depart(anhyst_path_f64 *path)
 
 anhyst_status anhyst_operator_check_f64(const anhyst_operator_f64 *law)
 {
-  const int is_valid = law->kappa >= ANHYST_KAPPA_MIN && law->kappa <= ANHYST_KAPPA_MAX &&
-                       law->c >= 0.0 && law->c <= 1.0 && law->play >= 0.0 &&
-                       law->play <= ANHYST_X_MAX && law->eps <= ANHYST_EPS_MAX &&
-                       law->eps > -ANHYST_X_MAX;
-  return is_valid && lag_of(law)->is_valid(law) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  const int is_law_valid = law->kappa >= ANHYST_KAPPA_MIN && law->kappa <= ANHYST_KAPPA_MAX &&
+                           law->c >= 0.0 && law->c <= 1.0 && law->play >= 0.0 &&
+                           law->play <= ANHYST_X_MAX && law->eps <= ANHYST_EPS_MAX &&
+                           law->eps > -ANHYST_X_MAX;
+  return is_law_valid && lag_method_of(law)->is_law_valid(law) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
 anhyst_status anhyst_state_check_f64(const anhyst_operator_f64 *law, const anhyst_state_f64 *state)
@@ -42,16 +42,16 @@ anhyst_status anhyst_state_check_f64(const anhyst_operator_f64 *law, const anhys
   const double tolerance = 1e-9;
   double slope;
   const double pull = anhyst_langevin_f64(state->p, &slope) - state->y;
-  const int is_valid =
+  const int is_law_valid =
       fabs(pull) <= law->kappa / 3.0 + tolerance &&
       fabs(state->x - state->p) <= law->play + tolerance * (1.0 + fabs(state->x)) &&
       fabs(state->y) < 1.0 && fabs(state->x) <= ANHYST_X_MAX;
-  return is_valid ? ANHYST_OK : ANHYST_BAD_STATE;
+  return is_law_valid ? ANHYST_OK : ANHYST_BAD_STATE;
 }
 
 double anhyst_operator_steepest_f64(const anhyst_operator_f64 *law)
 {
-  return lag_of(law)->steepest(law);
+  return lag_method_of(law)->steepest_slope(law);
 }
 
 double anhyst_operator_m_f64(const anhyst_operator_f64 *law, const anhyst_state_f64 *state)
@@ -87,15 +87,15 @@ void anhyst_path_begin_f64(anhyst_path_f64 *path, const anhyst_operator_f64 *law
   start->m_slope = (1.0 - law->c) * start->y_slope + law->c * slope;
 }
 
-/* Returns the irreversible part at p, with pull = L(p); *y_slope is dy/dp. */
-static double irreversible(anhyst_path_f64 *path, double p, double pull, double slope,
-                           double *y_slope)
+/* Returns the irreversible magnetisation at p, with pull = L(p). *y_slope is dy/dp. */
+static double irreversible_at(anhyst_path_f64 *path, double p, double pull, double slope,
+                              double *y_slope)
 {
   *y_slope = 0.0;
   if (path->sign * (p - path->from.p) <= 0.0 || path->sign * (pull - path->from.y) <= 0.0) {
-    return path->from.y; /* play not at its end, or anhysteretic curve not crossed yet */
+    return path->from.y; /* play within its threshold, or anhysteretic curve not crossed yet */
   }
-  return lag_of(path->law)->carry(path, p, pull, slope, y_slope);
+  return lag_method_of(path->law)->irreversible_m(path, p, pull, slope, y_slope);
 }
 
 void anhyst_path_at_f64(anhyst_path_f64 *path, double x, anhyst_answer_f64 *answer)
@@ -116,7 +116,7 @@ void anhyst_path_at_f64(anhyst_path_f64 *path, double x, anhyst_answer_f64 *answ
     p_pull = anhyst_langevin_f64(p, &p_pull_slope);
   }
   double y_slope;
-  const double y = irreversible(path, p, p_pull, p_pull_slope, &y_slope);
+  const double y = irreversible_at(path, p, p_pull, p_pull_slope, &y_slope);
   answer->state.x = x;
   answer->state.y = y;
   answer->state.p = p;

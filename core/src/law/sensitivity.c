@@ -17,7 +17,7 @@ typedef struct {
   double pull, pull_slope; /* L(x1), L'(x1) */
 } partials;
 
-/* Sets the derivatives of a step with constant y. */
+/* Sets the derivatives of a step during which y is constant. */
 static void set_constant_y(partials *d)
 {
   d->by_y = 1.0;
@@ -26,8 +26,8 @@ static void set_constant_y(partials *d)
   d->by_kappa = 0.0;
 }
 
-static void partials_exact(const anhyst_path_f64 *path, const anhyst_branch_slope_f64 *slope,
-                           const anhyst_answer_f64 *end, partials *d)
+static void set_exact_partials(const anhyst_path_f64 *path, const anhyst_branch_slope_f64 *slope,
+                               const anhyst_answer_f64 *end, partials *d)
 {
   const double kappa = path->law->kappa;
   const double sign = path->sign;
@@ -35,7 +35,7 @@ static void partials_exact(const anhyst_path_f64 *path, const anhyst_branch_slop
   const double decay = anhyst_exp_f64(-s);
   const int is_constant_first = sign * (path->pull - path->from.y) < 0.0;
   d->by_y = decay;
-  /* At a departure on the anhysteretic curve, L = y: moving the departure has no effect. */
+  /* If y starts to change on the anhysteretic curve, L = y: a shift of this point has no effect. */
   d->by_p0 = is_constant_first ? 0.0 : -decay * sign * (path->pull - path->from.y) / kappa;
   d->by_p1 = end->y_slope;
   d->by_kappa = sign * (anhyst_branch_slope_at_f64(slope, sign * end->state.p) -
@@ -43,8 +43,8 @@ static void partials_exact(const anhyst_path_f64 *path, const anhyst_branch_slop
                 path->lead * decay * s / kappa;
 }
 
-static void partials_linear(const anhyst_path_f64 *path, const anhyst_answer_f64 *end,
-                            double y_slope, partials *d)
+static void set_linear_partials(const anhyst_path_f64 *path, const anhyst_answer_f64 *end,
+                                double y_slope, partials *d)
 {
   const double kappa = path->law->kappa;
   const double travel = end->state.p - path->from.p;
@@ -65,12 +65,12 @@ static void partials_linear(const anhyst_path_f64 *path, const anhyst_answer_f64
     return;
   }
   const double ahead = m1 - path->from.y;
-  const double share = s * ahead / rise;
-  const weights w = weights_at(share);
-  const double by_share = ahead * w.g_slope * share;
-  d->by_y = 1.0 - w.g - w.g_slope * share;
-  d->by_p0 = by_share * (p0_slope / rise - 1.0 / travel);
-  d->by_kappa = -by_share / kappa;
+  const double s_after_crossing = s * ahead / rise;
+  const weights w = weights_at(s_after_crossing);
+  const double by_log_s = ahead * w.g_slope * s_after_crossing;
+  d->by_y = 1.0 - w.g - w.g_slope * s_after_crossing;
+  d->by_p0 = by_log_s * (p0_slope / rise - 1.0 / travel);
+  d->by_kappa = -by_log_s / kappa;
 }
 
 static void step_partials(const anhyst_operator_f64 *law, const anhyst_branch_slope_f64 *slope,
@@ -87,18 +87,18 @@ static void step_partials(const anhyst_operator_f64 *law, const anhyst_branch_sl
   if (!(fabs(end.y_slope) > 0.0)) {
     set_constant_y(d);
   } else if (law->step == ANHYST_STEP_EXACT) {
-    partials_exact(&path, slope, &end, d);
+    set_exact_partials(&path, slope, &end, d);
   } else {
-    partials_linear(&path, &end, end.y_slope, d);
+    set_linear_partials(&path, &end, end.y_slope, d);
   }
 }
 
-/* Advances one tangent over the step to `to` with magnetisation m. */
+/* Advances the derivatives of the state in one direction, over a step to the given state. */
 static void advance_tangent(const anhyst_operator_f64 *law, const partials *d,
                             const anhyst_state_f64 *to, double m, double omega, double omega_t,
                             double r_t, anhyst_tangent_f64 *t, double *m_t)
 {
-  /* First p1 and y1 with a fixed x1, then the share of x1. */
+  /* First the derivatives of p1 and y1 at a fixed x1, then the contribution of x1. */
   const double p_fixed = d->p_slope > 0.0 ? -d->sign * t->play : t->state.p;
   const double y_fixed =
       d->by_y * t->state.y + d->by_p0 * t->state.p + d->by_p1 * p_fixed + d->by_kappa * t->kappa;

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Steady-state cycles. This is a separate file because its 35 kB of stack are only for a PC. */
+/* Steady-state cycles, in a separate file because their 35 kB of stack are only for a PC. */
 #include <math.h>
 
 #include "anhyst/law/circuit.h"
 
-/* Reads the numbers of all hysteresis states in sequence. Returns their count. */
+/* Reads the numbers of all hysteresis states one after the other. Returns the total count. */
 static int read_numbers(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                         double *numbers)
 {
@@ -16,9 +16,9 @@ static int read_numbers(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *st
   return memories * numbers_per_memory;
 }
 
-/* Extrapolates the repetitions, one hysteresis state after the other. */
-static void extrapolate(const anhyst_iron_f64 *iron, const double *const ends[3],
-                        anhyst_memory_f64 *state)
+/* Extrapolates the repeated cycles to their limit, for one hysteresis state after the other. */
+static void extrapolate_states(const anhyst_iron_f64 *iron, const double *const ends[3],
+                               anhyst_memory_f64 *state)
 {
   const int memories = anhyst_memories_f64(iron);
   const int numbers_per_memory = iron->law->numbers(iron->parameters);
@@ -29,10 +29,10 @@ static void extrapolate(const anhyst_iron_f64 *iron, const double *const ends[3]
   }
 }
 
-static int is_periodic(int count, const double *before, const double *after, double tol)
+static int is_periodic(int count, const double *old_numbers, const double *new_numbers, double tol)
 {
   for (int i = 0; i < count; i++) {
-    if (!(fabs(after[i] - before[i]) <= tol)) {
+    if (!(fabs(new_numbers[i] - old_numbers[i]) <= tol)) {
       return 0;
     }
   }
@@ -44,8 +44,7 @@ anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
                                 const double *eddy, double tol, int most_cycles, int *cycles,
                                 size_t *index)
 {
-  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX] = {{0}}; /* at the ends of cycles since
-                                                                       the last extrapolation */
+  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX] = {{0}}; /* states at ends of cycles */
   int newest = 0;
   const int count = read_numbers(iron, state, ends[0]);
   for (*cycles = 1; *cycles <= most_cycles; (*cycles)++) {
@@ -61,8 +60,8 @@ anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
       return ANHYST_OK;
     }
     if (newest == 0 && iron->law->hasten != 0) {
-      const double *const last[3] = {ends[2], ends[3], ends[0]};
-      extrapolate(iron, last, state);
+      const double *const last_ends[3] = {ends[2], ends[3], ends[0]};
+      extrapolate_states(iron, last_ends, state);
       read_numbers(iron, state, ends[0]);
     }
   }

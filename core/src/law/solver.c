@@ -10,12 +10,12 @@
 typedef struct {
   anhyst_path_f64 path;
   double omega, r;
-  double near; /* the residual has the sign of the start here, or this is the start */
-  double far;  /* the residual has the opposite sign here */
+  double near; /* start, or a position whose residual has the start's sign */
+  double far;  /* a position whose residual has the opposite sign */
   int evaluations;
 } path_search;
 
-static double residual(path_search *search, double x, anhyst_answer_f64 *at)
+static double evaluate_residual(path_search *search, double x, anhyst_answer_f64 *at)
 {
   search->evaluations++;
   anhyst_path_at_f64(&search->path, x, at);
@@ -27,8 +27,8 @@ static double rounding_error(const path_search *search, const anhyst_answer_f64 
   return 4.0 * DBL_EPSILON * (fabs(at->state.x) + fabs(search->omega * at->m) + fabs(search->r));
 }
 
-static void accept(const path_search *search, const anhyst_answer_f64 *at, double step,
-                   anhyst_candidate_f64 *candidate)
+static void store_candidate(const path_search *search, const anhyst_answer_f64 *at, double step,
+                            anhyst_candidate_f64 *candidate)
 {
   candidate->state = at->state;
   candidate->state.x += step;
@@ -39,8 +39,8 @@ static void accept(const path_search *search, const anhyst_answer_f64 *at, doubl
   candidate->evaluations = search->evaluations;
 }
 
-/* Newton's method from x, limited to the interval. The interval is divided at the geometric mean of
-   the distances from the start, because it may span many orders of magnitude. */
+/* Newton's method from x, limited to the interval. After a rejected step, divides the interval at
+   the geometric mean of the distances from the start, which can differ by orders of magnitude. */
 static anhyst_status solve_in_bracket(path_search *search, double x,
                                       anhyst_candidate_f64 *candidate)
 {
@@ -52,11 +52,11 @@ static anhyst_status solve_in_bracket(path_search *search, double x,
   double longest = fabs(search->far - search->near);
   for (int i = 0; i < 200; i++) {
     anhyst_answer_f64 at;
-    const double g = residual(search, x, &at);
+    const double g = evaluate_residual(search, x, &at);
     const double step = -g / (1.0 + search->omega * at.m_slope);
     const double width = fabs(search->far - search->near);
     if (fabs(g) <= rounding_error(search, &at) || width <= 2.0 * DBL_EPSILON * fabs(x)) {
-      accept(search, &at, 0.0, candidate);
+      store_candidate(search, &at, 0.0, candidate);
       return ANHYST_OK;
     }
     if (sign * g < 0.0) {
@@ -67,11 +67,12 @@ static anhyst_status solve_in_bracket(path_search *search, double x,
     const double next = x + step;
     const int is_inside = sign * (next - search->near) > 0.0 && sign * (search->far - next) > 0.0;
     if (is_inside && step * step <= tangent) {
-      accept(search, &at, step, candidate);
+      store_candidate(search, &at, step, candidate);
       return ANHYST_OK;
     }
     if (is_inside && fabs(step) <= longest) {
-      /* Steps must halve: Newton's method can oscillate across the two bends of the curve. */
+      /* Steps must halve, because Newton's method can oscillate across the two bends of the curve.
+       */
       longest = 0.5 * fabs(step);
       x = next;
       continue;
@@ -86,14 +87,14 @@ static anhyst_status solve_in_bracket(path_search *search, double x,
   return ANHYST_NOT_CONVERGED;
 }
 
-/* Returns the position between two positions with rising and falling residual where the residual is
-   largest (a fold), by bisection on the slope. */
+/* Returns the position of the largest residual (a fold), between a position with rising residual
+   and a position with falling residual. A bisection on the slope finds the fold. */
 static double find_fold(path_search *search, double rising, double falling)
 {
   anhyst_answer_f64 at;
   for (int i = 0; i < 40; i++) {
     const double middle = 0.5 * (rising + falling);
-    const double g = residual(search, middle, &at);
+    const double g = evaluate_residual(search, middle, &at);
     if (search->path.sign * g >= 0.0) {
       return middle;
     }
@@ -106,10 +107,10 @@ static double find_fold(path_search *search, double rising, double falling)
   return rising;
 }
 
-/* Follows the path from the start until the residual changes sign. With omega < 0 and dm/dx >= 0,
+/* Follows the path from its start until the residual changes sign. With omega < 0 and dm/dx >= 0,
    the residual changes by at most the distance. Therefore, a step of the size of the residual
-   cannot pass a solution. Near a fold such steps become tiny; a minimum step is used, and a fold
-   inside such a step is searched for. */
+   cannot pass a solution. Near a fold, where the residual is tiny, a minimum step is used, and a
+   fold within the minimum step is searched for. */
 static anhyst_status find_bracket(path_search *search, double d)
 {
   const double sign = search->path.sign;
@@ -122,10 +123,10 @@ static anhyst_status find_bracket(path_search *search, double d)
     anhyst_answer_f64 at;
     const double next = x + sign * (residual_size > min_step ? residual_size : min_step);
     if (sign * next > ANHYST_X_MAX) {
-      /* No solution up to this field. Above it, a step could be lost to rounding. */
+      /* No solution exists up to this field. Above this field, a step could be lost to rounding. */
       return ANHYST_OUT_OF_RANGE;
     }
-    const double g = sign * residual(search, next, &at);
+    const double g = sign * evaluate_residual(search, next, &at);
     const int is_rising = 1.0 + search->omega * at.m_slope > 0.0;
     search->near = x;
     if (g >= 0.0) {
@@ -134,7 +135,7 @@ static anhyst_status find_bracket(path_search *search, double d)
     }
     if (was_rising && !is_rising && residual_size < min_step) {
       const double maximum = find_fold(search, x, next);
-      if (sign * residual(search, maximum, &at) >= 0.0) {
+      if (sign * evaluate_residual(search, maximum, &at) >= 0.0) {
         search->far = maximum;
         return ANHYST_OK;
       }
@@ -166,7 +167,7 @@ anhyst_status anhyst_solve_f64(const anhyst_operator_f64 *law, const anhyst_stat
   const double sign = d < 0.0 ? -1.0 : 1.0;
   anhyst_path_begin_f64(&search.path, law, state, sign, &start);
   if (fabs(d) <= rounding_error(&search, &start)) {
-    accept(&search, &start, 0.0, candidate);
+    store_candidate(&search, &start, 0.0, candidate);
     return ANHYST_OK;
   }
 
@@ -177,7 +178,7 @@ anhyst_status anhyst_solve_f64(const anhyst_operator_f64 *law, const anhyst_stat
     const double end_steepest = state->x + d / min_slope;
     const double end_flat = state->x + d;
     const int is_omega_positive = omega > 0.0;
-    /* The start itself is a safe near end; rounding could move the solution to just before it. */
+    /* Uses the start as a safe bound: rounding could move the solution to before a closer bound. */
     search.near = state->x;
     search.far = (is_omega_positive ? end_flat : end_steepest) +
                  sign * DBL_EPSILON * (8.0 * fabs(end_flat) + 1e-30);

@@ -4,7 +4,7 @@
 
 #include "anhyst/numeric/elementary.h"
 
-/* E = 1 - exp(-s), G = 1 - E/s and dG/ds: the weights of the linear step, smooth at s = 0. */
+/* Weights of the linear step, smooth at s = 0: E = 1 - exp(-s), G = 1 - E/s, and dG/ds. */
 typedef struct {
   double e, g, g_slope;
 } weights;
@@ -14,7 +14,7 @@ static inline weights weights_at(double s)
   weights w;
   const double decay = anhyst_exp_f64(-s);
   if (s < 0.3) {
-    /* Series, because the closed forms lose digits as s^-2. */
+    /* Uses a series, because the closed forms lose digits in proportion to s^-2. */
     w.g = s * (1.0 / 2.0 -
                s * (1.0 / 6.0 -
                     s * (1.0 / 24.0 -

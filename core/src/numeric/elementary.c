@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Each function reduces its argument to a small remainder by a table, and evaluates a polynomial of
-   the remainder. Table entries and constants are pairs: the nearest number, and the constant minus
-   that number. */
+   the remainder. Entries and constants are pairs: the nearest double, and the remaining error. */
 #include "anhyst/numeric/elementary.h"
 
 #include <math.h>
@@ -12,22 +11,22 @@
 
 typedef anhyst_pair pair;
 
-static uint64_t bits_of(double value)
+static uint64_t double_to_bits(double value)
 {
   uint64_t bits;
   memcpy(&bits, &value, sizeof bits);
   return bits;
 }
 
-static double from_bits(uint64_t bits)
+static double bits_to_double(uint64_t bits)
 {
   double value;
   memcpy(&value, &bits, sizeof value);
   return value;
 }
 
-/* 2^(i/64); the second number is relative. */
-static const pair power[64] = {
+/* Table of 2^(i/64) as pairs of numbers. The second number of a pair is relative to the first. */
+static const pair power_table[64] = {
     {0x1.0000000000000p+0, 0.0},         {0x1.02c9a3e778061p+0, -1.5071e-17},
     {0x1.059b0d3158574p+0, 4.9997e-17},  {0x1.0874518759bc8p+0, 7.3578e-18},
     {0x1.0b5586cf9890fp+0, 8.1893e-17},  {0x1.0e3ec32d3d1a2p+0, 1.6666e-18},
@@ -62,26 +61,26 @@ static const pair power[64] = {
     {0x1.f50765b6e4540p+0, 4.5785e-17},  {0x1.fa7c1819e90d8p+0, 2.0414e-17}};
 
 /* Returns exp(x) * 2^-shift. Adding the magic number rounds x*64/ln 2 to an integer in the low
-   bits. Its last six bits are the index in the table, the others become the exponent. */
+   bits. Six bits of this integer are the index in the table, and the others become the exponent. */
 static double scaled_exp(double x, uint64_t shift)
 {
   const double magic = 0x1.8p52;
   const double shifted = x * 0x1.71547652b82fep+6 + magic;
   const double steps = shifted - magic;
-  const uint64_t bits = bits_of(shifted);
-  const pair *at = &power[bits & 63U];
+  const uint64_t bits = double_to_bits(shifted);
+  const pair *at = &power_table[bits & 63U];
   const double r = (x - steps * 0x1.62e42fefc0000p-7) + steps * 0x1.c610ca86c3899p-43;
   const double r2 = r * r;
-  /* Fifth order; a Chebyshev polynomial distributes the sixth-order term over the others. */
+  /* Fifth order. A Chebyshev polynomial distributes the sixth-order term over the other terms. */
   const double low = 0.49999999999932843 + r * (1.0 / 6.0);
   const double high = 0.041666727751466 + r * (1.0 / 120.0);
-  const double scale = from_bits(bits_of(at->value) + (((bits >> 6U) - shift) << 52U));
+  const double scale = bits_to_double(double_to_bits(at->value) + (((bits >> 6U) - shift) << 52U));
   return scale + scale * ((r + at->rest) + (r2 * low + (r2 * r2) * high));
 }
 
 double anhyst_exp_f64(double x)
 {
-  /* At large |x|, the final product decides between overflow, subnormal and normal results. */
+  /* At large |x|, the final product is infinite, subnormal or normal. */
   const uint64_t scale_shift = 128U;
   if (x < 700.0 && x > -700.0) {
     return scaled_exp(x, 0U);
@@ -95,9 +94,10 @@ double anhyst_exp_f64(double x)
   return x; /* NaN */
 }
 
-/* log(c) for c = 1 + i/64, from i = 26 on for c/2, rounded to a grid that also contains integer
-   multiples of log 2. Both entries next to 1 are exact, so that no digits cancel there. */
-static const pair logarithm[65] = {{0.0, 0.0},
+/* Table of log(c) as pairs, for c = 1 + i/64; from i = 26 on, of log(c/2). The first number is
+   rounded to a grid that also contains integer multiples of log 2. Both entries next to 1 are
+   exact, so that no digits cancel there. */
+static const pair log_table[65] = {{0.0, 0.0},
                                    {0x1.fc0a8b0fc0000p-7, 1.727456750e-15},
                                    {0x1.f829b0e780000p-6, 4.529814258e-14},
                                    {0x1.77458f6330000p-5, -6.219834199e-14},
@@ -165,7 +165,7 @@ static const pair logarithm[65] = {{0.0, 0.0},
 
 double anhyst_log_f64(double x)
 {
-  uint64_t bits = bits_of(x);
+  uint64_t bits = double_to_bits(x);
   double exponent = -1023.0;
   if (!(x > 0.0)) {
     return x < 0.0 ? (double)NAN : isnan(x) ? x : -HUGE_VAL;
@@ -174,17 +174,17 @@ double anhyst_log_f64(double x)
     return x;
   }
   if (x < 0x1p-1022) {
-    bits = bits_of(x * 0x1p54);
+    bits = double_to_bits(x * 0x1p54);
     exponent -= 54.0;
   }
   /* x = m * 2^exponent, and c close to m: log(x) = log(c) + log(1 + r) + exponent*log 2 */
   const uint64_t one = UINT64_C(1023) << 52U;
   const uint64_t digits = bits & 0x000FFFFFFFFFFFFFU;
   const uint64_t i = (digits + (UINT64_C(1) << 45U)) >> 46U;
-  const double m = from_bits(digits | one);
-  const double c = from_bits(one + (i << 46U));
+  const double m = bits_to_double(digits | one);
+  const double c = bits_to_double(one + (i << 46U));
   const double r = (m - c) / c;
-  const pair *at = &logarithm[i];
+  const pair *at = &log_table[i];
   exponent += (double)(int)((bits >> 52U) + (i >= 26U ? 1U : 0U));
   const double r2 = r * r;
   const double low = (0.5 - r * (1.0 / 3.0)) + r2 * (0.25 - r * 0.2);
@@ -196,7 +196,7 @@ double anhyst_log_f64(double x)
   return sum + (rest - series);
 }
 
-/* atan(c) for c = 0, then for the centre c of each eighth of an octave from 1/32 to 64. */
+/* Table of atan(c) as pairs: c = 0, then the centre of each eighth of an octave from 1/32 to 64. */
 const anhyst_pair anhyst_angles[89] = {{0.0, 0.0},
                                        {0x1.0fe66da9b94eep-5, -9.4294e-19},
                                        {0x1.2fdc4e3737dddp-5, -1.9405e-18},

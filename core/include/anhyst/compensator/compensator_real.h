@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The compensator in both precisions. */
+/* The compensator in single and double precision. */
 #ifndef ANHYST_COMPENSATOR_REAL_H
 #define ANHYST_COMPENSATOR_REAL_H
 

@@ -6,7 +6,7 @@
 #define ANHYST_FLAGS_H
 
 /* Limits and events of a tick. */
-/* the parameter block or the residual force limited the demand of the last tick */
+/* the parameter block or the force at zero flux limited the demand of the last tick */
 #define ANHYST_DEMAND_LIMITED 1U
 #define ANHYST_CURRENT_LIMITED 2U /* the parameter block or the board limited the current */
 #define ANHYST_FLUX_LIMITED 4U /* the parameter block limited the flux */
@@ -17,6 +17,6 @@
 #define ANHYST_KNOWN 128U /* the hysteresis state is assumed to be known */
 #define ANHYST_CURRENT_ZERO 256U /* the commanded current is zero */
 #define ANHYST_GAP_LIMITED 512U /* the gap is outside the range of the parameter block */
-#define ANHYST_UNCOMMITTED 1024U /* two solves without a commit between them */
+#define ANHYST_UNCOMMITTED 1024U /* there was no commit between two solves */
 
 #endif

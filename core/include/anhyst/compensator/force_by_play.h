@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The method `play` of force_controller.h in fixed point: a force map with one play operator. It is
-   a separate source, so that programs without it do not link its code. */
+/* The method `play` of force_controller.h in fixed point: a map with one play operator. The header
+   is separate so that programs without the method do not link its code. */
 #ifndef ANHYST_FORCE_BY_PLAY_H
 #define ANHYST_FORCE_BY_PLAY_H
 

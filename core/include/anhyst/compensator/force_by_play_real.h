@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The method `play` of the force controller in floating point: a map with one play operator. */
+/* The method `play` of force_controller.h in floating point: a map with one play operator. */
 #ifndef ANHYST_FORCE_BY_PLAY_REAL_H
 #define ANHYST_FORCE_BY_PLAY_REAL_H
 

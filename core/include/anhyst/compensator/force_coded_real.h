@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A force controller in SI units around an inner one in fixed point: floating point outside, q31
-   codes inside. The inner controller may use any method, and contains the hysteresis state.
+/* An adapter with signals in SI units (floating point) for a force controller in q31 codes. The
+   inner controller may use any method, and contains the hysteresis state.
 
-   Signals are truncated to codes, towards zero. A signal outside the format becomes the end of the
-   format, and a gap outside its range becomes the end of the range. The error is one code (2^-31 of
-   full scale) plus 2 ulp of the signal in the outer format. In single precision, the second part is
-   larger: 2.4e-7 of a force, a current, or the distance of a gap from gap_low. A force or a gap
-   that is NaN demands the lowest force. A flux density that is NaN means that there is no probe. No
-   function waits or loops. Declarations: generic/force_coded.h. */
+   Signals are truncated towards zero to codes. A signal outside the format becomes the nearest end
+   of the format, and a gap outside its range becomes the nearest end of the range. The error is one
+   code (2^-31 of full scale) plus 2 ulp of the signal in the floating-point format. In single
+   precision, this second part is larger: 2.4e-7 of a force, a current, or the distance of a gap
+   from gap_low. A force or a gap that is NaN demands the lowest force. A flux density that is NaN
+   means that there is no probe. No function waits or contains a loop. Declarations:
+   generic/force_coded.h. */
 #ifndef ANHYST_FORCE_CODED_REAL_H
 #define ANHYST_FORCE_CODED_REAL_H
 

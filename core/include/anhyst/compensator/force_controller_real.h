@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The force controller of force_controller.h in floating point, in the units of the model. The flux
-   density of a missing probe is NaN. */
+/* The force controller of force_controller.h in floating point, in the units of the model. A flux
+   density of NaN means that there is no probe. */
 #ifndef ANHYST_FORCE_CONTROLLER_REAL_H
 #define ANHYST_FORCE_CONTROLLER_REAL_H
 

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A force controller that applies the calibration of its magnet to another one, in floating point.
-   The inner controller may use any method. Its current, gap and flux are converted to those of the
-   magnet for which it was identified, and the eddy-current lag is compensated.
+/* A force controller that applies a calibration, in floating point. The inner controller may use
+   any method. If the inner controller was identified on another magnet, gap, flux density and
+   current are converted between the two magnets. The eddy-current lag is compensated.
 
      current = (inner(demand, gap - zero, flux*density) + lead*(sqrt(demand) - sqrt(before)))/scale
 
-   The second term is the ampere-turns that oppose eddy currents: the flux density is proportional
-   to the square root of the force, and leads by as much as it lags. The inner controller commits
-   the current without this term. */
+   The second term is the current whose field cancels that of the eddy currents. The flux density is
+   proportional to the square root of the force, and the second term advances this density by the
+   time of the lag. The inner controller commits the current without this term. */
 #ifndef ANHYST_FORCE_CORRECTED_REAL_H
 #define ANHYST_FORCE_CORRECTED_REAL_H
 

@@ -3,8 +3,8 @@
 
    A block is an array of 16-bit words without pointers, so that it can be stored, sent and swapped
    as a whole. Words are signed unless stated otherwise. A 32-bit number is stored as low word, high
-   word. A single is the 32 bits of an IEEE number of single precision; the code never computes with
-   it as a float. The word of a table contains the number of the table's first word in the block.
+   word. A "single" is the 32 bits of a number in single precision; fixed-point code never computes
+   with this number. The word of a table contains the number of the table's first word in the block.
    Interpolated tables have 2^n equal segments and 2^n + 1 entries. Adjacent entries differ by at
    most 32767. All other words are zero. */
 /* clang-format off */
@@ -47,121 +47,128 @@ enum {
   /* Header, the same for every kind. */
   ANHYST_WORD_MAGIC = 0, /* unsigned: marks the start of a block, two words */
   ANHYST_WORD_LAYOUT = 2, /* integer: version of the layout; the code must support it */
-  ANHYST_WORD_KIND = 3, /* 1..5: 1 full, 2 simplified, 3 Euler, 4 cells, 5 play */
-  /* 64..2048: length of the whole block, words (unsigned, up to 33474 in play) */
+  /* 1..5: kind of compensator (1 full, 2 simplified, 3 Euler, 4 cells, 5 play) */
+  ANHYST_WORD_KIND = 3,
+  /* 64..2048: length of the whole block, words (unsigned, up to 33474 for the kind play) */
   ANHYST_WORD_LENGTH = 4,
-  ANHYST_WORD_GENERATION = 5, /* unsigned: number of the block, chosen by its sender */
-  ANHYST_WORD_CRC = 6, /* unsigned: CRC-32 of all other words, low half, high half */
-  ANHYST_WORD_MODEL = 8, /* unsigned: first 32 bits of the model's hash, low half, high half */
+  ANHYST_WORD_GENERATION = 5, /* unsigned: number of the block that its sender chose */
+  ANHYST_WORD_CRC = 6, /* unsigned: CRC-32 of all other words, low half first */
+  ANHYST_WORD_MODEL = 8, /* unsigned: first 32 bits of the model's hash, low half first */
 
   /* From demand to flux, the same for every kind. */
-  /* 1..2: the output is proportional to the flux to this power (2: the output is a force and the
-     flux its root; 1: the output is linear) */
+  /* 1..2: the output is proportional to this power of the flux (2: a force; 1: a linear output) */
   ANHYST_WORD_POWER = 10,
   ANHYST_WORD_DEMAND_LOW = 11, /* q15: smallest demand */
   ANHYST_WORD_DEMAND_HIGH = 12, /* q15: largest demand */
   ANHYST_WORD_CURRENT_LOW = 13, /* q15: smallest current */
   ANHYST_WORD_CURRENT_HIGH = 14, /* q15: largest current */
-  ANHYST_WORD_CURRENT_SHIFT = 15, /* 0..8: 1.0 of the internal current is 2^this times full scale */
+  /* 0..8: 1.0 of the internal current is 2^this times the full-scale current */
+  ANHYST_WORD_CURRENT_SHIFT = 15,
   ANHYST_WORD_FLUX_LIMIT = 16, /* q14: largest flux of a solution; 1.0 is saturation */
-  ANHYST_WORD_FLUX_SHIFT = 17, /* 0..6: flux = root*gain*2^this */
+  ANHYST_WORD_FLUX_SHIFT = 17, /* 0..6: flux = root(demand)*gain*2^this */
   ANHYST_WORD_GAP_SEGMENTS = 18, /* 0..6: tables over the gap have 2^this segments */
   ANHYST_WORD_GAP_GAIN = 19, /* table, weight: flux at full-scale demand, over the gap */
   /* table, q15: output at zero flux (subtracted from the demand), over the gap */
   ANHYST_WORD_GAP_OFFSET = 20,
   ANHYST_WORD_GAP_BIAS = 21, /* table, weight: current at zero flux and zero field, over the gap */
-  /* table, weight: current for a flux of 1.0 (negative only in full and cells, where a larger field
-     needs a larger current), over the gap */
+  /* table, weight: current for a flux of 1.0 (negative only for the kinds full and cells, if the
+     current still rises with the field), over the gap */
   ANHYST_WORD_GAP_FLUX_ARM = 22,
   ANHYST_WORD_GAP_FIELD_ARM = 23, /* table, weight: current for a field of 1.0, over the gap */
 
-  /* Start-up, the same for every kind. */
-  /* 0..64: start-up: number of current triangles (the triangles erase the unknown history) */
+  /* Conditioning sequence at start-up, the same for every kind. */
+  /* 0..64: number of current triangles of conditioning (the triangles erase the unknown history) */
   ANHYST_WORD_CONDITION_CYCLES = 24,
-  ANHYST_WORD_CONDITION_TICKS = 25, /* 2..32767: start-up: number of ticks of one ramp */
+  ANHYST_WORD_CONDITION_TICKS = 25, /* 2..32767: number of ticks of one ramp of conditioning */
 
-  /* The root of the demand, the same for every kind. */
-  /* 2..8: below 2^(-2*this) of full scale, the root is a straight line */
+  /* Square root of the demand, the same for every kind. */
+  /* 2..8: below 2^(-2*this) of full scale, a straight line replaces the square root */
   ANHYST_WORD_ROOT_KNEE = 26,
 
   /* A single eddy-current lag, the same for every kind. Each tick is one time step. */
-  /* table, weight: current for a flux that rises by 1.0 per tick (0 instead of a table: no lag),
-     over the gap */
+  /* table, weight: current for a flux that rises by 1.0 per tick (0: no table and no lag), over the
+     gap */
   ANHYST_WORD_GAP_LAG_ARM = 27,
 
-  /* Full: the exact step. The unit of the field is the largest field of the tables, X. */
-  ANHYST_WORD_FULL_AIR = 32, /* weight: flux for a field of 1.0 without iron (h*X/4) */
+  /* Kind full: the Jiles-Atherton law with its exact step. The unit of fields is X, the largest
+     field of the tables. */
+  /* weight: flux for a field of 1.0 without iron (h*X/4 of the flux h*x + m) */
+  ANHYST_WORD_FULL_AIR = 32,
   ANHYST_WORD_FULL_REVERSIBLE = 33, /* q15: reversible fraction c */
-  ANHYST_WORD_FULL_PLAY = 34, /* q15: threshold of the play, in units of the field */
-  /* weight: octaves of decay for a field change of 1.0 (distance from the anhysteretic curve;
-     X/(kappa*ln 2), divided by 16*2^shift) */
+  ANHYST_WORD_FULL_PLAY = 34, /* q15: threshold of the play, as a fraction of X */
+  /* weight: number of halvings of the distance from the anhysteretic curve for a field change of
+     1.0 (X/(kappa*ln 2), divided by 16*2^shift) */
   ANHYST_WORD_FULL_RATE = 35,
-  ANHYST_WORD_FULL_RATE_SHIFT = 36, /* 0..12: exponent of the rate */
-  /* q8: field of 1.0 divided by the pinning (X/kappa, limited to the largest q8: used only for the
-     Newton steps) */
+  ANHYST_WORD_FULL_RATE_SHIFT = 36, /* 0..12: shift of full_rate */
+  /* q8: field of 1.0 divided by the pinning field (X/kappa, limited to the largest q8, because only
+     Newton steps use it) */
   ANHYST_WORD_FULL_STEEPNESS = 37,
   ANHYST_WORD_FULL_ITERATIONS = 38, /* 2..16: maximum number of evaluations of a solve */
-  ANHYST_WORD_FULL_CURVE_SEGMENTS = 39, /* 3..9: the curve has 2^this segments */
+  ANHYST_WORD_FULL_CURVE_SEGMENTS = 39, /* 3..9: the table full_curve has 2^this segments */
   ANHYST_WORD_FULL_CURVE = 40, /* table, q15: anhysteretic magnetisation, over the field */
-  /* table, q15: ascending branch of the pinned part (2^(n+1) segments), over the field, both signs
-     */
+  /* table, q15: ascending branch of the irreversible part (2^(n+1) segments), over the field, both
+     signs */
   ANHYST_WORD_FULL_BRANCH = 41,
-  ANHYST_WORD_FULL_INVERSE_SEGMENTS = 42, /* 3..9: the inverse has 2^this segments */
+  ANHYST_WORD_FULL_INVERSE_SEGMENTS = 42, /* 3..9: the table full_inverse has 2^this segments */
   /* table, q15: field for an anhysteretic magnetisation, over the magnetisation */
   ANHYST_WORD_FULL_INVERSE = 43,
 
-  /* Simplified (the closed form) and Euler (eqs. 13 to 15 with 19 and 20 of the paper). */
-  ANHYST_WORD_SIMPLE_RATE = 32, /* weight: travel for a flux of 1.0 (divided by 8*2^shift) */
-  ANHYST_WORD_SIMPLE_RATE_SHIFT = 33, /* 0..12: exponent of the rate */
+  /* Kinds simplified (closed form) and Euler (eqs. 13 to 15 with 19 and 20 of the paper). The
+     bounded state is the hysteresis field divided by its largest value. */
+  /* weight: change of the distance z for a flux of 1.0 (divided by 8*2^shift; see closed_form.h) */
+  ANHYST_WORD_SIMPLE_RATE = 32,
+  ANHYST_WORD_SIMPLE_RATE_SHIFT = 33, /* 0..12: shift of simple_rate */
   /* weight: change of the bounded state for a flux of 1.0 after a reversal (while the state is
      negative; divided by 2^shift) */
   ANHYST_WORD_SIMPLE_HOLD = 34,
-  ANHYST_WORD_SIMPLE_HOLD_SHIFT = 35, /* 0..12: exponent of the hold */
-  ANHYST_WORD_SIMPLE_REST = 36, /* q15: 1 - nu of the closed form */
+  ANHYST_WORD_SIMPLE_HOLD_SHIFT = 35, /* 0..12: shift of simple_hold */
+  ANHYST_WORD_SIMPLE_REST = 36, /* q15: 1 - nu, see closed_form.h */
   ANHYST_WORD_SIMPLE_ITERATIONS = 37, /* 2..16: maximum number of evaluations of a commit */
 
-  /* Simplified only. */
-  ANHYST_WORD_SIMPLE_OCTAVES = 38, /* 4..14: number of octaves of distance that the curve covers */
-  ANHYST_WORD_SIMPLE_SEGMENTS = 39, /* 2..6: 2^this segments in each octave */
+  /* Kind simplified only. */
+  ANHYST_WORD_SIMPLE_OCTAVES = 38, /* 4..14: number of octaves of z in the table simple_curve */
+  ANHYST_WORD_SIMPLE_SEGMENTS = 39, /* 2..6: each octave has 2^this segments */
   /* table, q15: bounded state 1 - v ((octaves + 1)*2^n segments, 2^n below the first octave), over
      the distance */
   ANHYST_WORD_SIMPLE_CURVE = 40,
 
-  /* Euler only. */
+  /* Kind Euler only. */
   ANHYST_WORD_EULER_SUBSTEPS = 41, /* 1..16: number of explicit Euler steps per tick */
 
-  /* Simplified and Euler: the dead band. A smaller reversal is reversible: the bounded state
-     returns with the flux. */
+  /* Kinds simplified and Euler: the dead band. After a smaller reversal, the bounded state returns
+     together with the flux. */
   /* weight: largest reversal of the flux that does not start a new path */
   ANHYST_WORD_SIMPLE_BAND = 42,
 
-  /* Cells: play operators in the effective field. The unit of the field is the largest field of the
-     tables, X. */
-  ANHYST_WORD_CELLS_AIR = 32, /* weight: flux for a field of 1.0 without iron (h*X/4) */
-  ANHYST_WORD_CELLS_COUNT = 33, /* 1..12: number of plays, without the play of threshold 0 */
-  /* 2..8: a row has 2^this segments on each side of zero in the zone */
+  /* Kind cells: play operators of the effective field. The unit of fields is X, the largest field
+     of the tables. */
+  /* weight: flux for a field of 1.0 without iron (h*X/4 of the flux h*x + m) */
+  ANHYST_WORD_CELLS_AIR = 32,
+  ANHYST_WORD_CELLS_COUNT = 33, /* 1..12: number of plays, not counting the play with threshold 0 */
+  /* 2..8: a table row has 2^this segments on each side of zero within the zone */
   ANHYST_WORD_CELLS_SEGMENTS = 34,
-  /* 0..5: end of the zone: field of 2^-this; outside, segments are 2^this times wider */
+  /* 0..5: the zone ends at a field of 2^-this; outside, segments are 2^this times wider */
   ANHYST_WORD_CELLS_ZONE = 35,
-  /* table, q15: thresholds of the plays in units of the field, ascending, over the play */
+  /* table, q15: thresholds of the plays as fractions of X, ascending, over the play */
   ANHYST_WORD_CELLS_THRESHOLDS = 36,
   /* table, q15: magnetisation of the moving plays (one row for each number of moving plays, 1 to
      count + 1, over fields of both signs), over the moving plays */
   ANHYST_WORD_CELLS_ROWS = 37,
 
   /* Solid core: layers of the law with diffusion between them. Each tick is one time step. */
-  /* 0..4: number of layers, 2 to 4; 0: laminated core (0: all further words are 0) */
+  /* 0..4: number of layers, 2 to 4; 0: laminated core (then all further words are 0) */
   ANHYST_WORD_SOLID_LAYERS = 38,
   /* weight: field between two layers for a flux that rises by 1.0 per tick */
   ANHYST_WORD_SOLID_HOLD = 39,
-  ANHYST_WORD_SOLID_HOLD_SHIFT = 40, /* 0..15: exponent of the hold */
-  /* weight: field for a flux of 1.0 in its layer, added to that of the law */
+  ANHYST_WORD_SOLID_HOLD_SHIFT = 40, /* 0..15: shift of solid_hold */
+  /* weight: field for a flux of 1.0 in a layer, added to the field of the law */
   ANHYST_WORD_SOLID_OWN = 41,
   ANHYST_WORD_SOLID_SURFACE = 42, /* q15: fraction of the cross-section in the first layer */
   /* q15: fraction of the flux path in which the field is uniform */
   ANHYST_WORD_SOLID_LAMINATED = 43,
 
-  /* Play: a map of the current with one play operator. Its block can be longer than the others. */
+  /* Kind play: a map of the current with one play operator. This block can be longer than those of
+     the other kinds. */
   /* q15: demand of the first column (negative in floating point only) */
   ANHYST_WORD_PLAY_DEMAND_LOW = 10,
   ANHYST_WORD_PLAY_CURRENT_LOW = 11, /* q15: lowest current */
@@ -169,22 +176,23 @@ enum {
   ANHYST_WORD_PLAY_FORCE_SEGMENTS = 13, /* 0..8: tables have 2^this segments along the demand */
   ANHYST_WORD_PLAY_GAP_SEGMENTS = 14, /* 0..6: tables have 2^this segments over the gap */
   ANHYST_WORD_PLAY_STEEPNESS = 15, /* weight: 1/(4*threshold of the play), for a current of 1.0 */
-  ANHYST_WORD_PLAY_SHIFT = 16, /* 0..9: exponent of the steepness */
+  ANHYST_WORD_PLAY_SHIFT = 16, /* 0..9: shift of play_steepness */
   ANHYST_WORD_PLAY_CURRENT = 17, /* table, q15: current without the play, over the demand and gap */
-  ANHYST_WORD_PLAY_HALF = 18, /* table, q15: half of the loop's width, over the demand and gap */
+  /* table, q15: half of the width of the loop, over the demand and gap */
+  ANHYST_WORD_PLAY_HALF = 18,
 
-  /* Scales of the signals, the same for every kind. A board has the same words and rejects a block
-     with a different one. */
-  ANHYST_WORD_SCALE_DEMAND = 48, /* single: demand at 1.0 */
-  ANHYST_WORD_SCALE_CURRENT = 50, /* single: current at 1.0 */
-  ANHYST_WORD_SCALE_GAP_LOW = 52, /* single: gap at 0 */
-  ANHYST_WORD_SCALE_GAP_HIGH = 54, /* single: gap at 1.0 */
-  ANHYST_WORD_SCALE_RATE = 56, /* single: tick rate of the start-up */
+  /* Scales of the signals, the same for every kind. A board contains the same words and rejects a
+     block with different ones. */
+  ANHYST_WORD_SCALE_DEMAND = 48, /* single: full scale of the demand */
+  ANHYST_WORD_SCALE_CURRENT = 50, /* single: full scale of the current */
+  ANHYST_WORD_SCALE_GAP_LOW = 52, /* single: gap for the code 0 */
+  ANHYST_WORD_SCALE_GAP_HIGH = 54, /* single: gap for the code 1.0 */
+  ANHYST_WORD_SCALE_RATE = 56, /* single: ticks per second */
   /* 0..32767: codes of the units: demand + 16*current + 256*gap (ANHYST_UNIT_...) */
   ANHYST_WORD_SCALE_UNITS = 58,
 
-  /* Unit of the hysteresis state, for its transfer between blocks; full and cells. */
-  ANHYST_WORD_UNIT_FIELD = 60, /* single: field at 1.0 */
+  /* Unit of the hysteresis state, for its transfer between blocks; kinds full and cells. */
+  ANHYST_WORD_UNIT_FIELD = 60, /* single: full scale of the field */
 
   ANHYST_BLOCK_LEAST_WORDS = 64
 };

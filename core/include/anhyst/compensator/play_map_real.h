@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The map with one play of play_map.h in floating point, with the same algorithm and the same
-   block. Signals are in the units of the model. A word of the block contains the value of the
-   corresponding fixed-point word. An entry or a limit is a current in the unit of the input.
-   steepness is in the inverse unit, and its shift is 0. A single is in the first of its two words.
-   The words of the checksum contain its halves as integers; it covers the bits of the other words,
-   low byte first.
+/* The map with one play operator of play_map.h in floating point, with the same algorithm and the
+   same block. Signals are in the units of the model. A word of the block contains the value of the
+   corresponding fixed-point word. A table entry or a limit is a current in the unit of the input.
+   The word ANHYST_WORD_PLAY_STEEPNESS is in the inverse of this unit, and its shift is 0. A number
+   of the format "single" is in the first of its two words. The two words of the checksum contain
+   its halves as integers. The checksum covers the bits of all other words, low byte first.
 
-   A demand or a gap that is NaN counts as its lowest value. An applied current that is NaN or above
-   1e30 in size leaves the play unchanged. */
+   A demand or a gap that is NaN counts as its lowest value. An applied current that is NaN, or
+   whose magnitude exceeds 1e30, leaves the play unchanged. */
 #ifndef ANHYST_PLAY_MAP_REAL_H
 #define ANHYST_PLAY_MAP_REAL_H
 
@@ -21,9 +21,9 @@ extern "C" {
 
 /* The parameters, read from a block. Along the force, map + half and map - half never fall. */
 typedef struct {
-  anhyst_map_f64 map; /* i */
-  const double *half; /* as many entries as the map, none below 0; may fall */
-  double radius;      /* of the play, above 0 */
+  anhyst_map_f64 map; /* map of the current i */
+  const double *half; /* half the loop width, >= 0; as many entries as the map, may fall */
+  double radius;      /* threshold of the play, > 0 */
   double per_radius;  /* 1/radius */
 } anhyst_play_law_f64;
 
@@ -40,7 +40,7 @@ typedef struct {
 #include "anhyst/compensator/generic/play_map.h"
 #include "anhyst/numeric/no_format.h"
 
-/* As anhyst_play_map_init_q31. */
+/* Work as anhyst_play_map_init_q31. */
 anhyst_status anhyst_play_map_init_f64(anhyst_play_map_f64 *c, const double *words,
                                        uint16_t capacity);
 anhyst_status anhyst_play_map_init_f32(anhyst_play_map_f32 *c, const float *words,

@@ -7,9 +7,9 @@
 /* Maximum number of play cells with a threshold above 0. */
 #define ANHYST_CELLS 12
 
-/* Number of hysteresis states in a compensator. Laminated iron, whose field is uniform, needs 1.
-   Solid iron needs one for each layer, and one more if a part of it is laminated. A compiler option
-   sets it, which must be the same for all files of a program. */
+/* Number of hysteresis states in a compensator; a compiler option, the same for all files of a
+   program. Laminated iron, whose field is uniform, needs 1. Solid iron needs one state for each
+   layer, and one more if a part of its flux path is laminated. */
 #ifndef ANHYST_MEMORIES
 #define ANHYST_MEMORIES 1
 #endif

@@ -1,20 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Allocation of a net force to drives that only pull, in fixed point.
+/* Allocation of a net force to drives that only pull, in fixed point. A pair is two drives that
+   pull against each other, with the net force F = F_1 - F_2. There are three kinds:
 
-     single    every drive gets the net force
-     by halves class A: one drive of a pair gets a bias plus half the net force F, the other the
-   bias minus half of F class AB  both drives of a pair always pull, and the product of their forces
-   is constant:
+     single     There are no pairs. Each drive gets its net force.
+     by halves  Class A: F_1 = idle + F/2, F_2 = idle - F/2. A constant linearisation instead of a
+                curve requires this kind.
+     class AB   Both drives always pull, and F_1*F_2 = idle^2. For a large net force, the smaller of
+                the two forces decreases smoothly towards zero.
 
-         F_1*F_2 = idle^2,   F_1 - F_2 = F
-
-               Without a net force, both pull with the idle force. For a large net force, the other
-               drive is released smoothly. A constant linearisation instead of a curve needs class
-   A.
-
-   Forces are q31 over the full scale of the drives' force, and saturate. The error of class AB
-   against exact arithmetic without saturation is less than ANHYST_ALLOCATION_ERROR LSB of either
-   force. No loops; nine divisions. */
+   Without a net force, both drives of a pair pull with the idle force. Forces are q31 of the full
+   scale of the drives' force, and saturate. The error of class AB against exact arithmetic without
+   saturation is less than ANHYST_ALLOCATION_ERROR LSB of either force. An allocation takes nine
+   divisions and no loop. */
 #ifndef ANHYST_ALLOCATION_H
 #define ANHYST_ALLOCATION_H
 

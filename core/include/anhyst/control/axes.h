@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The controller of a body with one to six coordinates and any number of drives, in floating point:
-   readings of position heads in, currents out.
+/* The controller of a body with one to six coordinates (axes) and any number of drives, in floating
+   point: from the readings of position sensors (heads) to the coil currents.
 
      pose    = see*heads, relative to the target
      error   = decouple*(reference - pose)
@@ -8,28 +8,28 @@
      force   = allocation of the wrench to the drives, see wrench.h
      current = result of each drive's force controller, limited and rounded to the converter's grid
 
-   decouple transforms errors to the centre of mass, and weigh contains the masses about it. Each
-   PID then sees a mass of one, and no axis disturbs another. The PIDs are second-order filters
-   (biquad.h) without limits. The applied currents are committed to the force controllers
-   immediately.
+   The matrix `decouple` transforms errors to the centre of mass, and the matrix `weigh` contains
+   the mass and the moments of inertia. Each PID controller then sees a mass of one, and no axis
+   disturbs another. The PID controllers are second-order filters (biquad.h) without limits. The
+   applied currents are committed to the force controllers immediately.
 
-   If an error exceeds its reach or is NaN, no PID advances: the last plausible demand is kept, and
-   ANHYST_SAMPLE_IMPLAUSIBLE is set. Therefore, wrong readings never wind up an integral. The caller
-   decides how many of them are too many.
+   If an error exceeds its limit `reach` or is NaN, no PID controller advances. The last plausible
+   demand is kept, and ANHYST_SAMPLE_IMPLAUSIBLE is set. Therefore, wrong readings never cause
+   integrator windup. The caller decides how many such ticks are too many.
 
-   A drive whose current stays away from its command is lost. It gets no more commands, and the
-   others share the wrench. `spare` states the drives without which the body can continue. If
-   another drive is lost, or two of them, the body lands. A head is lost if it reads NaN, jumps or
-   does not change. The body then lands with the other heads if they are sufficient for the pose;
-   otherwise all drives are switched off.
+   A drive is lost if its current deviates from the command for too long. A lost drive gets no more
+   commands, and the other drives make the wrench. The body can continue without one of the drives
+   in the bit mask `spare`. After the loss of any other drive, or of a second one, the body lands. A
+   head is lost if it reads NaN, jumps or does not change. The body then lands with the other heads
+   if they are sufficient for the pose. Otherwise, all drives are switched off.
 
-   The body is levitated from the first tick. Commands of states.h: IDLE releases it immediately.
-   LIFT moves it from its position at rest to the target, each axis at a limited speed; it is
-   refused if anything is lost. LAND moves the reference down until the body is at rest. Other
-   commands are refused.
+   The body is levitated from the first tick. Three commands of states.h are accepted. IDLE switches
+   the drives off immediately. LIFT moves the body from its rest position to the target, each axis
+   at a limited speed; it is refused if a drive or a head is lost. LAND moves the reference down
+   until the body is at rest. All other commands are refused.
 
-   Head readings are relative to the readings at the target. Single precision resolves 1 nm over 8
-   mm only, so subtract integers or doubles before rounding. Declarations: generic/axes.h. */
+   Head readings are relative to the readings at the target. Single precision resolves 1 nm only in
+   a range of 8 mm, so subtract integers or doubles first. Declarations: generic/axes.h. */
 #ifndef ANHYST_AXES_H
 #define ANHYST_AXES_H
 
@@ -43,7 +43,7 @@ extern "C" {
 #endif
 
 #define ANHYST_AXES_HEADS 16
-#define ANHYST_AXES_ODD 8U /* increase of the doubt about a head that jumps */
+#define ANHYST_AXES_ODD 8U /* amount that a jump adds to the doubt counter of a head */
 
 typedef enum {
   ANHYST_AXES_FLY,
@@ -52,7 +52,7 @@ typedef enum {
   ANHYST_AXES_LIFT
 } anhyst_axes_state;
 
-/* A matrix by rows, and the PID of an axis. axes_fixed.h has types with more members. */
+/* A matrix, stored by rows, and the PID controller of an axis; axes_fixed.h has its own types. */
 typedef const double *anhyst_rows_f64;
 typedef const float *anhyst_rows_f32;
 typedef anhyst_biquad_f64 anhyst_axis_pid_f64;

@@ -1,20 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The controller of axes.h in fixed point: integers in, integers out, no floating point.
+/* The controller of axes.h in fixed point. All inputs and outputs are integers, and no calculation
+   uses floating point.
 
    Every quantity is a q31 code of its own full scale: head readings, each coordinate of the pose,
    each acceleration, each component of the wrench, force and current of the force controllers, and
-   the range of the gap. Rows of numbers with a shift (wide.h) convert one quantity to another. They
-   are summed in 64 bits, rounded to nearest once, and saturate. A missing head reading or current
-   is ANHYST_Q31_MIN, a missing flux density ANHYST_NO_FLUX.
+   the range of the gap. Matrix rows with a shift (wide.h) convert one quantity to another. A sum
+   has 64 bits, is rounded to nearest once, and saturates. A missing head reading or current is
+   ANHYST_Q31_MIN, a missing flux density ANHYST_NO_FLUX.
 
-   The PID of an axis is stored as partial fractions. It has second order with one pole at zero
-   frequency:
+   The PID controller of an axis is stored as partial fractions. The controller has second order
+   with one pole at zero frequency:
 
      demand   = direct*e + sum + lag
      sum'     = sum + summed*e                 exactly; limited to full scale of the acceleration
      lag'     = lag - decay*lag + lagging*e    limited to 2^60
 
-   Both states have `shift` more bits than the acceleration, so that they do not drift at
+   sum and lag have `shift` more bits than the acceleration, so that they do not drift at
    standstill. The demand saturates at full scale. The error of one step against exact arithmetic
    with the same numbers is half an LSB of the acceleration, plus 2^(29 - shift) LSB in the lag. */
 #ifndef ANHYST_AXES_FIXED_H
@@ -28,19 +29,19 @@
 extern "C" {
 #endif
 
-#define ANHYST_AXIS_PID_MOST ((int32_t)536870912) /* 2^29, maximum size of its coefficients */
+#define ANHYST_AXIS_PID_MOST ((int32_t)536870912) /* 2^29, largest |coefficient| */
 #define ANHYST_AXIS_PID_SHIFT 29U
 
-/* Coefficients of the error, divided by 2^shift. */
+/* Coefficients of the error e, divided by 2^shift. */
 typedef struct {
   int32_t direct;
   int32_t summed;
   int32_t lagging;
-  int32_t decay;  /* of the lag per tick, q30, > 0 */
-  uint16_t shift; /* 0..ANHYST_AXIS_PID_SHIFT */
+  int32_t decay;  /* fraction of the lag that decays per tick, q30, > 0 */
+  uint16_t shift; /* exponent of the divisor, 0..ANHYST_AXIS_PID_SHIFT */
 } anhyst_axis_pid_q31;
 
-/* Zero is rest. Any numbers are valid: they are limited to their bounds. */
+/* State of the PID controller; zero is standstill. Any number is valid and is limited. */
 typedef struct {
   int64_t sum;
   int64_t lag;

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A second-order filter in floating point, given by its coefficients in z: notch, low-pass or
-   PID. */
+/* A second-order filter in floating point, for example a notch, a low-pass or a PID controller. */
 #ifndef ANHYST_BIQUAD_H
 #define ANHYST_BIQUAD_H
 

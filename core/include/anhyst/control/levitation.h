@@ -1,24 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The sequence of a levitating actuator: lift-off, landing, and the reaction to a lost position.
-   supervisor.h defines states, commands and faults. In the state run, and in a fault until the
-   armature is at rest, these phases follow one another. Integers only, the same for every number
-   format of the controller.
+   supervisor.h defines states, commands and faults. In the state RUN, and in the state FAULT until
+   the armature is at rest, these phases follow one another:
 
-     breakaway  the demanded force rises until the armature has moved by `detect` from its rest
-     rise       controlled; the reference moves to the target at a limited speed
-     hover      controlled; the reference is the target, so that steps of it are applied as steps
-     descend    controlled; the reference moves to the rest position at a limited speed
-     set down   the demanded force falls to `press`, so that the armature does not drop when the
-                currents go to zero
-     fall       the position is lost in mid-air: the currents are reduced; if the position returns
-                within `hold` ticks, the armature lands under control
+     BREAKAWAY  The demanded force rises until the armature has moved by `detect` from its rest.
+     RISE       Position control: the reference moves to the target at a limited speed.
+     HOVER      Position control: the reference is the target, also if the target jumps.
+     DESCEND    Position control: the reference moves to the rest position at a limited speed.
+     SET_DOWN   The demanded force falls to `press`, so that the armature does not drop when the
+                currents go to zero.
+     FALL       The position is lost during levitation: the currents are reduced. If the position
+                returns within `hold` ticks, the armature lands under position control.
 
-   Rest is the position of the armature before it was lifted. After a fault in the air, the armature
-   lands under control if the position is known and the amplifiers follow. A position that jumped is
-   not accepted again until `clear`.
+   The rest position is the position of the armature before it was lifted. After a fault during
+   levitation, the armature lands under position control if the position is known and the amplifiers
+   follow. A position that jumped is not accepted again until the command CLEAR.
 
-   Positions rise when the armature rises, q31 of a full scale of the caller. Demands are q31 of the
-   full scale of the force. No loops. */
+   All signals are integers, in every number format of the controller. Positions rise when the
+   armature rises; they are q31 of a full scale of the caller. Demands are q31 of the full scale of
+   the force. No function contains a loop. */
 #ifndef ANHYST_LEVITATION_H
 #define ANHYST_LEVITATION_H
 
@@ -31,33 +31,34 @@
 extern "C" {
 #endif
 
-/* Plausibility limits of the position: constants of a board, which no exchange can change. */
+/* Plausibility limits of the position: constants of a board, which no parameter block changes. */
 typedef struct {
-  int32_t low; /* less than high */
+  int32_t low; /* lowest plausible position, below `high` */
   int32_t high;
-  int32_t step;                 /* maximum change per tick, > 0 */
-  uint16_t max_missing_samples; /* maximum number of consecutive samples that may be missing or
-                                   implausible; the last plausible sample replaces them */
-  uint16_t hold;                /* ticks of a fall in which a position may return */
-  uint16_t selftest;            /* consecutive plausible samples that the self-test requires, > 0 */
+  int32_t step;                 /* largest plausible change per tick, > 0 */
+  uint16_t max_missing_samples; /* maximum number of consecutive bad samples; each is replaced by
+                                   the last plausible one */
+  uint16_t hold;                /* number of ticks of FALL in which a position may return */
+  uint16_t selftest;            /* number of consecutive plausible samples for the self-test, > 0 */
 } anhyst_levitation_limits;
 
-/* Settings of lift-off and landing; all except the last above zero, rates per tick. */
+/* Settings of lift-off and landing. All settings except `press` are above 0; speeds are per
+   tick. */
 typedef struct {
-  int32_t detect;   /* distance from rest that counts as lift-off */
-  int32_t rise;     /* speed of the reference in rise */
-  int32_t descend;  /* speed of the reference in descend */
-  int32_t lift;     /* rate of the demand in breakaway */
-  int32_t set_down; /* rate of the demand in set down */
-  int32_t most;     /* demand at which breakaway fails */
-  int32_t press;    /* demand at which set down ends: 0, or negative for a pair of magnets */
+  int32_t detect;   /* distance from the rest position that counts as lift-off */
+  int32_t rise;     /* speed of the reference in the phase RISE */
+  int32_t descend;  /* speed of the reference in the phase DESCEND */
+  int32_t lift;     /* rate of the demand in the phase BREAKAWAY */
+  int32_t set_down; /* rate of the demand in the phase SET_DOWN */
+  int32_t most;     /* demand at which the lift-off fails */
+  int32_t press;    /* demand at the end of SET_DOWN: 0, or negative for a pair of magnets */
 } anhyst_levitation_settings;
 
 /* Inputs of one tick. */
 typedef struct {
   int32_t position;
   int32_t target;
-  int32_t demand;       /* of the controller at the last tick */
+  int32_t demand;       /* demand of the controller in the last tick */
   int32_t conditioning; /* length of the conditioning sequence, ticks */
   uint16_t dropped;     /* whether the position is missing */
 } anhyst_levitation_input;
@@ -66,32 +67,32 @@ typedef struct {
   anhyst_supervisor supervisor;
   int32_t position;  /* last plausible position: input of the controller */
   int32_t rest;      /* position of the armature before it was lifted */
-  int32_t reference; /* while controlled: reference of the position */
-  int32_t demand;    /* in breakaway and set down: the force to drive */
-  int32_t tick;      /* of breakaway or fall */
+  int32_t reference; /* reference of the position control */
+  int32_t demand;    /* demanded force in the phases BREAKAWAY and SET_DOWN */
+  int32_t tick;      /* number of ticks in the phase BREAKAWAY or FALL */
   uint16_t phase;
-  uint16_t flags;  /* ANHYST_SAMPLE_IMPLAUSIBLE */
-  uint16_t begins; /* whether control starts at this tick, with the demand before it */
-  uint16_t seen;   /* whether there was any plausible position */
-  uint16_t lost;   /* whether a returning position is ignored until `clear` */
-  uint16_t let_go; /* whether a fall starts at this tick */
+  uint16_t flags;  /* flags of this tick: ANHYST_SAMPLE_IMPLAUSIBLE or 0 */
+  uint16_t begins; /* whether position control starts in this tick, with the last demand */
+  uint16_t seen;   /* whether a plausible position was measured */
+  uint16_t lost;   /* whether a returning position is ignored until the command CLEAR */
+  uint16_t let_go; /* whether the phase FALL starts in this tick */
 } anhyst_levitation;
 
 /* Returns ANHYST_OK if both structures are within their ranges, otherwise ANHYST_BAD_PARAMETER. */
 anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
                                       const anhyst_levitation_settings *settings);
 
-/* Starts in the state init. */
+/* Starts in the state INIT. */
 void anhyst_levitation_start(anhyst_levitation *levitation);
 
-/* Executes a command between two ticks. If it cannot, returns the reason, ANHYST_REFUSED_..., and
-   changes nothing. at_zero: whether no current was driven at the last tick. */
+/* Executes a command between two ticks. If this is not possible, returns the reason,
+   ANHYST_REFUSED_..., and changes nothing. at_zero is true if the last tick drove no current. */
 uint16_t anhyst_levitation_command(anhyst_levitation *levitation, uint16_t command,
                                    uint16_t at_zero);
 
-/* Enters the state fault for an external reason, between two ticks. lands: whether the armature
-   lands under control. Otherwise it falls, whatever samples arrive, because an unreliable sensor or
-   an amplifier that does not follow cannot land it. */
+/* Enters the state FAULT for an external reason, between two ticks. `lands` states whether the
+   armature lands under position control. Otherwise the armature falls, even if samples arrive,
+   because an unreliable sensor or an amplifier that does not follow cannot land it. */
 void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int lands);
 
 /* Executes one tick: checks the sample and advances the phase. */
@@ -99,7 +100,7 @@ void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitati
                             const anhyst_levitation_settings *settings,
                             const anhyst_levitation_input *input);
 
-/* Returns whether the position controller is active: rise, hover, descend. */
+/* Returns whether the position is controlled: in the phases RISE, HOVER and DESCEND. */
 static inline int anhyst_levitation_controls(const anhyst_levitation *levitation)
 {
   return levitation->phase >= ANHYST_PHASE_RISE && levitation->phase <= ANHYST_PHASE_DESCEND;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The controller of position.h in floating point, in units of the caller's choice, usually SI. A
+/* The controller of position.h in floating point. The caller selects the units, usually SI. A
    position, a load or a flux density that is NaN counts as missing. */
 #ifndef ANHYST_POSITION_REAL_H
 #define ANHYST_POSITION_REAL_H

@@ -2,20 +2,21 @@
 /* Allocation of a wrench (forces and moments on a body) to drives that only pull or that act in
    both directions; in floating point.
 
-   Two drives that pull against each other on one line are a pair. Its net force may have either
-   sign; allocation.h divides it between the two drives. A single drive pulls at least a given
-   force, which is negative if it also pushes. The result is the least-squares forces that make the
-   wrench. A drive below its minimum is set to the minimum, and the others are solved again, as long
-   as they can still make any wrench. This takes at most ANHYST_WRENCH_PASSES passes. Each pass
-   solves as many equations as there are axes.
+   Two drives that pull against each other on one line are a pair. The net force of a pair may have
+   either sign; allocation.h divides this force between the two drives. A single drive pulls with at
+   least a given force, which is negative if the drive also pushes. The result is the forces with
+   the least sum of squares that make the wrench. A drive below its minimum is set to the minimum,
+   and the others are solved again, as long as they can still make any wrench. The search takes at
+   most ANHYST_WRENCH_PASSES passes. Each pass solves as many equations as there are axes.
 
-   A lost drive has no force, and its counterpart becomes a single drive. If the others cannot make
-   the wrench within their bounds, the axes with the largest `yields` are given up first: the result
-   minimises the weighted squares of the missing wrench and the squares of the forces, in the same
-   number of passes. Factorisations are stored for the next wrench, which usually needs the same
-   ones. Only the time depends on earlier wrenches.
+   A lost drive has no force, and the other drive of its pair becomes a single drive. If the
+   remaining drives cannot make the wrench within their bounds, the axes with the largest `yields`
+   are given up first. The result then minimises the squares of the forces plus the weighted squares
+   of the missing wrench, in the same number of passes. Factorisations are stored for the next
+   wrench, which usually needs the same ones. Earlier wrenches change only the run time, not the
+   result.
 
-   No function allocates memory; loops are bounded by the numbers of axes and drives. Declarations:
+   No function allocates memory. Loops are bounded by the numbers of axes and drives. Declarations:
    generic/wrench.h. */
 #ifndef ANHYST_WRENCH_H
 #define ANHYST_WRENCH_H

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Derivatives of a path with respect to parameters, in forward mode and double precision. */
+/* Parameter derivatives of a path in double precision, by forward differentiation. */
 #ifndef ANHYST_SENSITIVITY_H
 #define ANHYST_SENSITIVITY_H
 
@@ -11,14 +11,14 @@
 extern "C" {
 #endif
 
-/* One direction of differentiation: derivatives of the parameters and of the advanced state. */
+/* One direction of differentiation: the derivatives of the parameters and of the advanced state. */
 typedef struct {
   double kappa, c, play;
   anhyst_state_f64 state;
 } anhyst_tangent_f64;
 
-/* A drive of n samples in the variables of the solver, and its derivatives: row i of omega_t and
-   r_t contains the `directions` derivatives at sample i. */
+/* A drive of n samples in the variables of the solver, and its derivatives. Row i of omega_t and
+   r_t contains the derivatives at sample i in every direction. */
 typedef struct {
   size_t n;
   size_t directions;
@@ -26,12 +26,13 @@ typedef struct {
   const double *omega_t, *r_t;
 } anhyst_differentiated_drive_f64;
 
-/* Follows the drive sample by sample like anhyst_solve, and computes every tangent by the implicit
-   function theorem: x1_t = (r_t - omega_t*m - omega*Mp)/(1 + omega*dm/dx). x, m: n values; x_t,
-   m_t: n rows of `directions`. State and tangents are advanced. branch_slope is required for the
-   exact step, and may be null otherwise. The relative error against the derivative of the computed
-   path is 1e-9, except at jumps, where there is no derivative. Returns a status like anhyst_solve,
-   with the sample in *index; ANHYST_BAD_PARAMETER for the law of 1986, whose sub-steps are not
+/* Follows the drive sample by sample like anhyst_solve. Computes the derivative in each direction
+   (subscript t) by the implicit function theorem: x1_t = (r_t - omega_t*m - omega*Mp)/(1 +
+   omega*dm/dx). Mp is the derivative of m at constant x. x and m have n values, x_t and m_t n rows
+   of `directions` values. The state and the tangents are advanced. branch_slope is required for the
+   exact step, and may be null otherwise. The relative error is 1e-9 against the derivative of the
+   computed path, except at jumps, where there is no derivative. Returns a status like anhyst_solve,
+   with the sample in *index. Returns ANHYST_BAD_PARAMETER for the law of 1986, which is not
    differentiated. */
 anhyst_status anhyst_sensitivity_f64(const anhyst_operator_f64 *law,
                                      const anhyst_branch_slope_f64 *branch_slope,

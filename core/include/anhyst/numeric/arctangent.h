@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The arc tangent as an inline function, for loops in which a call would cost too much time.
+/* The arc tangent as an inline function, for loops in which a call would take too much time.
    elementary.h states its error. */
 #ifndef ANHYST_ARCTANGENT_H
 #define ANHYST_ARCTANGENT_H
@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-/* A constant in two parts: the nearest double, and the constant minus that double. */
+/* A constant as the sum of the nearest double and a remainder. */
 typedef struct {
   double value, rest;
 } anhyst_pair;
@@ -26,35 +26,37 @@ static inline double anhyst_arctangent(double x)
   double u;
   double value;
   double rest;
-  if (!(t < 64.0)) { /* NaN also takes this branch, and the result is NaN */
+  if (!(t < 64.0)) { /* a NaN also takes this branch, and the result is NaN */
     value = 0x1.921fb54442d18p+0;
     rest = 0x1.1a62633145c07p-54;
     u = -1.0 / t;
   } else {
-    /* atan(t) = atan(c) + atan((t - c)/(1 + t*c)) */
-    const uint64_t first = UINT64_C(0x3FA0000000000000) >> 49U; /* bits of 1/32 */
-    const anhyst_pair *at = anhyst_angles;
-    double c = 0.0;
+    /* atan(t) = atan(centre) + atan((t - centre)/(1 + t*centre)) */
+    /* exponent and first three fraction bits of the double 1/32 */
+    const uint64_t first_eighth = UINT64_C(0x3FA0000000000000) >> 49U;
+    const anhyst_pair *angle = anhyst_angles;
+    double centre = 0.0;
     uint64_t bits;
     uint64_t eighths;
     memcpy(&bits, &t, sizeof bits);
     eighths = bits >> 49U;
-    if (eighths >= first) { /* A branch instead of a table entry for c = 0: it is predicted well, so
-                               that for |x| < 1/32 the quotient does not wait for the table. */
+    /* A branch instead of an entry for 0: it is predicted well, so that for |x| < 1/32 the quotient
+       does not wait for the table. */
+    if (eighths >= first_eighth) {
       bits = (2U * eighths + 1U) << 48U;
-      memcpy(&c, &bits, sizeof c);
-      at += eighths - first + 1U;
+      memcpy(&centre, &bits, sizeof centre);
+      angle += eighths - first_eighth + 1U;
     }
-    value = at->value;
-    rest = at->rest;
-    u = (t - c) / (1.0 + t * c);
+    value = angle->value;
+    rest = angle->rest;
+    u = (t - centre) / (1.0 + t * centre);
   }
   const double u2 = u * u;
   const double u3 = u * u2;
   const double u4 = u2 * u2;
-  const double low = 1.0 / 3.0 - u2 * (1.0 / 5.0);
-  const double high = (1.0 / 7.0 - u2 * (1.0 / 9.0)) + u4 * (1.0 / 11.0);
-  return copysign(value + (u + ((rest - u3 * low) - (u3 * u4) * high)), x);
+  const double low_terms = 1.0 / 3.0 - u2 * (1.0 / 5.0);
+  const double high_terms = (1.0 / 7.0 - u2 * (1.0 / 9.0)) + u4 * (1.0 / 11.0);
+  return copysign(value + (u + ((rest - u3 * low_terms) - (u3 * u4) * high_terms)), x);
 }
 
 #ifdef __cplusplus

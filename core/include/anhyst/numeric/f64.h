@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Selects double precision for the generic headers and sources that are included next. This header
-   has no include guard because a file includes f64.h and f32.h in turn. Both formats then exist in
-   parallel under their own names (_f64, _f32). */
+   has no include guard, because a file includes f64.h and f32.h one after the other. Both number
+   formats then exist in parallel under their own names (_f64 and _f32). */
 #include "anhyst/numeric/names.h"
 
 #undef ANHYST_REAL

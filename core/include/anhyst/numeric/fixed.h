@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic with fractional numbers of 16 and 32 bits.
 
-   Formats: q15 is an int16_t with the value n/2^15, q31 an int32_t with n/2^31, and q30 an int32_t
-   with n/2^30 (range -2 to just below 2). A weight is an int16_t with n/2^16, a factor between -0.5
-   and 0.5.
+   Formats: a q15 is an int16_t with the value n/2^15, a q31 an int32_t with the value n/2^31, and a
+   q30 an int32_t with the value n/2^30 (-2 to just below 2). A weight is an int16_t with the value
+   n/2^16: a factor of -0.5 to just below 0.5.
 
    Every function is defined for every argument in its stated range. No intermediate result
    overflows (proved). "Saturates" means: a result outside the format becomes the largest or
@@ -25,7 +25,7 @@ extern "C" {
 #define ANHYST_Q31_MAX ((int32_t)2147483647)
 #define ANHYST_Q31_MIN ((int32_t)(-2147483647 - 1))
 
-/* Saturates an int32_t to -32768..32767. Exact inside this range. */
+/* Saturates an int32_t to -32768..32767. The result is exact within this range. */
 static inline int16_t anhyst_sat_q15(int32_t a)
 {
 #ifdef ANHYST_PORT_SAT_Q15
@@ -38,7 +38,7 @@ static inline int16_t anhyst_sat_q15(int32_t a)
 #endif
 }
 
-/* Saturates an int32_t to 0..32767. Exact inside this range. */
+/* Saturates an int32_t to 0..32767. The result is exact within this range. */
 static inline int32_t anhyst_sat_u15(int32_t a)
 {
 #ifdef ANHYST_PORT_SAT_U15
@@ -51,7 +51,7 @@ static inline int32_t anhyst_sat_u15(int32_t a)
 #endif
 }
 
-/* Saturates to -2^28..2^28 - 1, in q28 from -1 to just below 1. Exact inside this range. */
+/* Saturates to -2^28..2^28 - 1: in q28, from -1 to just below 1. Exact within this range. */
 static inline int32_t anhyst_sat_q28(int32_t a)
 {
 #ifdef ANHYST_PORT_SAT_Q28
@@ -64,7 +64,7 @@ static inline int32_t anhyst_sat_q28(int32_t a)
 #endif
 }
 
-/* Saturates to -2^30..2^30 - 1, in q30 from -1 to just below 1. Exact inside this range. */
+/* Saturates to -2^30..2^30 - 1: in q30, from -1 to just below 1. Exact within this range. */
 static inline int32_t anhyst_sat_q30(int32_t a)
 {
 #ifdef ANHYST_PORT_SAT_Q30
@@ -77,25 +77,25 @@ static inline int32_t anhyst_sat_q30(int32_t a)
 #endif
 }
 
-/* a + b, saturates. Exact inside the range. */
+/* Returns a + b. Saturates; exact inside the range. */
 static inline int16_t anhyst_add_q15(int16_t a, int16_t b)
 {
   return anhyst_sat_q15((int32_t)a + b);
 }
 
-/* a - b, saturates. Exact inside the range. */
+/* Returns a - b. Saturates; exact inside the range. */
 static inline int16_t anhyst_sub_q15(int16_t a, int16_t b)
 {
   return anhyst_sat_q15((int32_t)a - b);
 }
 
-/* a*b, rounded to the nearest (halves upwards). Saturates only for (-1)*(-1). */
+/* Returns a*b, rounded to nearest (halves upwards). Saturates only for (-1)*(-1). */
 static inline int16_t anhyst_mul_q15(int16_t a, int16_t b)
 {
   return anhyst_sat_q15(((int32_t)a * b + 0x4000) >> 15);
 }
 
-/* a + b, saturates. Exact inside the range. */
+/* Returns a + b. Saturates; exact inside the range. */
 static inline int32_t anhyst_add_q31(int32_t a, int32_t b)
 {
 #ifdef ANHYST_PORT_ADD_Q31
@@ -108,7 +108,7 @@ static inline int32_t anhyst_add_q31(int32_t a, int32_t b)
 #endif
 }
 
-/* a - b, saturates. Exact inside the range. */
+/* Returns a - b. Saturates; exact inside the range. */
 static inline int32_t anhyst_sub_q31(int32_t a, int32_t b)
 {
 #ifdef ANHYST_PORT_SUB_Q31
@@ -121,7 +121,7 @@ static inline int32_t anhyst_sub_q31(int32_t a, int32_t b)
 #endif
 }
 
-/* |a|. Saturates for a = -1. */
+/* Returns |a|. Saturates for a = -1. */
 static inline int32_t anhyst_abs_q31(int32_t a)
 {
   if (a >= 0) {
@@ -139,9 +139,9 @@ static inline int32_t anhyst_clamp(int32_t a, int32_t low, int32_t high)
   return a > high ? high : a;
 }
 
-/* Returns a times the weight b, floor(a*b/65536), in the format of a. Cannot overflow because
-   |result| <= (|a| + 1)/2. The error is less than 1 LSB. Most products of the core use this
-   function: two 16-bit products, or one instruction (SMULWB) if the port defines it. */
+/* Returns a times the weight b, floor(a*b/65536), in the format of a. The result cannot overflow
+   because |result| <= (|a| + 1)/2. The error is less than 1 LSB. Most products of the core use this
+   function: two 16-bit products, or the instruction SMULWB with ANHYST_PORT_HEADER. */
 static inline int32_t anhyst_scale(int32_t a, int16_t b)
 {
 #ifdef ANHYST_PORT_SCALE
@@ -153,11 +153,11 @@ static inline int32_t anhyst_scale(int32_t a, int16_t b)
 #endif
 }
 
-/* a*2^n for 0 <= n <= 31, saturates. Exact inside the range. */
+/* Returns a*2^n for 0 <= n <= 31. Saturates; exact inside the range. */
 static inline int32_t anhyst_shl_q31(int32_t a, uint16_t n)
 {
   const int32_t shifted = (int32_t)((uint32_t)a << n);
-  if ((shifted >> n) != a) { /* some of the shifted-out bits differ from the sign */
+  if ((shifted >> n) != a) { /* some of the removed bits differ from the sign bit */
     return a < 0 ? ANHYST_Q31_MIN : ANHYST_Q31_MAX;
   }
   return shifted;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Names that exist once for each number format. A name that ends in _x is the name of the format
-   whose header was included last: anhyst_map_x is anhyst_map_f32 after f32.h. */
+/* Macros for names that exist once for each number format. A name that ends in _x becomes the name
+   in the format whose header was included last: anhyst_map_x becomes anhyst_map_f32 after f32.h. */
 #ifndef ANHYST_NAMES_H
 #define ANHYST_NAMES_H
 
@@ -63,13 +63,13 @@
 #define anhyst_kernel_cells_x ANHYST_NAME(anhyst_kernel_cells)
 #define anhyst_kernel_full_x ANHYST_NAME(anhyst_kernel_full)
 #define anhyst_kernel_simplified_x ANHYST_NAME(anhyst_kernel_simplified)
-#define anhyst_limited_x ANHYST_NAME(anhyst_limited)
+#define anhyst_clamped_x ANHYST_NAME(anhyst_clamped)
 #define anhyst_map_x ANHYST_NAME(anhyst_map)
 #define anhyst_map_check_x ANHYST_NAME(anhyst_map_check)
 #define anhyst_map_force_x ANHYST_NAME(anhyst_map_force)
 #define anhyst_map_value_x ANHYST_NAME(anhyst_map_value)
 #define anhyst_memory_x ANHYST_NAME(anhyst_memory)
-#define anhyst_noise_x ANHYST_NAME(anhyst_noise)
+#define anhyst_rounding_x ANHYST_NAME(anhyst_rounding)
 #define anhyst_pid_x ANHYST_NAME(anhyst_pid)
 #define anhyst_pid_state_x ANHYST_NAME(anhyst_pid_state)
 #define anhyst_pidd2_candidate_x ANHYST_NAME(anhyst_pidd2_candidate)
@@ -96,15 +96,15 @@
 #define anhyst_position_settings_x ANHYST_NAME(anhyst_position_settings)
 #define anhyst_position_tick_x ANHYST_NAME(anhyst_position_tick)
 #define anhyst_position_units_x ANHYST_NAME(anhyst_position_units)
-#define anhyst_rise_at_x ANHYST_NAME(anhyst_rise_at)
-#define anhyst_rises_x ANHYST_NAME(anhyst_rises)
+#define anhyst_segment_rise_x ANHYST_NAME(anhyst_segment_rise)
+#define anhyst_is_table_rising_x ANHYST_NAME(anhyst_is_table_rising)
 #define anhyst_rows_x ANHYST_NAME(anhyst_rows)
 #define anhyst_simplified_memory_x ANHYST_NAME(anhyst_simplified_memory)
-#define anhyst_size_x ANHYST_NAME(anhyst_size)
-#define anhyst_spot_x ANHYST_NAME(anhyst_spot)
-#define anhyst_spot_of_x ANHYST_NAME(anhyst_spot_of)
+#define anhyst_absolute_x ANHYST_NAME(anhyst_absolute)
+#define anhyst_table_position_x ANHYST_NAME(anhyst_table_position)
+#define anhyst_locate_x ANHYST_NAME(anhyst_locate)
 #define anhyst_sub_x ANHYST_NAME(anhyst_sub)
-#define anhyst_value_at_x ANHYST_NAME(anhyst_value_at)
+#define anhyst_table_value_x ANHYST_NAME(anhyst_table_value)
 #define anhyst_wrench_x ANHYST_NAME(anhyst_wrench)
 #define anhyst_wrench_factor_x ANHYST_NAME(anhyst_wrench_factor)
 #define anhyst_wrench_init_x ANHYST_NAME(anhyst_wrench_init)

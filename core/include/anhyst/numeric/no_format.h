@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Clears the number format of f64.h, f32.h or q31.h. Every public header ends with it. */
+/* Undefines the macros of f64.h, f32.h and q31.h. Every public header ends with this file. */
 #undef ANHYST_REAL
 #undef ANHYST_NAME
 #undef ANHYST_SQRT

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Selects q31 for the generic headers and sources that are included next and that also exist in
-   fixed point; see f64.h. */
+/* Selects q31 for the generic headers and sources that are included next; see f64.h. */
 #include "anhyst/numeric/names.h"
 
 #undef ANHYST_REAL

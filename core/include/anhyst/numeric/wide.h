@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Rows of 32-bit numbers times 32-bit signals, with sums of 64 bits. This is the only part of the
-   fixed-point core that needs a 64-bit type. Every result is rounded to the nearest, halves
-   upwards. "Saturates" has the meaning of fixed.h. No intermediate result overflows (proved). */
+/* Scalar products of rows of 32-bit numbers and 32-bit signals, summed in 64 bits. In the
+   fixed-point core, only this header needs a 64-bit type. Every result is rounded to nearest,
+   halves upwards. "Saturates" has the meaning of fixed.h. No intermediate result overflows
+   (proved). */
 #ifndef ANHYST_WIDE_H
 #define ANHYST_WIDE_H
 
@@ -11,15 +12,15 @@
 extern "C" {
 #endif
 
-#define ANHYST_ROW_LENGTH 16                           /* maximum count of numbers in a row */
-#define ANHYST_ROW_MOST ((int32_t)134217728)           /* 2^27, maximum of |number| */
+#define ANHYST_ROW_LENGTH 16                           /* maximum number of coefficients in a row */
+#define ANHYST_ROW_MOST ((int32_t)134217728)           /* 2^27, maximum of |coefficient| */
 #define ANHYST_ROW_SHIFT 58U                           /* maximum shift of a row */
 #define ANHYST_WIDE_ONE ((int64_t)1152921504606846976) /* 2^60 */
 
-/* Rows, stored one after the other. A row contains the values number/2^shift. */
+/* Matrix rows, stored one after the other. The coefficients of a row are number/2^shift. */
 typedef struct {
   const int32_t *number;
-  const uint16_t *shift; /* one for each row, 0..ANHYST_ROW_SHIFT */
+  const uint16_t *shift; /* shift of each row, 0..ANHYST_ROW_SHIFT */
 } anhyst_rows_q31;
 
 /* Saturates to int32_t. */
@@ -40,22 +41,22 @@ static inline int64_t anhyst_clamp_wide(int64_t a, int64_t most)
   return a < -most ? -most : a;
 }
 
-/* Returns a*b; |result| <= |a|*2^31. */
+/* Returns a*b. |result| <= |a|*2^31. */
 static inline int64_t anhyst_wide(int32_t a, int32_t b) { return (int64_t)a * b; }
 
-/* Returns a/2^n. Requires |a| <= 2^62 + 2^60 and 0 <= n <= 58. */
+/* Returns a/2^n, rounded. Requires |a| <= 2^62 + 2^60 and 0 <= n <= 58. */
 static inline int64_t anhyst_part_wide(int64_t a, uint16_t n)
 {
   return (a + (((int64_t)1 << n) >> 1)) >> n;
 }
 
-/* Returns a*b/2^31. Saturates only for (-1)*(-1). */
+/* Returns a*b/2^31, rounded. Saturates only for (-1)*(-1). */
 static inline int32_t anhyst_product_q31(int32_t a, int32_t b)
 {
   return anhyst_sat_wide(anhyst_part_wide(anhyst_wide(a, b), 31));
 }
 
-/* Returns whether numbers and shifts of `count` rows of `length` numbers are in range. */
+/* Returns whether `count` rows of `length` coefficients, and their shifts, are in range. */
 static inline int anhyst_rows_are_valid_q31(anhyst_rows_q31 rows, uint16_t count, uint16_t length)
 {
   int valid = length <= ANHYST_ROW_LENGTH;
@@ -69,7 +70,7 @@ static inline int anhyst_rows_are_valid_q31(anhyst_rows_q31 rows, uint16_t count
   return valid;
 }
 
-/* Returns the product of a valid row and `length` signals. Saturates. */
+/* Returns the scalar product of a valid row and `length` signals. Saturates. */
 static inline int32_t anhyst_row_product_q31(const int32_t *number, uint16_t shift, uint16_t length,
                                              const int32_t *signal)
 {

@@ -6,17 +6,17 @@
 #include "../lookup.h"
 #include "fixed.h"
 
-#define ENTRY_ONE ((entry)32767) /* the largest q15 */
-#define MIN_WEIGHT ((entry)1)    /* the smallest positive weight */
+#define ENTRY_ONE ((entry)32767) /* 1.0 as an entry: the largest q15 */
+#define MIN_WEIGHT ((entry)1)    /* smallest positive weight */
 #define MAX_ENTRY ((entry)32767)
 #define MAX_FLUX_LIMIT ((entry)16384) /* 1.0 in q14 */
 #define MAX_CURRENT_SHIFT 8
 #define MAX_FLUX_SHIFT 6
 #define MAX_BLOCK_WORDS ANHYST_BLOCK_MOST_WORDS
-#define WORD_HALVES 1 /* number of 16-bit halves in a word */
+#define HALVES_PER_WORD 1 /* number of 16-bit halves in a word */
 
-/* Returns 16 bits of a word; half 0 contains the lowest ones. */
-static inline uint16_t bits_of(entry word, uint16_t half)
+/* Returns one half of a word: the lowest 16 bits if the argument `half` is 0. */
+static inline uint16_t half_word(entry word, uint16_t half)
 {
   (void)half;
   return (uint16_t)word;
@@ -27,12 +27,12 @@ static inline int is_integer(entry word, int32_t low, int32_t high)
   return word >= low && word <= high;
 }
 
-static inline int is_unsigned(entry word, uint16_t value) { return (uint16_t)word == value; }
+static inline int equals_unsigned(entry word, uint16_t value) { return (uint16_t)word == value; }
 
-/* Returns whether an entry of a table differs from the entry before by at most MAX_ENTRY. */
-static inline int is_entry_valid(entry word, entry before)
+/* Returns whether an entry of a table differs from the previous entry by at most MAX_ENTRY. */
+static inline int is_entry_valid(entry word, entry previous)
 {
-  const int32_t change = (int32_t)word - before;
+  const int32_t change = (int32_t)word - previous;
   return change <= MAX_ENTRY && change >= -MAX_ENTRY;
 }
 
@@ -41,34 +41,34 @@ static inline uint32_t read_double_word(const entry *words, int16_t word)
   return (uint32_t)(uint16_t)words[word] | ((uint32_t)(uint16_t)words[word + 1] << 16);
 }
 
-/* Positive singles have the same order as their bits: exponent, then fraction. */
-#define MIN_SINGLE ((uint32_t)(127 - 60) << 23)  /* 2^-60 */
-#define MAX_SINGLE ((uint32_t)(127 + 60) << 23)  /* 2^60 */
-#define SINGLE_EXPONENT_STEP ((uint32_t)1 << 23) /* the lowest bit of the exponent */
+/* Positive single-precision numbers have the same order as their bits: exponent, then fraction. */
+#define MIN_SINGLE_BITS ((uint32_t)(127 - 60) << 23) /* 2^-60 */
+#define MAX_SINGLE_BITS ((uint32_t)(127 + 60) << 23) /* 2^60 */
+#define SINGLE_EXPONENT_STEP ((uint32_t)1 << 23)     /* lowest bit of the exponent */
 
-/* Returns whether a single in 2^-60..2^60 starts at this word. */
-static inline int is_single(const entry *words, int16_t word)
+/* Returns whether a single-precision number in 2^-60..2^60 is stored at this word. */
+static inline int is_single_float(const entry *words, int16_t word)
 {
   const uint32_t bits = read_double_word(words, word);
-  return bits >= MIN_SINGLE && bits <= MAX_SINGLE;
+  return bits >= MIN_SINGLE_BITS && bits <= MAX_SINGLE_BITS;
 }
 
-/* Returns whether the scales of the signals are valid. Fixed point never computes with them. */
+/* Returns 1, because fixed-point code never computes with the scales of the signals. */
 static inline int are_scales_valid(const entry *words)
 {
   (void)words;
   return 1;
 }
 
-/* Returns the significand of a single as an integer, 2^23..2^24 - 1. */
+/* Returns the significand of a single-precision number as an integer, 2^23..2^24 - 1. */
 static inline int32_t significand_of(uint32_t single)
 {
   return (int32_t)((single & (SINGLE_EXPONENT_STEP - 1U)) | SINGLE_EXPONENT_STEP);
 }
 
-/* Converts a number of the state from the unit at this word of the old block to the unit of the new
-   block. Requires valid blocks and |a| <= 2^30. Saturates. Equal units return the same number.
-   Otherwise, the error is below 2^-22 of the result plus 8 LSB of the larger of the two numbers. */
+/* Converts a number of the hysteresis state to the unit of another block. `word` is the index of
+   the unit in both blocks. Requires valid blocks and |a| <= 2^30. Saturates. Returns a for equal
+   units. Otherwise, the error is below 2^-22 of the result plus 8 LSB of the larger number. */
 static inline number convert_unit(number a, const entry *old_words, const entry *new_words,
                                   int16_t word)
 {
@@ -77,20 +77,20 @@ static inline number convert_unit(number a, const entry *old_words, const entry 
   const int32_t numerator = significand_of(from);
   const int32_t denominator = significand_of(to);
   int16_t shift = (int16_t)((int16_t)(from >> 23) - (int16_t)(to >> 23));
-  int32_t scaled_a;
+  int32_t scaled_number;
   if (from == to) {
     return a;
   }
   if (numerator < denominator) {
-    scaled_a = anhyst_share(a, anhyst_ratio(numerator, denominator));
+    scaled_number = anhyst_times_fraction(a, anhyst_ratio(numerator, denominator));
   } else {
-    scaled_a = anhyst_share(a, anhyst_ratio(numerator, 2 * denominator));
+    scaled_number = anhyst_times_fraction(a, anhyst_ratio(numerator, 2 * denominator));
     shift = (int16_t)(shift + 1);
   }
   if (shift >= 0) {
-    return anhyst_shl_q31(scaled_a, (uint16_t)(shift < 31 ? shift : 31));
+    return anhyst_shl_q31(scaled_number, (uint16_t)(shift < 31 ? shift : 31));
   }
-  return scaled_a >> (shift > -31 ? -shift : 31);
+  return scaled_number >> (shift > -31 ? -shift : 31);
 }
 
 #include "../generic/block_checks.h"

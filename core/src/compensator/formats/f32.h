@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Types of the number format single precision, for the templates of the laws in ../generic. */
+/* Types of single precision, for the templates of the laws in ../generic. */
 #ifndef ANHYST_FORMAT_F32_H
 #define ANHYST_FORMAT_F32_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Types of the number format double precision, for the templates of the laws in ../generic. */
+/* Types of double precision, for the templates of the laws in ../generic. */
 #ifndef ANHYST_FORMAT_F64_H
 #define ANHYST_FORMAT_F64_H
 

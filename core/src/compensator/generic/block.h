@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template: the check of a parameter block, for every number format. ../block.c, block_f32.c and
-   block_f64.c include it after their format. */
+   block_f64.c include it after the types of their format. */
 
 #include "../checksum.h"
 
-/* Returns the CRC-32 of all words except its own, each word low byte first. */
-static uint32_t checksum(const entry *words, int32_t length)
+/* Returns the CRC-32 of all words except the checksum's own, each word low byte first. */
+static uint32_t compute_checksum(const entry *words, int32_t length)
 {
   uint32_t sum = ANHYST_CHECKSUM_START;
   for (int32_t i = 0; i < length; i++) {
     if (i != ANHYST_WORD_CRC && i != ANHYST_WORD_CRC + 1) {
-      for (uint16_t half = 0; half < WORD_HALVES; half++) {
-        sum = anhyst_checksum_add(sum, bits_of(words[i], half));
+      for (uint16_t half = 0; half < HALVES_PER_WORD; half++) {
+        sum = anhyst_checksum_add(sum, half_word(words[i], half));
       }
     }
   }
@@ -20,20 +20,21 @@ static uint32_t checksum(const entry *words, int32_t length)
 
 static int is_checksum_right(const entry *words)
 {
-  const uint32_t sum = checksum(words, block_length(words));
-  return is_unsigned(words[ANHYST_WORD_CRC], (uint16_t)(sum & 0xFFFFU)) &&
-         is_unsigned(words[ANHYST_WORD_CRC + 1], (uint16_t)(sum >> 16));
+  const uint32_t sum = compute_checksum(words, block_length(words));
+  return equals_unsigned(words[ANHYST_WORD_CRC], (uint16_t)(sum & 0xFFFFU)) &&
+         equals_unsigned(words[ANHYST_WORD_CRC + 1], (uint16_t)(sum >> 16));
 }
 
-/* Returns whether the head is that of a block of this kind. Reads no word beyond capacity. */
-static int is_head_valid(const entry *words, uint32_t capacity, uint16_t kind)
+/* Returns whether a header is valid for a kind of block. Reads at most `capacity` words. */
+static int is_header_valid(const entry *words, uint32_t capacity, uint16_t kind)
 {
   return capacity >= (uint32_t)ANHYST_BLOCK_LEAST_WORDS &&
-         is_unsigned(words[ANHYST_WORD_MAGIC], ANHYST_BLOCK_MAGIC_LOW) &&
-         is_unsigned(words[ANHYST_WORD_MAGIC + 1], ANHYST_BLOCK_MAGIC_HIGH) &&
+         equals_unsigned(words[ANHYST_WORD_MAGIC], ANHYST_BLOCK_MAGIC_LOW) &&
+         equals_unsigned(words[ANHYST_WORD_MAGIC + 1], ANHYST_BLOCK_MAGIC_HIGH) &&
          is_integer(words[ANHYST_WORD_LAYOUT], ANHYST_BLOCK_LAYOUT, ANHYST_BLOCK_LAYOUT) &&
          is_integer(words[ANHYST_WORD_LENGTH], ANHYST_BLOCK_LEAST_WORDS, MAX_BLOCK_WORDS) &&
-         (uint32_t)block_length(words) <= capacity && is_unsigned(words[ANHYST_WORD_KIND], kind);
+         (uint32_t)block_length(words) <= capacity &&
+         equals_unsigned(words[ANHYST_WORD_KIND], kind);
 }
 
 static int are_limits_valid(const entry *words, int16_t low, int16_t high)
@@ -42,9 +43,9 @@ static int are_limits_valid(const entry *words, int16_t low, int16_t high)
          is_in_range(words[high], words[low], ENTRY_ONE);
 }
 
-/* Returns whether a lag, if there is one, has a table over the gap. Its sum with the flux arm
-   saturates. */
-static int is_lag_valid(const entry *words)
+/* Returns whether the table of the eddy-current lag over the gap is valid, or does not exist. The
+   sum of the lag coefficient and the flux coefficient saturates. */
+static int is_lag_table_valid(const entry *words)
 {
   return words[ANHYST_WORD_GAP_LAG_ARM] == 0 ||
          is_table_over_gap(words, ANHYST_WORD_GAP_LAG_ARM, 0);
@@ -66,18 +67,18 @@ static int are_common_words_valid(const entry *words)
          is_table_over_gap(words, ANHYST_WORD_GAP_OFFSET, -MAX_ENTRY) &&
          is_table_over_gap(words, ANHYST_WORD_GAP_BIAS, -MAX_ENTRY) &&
          is_table_over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, -MAX_ENTRY) &&
-         is_table_over_gap(words, ANHYST_WORD_GAP_FIELD_ARM, MIN_WEIGHT) && is_lag_valid(words) &&
-         are_scales_valid(words);
+         is_table_over_gap(words, ANHYST_WORD_GAP_FIELD_ARM, MIN_WEIGHT) &&
+         is_lag_table_valid(words) && are_scales_valid(words);
 }
 
 static anhyst_status check_block(const kernel_type *kernel, const entry *words, uint32_t capacity)
 {
-  const int is_valid = is_head_valid(words, capacity, kernel->kind) && is_checksum_right(words) &&
+  const int is_valid = is_header_valid(words, capacity, kernel->kind) && is_checksum_right(words) &&
                        are_common_words_valid(words) && kernel->valid(words);
   return is_valid ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
-static uint16_t find_misfit(const entry *words, const entry *scales)
+static uint16_t find_scale_mismatch(const entry *words, const entry *scales)
 {
   for (uint16_t i = 0; i < ANHYST_SCALE_WORDS; i++) {
     if (!(words[ANHYST_WORD_SCALE_DEMAND + i] == scales[i])) {

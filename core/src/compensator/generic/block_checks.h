@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template: checks of the words of a parameter block, for every number format. A law includes
-   ../formats/block_fixed.h or block_real.h, which define the operations on a word. Every check
-   returns 0 for a word that is NaN. */
+   ../formats/block_fixed.h or block_real.h with operations on a word. Checks return 0 for NaN. */
 
-/* Returns the length of a block with a valid head, in words. */
+/* Returns the length of a block in words. Requires a valid header. */
 static inline int32_t block_length(const entry *words)
 {
   return (int32_t)words[ANHYST_WORD_LENGTH];
@@ -14,15 +13,15 @@ static inline int is_in_range(entry word, entry low, entry high)
   return word >= low && word <= high;
 }
 
-/* Returns whether a table with this number of entries is in the block, after its head. */
+/* Returns whether a table of a given first word and length is in the block, after the header. */
 static inline int is_table_in_block(const entry *words, entry first, int32_t entries)
 {
   return entries > 0 && entries <= block_length(words) &&
          is_integer(first, ANHYST_BLOCK_LEAST_WORDS, block_length(words) - entries);
 }
 
-/* Returns whether a table is in the block, starts at `least` or above, ends at ENTRY_ONE or below,
-   never falls, and rises by at most max_rise between neighbours. */
+/* Returns whether a table is in the block, starts at or above `least`, ends at or below ENTRY_ONE,
+   never falls, and rises by at most max_rise between adjacent entries. */
 static inline int is_table_rising(const entry *words, entry first, int32_t entries, entry least,
                                   entry max_rise)
 {
@@ -42,8 +41,7 @@ static inline int is_table_rising(const entry *words, entry first, int32_t entri
   return 1;
 }
 
-/* Returns whether the word is the index of a table over the gap whose entries are all at least
-   `least`. */
+/* Returns whether a word is the index of a table over the gap with entries of at least `least`. */
 static inline int is_table_over_gap(const entry *words, int16_t word, entry least)
 {
   const int32_t entries = ((int32_t)1 << (int32_t)words[ANHYST_WORD_GAP_SEGMENTS]) + 1;

@@ -1,20 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Words of a floating-point block, for ../generic/block_checks.h. Include after f32.h or f64.h. */
+/* Words of a floating-point block, for block_checks.h. Include after f32.h or f64.h. */
 #ifndef ANHYST_BLOCK_REAL_H
 #define ANHYST_BLOCK_REAL_H
 
 #define ENTRY_ONE ((entry)1)
-#define MIN_WEIGHT ((entry)1e-30) /* the smallest positive weight */
+#define MIN_WEIGHT ((entry)1e-30) /* smallest positive weight */
 #define MAX_ENTRY ((entry)1e9)
 #define MAX_FLUX_LIMIT ((entry)1)
 #define MAX_CURRENT_SHIFT 0
 #define MAX_FLUX_SHIFT 0
 #define MAX_BLOCK_WORDS ANHYST_BLOCK_MOST_REAL_WORDS
 /* Number of 16-bit halves in a word. */
-#define WORD_HALVES ((uint16_t)(sizeof(entry) / sizeof(uint16_t)))
+#define HALVES_PER_WORD ((uint16_t)(sizeof(entry) / sizeof(uint16_t)))
 
-/* Returns 16 bits of a word; half 0 contains the lowest ones, for any byte order in memory. */
-static inline uint16_t bits_of(entry word, uint16_t half)
+/* Returns half of a word: the lowest 16 bits if the argument `half` is 0, for any byte order. */
+static inline uint16_t half_word(entry word, uint16_t half)
 {
   union {
     entry word;
@@ -29,43 +29,42 @@ static inline int is_integer(entry word, int32_t low, int32_t high)
   return word >= (entry)low && word <= (entry)high && word == (entry)(int32_t)word;
 }
 
-/* Returns whether all bits of a word are those of this unsigned integer. */
-static inline int is_unsigned(entry word, uint16_t value)
+/* Returns whether the bits of a word are those of an unsigned integer. */
+static inline int equals_unsigned(entry word, uint16_t value)
 {
-  for (uint16_t half = 0; half < WORD_HALVES; half++) {
-    if (bits_of(word, half) != bits_of((entry)value, half)) {
+  for (uint16_t half = 0; half < HALVES_PER_WORD; half++) {
+    if (half_word(word, half) != half_word((entry)value, half)) {
       return 0;
     }
   }
   return 1;
 }
 
-/* Returns whether an entry of a table has a valid size. */
-static inline int is_entry_valid(entry word, entry before)
+/* Returns whether the absolute value of a table entry is at most MAX_ENTRY. */
+static inline int is_entry_valid(entry word, entry previous)
 {
-  (void)before;
+  (void)previous;
   return word >= -MAX_ENTRY && word <= MAX_ENTRY;
 }
 
-static inline int is_single(const entry *words, int32_t word)
+static inline int is_single_float(const entry *words, int32_t word)
 {
   return words[word] >= (entry)8.67361738e-19 && words[word] <= (entry)1.152921504606847e18 &&
          words[word + 1] == (entry)0;
 }
 
-/* Returns whether the scales of the signals are valid for computations. The range of the gap is
-   empty if nothing depends on the gap. */
+/* Returns whether all scales are valid. The gap has an empty range if nothing depends on it. */
 static inline int are_scales_valid(const entry *words)
 {
   const entry low = words[ANHYST_WORD_SCALE_GAP_LOW];
   const entry high = words[ANHYST_WORD_SCALE_GAP_HIGH];
-  return is_single(words, ANHYST_WORD_SCALE_DEMAND) &&
-         is_single(words, ANHYST_WORD_SCALE_CURRENT) && low >= -MAX_ENTRY && high <= MAX_ENTRY &&
-         (low == high || high - low >= (entry)8.67361738e-19);
+  return is_single_float(words, ANHYST_WORD_SCALE_DEMAND) &&
+         is_single_float(words, ANHYST_WORD_SCALE_CURRENT) && low >= -MAX_ENTRY &&
+         high <= MAX_ENTRY && (low == high || high - low >= (entry)8.67361738e-19);
 }
 
-/* Converts a number of the state from the unit at this word of the old block to the unit of the new
-   block. Requires valid blocks. Equal units return the same number. */
+/* Converts a number of the hysteresis state to the unit of another block. The argument `word` is
+   the index of the unit in both blocks. Requires valid blocks. Returns a itself for equal units. */
 static inline number convert_unit(number a, const entry *old_words, const entry *new_words,
                                   int32_t word)
 {

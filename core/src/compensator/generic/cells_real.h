@@ -1,31 +1,29 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the play-cell law in floating point, for generic/cells.h. cells_fixed.h describes
-   the functions. Fields, plays and magnetisations are fractions on a grid of 2*NUMBER_EPS. Sums and
-   differences of two of them are exact. Therefore, no errors accumulate in the sum of the cells at
-   rest. */
+   the functions. Fields, plays and magnetisations are fractions on a grid of 2*NUMBER_EPS. The sum
+   or difference of two such fractions is exact: the sum of the cells at rest does not drift. */
 
 typedef struct {
-  number width; /* of a segment */
+  number width; /* width of a segment */
   number count; /* 1/width */
-} grid;
+} segment_grid;
 
-/* A position on a table row. */
+/* Position in a table row. */
 typedef struct {
-  const entry *at; /* lower end of the segment */
-  number part;     /* of the segment, 0..1 */
-} spot;
+  const entry *segment; /* lower end of the segment */
+  number fraction;      /* position within the segment, 0..1 */
+} table_position;
 
-#define GRID_STEP ((number)2 * NUMBER_EPS)
-#define FIELD_MAX ((number)1 - GRID_STEP)
-#define FIELD_MIN (GRID_STEP - (number)1)
-#define WHOLE_SEGMENT ((number)1) /* as a part */
+#define NUMBER_STEP ((number)2 * NUMBER_EPS)
+#define MAX_FIELD ((number)1 - NUMBER_STEP)
+#define MIN_FIELD (NUMBER_STEP - (number)1)
+#define WHOLE_SEGMENT ((number)1) /* 1.0 as a fraction of a segment */
 
 #define POWER_OF_HALF(n) ((number)1 / (number)(1L << (n)))
 
 #define RESIDUAL_DEADBAND NUMBER_EPS
 
-/* Rounds to the nearest multiple of GRID_STEP, which is the spacing of numbers in 2..4. Requires
-   |a| < 1. */
+/* Rounds to a multiple of NUMBER_STEP, the spacing of numbers in 2..4. Requires |a| < 1. */
 static inline number round_to_grid(number a)
 {
   const number shifted = a + (number)3;
@@ -34,13 +32,13 @@ static inline number round_to_grid(number a)
 
 static inline int integer_of(entry word) { return (int)word; }
 
-/* Returns a, or -a for a mirror of -1. */
+/* Returns a if mirror is 0, and -a if mirror is -1. */
 static inline number mirrored(number a, int mirror) { return mirror != 0 ? -a : a; }
 static inline number clamped(number a, number low, number high) { return clamp(a, low, high); }
 static inline int is_around_zero(number x, number half) { return x >= -half && x < half; }
 
-/* Saturates to -1 .. 1; returns the lower end for NaN. */
-static inline number saturate(number a) { return clamp(a, FIELD_MIN, FIELD_MAX); }
+/* Limits a number to -1..1. Returns the lower limit for NaN. */
+static inline number saturate(number a) { return clamp(a, MIN_FIELD, MAX_FIELD); }
 static inline number sum(number a, number b) { return a + b; }
 static inline number difference(number a, number b) { return a - b; }
 static inline number unsafe_sum(number a, number b) { return a + b; }
@@ -50,71 +48,71 @@ static inline number quarter(number a) { return (number)0.25 * a; }
 static inline number four_times(number a) { return (number)4 * a; }
 static inline number word_value(entry word) { return round_to_grid(word); }
 
-static inline number value_at(spot at)
+static inline number row_value(table_position position)
 {
-  return round_to_grid(at.at[0] + at.part * (at.at[1] - at.at[0]));
+  return round_to_grid(position.segment[0] +
+                       position.fraction * (position.segment[1] - position.segment[0]));
 }
 
-static inline number between(spot position, const entry *other)
+static inline number row_difference(table_position position, const entry *other)
 {
-  const spot there = {other, position.part};
-  return value_at(there) - value_at(position);
+  const table_position other_position = {other, position.fraction};
+  return row_value(other_position) - row_value(position);
 }
 
-static inline grid grid_from_halvings(unsigned halvings)
+static inline segment_grid grid_from_halvings(unsigned halvings)
 {
   const number count = (number)(1L << halvings);
-  const grid width = {(number)1 / count, count};
+  const segment_grid width = {(number)1 / count, count};
   return width;
 }
 
-static inline number width_of(grid width) { return width.width; }
+static inline number width_of(segment_grid width) { return width.width; }
 
-static inline number segments_to_field(int segments, grid width)
+static inline number segments_to_field(int segments, segment_grid width)
 {
   return (number)segments * width.width;
 }
 
 /* Rounds down to an integer. Requires |a| < 2^15. */
-static inline int floor_of(number a)
+static inline int floor_to_int(number a)
 {
   const int found = (int)a;
   return (number)found > a ? found - 1 : found;
 }
 
-static inline spot spot_from_zero(const entry *zero, number x, grid width)
+static inline table_position locate_from_zero(const entry *zero, number x, segment_grid width)
 {
-  const number place = x * width.count;
-  const int segment = floor_of(place);
-  const spot at = {zero + segment, place - (number)segment};
-  return at;
+  const number scaled_field = x * width.count;
+  const int segment = floor_to_int(scaled_field);
+  const table_position position = {zero + segment, scaled_field - (number)segment};
+  return position;
 }
 
-static inline number segment_begin(number x, grid width)
+static inline number segment_begin(number x, segment_grid width)
 {
-  return segments_to_field(floor_of(x * width.count), width);
+  return segments_to_field(floor_to_int(x * width.count), width);
 }
 
-static inline number part_at(number x, number begin, grid width)
+static inline number fraction_at(number x, number begin, segment_grid width)
 {
   return (x - begin) * width.count;
 }
 
-/* Returns the field at a position on a segment, rounded down by up to 1.25 grid steps, so that it
-   is below the upper end. */
-static inline number field_at_part(number begin, grid width, number part)
+/* Returns the field at a fraction of a segment, up to 1.25 steps too low, below the upper end. */
+static inline number field_at_fraction(number begin, segment_grid width, number fraction)
 {
-  const number x = round_to_grid(begin + part * width.width - (number)0.75 * GRID_STEP);
+  const number x = round_to_grid(begin + fraction * width.width - (number)0.75 * NUMBER_STEP);
   return x > begin ? x : begin;
 }
 
-static inline number limit_part(number part)
+static inline number limit_fraction(number fraction)
 {
-  return part < WHOLE_SEGMENT ? part : WHOLE_SEGMENT - NUMBER_EPS;
+  return fraction < WHOLE_SEGMENT ? fraction : WHOLE_SEGMENT - NUMBER_EPS;
 }
 
-static inline number divide_to_part(number residual, number rise) { return residual / rise; }
-static inline number rise_at_part(number rise, number part) { return rise * part; }
+static inline number divide_to_fraction(number residual, number rise) { return residual / rise; }
+static inline number multiply_rise(number rise, number fraction) { return rise * fraction; }
 
 static inline int has_segment(const candidate *at)
 {
@@ -122,44 +120,44 @@ static inline int has_segment(const candidate *at)
          at->of.cells.width > 0;
 }
 
-static inline grid candidate_grid(const candidate *at)
+static inline segment_grid trial_grid(const candidate *trial)
 {
-  const grid width = {at->of.cells.width, (number)1 / at->of.cells.width};
+  const segment_grid width = {trial->of.cells.width, (number)1 / trial->of.cells.width};
   return width;
 }
 
-static inline number candidate_begin(const candidate *at, number x)
+static inline number trial_lower_end(const candidate *trial, number x)
 {
   (void)x;
-  return at->of.cells.begin;
+  return trial->of.cells.begin;
 }
 
-static inline void set_segment(candidate *at, const entry *words, int segment, number begin,
-                               grid width)
+static inline void set_segment(candidate *trial, const entry *words, int segment, number begin,
+                               segment_grid width)
 {
-  at->of.cells.segment = segment;
-  at->of.cells.begin = begin;
-  at->of.cells.width = width.width;
-  at->of.cells.rise = word_value(words[segment + 1]) - word_value(words[segment]);
+  trial->of.cells.segment = segment;
+  trial->of.cells.begin = begin;
+  trial->of.cells.width = width.width;
+  trial->of.cells.rise = word_value(words[segment + 1]) - word_value(words[segment]);
 }
 
 static inline number quarter_rise(const candidate *at) { return quarter(at->of.cells.rise); }
 
-static inline int is_rounding(number above, number below, grid width)
+static inline int is_rounding_error(number above, number below, segment_grid width)
 {
   (void)width;
-  return above - below <= (number)4 * GRID_STEP;
+  return above - below <= (number)4 * NUMBER_STEP;
 }
 
-/* Returns whether a flux is valid; 0 for NaN. */
+/* Returns whether a flux is in -1..1. Returns 0 for NaN. */
 static inline int is_flux_valid(number flux) { return flux > (number)-1 && flux < (number)1; }
-static inline number inner_limit(const entry *words, int word) { return words[word]; }
+static inline number internal_current_limit(const entry *words, int word) { return words[word]; }
 
-#define MAX_ROW_DIFFERENCE ((number)1) /* maximum difference between two rows */
-#define MIN_THRESHOLD GRID_STEP        /* smallest threshold of a cell */
-/* Rounding error of a weight between two table entries. */
-#define ARM_ROUNDING NUMBER_EPS
-/* Minimum rise on a segment, larger than rounding errors. */
+#define MAX_ROW_DIFFERENCE ((number)1) /* maximum difference of two rows */
+#define MIN_THRESHOLD NUMBER_STEP      /* smallest threshold of a play cell */
+/* Rounding error of a weight that is interpolated between two table entries. */
+#define WEIGHT_ROUNDING NUMBER_EPS
+/* Smallest rise of a weighted sum over a segment that is not a rounding error. */
 #define MIN_SEGMENT_RISE ((number)0.5 * NUMBER_EPS)
 #define QUARTER_WEIGHT ((number)0.25)
 
@@ -172,7 +170,7 @@ static inline number interpolate_line(number low, number high, number numerator,
   return low + (high - low) * (numerator / denominator);
 }
 
-/* Rounds to the nearest multiple of 2*GRID_STEP. Requires |a| < 2. */
+/* Rounds to the nearest multiple of 2*NUMBER_STEP. Requires |a| < 2. */
 static inline number round_to_coarse_grid(number a)
 {
   const number shifted = a + (number)6;
@@ -181,42 +179,45 @@ static inline number round_to_coarse_grid(number a)
 
 #if ANHYST_MEMORIES > 1
 
-#define MIN_SHARE ((number)0.001953125)
+#define MIN_AREA_FRACTION ((number)0.001953125)
 
-#define MIN_STIFFNESS ((number)1.52587890625e-5)
-#define MAX_STIFFNESS ((number)32768)
+#define MIN_FIELD_SLOPE ((number)1.52587890625e-5)
+#define MAX_FIELD_SLOPE ((number)32768)
 
-static inline number read_own_slope(const entry *words)
+static inline number read_coupling_slope(const entry *words)
 {
   return four_times(words[ANHYST_WORD_SOLID_OWN]);
 }
-static inline number read_hold_slope(const entry *words) { return words[ANHYST_WORD_SOLID_HOLD]; }
+static inline number read_diffusion_slope(const entry *words)
+{
+  return words[ANHYST_WORD_SOLID_HOLD];
+}
 
-static inline entry inner_share(entry surface, int layers)
+static inline entry inner_area_fraction(entry surface, int layers)
 {
   return ((entry)1 - surface) / (entry)layers;
 }
 
-static inline number multiply_by_share(number a, entry part) { return a * part; }
+static inline number times_fraction(number a, entry f) { return a * f; }
 static inline number multiply_by_slope(number a, number slope) { return a * slope; }
-static inline number own_field(number flux, number own) { return flux * own; }
-static inline number divide_by_share(number a, entry share) { return a / share; }
+static inline number coupling_field(number flux, number slope) { return flux * slope; }
+static inline number divide_by_fraction(number a, entry fraction) { return a / fraction; }
 
-static inline number law_stiffness(number width, number rise, number own)
+static inline number segment_field_slope(number width, number rise, number coupling_slope)
 {
-  return clamp(quarter(width / rise) + own, MIN_STIFFNESS, MAX_STIFFNESS);
+  return clamp(quarter(width / rise) + coupling_slope, MIN_FIELD_SLOPE, MAX_FIELD_SLOPE);
 }
 
-static inline number secant(number rise, number run)
+static inline number secant_slope(number rise, number run)
 {
-  return clamp(rise / run, MIN_STIFFNESS, MAX_STIFFNESS);
+  return clamp(rise / run, MIN_FIELD_SLOPE, MAX_FIELD_SLOPE);
 }
 
-/* Returns the field unchanged. In fixed point, large fields of a line are scaled down. */
-static inline number to_coarse(number a) { return a; }
-static inline number divide_slope_by_share(number stiff, entry share) { return stiff / share; }
+/* Returns the field unchanged, because only fixed point needs a smaller scale. */
+static inline number to_coarse_field(number a) { return a; }
+static inline number divide_slope(number slope, entry fraction) { return slope / fraction; }
 
-static inline number slope_of_arm(entry field_arm, entry laminated)
+static inline number field_slope_of_current(entry field_arm, entry laminated)
 {
   return (number)1 / (field_arm * ((entry)1 - laminated));
 }
@@ -226,33 +227,34 @@ static inline number divide_weights(number numerator, number denominator)
   return numerator / denominator;
 }
 
-static inline number divide_slope_by_solid_part(number slope, entry laminated)
+static inline number divide_slope_by_solid(number slope, entry laminated)
 {
   return slope / ((number)1 - laminated);
 }
 
-static inline entry slope_share(number part, number other) { return part / (part + other); }
+static inline entry slope_fraction(number slope, number other) { return slope / (slope + other); }
 
 static inline int is_residual_small(number residual, number slope)
 {
   return absolute(residual) <= NUMBER_EPS * ((number)256 + (number)16 * slope);
 }
 
-static inline number owed_flux(const entry *words, number residual, number most)
+static inline number outstanding_flux(const entry *words, number residual, number most)
 {
   return clamp(residual / words[ANHYST_WORD_SOLID_HOLD], -most, most);
 }
 
-/* Sets the arms of the equation own*f + x = field - falls*(f - flux), scaled to sizes of at most
-   1/2. Returns its target, divided by 4. */
-static inline number set_line(arms_type *arms, number field, number falls, number own, number flux)
+/* Sets the coefficients of the equation coupling_slope*f + x = field - line_slope*(f - flux),
+   scaled to at most 1/2 in size. Returns the target of the equation, divided by 4. */
+static inline number set_load_line(arms_type *arms, number field, number line_slope,
+                                   number coupling_slope, number flux)
 {
-  const number arm = falls + own;
+  const number arm = line_slope + coupling_slope;
   const number scale = (number)0.5 / ((number)1 + absolute(arm));
   arms->bias = 0;
   arms->flux_arm = scale * arm;
   arms->field_arm = scale;
-  return quarter(scale * (field + falls * flux));
+  return quarter(scale * (field + line_slope * flux));
 }
 
 static inline int are_solid_words_valid(const entry *words)
@@ -262,7 +264,7 @@ static inline int are_solid_words_valid(const entry *words)
   const entry surface = words[ANHYST_WORD_SOLID_SURFACE];
   const entry laminated = words[ANHYST_WORD_SOLID_LAMINATED];
   return hold > 0 && hold <= (entry)16384 && own >= (entry)-0.5 && own <= 0 &&
-         surface >= MIN_SHARE && surface <= (entry)1 - (entry)3 * MIN_SHARE && laminated >= 0 &&
-         laminated < 1;
+         surface >= MIN_AREA_FRACTION && surface <= (entry)1 - (entry)3 * MIN_AREA_FRACTION &&
+         laminated >= 0 && laminated < 1;
 }
 #endif

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template: the closed form of the simplified law, exact for a step of any size. simplified.h is
-   included before. On a rising path, p is the bounded state, and v = 1 - p. The distance from p = 0
-   is z = -ln v + nu*v - nu, which rises in proportion to the flux. A table over z gives p. Its
-   segment width doubles from octave to octave, because the curve is steep at z = 0 and flat at
-   large z. A search in the same table gives z, so that both directions agree. */
+   included before. On a path with rising flux, p is the hysteresis field u, and v = 1 - p. The
+   distance from p = 0 is z = -ln v + nu*v - nu, which rises in proportion to the flux. A table
+   contains p as a function of z. The segment width doubles from octave to octave, because the curve
+   is steep at z = 0 and flat at large z. A search in the same table gives z for p. */
 
 static number state_at_distance(const entry *words, number z)
 {
-  return value_at(locate_distance(words, z < DISTANCE_MAX ? z : DISTANCE_MAX));
+  return table_value(locate_distance(words, z < MAX_DISTANCE ? z : MAX_DISTANCE));
 }
 
 static number distance_at_state(const entry *words, number state)
@@ -22,11 +22,11 @@ static number distance_at_state(const entry *words, number state)
     }
   }
   const number rise_up_to_state = difference(state, word_value(table[index]));
-  return distance_at_part(words, index,
-                          part_at_rise(rise_up_to_state, table[index], table[index + 1]));
+  return distance_at_fraction(words, index,
+                              fraction_at_rise(rise_up_to_state, table[index], table[index + 1]));
 }
 
-static number path_start(const entry *words, number state)
+static number stored_path_start(const entry *words, number state)
 {
   return state < 0 ? state : distance_at_state(words, state);
 }
@@ -36,21 +36,21 @@ static number state_at_flux(const entry *words, const simplified_memory *path, n
   const number travel = difference(flux, path->turn);
   number z = path->start;
   if (path->start < 0) {
-    const number hold_state = sum(path->start, hold_change(words, travel));
-    if (hold_state < 0) {
-      return hold_state;
+    const number linear_state = sum(path->start, linear_state_change(words, travel));
+    if (linear_state < 0) {
+      return linear_state;
     }
-    z = -hold_distance(words, path->start);
+    z = -linear_distance(words, path->start);
   }
   z = sum(z, distance_of_travel(words, travel));
   return state_at_distance(words, z > 0 ? z : 0);
 }
 
-static int is_simplified_valid(const entry *words)
+static int is_simplified_block_valid(const entry *words)
 {
   const entry octaves = words[ANHYST_WORD_SIMPLE_OCTAVES];
   const entry n = words[ANHYST_WORD_SIMPLE_SEGMENTS];
-  return is_path_valid(words) && is_integer(octaves, 4, 14) && is_integer(n, 2, 6) &&
+  return are_path_words_valid(words) && is_integer(octaves, 4, 14) && is_integer(n, 2, 6) &&
          is_table_rising(words, words[ANHYST_WORD_SIMPLE_CURVE],
                          ((int32_t)octaves + 1) * ((int32_t)1 << (int32_t)n) + 1, 0, ENTRY_ONE);
 }

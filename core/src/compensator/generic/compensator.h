@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template: the compensator, for every number format. The operations that depend on the format are
    included before: ../compensator.c for fixed point, compensator_real.h for floating point. stage.h
-   defines the stages of the trial step. */
+   defines the stages of a trial step. */
 #include "anhyst/numeric/port.h"
 
-/* Limits a to low..high. Sets a flag if it exceeds a limit by more than the tolerance. */
-static inline number limited(compensator *c, number a, number low, number high, number tolerance,
-                             uint16_t flag)
+/* Limits a to low..high. Sets a flag if a exceeds a limit by more than the tolerance. */
+static inline number clamp_and_flag(compensator *c, number a, number low, number high,
+                                    number tolerance, uint16_t flag)
 {
   if (a >= low && a <= high) {
     return a;
@@ -17,9 +17,9 @@ static inline number limited(compensator *c, number a, number low, number high, 
   return a > high ? high : low;
 }
 
-/* Starts a call with these flags. In a debug build it marks the compensator as busy, and an
-   assertion fails if it is already busy. */
-static inline void enter(compensator *c, uint16_t flags)
+/* Sets the flags at the start of a call. A debug build also marks the compensator as busy, and an
+   assertion fails if the compensator is already busy. */
+static inline void begin_call(compensator *c, uint16_t flags)
 {
 #if ANHYST_HAS_ASSERT
   ANHYST_ASSERT((c->flags & ANHYST_FLAG_BUSY) == 0U);
@@ -29,7 +29,7 @@ static inline void enter(compensator *c, uint16_t flags)
 #endif
 }
 
-static inline void leave(compensator *c)
+static inline void end_call(compensator *c)
 {
 #if ANHYST_HAS_ASSERT
   c->flags &= (uint16_t)~ANHYST_FLAG_BUSY;
@@ -38,9 +38,8 @@ static inline void leave(compensator *c)
 #endif
 }
 
-/* Returns the position of the gap in the tables. Stores the gap, and sets a flag if it is out of
-   range. */
-static gap_position accept_gap(compensator *c, number gap)
+/* Stores the gap, sets a flag if it is out of range, and returns the position in the gap tables. */
+static gap_position store_gap(compensator *c, number gap)
 {
   const number fraction = gap_fraction(c, gap);
   c->gap = gap;
@@ -50,48 +49,48 @@ static gap_position accept_gap(compensator *c, number gap)
   return locate_gap(c->words, fraction);
 }
 
-/* Returns the coefficients of the current for this tick. Iron with a lag needs more current while
-   its flux rises, in proportion to the rise per tick. At constant flux, the changes of bias and arm
-   cancel. */
-static arms_type arms_at(const compensator *c, gap_position position)
+/* Returns the coefficients of the current for this tick. With an eddy-current lag, the current
+   contains a term that is proportional to the change of the flux per tick. At constant flux, the
+   changes of bias and flux coefficient cancel. */
+static arms_type current_coefficients(const compensator *c, gap_position position)
 {
   const entry *words = c->words;
   arms_type arms;
-  arms.bias = bias_of(interpolate_over_gap(position, words[ANHYST_WORD_GAP_BIAS]));
+  arms.bias = bias_from_table(interpolate_over_gap(position, words[ANHYST_WORD_GAP_BIAS]));
   arms.flux_arm = interpolate_over_gap(position, words[ANHYST_WORD_GAP_FLUX_ARM]);
   arms.field_arm = interpolate_over_gap(position, words[ANHYST_WORD_GAP_FIELD_ARM]);
   if (words[ANHYST_WORD_GAP_LAG_ARM] > 0) {
     const entry lag = interpolate_over_gap(position, words[ANHYST_WORD_GAP_LAG_ARM]);
-    arms.flux_arm = add_arms(arms.flux_arm, lag);
-    arms.bias = limit_bias(arms.bias - product(c->flux_applied, lag));
+    arms.flux_arm = add_coefficients(arms.flux_arm, lag);
+    arms.bias = limit_bias(arms.bias - multiply(c->flux_applied, lag));
   }
   return arms;
 }
 
-static number offset_at(const entry *words, gap_position position)
+static number gap_offset(const entry *words, gap_position position)
 {
   return word_to_signal(interpolate_over_gap(position, words[ANHYST_WORD_GAP_OFFSET]));
 }
 
-/* Returns the flux for the demand at this gap; at least 0 if the output is proportional to its
-   square. */
+/* Returns the flux for a demand; it is not negative if the output is proportional to its square. */
 static number demand_to_flux(compensator *c, number demand, gap_position position)
 {
   const entry *words = c->words;
   const number low = word_to_signal(words[ANHYST_WORD_DEMAND_LOW]);
   const number high = word_to_signal(words[ANHYST_WORD_DEMAND_HIGH]);
-  const number accepted = limited(c, demand, low, high, DEMAND_TOLERANCE, ANHYST_DEMAND_LIMITED);
-  const number above_offset = subtract(accepted, offset_at(words, position));
+  const number accepted =
+      clamp_and_flag(c, demand, low, high, DEMAND_TOLERANCE, ANHYST_DEMAND_LIMITED);
+  const number above_offset = subtract(accepted, gap_offset(words, position));
   const number limit = flux_limit(words);
   if (above_offset < 0 && words[ANHYST_WORD_POWER] == 2) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  const number flux = limited(c, output_to_flux(words, above_offset, position), -limit, limit, 0,
-                              ANHYST_FLUX_LIMITED);
-  return to_inner_flux(words, flux);
+  const number flux = clamp_and_flag(c, output_to_flux(words, above_offset, position), -limit,
+                                     limit, 0, ANHYST_FLUX_LIMITED);
+  return to_internal_flux(words, flux);
 }
 
-static const kernel_type *kernel_for(const kernel_type *kernel, const entry *words)
+static const kernel_type *select_kernel(const kernel_type *kernel, const entry *words)
 {
   return kernel->for_block != 0 ? kernel->for_block(words) : kernel;
 }
@@ -110,9 +109,9 @@ static void demagnetise(compensator *c)
   }
 }
 
-static void init(compensator *c, const kernel_type *kernel, const entry *words)
+static void init_state(compensator *c, const kernel_type *kernel, const entry *words)
 {
-  c->kernel = kernel_for(kernel, words);
+  c->kernel = select_kernel(kernel, words);
   c->words = words;
   read_scales(c);
   c->current = 0;
@@ -124,100 +123,101 @@ static void init(compensator *c, const kernel_type *kernel, const entry *words)
   demagnetise(c);
 }
 
-static void solve(compensator *c, number demand, number gap)
+static void solve_demand(compensator *c, number demand, number gap)
 {
   const entry *words = c->words;
-  enter(c, 0);
-  const gap_position position = accept_gap(c, gap);
-  c->arms = arms_at(c, position);
+  begin_call(c, 0);
+  const gap_position position = store_gap(c, gap);
+  c->arms = current_coefficients(c, position);
   c->flux = demand_to_flux(c, demand, position);
-  if (c->stage == ANHYST_STAGE_AHEAD) { /* a step that was not committed */
+  if (c->stage == ANHYST_STAGE_AHEAD) { /* a trial step that was not committed */
     c->stage = ANHYST_STAGE_UNKNOWN;
     c->flags |= ANHYST_UNCOMMITTED;
   }
   const number field = c->kernel->field(c);
   const number needed =
-      c->arms.bias + product(c->flux, c->arms.flux_arm) + product(field, c->arms.field_arm);
+      c->arms.bias + multiply(c->flux, c->arms.flux_arm) + multiply(field, c->arms.field_arm);
   const number current =
-      limited(c, needed, current_limit(words, ANHYST_WORD_CURRENT_LOW),
-              current_limit(words, ANHYST_WORD_CURRENT_HIGH), 0, ANHYST_CURRENT_LIMITED);
+      clamp_and_flag(c, needed, current_limit(words, ANHYST_WORD_CURRENT_LOW),
+                     current_limit(words, ANHYST_WORD_CURRENT_HIGH), 0, ANHYST_CURRENT_LIMITED);
   c->stage = ANHYST_STAGE_AHEAD;
-  c->current = to_outer_current(words, current);
-  leave(c);
+  c->current = to_external_current(words, current);
+  end_call(c);
 }
 
-/* Commits the solved current by a copy, unless a limit of the current applied: then the flux is
-   searched for. In this case, the law has stored its trial step at the limit, so that the search is
-   short. Leaves the state unchanged if the applied current is not finite. */
-static void commit(compensator *c, number applied, number gap)
+/* Commits the solved current by a copy of the trial step. If the solved current was limited, or
+   another current was applied, searches for the flux of the applied current. The trial step of a
+   limited current is already at the limit, so that the search is short. An applied current that is
+   not finite leaves the state unchanged. */
+static void commit_current(compensator *c, number applied, number gap)
 {
   const entry *words = c->words;
   const int is_ahead = c->stage == ANHYST_STAGE_AHEAD;
   const int is_at_gap = is_ahead && gap == c->gap;
   const int is_solved =
       is_at_gap && applied == c->current && (c->flags & ANHYST_CURRENT_LIMITED) == 0U;
-  enter(c, (uint16_t)(c->flags & (is_ahead ? 0xFFFFU : ANHYST_CONDITIONING)));
-  (void)limited(c, applied, word_to_signal(words[ANHYST_WORD_CURRENT_LOW]),
-                word_to_signal(words[ANHYST_WORD_CURRENT_HIGH]), CURRENT_TOLERANCE,
-                ANHYST_CURRENT_LIMITED);
+  begin_call(c, (uint16_t)(c->flags & (is_ahead ? 0xFFFFU : ANHYST_CONDITIONING)));
+  (void)clamp_and_flag(c, applied, word_to_signal(words[ANHYST_WORD_CURRENT_LOW]),
+                       word_to_signal(words[ANHYST_WORD_CURRENT_HIGH]), CURRENT_TOLERANCE,
+                       ANHYST_CURRENT_LIMITED);
   if (!is_at_gap) {
-    c->arms = arms_at(c, accept_gap(c, gap));
+    c->arms = current_coefficients(c, store_gap(c, gap));
   }
   if (!is_finite(applied)) {
     c->stage = ANHYST_STAGE_UNKNOWN;
-    leave(c);
+    end_call(c);
     return;
   }
-  c->flux_applied = is_solved ? c->flux : c->kernel->flux(c, to_inner_current(words, applied));
+  c->flux_applied = is_solved ? c->flux : c->kernel->flux(c, to_internal_current(words, applied));
   if (c->kernel->keep != 0) {
     c->kernel->keep(c);
   }
   c->memory = c->next.memory;
   c->applied = applied;
   c->stage = ANHYST_STAGE_HERE;
-  leave(c);
+  end_call(c);
 }
 
-static number output(const compensator *c)
+static number model_output(const compensator *c)
 {
   const gap_position position = locate_gap(c->words, gap_fraction(c, c->gap));
-  return add(flux_to_output(c->words, c->flux_applied, position), offset_at(c->words, position));
+  return add(flux_to_output(c->words, c->flux_applied, position), gap_offset(c->words, position));
 }
 
-/* Requires two blocks with the same scales. */
-static void swap(compensator *c, const entry *words)
+/* Replaces the parameter block. Requires that both blocks have the same scales. */
+static void swap_block(compensator *c, const entry *words)
 {
-  const number output_before = output(c);
+  const number output_before = model_output(c);
   const gap_position position = locate_gap(words, gap_fraction(c, c->gap));
-  enter(c, 0);
-  number flux = to_inner_flux(
-      words, output_to_flux(words, subtract(output_before, offset_at(words, position)), position));
+  begin_call(c, 0);
+  number flux = to_internal_flux(
+      words, output_to_flux(words, subtract(output_before, gap_offset(words, position)), position));
   if (words[ANHYST_WORD_POWER] == 2 && c->flux_applied < 0) {
     flux = -flux;
   }
   flux = limit_flux(flux);
-  c->kernel = kernel_for(c->kernel, words);
+  c->kernel = select_kernel(c->kernel, words);
   c->kernel->carry(c, words, flux);
   c->flux_applied = flux;
   c->words = words;
   read_scales(c);
   c->stage = ANHYST_STAGE_UNKNOWN;
-  leave(c);
+  end_call(c);
 }
 
-static int32_t conditioning_length(const compensator *c)
+static int32_t conditioning_ticks(const compensator *c)
 {
   return (int32_t)c->words[ANHYST_WORD_CONDITION_CYCLES] * 2 *
          (int32_t)c->words[ANHYST_WORD_CONDITION_TICKS];
 }
 
-/* Returns the current of a tick of the start-up sequence as a word of the block. */
-static entry conditioning(const compensator *c, int32_t tick)
+/* Returns the current at a tick of the conditioning sequence, as a word of the block. */
+static entry conditioning_word(const compensator *c, int32_t tick)
 {
   const int32_t ramp = (int32_t)c->words[ANHYST_WORD_CONDITION_TICKS];
   const number low = c->words[ANHYST_WORD_CURRENT_LOW];
   const number span = c->words[ANHYST_WORD_CURRENT_HIGH] - low;
-  if (tick < 0 || tick >= conditioning_length(c)) {
+  if (tick < 0 || tick >= conditioning_ticks(c)) {
     return 0;
   }
   const int32_t phase = tick % (2 * ramp);

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Operations of a floating-point compensator, for compensator.h. Signals are in the units of the
-   model; internally, demand and current are fractions of full scale. */
+   model. Internally, demand and current are fractions of full scale. */
 
-/* 2^-15: tolerance of a signal beyond a limit. */
-#define FRACTION_TOLERANCE ((number)3.0517578125e-5)
-#define DEMAND_TOLERANCE FRACTION_TOLERANCE
-#define CURRENT_TOLERANCE FRACTION_TOLERANCE
-/* The largest current whose flux is searched for, fraction of full scale. */
+/* Tolerance of a signal beyond a limit: 2^-15 of full scale. */
+#define SIGNAL_TOLERANCE ((number)3.0517578125e-5)
+#define DEMAND_TOLERANCE SIGNAL_TOLERANCE
+#define CURRENT_TOLERANCE SIGNAL_TOLERANCE
+/* Largest current for which a flux is computed, as a fraction of full scale. */
 #define MAX_CURRENT ((number)2)
 
 typedef struct {
-  const entry *words; /* words of the block, advanced to the segment */
-  number part;        /* position on the segment, 0..1 */
+  const entry *words; /* block words, advanced by the index of the segment */
+  number fraction;    /* position within the segment, 0..1 */
 } gap_position;
 
 static number current_in_units(const compensator *c)
@@ -28,7 +28,7 @@ static void read_scales(compensator *c)
   c->per_gap = range > (number)0 ? (number)1 / range : (number)0;
 }
 
-/* Returns a gap as a fraction of its range; 0 if nothing depends on the gap. */
+/* Returns a gap as a fraction of its range. Returns 0 if nothing depends on the gap. */
 static number gap_fraction(const compensator *c, number gap)
 {
   return (gap - c->words[ANHYST_WORD_SCALE_GAP_LOW]) * c->per_gap;
@@ -36,7 +36,7 @@ static number gap_fraction(const compensator *c, number gap)
 
 static int is_in_gap_range(number fraction)
 {
-  return fraction >= -FRACTION_TOLERANCE && fraction <= (number)1 + FRACTION_TOLERANCE;
+  return fraction >= -SIGNAL_TOLERANCE && fraction <= (number)1 + SIGNAL_TOLERANCE;
 }
 
 static gap_position locate_gap(const entry *words, number fraction)
@@ -51,31 +51,31 @@ static gap_position locate_gap(const entry *words, number fraction)
 static number interpolate_over_gap(gap_position position, entry first)
 {
   const entry *entry_below = position.words + (int32_t)first;
-  return entry_below[0] + (entry_below[1] - entry_below[0]) * position.part;
+  return entry_below[0] + (entry_below[1] - entry_below[0]) * position.fraction;
 }
 
-static number bias_of(number over_gap) { return over_gap; }
+static number bias_from_table(number over_gap) { return over_gap; }
 static number limit_bias(number bias) { return bias; }
-static number add_arms(number a, number b) { return a + b; }
-static number product(number a, number weight) { return a * weight; }
+static number add_coefficients(number a, number b) { return a + b; }
+static number multiply(number a, number weight) { return a * weight; }
 static number add(number a, number b) { return a + b; }
 static number subtract(number a, number b) { return a - b; }
 static number word_to_signal(number word) { return word; }
 
-/* Returns whether a is finite and at most 3e38 in size. */
+/* Returns whether |a| is at most 3e38. Returns 0 for NaN. */
 static int is_finite(number a) { return absolute(a) <= (number)3e38; }
 
-/* Returns the square root of a number that is not negative, intended for 0..1. Below the knee,
+/* Returns the square root of a non-negative number, usually in 0..1. Below the knee, at
    2^(-2*knee), the function is linear. From the knee to 1, the relative error is below 1 ulp in
    single precision and 1e-14 in double precision. */
-static number root(number a, int32_t knee)
+static number root_with_knee(number a, int32_t knee)
 {
   const number steepness = (number)((int32_t)1 << knee);
   number scale = (number)0.5;
   if (a * steepness * steepness < (number)1) {
     return a * steepness;
   }
-  /* Scales to 1/4..1 by even powers of two, which are exact; the smallest knee is 2^-16. */
+  /* Scales a to 1/4..1 by even powers of two, which is exact. The smallest knee is 2^-16. */
   if (a < (number)0.00390625) {
     a *= (number)256;
     scale *= (number)0.0625;
@@ -88,7 +88,7 @@ static number root(number a, int32_t knee)
     a *= (number)4;
     scale *= (number)0.5;
   }
-  /* A linear start value has an error of at most 3 %; each Newton step doubles the digits. */
+  /* The linear start value is within 3 %. Each Newton step doubles the number of correct digits. */
   number r = (number)0.686 * a + (number)0.343;
   r = (number)0.5 * (r + a / r);
   r = (number)0.5 * (r + a / r);
@@ -97,18 +97,18 @@ static number root(number a, int32_t knee)
 
 static number output_to_flux(const entry *words, number above_offset, gap_position position)
 {
-  number part = above_offset;
+  number relative_flux = above_offset;
   if (words[ANHYST_WORD_POWER] == (entry)2) {
-    part = root(above_offset > (number)0 ? above_offset : (number)0,
-                (int32_t)words[ANHYST_WORD_ROOT_KNEE]);
+    relative_flux = root_with_knee(above_offset > (number)0 ? above_offset : (number)0,
+                                   (int32_t)words[ANHYST_WORD_ROOT_KNEE]);
   }
-  return part * interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
+  return relative_flux * interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
 }
 
 static number flux_limit(const entry *words) { return words[ANHYST_WORD_FLUX_LIMIT]; }
 static number limit_flux(number flux) { return clamp(flux, (number)-1, (number)1); }
 
-static number to_inner_flux(const entry *words, number flux)
+static number to_internal_flux(const entry *words, number flux)
 {
   (void)words;
   return flux;
@@ -116,25 +116,25 @@ static number to_inner_flux(const entry *words, number flux)
 
 static number flux_to_output(const entry *words, number flux, gap_position position)
 {
-  const number part = flux / interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
+  const number relative_flux = flux / interpolate_over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
   if (words[ANHYST_WORD_POWER] == (entry)1) {
-    return part;
+    return relative_flux;
   }
-  const number flux_size = absolute(part);
+  const number flux_size = absolute(relative_flux);
   const number steepness = (number)((int32_t)1 << (int32_t)words[ANHYST_WORD_ROOT_KNEE]);
   return flux_size * steepness < (number)1 ? flux_size / steepness : flux_size * flux_size;
 }
 
 static number current_limit(const entry *words, int16_t word) { return words[word]; }
 
-/* Convert the inner current to the result of a solve, and back. */
-static number to_outer_current(const entry *words, number current)
+/* Convert the internal current to the result of a solve, and back. */
+static number to_external_current(const entry *words, number current)
 {
   (void)words;
   return current;
 }
 
-static number to_inner_current(const entry *words, number current)
+static number to_internal_current(const entry *words, number current)
 {
   (void)words;
   return clamp(current, -MAX_CURRENT, MAX_CURRENT);

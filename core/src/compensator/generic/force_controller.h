@@ -1,15 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Template: the methods of the force controller, for every number format. The operations that
-   depend on the format are included before: ../force_controller.c for q31, force_controller_real.h
-   for floating point. */
+/* Template: methods of the force controller, for every number format. The operations of a format
+   are included before: ../force_controller.c for q31, force_controller_real.h for real numbers. */
 
-static int are_limits(ANHYST_REAL low, ANHYST_REAL high)
+static int are_current_limits_valid(ANHYST_REAL low, ANHYST_REAL high)
 {
   return is_finite(low) && is_finite(high) && low <= high;
 }
 
-/* Adds the correction by the measured flux to a current, and limits the sum. */
+/* Adds the correction from the measured flux to a current, and limits the sum. */
 static ANHYST_REAL apply_correction(anhyst_force_controller_x *c, ANHYST_REAL current)
 {
   c->wanted = anhyst_add_x(current, c->correction);
@@ -37,7 +36,7 @@ static ANHYST_REAL solve_by_map(anhyst_force_controller_x *c, ANHYST_REAL demand
   return apply_correction(c, anhyst_map_value_x(c->map, c->demand, gap));
 }
 
-/* Returns the force of an applied current; `added` is the part that the measured flux added. */
+/* Returns the force of an applied current. The argument `added` is a flux correction in it. */
 static ANHYST_REAL force_by_map(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                 ANHYST_REAL added, ANHYST_REAL gap)
 {
@@ -61,13 +60,13 @@ static ANHYST_REAL expected_by_map(const anhyst_force_controller_x *c, ANHYST_RE
 }
 
 /* A map has no hysteresis state. */
-static int32_t no_conditioning_length(const anhyst_force_controller_x *c)
+static int32_t no_conditioning_ticks(const anhyst_force_controller_x *c)
 {
   (void)c;
   return 0;
 }
 
-static ANHYST_REAL no_conditioning(const anhyst_force_controller_x *c, int32_t tick)
+static ANHYST_REAL no_conditioning_current(const anhyst_force_controller_x *c, int32_t tick)
 {
   (void)c;
   (void)tick;
@@ -76,7 +75,7 @@ static ANHYST_REAL no_conditioning(const anhyst_force_controller_x *c, int32_t t
 
 static void no_demagnetise(anhyst_force_controller_x *c) { (void)c; }
 
-static void no_carry(anhyst_force_controller_x *c, const anhyst_block_x *block)
+static void no_state_transfer(anhyst_force_controller_x *c, const anhyst_block_x *block)
 {
   (void)c;
   (void)block;
@@ -87,10 +86,11 @@ anhyst_status anhyst_force_controller_init_map_x(anhyst_force_controller_x *c,
                                                  ANHYST_REAL high)
 {
   static const anhyst_force_method_x by_map = {
-      solve_by_map,    commit_by_map,  expected_by_map, no_conditioning_length,
-      no_conditioning, no_demagnetise, no_carry};
+      solve_by_map,          commit_by_map,           expected_by_map,
+      no_conditioning_ticks, no_conditioning_current, no_demagnetise,
+      no_state_transfer};
   const anhyst_force_controller_x initial = {0};
-  if (anhyst_map_check_x(map) != ANHYST_OK || !are_limits(low, high)) {
+  if (anhyst_map_check_x(map) != ANHYST_OK || !are_current_limits_valid(low, high)) {
     return ANHYST_BAD_PARAMETER;
   }
   *c = initial;
@@ -117,7 +117,7 @@ static ANHYST_REAL commit_by_flux(anhyst_force_controller_x *c, ANHYST_REAL appl
   const ANHYST_REAL added = c->solved == 0U ? integral_current(c) : c->correction;
   const ANHYST_REAL output = force_by_map(c, applied, added, gap);
   if (c->solved != 0U) {
-    advance_flux(c, applied);
+    advance_flux_loop(c, applied);
   }
   c->solved = 0;
   return output;
@@ -129,9 +129,9 @@ anhyst_status anhyst_force_controller_init_flux_x(anhyst_force_controller_x *c,
                                                   ANHYST_REAL high)
 {
   static const anhyst_force_method_x by_flux = {
-      solve_by_flux,   commit_by_flux, expected_by_map, no_conditioning_length,
-      no_conditioning, no_demagnetise, no_carry};
-  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_loop_valid(loop) ||
+      solve_by_flux,           commit_by_flux, expected_by_map,  no_conditioning_ticks,
+      no_conditioning_current, no_demagnetise, no_state_transfer};
+  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_flux_loop_valid(loop) ||
       anhyst_force_controller_init_map_x(c, map, low, high) != ANHYST_OK) {
     return ANHYST_BAD_PARAMETER;
   }
@@ -140,7 +140,7 @@ anhyst_status anhyst_force_controller_init_flux_x(anhyst_force_controller_x *c,
   return ANHYST_OK;
 }
 
-/* ---- method compensator, and its bypass ---- */
+/* ---- method compensator and its bypass ---- */
 
 static ANHYST_REAL solve_by_compensator(anhyst_force_controller_x *c, ANHYST_REAL demand,
                                         ANHYST_REAL gap, ANHYST_REAL flux)
@@ -153,9 +153,9 @@ static ANHYST_REAL solve_by_compensator(anhyst_force_controller_x *c, ANHYST_REA
   return c->current;
 }
 
-/* Returns the demand plus the difference between the outputs of the applied and the solved current.
-   Both outputs contain the error of the conversion from flux to force, which must not reach the
-   integral of the outer controller. */
+/* Returns the demand plus the output of the applied current minus the output of the solved current.
+   Both outputs contain the error of the conversion from flux to force. Only their difference is
+   used, so that the error does not reach the integral of the outer controller. */
 static ANHYST_REAL commit_by_compensator(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                          ANHYST_REAL gap)
 {
@@ -180,26 +180,22 @@ static ANHYST_REAL expected_by_compensator(const anhyst_force_controller_x *c, A
 
 static int32_t conditioning_ticks(const anhyst_force_controller_x *c)
 {
-  return conditioning_length(&c->compensator);
+  return compensator_conditioning_ticks(&c->compensator);
 }
 
-static ANHYST_REAL conditioning(const anhyst_force_controller_x *c, int32_t tick)
+static ANHYST_REAL conditioning_current(const anhyst_force_controller_x *c, int32_t tick)
 {
   return anhyst_conditioning_x(&c->compensator, tick);
 }
 
-static void carry(anhyst_force_controller_x *c, const anhyst_block_x *block)
+static void transfer_state(anhyst_force_controller_x *c, const anhyst_block_x *block)
 {
-  swap(&c->compensator, block);
+  swap_compensator_block(&c->compensator, block);
 }
 
-const anhyst_force_method_x anhyst_force_by_compensator_x = {solve_by_compensator,
-                                                             commit_by_compensator,
-                                                             expected_by_compensator,
-                                                             conditioning_ticks,
-                                                             conditioning,
-                                                             demagnetise,
-                                                             carry};
+const anhyst_force_method_x anhyst_force_by_compensator_x = {
+    solve_by_compensator, commit_by_compensator, expected_by_compensator, conditioning_ticks,
+    conditioning_current, demagnetise,           transfer_state};
 
 static ANHYST_REAL commit_bypassed(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                    ANHYST_REAL gap)
@@ -213,8 +209,8 @@ void anhyst_force_controller_bypass_x(anhyst_force_controller_x *c, const anhyst
                                       ANHYST_REAL low, ANHYST_REAL high)
 {
   static const anhyst_force_method_x bypassed = {
-      solve_by_map, commit_bypassed, expected_by_map, conditioning_ticks, conditioning, demagnetise,
-      carry};
+      solve_by_map,         commit_bypassed, expected_by_map, conditioning_ticks,
+      conditioning_current, demagnetise,     transfer_state};
   c->method = map != NULL ? &bypassed : &anhyst_force_by_compensator_x;
   c->map = map;
   c->low = low;
@@ -232,15 +228,15 @@ static ANHYST_REAL solve_fused(anhyst_force_controller_x *c, ANHYST_REAL demand,
   return apply_correction(c, by_law);
 }
 
-/* Commits the current without the part that the measured flux added, because this part corrects the
-   model of the iron. */
+/* Commits the current without the correction from the measured flux, because the correction
+   compensates errors of the iron model. */
 static ANHYST_REAL commit_fused(anhyst_force_controller_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
 {
   const uint16_t solved = c->solved;
   const ANHYST_REAL added = solved == 0U ? integral_current(c) : c->correction;
   const ANHYST_REAL output = commit_by_compensator(c, anhyst_sub_x(applied, added), gap);
   if (solved != 0U) {
-    advance_flux(c, applied);
+    advance_flux_loop(c, applied);
     limit_integral(c);
   }
   return output;
@@ -251,10 +247,10 @@ anhyst_status anhyst_force_controller_fuse_x(anhyst_force_controller_x *c,
                                              ANHYST_REAL high)
 {
   static const anhyst_force_method_x fused = {
-      solve_fused, commit_fused, expected_by_compensator, conditioning_ticks, conditioning,
-      demagnetise, carry};
-  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_loop_valid(loop) ||
-      !are_limits(low, high)) {
+      solve_fused,          commit_fused, expected_by_compensator, conditioning_ticks,
+      conditioning_current, demagnetise,  transfer_state};
+  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_flux_loop_valid(loop) ||
+      !are_current_limits_valid(low, high)) {
     return ANHYST_BAD_PARAMETER;
   }
   c->method = &fused;

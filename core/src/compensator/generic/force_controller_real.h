@@ -15,10 +15,10 @@ anhyst_status anhyst_force_controller_init_compensator_x(anhyst_force_controller
   return status;
 }
 
-/* Returns whether a is in -1e30..1e30; 0 for NaN. */
+/* Returns whether a is in -1e30..1e30. Returns 0 for NaN. */
 static int is_finite(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
 
-static int is_loop_valid(const anhyst_flux_loop_x *loop)
+static int is_flux_loop_valid(const anhyst_flux_loop_x *loop)
 {
   return is_finite(loop->proportional) && is_finite(loop->integral) && loop->back >= R(0.0) &&
          loop->back <= R(1.0) && loop->smoothing > R(0.0) && loop->smoothing <= R(1.0) &&
@@ -27,20 +27,20 @@ static int is_loop_valid(const anhyst_flux_loop_x *loop)
 
 static ANHYST_REAL limit_current(const anhyst_force_controller_x *c, ANHYST_REAL current)
 {
-  return anhyst_limited_x(current, c->low, c->high);
+  return anhyst_clamped_x(current, c->low, c->high);
 }
 
 /* Limits a demand to the forces of the map. Returns a force of 0 for NaN. */
 static ANHYST_REAL limit_demand(const anhyst_map_x *map, ANHYST_REAL demand)
 {
   const ANHYST_REAL below = demand < map->force_low ? map->force_low : R(0.0);
-  return demand >= map->force_low ? anhyst_limited_x(demand, map->force_low, map->force_high)
+  return demand >= map->force_low ? anhyst_clamped_x(demand, map->force_low, map->force_high)
                                   : below;
 }
 
 static ANHYST_REAL integral_current(const anhyst_force_controller_x *c) { return c->integral; }
 
-static int32_t conditioning_length(const anhyst_compensator_x *compensator)
+static int32_t compensator_conditioning_ticks(const anhyst_compensator_x *compensator)
 {
   return anhyst_conditioning_length_x(compensator);
 }
@@ -50,14 +50,14 @@ static void demagnetise(anhyst_force_controller_x *c)
   anhyst_compensator_demagnetise_x(&c->compensator);
 }
 
-static void swap(anhyst_compensator_x *compensator, const ANHYST_REAL *words)
+static void swap_compensator_block(anhyst_compensator_x *compensator, const ANHYST_REAL *words)
 {
   anhyst_compensator_swap_x(compensator, words);
 }
 
-/* Updates the current that the measured flux adds. The measured flux is compared with the flux that
-   is expected at present, not with the demanded one: their difference is a delay, which no current
-   removes. */
+/* Updates the current that corrects the flux error. The measured flux is compared with the flux
+   that is expected in this tick, instead of the demanded flux. Expected and demanded flux differ by
+   a delay, which no current can remove. */
 static void update_correction(anhyst_force_controller_x *c, ANHYST_REAL gap, ANHYST_REAL flux)
 {
   const anhyst_map_x *wanted = &c->loop->wanted;
@@ -69,10 +69,9 @@ static void update_correction(anhyst_force_controller_x *c, ANHYST_REAL gap, ANH
   c->correction = c->loop->proportional * c->error + c->integral;
 }
 
-/* Advances the expected flux and the integral. Only a limit drives the integral back: a measured
-   current differs from the solved one also by the error of its sensor and by the lag of the
-   amplifier. */
-static void advance_flux(anhyst_force_controller_x *c, ANHYST_REAL applied)
+/* Advances the expected flux and the integral. Anti-windup acts only if a limit reduced the
+   current. The error of the sensor and the lag of the amplifier also change a measured current. */
+static void advance_flux_loop(anhyst_force_controller_x *c, ANHYST_REAL applied)
 {
   const anhyst_flux_loop_x *loop = c->loop;
   c->expected += loop->smoothing * (c->flux - c->expected);
@@ -84,10 +83,10 @@ static void advance_flux(anhyst_force_controller_x *c, ANHYST_REAL applied)
 
 static void limit_correction(anhyst_force_controller_x *c)
 {
-  c->correction = anhyst_limited_x(c->correction, -c->loop->most, c->loop->most);
+  c->correction = anhyst_clamped_x(c->correction, -c->loop->most, c->loop->most);
 }
 
 static void limit_integral(anhyst_force_controller_x *c)
 {
-  c->integral = anhyst_limited_x(c->integral, -c->loop->most, c->loop->most);
+  c->integral = anhyst_clamped_x(c->integral, -c->loop->most, c->loop->most);
 }

@@ -1,33 +1,33 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: a path of the Jiles-Atherton law, for full.h. Every path rises: a falling one is
-   mirrored, which does not change the law. Along a path
+/* Template for full.h: a path of the Jiles-Atherton law. On every path the field rises; a path with
+   falling field is mirrored, which does not change the law. Along a path
 
-     m = (1-c)*y + c*L(x),   y = A(p) + (y0 - A(b))*exp(-(p - b)/kappa)   after the departure b,
+     m = (1-c)*y + c*L(x),   y = A(p) + (y0 - A(b))*exp(-(p - b)/kappa)   for p > b = y_start,
 
-   where L is the anhysteretic curve and A the ascending branch of fully pinned iron, both tables.
-   The play p follows the field x within its half-width. The effect of the history only decays.
-   Therefore, an error of a table appears in y at most once, for a path of any length. */
+   where L is the anhysteretic curve and A the ascending branch without reversible magnetisation,
+   both tables. The play p follows the field x within its threshold. The effect of the history only
+   decays. Therefore, the error of a table appears only once in y, for a path of any length. */
 
 typedef struct {
-  number x; /* start of the path */
+  number x; /* field at the start of the path */
   number y;
   number p;
-  number play;         /* half-width */
-  number tangent_step; /* longest step along a tangent without an evaluation */
-  /* set by find_departure(): */
+  number threshold;    /* threshold of the play */
+  number tangent_step; /* longest Newton step without a new evaluation */
+  /* set by find_y_start(): */
   table curve;
   table branch;
   table inverse;
   decay_rate decay;
-  number turn;      /* play at the last reversal into this direction */
-  number level;     /* y at that reversal */
-  number departure; /* play at which y starts to move */
-  number offset;    /* level - A(departure) */
-  entry lead;       /* -offset as a weight, see lead_of() */
-  number kappa;     /* field in which the effect of the history decays to 1/e */
+  number reversal_play; /* play at the last reversal */
+  number reversal_y;    /* y at the last reversal */
+  number y_start;       /* play above which y changes */
+  number offset;        /* reversal_y minus the ascending branch at y_start */
+  entry offset_weight;  /* -offset as a weight, see to_quarter_weight() */
+  number kappa;         /* field change in which the history's effect decays to 1/e */
   entry steepness;
   entry reversible;
-  int16_t evaluations; /* maximum number */
+  int16_t max_evaluations; /* maximum number of evaluations */
 } branch_path;
 
 typedef struct {
@@ -39,147 +39,149 @@ typedef struct {
   slope m_slope; /* dm/dx */
 } path_point;
 
-/* Limits a to -1..1 and to at least `least`, which must be in -1..1. */
-static inline number limit_from_below(number a, number least)
+/* Limits a to -1..1 and to a lower bound in -1..1. */
+static inline number limit_from_below(number a, number low)
 {
-  const number inside = limit_to_unit(a);
-  return inside > least ? inside : least;
+  const number limited = limit_to_one(a);
+  return limited > low ? limited : low;
 }
 
-/* Interpolates an odd table at -1 <= u <= 1. */
+/* Interpolates the table of an odd function at -1 <= u <= 1. */
 static inline number interpolate_odd(table t, number u, number *rise)
 {
-  const mirror_type mirror = mirror_for(u < 0);
+  const mirror_type mirror = mirror_sign(u < 0);
   return mirrored(interpolate(t, mirrored(u, mirror), rise), mirror);
 }
 
 static inline number branch_value(const branch_path *path, number x, number *rise)
 {
-  return interpolate(path->branch, half(x + UNIT), rise);
+  return interpolate(path->branch, half(x + ONE), rise);
 }
 
-static inline number magnetisation(number y, number anhysteretic, entry reversible)
+static inline number total_m(number y, number anhysteretic, entry reversible)
 {
-  return y + multiply_by_part(anhysteretic - y, reversible);
+  return y + times_fraction(anhysteretic - y, reversible);
 }
 
-static inline table curve_of(const entry *words)
+static inline table curve_table(const entry *words)
 {
-  return table_at(words, words[ANHYST_WORD_FULL_CURVE],
-                  (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS]);
+  return table_from_word(words, words[ANHYST_WORD_FULL_CURVE],
+                         (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS]);
 }
 
-static inline table inverse_of(const entry *words)
+static inline table inverse_table(const entry *words)
 {
-  return table_at(words, words[ANHYST_WORD_FULL_INVERSE],
-                  (uint16_t)words[ANHYST_WORD_FULL_INVERSE_SEGMENTS]);
+  return table_from_word(words, words[ANHYST_WORD_FULL_INVERSE],
+                         (uint16_t)words[ANHYST_WORD_FULL_INVERSE_SEGMENTS]);
 }
 
-/* Converts a number of a memory to the direction of a path. */
-static inline number on_path(number a, mirror_type mirror)
+/* Limits a number of the stored state to -1..1, and mirrors it if the field falls. */
+static inline number to_path_direction(number a, mirror_type mirror)
 {
-  return mirrored(limit_to_unit(to_inner(a)), mirror);
+  return mirrored(limit_to_one(to_internal(a)), mirror);
 }
 
 static inline void init_branch_path(branch_path *path, const entry *words, const full_memory *from,
                                     mirror_type mirror)
 {
-  path->x = on_path(from->x, mirror);
-  path->y = on_path(from->y, mirror);
-  path->p = on_path(from->p, mirror);
-  path->play = multiply_by_part(UNIT, words[ANHYST_WORD_FULL_PLAY]);
-  path->tangent_step = tangent_step_of(words[ANHYST_WORD_FULL_STEEPNESS]);
+  path->x = to_path_direction(from->x, mirror);
+  path->y = to_path_direction(from->y, mirror);
+  path->p = to_path_direction(from->p, mirror);
+  path->threshold = times_fraction(ONE, words[ANHYST_WORD_FULL_PLAY]);
+  path->tangent_step = max_tangent_step(words[ANHYST_WORD_FULL_STEEPNESS]);
 }
 
-/* Finds the last reversal of the play, the departure of the irreversible part, and its offset from
-   the branch. The play reverses here if it moved in the other direction, or not yet. y is constant
-   until the anhysteretic curve has crossed it. An error of this crossing has almost no effect,
-   because y departs with slope zero. */
-static inline void find_departure(branch_path *path, const entry *words, const full_memory *from,
-                                  mirror_type mirror)
+/* Finds the last reversal of the play, the play at which y starts to change, and the offset of y
+   from the ascending branch. The play reverses at the start of this path if it moved in the other
+   direction before, or if it has not moved yet. y is constant until the anhysteretic curve has
+   crossed it. An error of the crossing has almost no effect, because y starts with slope zero. */
+static inline void find_y_start(branch_path *path, const entry *words, const full_memory *from,
+                                mirror_type mirror)
 {
   number rise;
-  path->curve = curve_of(words);
-  path->branch = table_at(words, words[ANHYST_WORD_FULL_BRANCH],
-                          (uint16_t)((uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS] + 1U));
-  path->inverse = inverse_of(words);
+  path->curve = curve_table(words);
+  path->branch = table_from_word(words, words[ANHYST_WORD_FULL_BRANCH],
+                                 (uint16_t)((uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS] + 1U));
+  path->inverse = inverse_table(words);
   path->decay = read_decay_rate(words);
   path->steepness = words[ANHYST_WORD_FULL_STEEPNESS];
   path->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
-  path->kappa = kappa_of(path->steepness);
-  path->evaluations = (int16_t)words[ANHYST_WORD_FULL_ITERATIONS];
-  path->turn = on_path(from->turn, mirror);
-  path->level = on_path(from->level, mirror);
-  if (path->turn >= path->p) {
-    path->turn = path->p;
-    path->level = path->y;
+  path->kappa = decay_field(path->steepness);
+  path->max_evaluations = (int16_t)words[ANHYST_WORD_FULL_ITERATIONS];
+  path->reversal_play = to_path_direction(from->turn, mirror);
+  path->reversal_y = to_path_direction(from->level, mirror);
+  if (path->reversal_play >= path->p) {
+    path->reversal_play = path->p;
+    path->reversal_y = path->y;
   }
-  const number crossing = interpolate_odd(path->inverse, path->level, &rise);
-  path->departure = crossing > path->turn ? crossing : path->turn;
-  path->offset = path->level - branch_value(path, path->departure, &rise);
-  path->lead = lead_of(-path->offset);
+  const number crossing = interpolate_odd(path->inverse, path->reversal_y, &rise);
+  path->y_start = crossing > path->reversal_play ? crossing : path->reversal_play;
+  path->offset = path->reversal_y - branch_value(path, path->y_start, &rise);
+  path->offset_weight = to_quarter_weight(-path->offset);
 }
 
-/* Returns the irreversible magnetisation at the play p; *y_slope is dy/dp. */
+/* Returns the irreversible magnetisation at the play p. *y_slope is dy/dp. */
 static inline number irreversible_m(const branch_path *path, number p, slope *y_slope)
 {
-  const number travel = p - path->departure;
+  const number travel = p - path->y_start;
   if (travel <= 0) {
     *y_slope = 0;
     return path->y;
   }
   number rise;
-  const number here = branch_value(path, p, &rise);
-  const number decayed = decayed_share_after(path->decay, travel);
-  const number y = limit_from_below(here + path->offset + lead_part(decayed, path->lead), path->y);
-  *y_slope =
-      limit_slope(slope_of(path->curve, rise) + irreversible_slope(here - y, path->steepness));
+  const number branch_y = branch_value(path, p, &rise);
+  const number decayed = decayed_fraction_after(path->decay, travel);
+  const number y = limit_from_below(
+      branch_y + path->offset + times_quarter_weight(decayed, path->offset_weight), path->y);
+  *y_slope = limit_slope(curve_slope(path->curve, rise) +
+                         irreversible_slope(branch_y - y, path->steepness));
   return y;
 }
 
-/* Returns the point at x. While x is within the play, y does not change at all. */
-static inline path_point evaluate(const branch_path *path, number x)
+/* Returns the point at the field x. While x is within the play, y stays exactly constant. */
+static inline path_point evaluate_path(const branch_path *path, number x)
 {
   path_point point = {x, path->y, path->p, 0, 0, 0};
   number rise;
   const number anhysteretic = interpolate_odd(path->curve, x, &rise);
-  const number play_at_x = x - path->play;
+  const number play_at_x = x - path->threshold;
   if (play_at_x >= path->p) {
     point.p = play_at_x;
     point.y = irreversible_m(path, play_at_x, &point.y_slope);
   }
-  point.m = magnetisation(point.y, anhysteretic, path->reversible);
-  point.m_slope = mixed_slope(point.y_slope, slope_of(path->curve, rise), path->reversible);
+  point.m = total_m(point.y, anhysteretic, path->reversible);
+  point.m_slope = total_m_slope(point.y_slope, curve_slope(path->curve, rise), path->reversible);
   return point;
 }
 
-/* Sets the slopes after the start of a path with a known departure; x_rise is the rise of the curve
-   there. */
+/* Sets the slopes at the start of a path whose y_start is known. The argument x_rise is the rise of
+   the anhysteretic curve over the segment at the start. */
 static inline void find_start_slopes(const branch_path *path, number x_rise, path_point *point)
 {
   point->y_slope = 0;
-  if (path->p >= path->departure && path->x - path->p >= path->play - PLAY_SLACK) {
+  if (path->p >= path->y_start && path->x - path->p >= path->threshold - PLAY_ROUNDING) {
     number rise;
     const number anhysteretic_m = interpolate_odd(path->curve, path->p, &rise);
     point->y_slope = limit_slope(irreversible_slope(anhysteretic_m - path->y, path->steepness));
   }
-  point->m_slope = mixed_slope(point->y_slope, slope_of(path->curve, x_rise), path->reversible);
+  point->m_slope =
+      total_m_slope(point->y_slope, curve_slope(path->curve, x_rise), path->reversible);
 }
 
-/* Moves a point along its tangents towards x, at most by MAX_EXTRAPOLATION. */
+/* Moves a point along its tangents towards a field, by at most MAX_EXTRAPOLATION_STEP. */
 static inline void follow_tangent(const branch_path *path, number goal, path_point *point)
 {
-  const number step = clamped(goal - point->x, -MAX_EXTRAPOLATION, MAX_EXTRAPOLATION);
+  const number step = clamped(goal - point->x, -MAX_EXTRAPOLATION_STEP, MAX_EXTRAPOLATION_STEP);
   point->x += step;
-  point->y = limit_from_below(point->y + along_slope(step, point->y_slope), path->y);
-  point->m = limit_to_unit(point->m + along_slope(step, point->m_slope));
-  point->p = limit_from_below(point->x - path->play, path->p);
+  point->y = limit_from_below(point->y + multiply_by_slope(step, point->y_slope), path->y);
+  point->m = limit_to_one(point->m + multiply_by_slope(step, point->m_slope));
+  point->p = limit_from_below(point->x - path->threshold, path->p);
 }
 
-/* Returns whether the tangents are accurate up to a field: it is close, and y does not start to
-   move before it. */
+/* Returns whether the tangents at x are accurate up to the next field: the step is short, and y
+   does not start to change within the step. */
 static inline int is_tangent_accurate(const branch_path *path, number x, number next)
 {
-  const number contact_field = path->p + path->play - PLAY_SLACK;
+  const number contact_field = path->p + path->threshold - PLAY_ROUNDING;
   return absolute(next - x) <= path->tangent_step && (x >= contact_field || next <= contact_field);
 }

@@ -2,11 +2,10 @@
 /* Template: the map over force and gap, for every number format. The operations of a format are
    included before: ../map_fixed.h or map_real.h. */
 
-/* Returns whether no row falls, and all entries and their differences from neighbours are in
-   range. */
+/* Returns whether no row falls, and entries and differences of adjacent entries are in range. */
 static inline int is_map_valid(const map_type *map)
 {
-  if (!has_shape(map)) {
+  if (!is_shape_valid(map)) {
     return 0;
   }
   const entry *entry_now = map->entries;
@@ -26,38 +25,38 @@ static inline int is_map_valid(const map_type *map)
   return 1;
 }
 
-/* The row of a table at a gap, interpolated between two rows of entries. */
+/* Row of a map at a gap, interpolated between two rows of entries. */
 typedef struct {
-  const entry *first; /* first entry of the row below */
+  const entry *first; /* first entry of the row below the gap */
   size_t length;
-  number part;
+  number fraction;
 } table_row;
 
-static inline table_row row_at(const map_type *map, number gap)
+static inline table_row row_at_gap(const map_type *map, number gap)
 {
   const table_position position = locate_gap(map, gap);
   const size_t length = columns_of(map) + 1U;
-  const table_row row = {map->entries + position.index * length, length, position.part};
+  const table_row row = {map->entries + position.index * length, length, position.fraction};
   return row;
 }
 
 static inline number column_value(const table_row *row, size_t column)
 {
   const entry *below = row->first + column;
-  return interpolate(below[0], below[row->length], row->part);
+  return interpolate(below[0], below[row->length], row->fraction);
 }
 
 static inline number map_value(const map_type *map, number force, number gap)
 {
-  const table_row row = row_at(map, gap);
+  const table_row row = row_at_gap(map, gap);
   const table_position position = locate_force(map, force);
   const number low = column_value(&row, position.index);
-  return low + multiply_by_part(column_value(&row, position.index + 1U) - low, position.part);
+  return low + times_fraction(column_value(&row, position.index + 1U) - low, position.fraction);
 }
 
 static inline number map_force(const map_type *map, number value, number gap)
 {
-  const table_row row = row_at(map, gap);
+  const table_row row = row_at_gap(map, gap);
   size_t above = columns_of(map);
   table_position position = {0, 0};
   while (above - position.index > 1U) {
@@ -71,9 +70,9 @@ static inline number map_force(const map_type *map, number value, number gap)
   const number low = column_value(&row, position.index);
   const number high = column_value(&row, above);
   if (value >= high) {
-    position.part = ONE;
+    position.fraction = ONE;
   } else if (value > low) {
-    position.part = ratio_of(value - low, high - low);
+    position.fraction = quotient_below_one(value - low, high - low);
   }
-  return force_at(map, position);
+  return force_at_position(map, position);
 }

@@ -1,75 +1,77 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Operations in floating point for the templates map.h and play_map.h. ../map_fixed.h describes the
-   functions. The types number and map_type are defined before. */
+   functions. The number type and the map type are defined before. */
 
 typedef number entry;
 
-/* Maximum size of an entry, and of the difference between neighbours. */
+/* Maximum size of an entry, and of the difference between adjacent entries. */
 #define MAX_ENTRY ((number)1e30)
 #define ONE ((number)1)
 
-/* Position of a signal in equal segments. */
+/* Position of a signal in a table with equal segments. */
 typedef struct {
-  size_t index; /* of the segment */
-  number part;  /* position on the segment, 0..1 */
+  size_t index;    /* index of the segment */
+  number fraction; /* position within the segment, 0..1 */
 } table_position;
 
-/* Returns the position of a signal counted in segments. Outside the table, returns the nearest end;
-   for NaN, the lower end. */
-static inline table_position locate(uint16_t segments, number signal)
+/* Returns the position of a signal that is given in units of the segment width. Outside the table,
+   returns the nearest end, and for NaN the lower end. */
+static inline table_position locate_signal(uint16_t segments, number signal)
 {
-  table_position at = {0, 0};
+  table_position position = {0, 0};
   if (signal >= (number)segments) {
-    at.index = segments - 1U;
-    at.part = ONE;
+    position.index = segments - 1U;
+    position.fraction = ONE;
   } else if (signal > 0) {
-    at.index = (uint16_t)signal;
-    at.part = signal - (number)at.index;
+    position.index = (uint16_t)signal;
+    position.fraction = signal - (number)position.index;
   }
-  return at;
+  return position;
 }
 
 static inline table_position locate_gap(const map_type *map, number gap)
 {
-  return locate(map->gap_segments,
-                (gap - map->gap_low) / (map->gap_high - map->gap_low) * (number)map->gap_segments);
+  return locate_signal(map->gap_segments, (gap - map->gap_low) / (map->gap_high - map->gap_low) *
+                                              (number)map->gap_segments);
 }
 
 static inline table_position locate_force(const map_type *map, number force)
 {
-  return locate(map->force_segments, (force - map->force_low) / (map->force_high - map->force_low) *
-                                         (number)map->force_segments);
+  return locate_signal(map->force_segments, (force - map->force_low) /
+                                                (map->force_high - map->force_low) *
+                                                (number)map->force_segments);
 }
 
 static inline size_t columns_of(const map_type *map) { return map->force_segments; }
 static inline size_t rows_of(const map_type *map) { return map->gap_segments; }
 
-static inline number force_at(const map_type *map, table_position at)
+static inline number force_at_position(const map_type *map, table_position at)
 {
   return map->force_low + (map->force_high - map->force_low) *
-                              (((number)at.index + at.part) / (number)map->force_segments);
+                              (((number)at.index + at.fraction) / (number)map->force_segments);
 }
 
-static inline int is_range(number low, number high)
+static inline int is_range_valid(number low, number high)
 {
   return low >= -MAX_ENTRY && low < high && high <= MAX_ENTRY;
 }
 
-static inline int has_shape(const map_type *map)
+static inline int is_shape_valid(const map_type *map)
 {
   return map->entries != NULL && map->force_segments >= 1U && map->force_segments <= 4096U &&
          map->gap_segments >= 1U && map->gap_segments <= 64U &&
-         is_range(map->force_low, map->force_high) && is_range(map->gap_low, map->gap_high);
+         is_range_valid(map->force_low, map->force_high) &&
+         is_range_valid(map->gap_low, map->gap_high);
 }
 
-static inline number multiply_by_part(number a, number part) { return part * a; }
+static inline number times_fraction(number a, number f) { return f * a; }
 
-static inline number interpolate(entry from, entry to, number part)
+static inline number interpolate(entry from, entry to, number fraction)
 {
-  return from + part * (to - from);
+  return from + fraction * (to - from);
 }
 
-static inline number ratio_of(number numerator, number denominator)
+static inline number quotient_below_one(number numerator, number denominator)
 {
   return numerator / denominator;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the parameter block of a map with a play, for every number format. The operations of a
-   format (../play_map.c or play_map_real.h) and map.h are included before. */
+/* Template: the parameter block of a map with a play operator, for every number format. The
+   operations of a format (../play_map.c or play_map_real.h) and map.h are included before. */
 
 static int is_checksum_right(const entry *words, uint16_t length)
 {
@@ -14,7 +14,7 @@ static int is_checksum_right(const entry *words, uint16_t length)
          is_word_equal(words[ANHYST_WORD_CRC + 1], (uint16_t)(~sum >> 16));
 }
 
-/* Reads an exponent. Returns largest + 1 if the word is not valid. */
+/* Reads an exponent. Returns largest + 1 if the word is not an integer of 0..largest. */
 static uint16_t read_exponent(entry word, uint16_t largest)
 {
   uint16_t exponent = 0;
@@ -24,9 +24,9 @@ static uint16_t read_exponent(entry word, uint16_t largest)
   return exponent;
 }
 
-/* Returns the number of entries of each table, or 0 if head, sizes, positions of the tables and
-   checksum are not consistent. */
-static uint16_t check_frame(const entry *words, uint16_t capacity)
+/* Returns the number of entries of each table. Returns 0 if header, table sizes, table positions
+   and checksum are not consistent. */
+static uint16_t read_entry_count(const entry *words, uint16_t capacity)
 {
   if (capacity < (uint16_t)ANHYST_BLOCK_LEAST_WORDS) {
     return 0;
@@ -51,11 +51,10 @@ static uint16_t check_frame(const entry *words, uint16_t capacity)
   return is_valid ? entries : 0U;
 }
 
-/* Returns whether no half-width is below 0, and neither branch of the loop falls along the force or
-   leaves the format. */
+/* Returns whether half-widths are not negative, and both branches rise and stay in the format. */
 static int are_branches_rising(const law_type *law, uint16_t entries)
 {
-  const size_t last = columns_of(&law->map);
+  const size_t last_column = columns_of(&law->map);
   size_t column = 0;
   for (uint16_t i = 0; i < entries; i++) {
     const number value = law->map.entries[i];
@@ -70,15 +69,15 @@ static int are_branches_rising(const law_type *law, uint16_t entries)
         return 0;
       }
     }
-    column = column < last ? column + 1U : 0U;
+    column = column < last_column ? column + 1U : 0U;
   }
   return 1;
 }
 
-static anhyst_status init(play_type *c, const entry *words, uint16_t capacity)
+static anhyst_status init_play_map(play_type *c, const entry *words, uint16_t capacity)
 {
   play_type initial = {0};
-  const uint16_t entries = check_frame(words, capacity);
+  const uint16_t entries = read_entry_count(words, capacity);
   if (entries == 0U) {
     return ANHYST_BAD_PARAMETER;
   }

@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the map with one play, for every number format. The operations of a format
+/* Template: the map with one play operator, for every number format. The operations of a format
    (../play_map.c or play_map_real.h), map.h and play_block.h are included before. */
 
-/* The law at a gap, with the present play. */
+/* The map and the half-widths of the loop at one gap, with the present play. */
 typedef struct {
   table_row map;
   table_row half;
-  number descending; /* largest value whose current is on the descending branch */
-  number ascending;  /* smallest value whose current is on the ascending branch */
-} section;
+  number descending; /* largest map value whose current is on the descending branch */
+  number ascending;  /* smallest map value whose current is on the ascending branch */
+} gap_law;
 
-static section section_at(const play_type *c, number gap)
+static gap_law law_at_gap(const play_type *c, number gap)
 {
-  section found;
-  found.map = row_at(&c->law.map, gap);
+  gap_law found;
+  found.map = row_at_gap(&c->law.map, gap);
   found.half = found.map;
   found.half.first = c->law.half + (found.map.first - c->law.map.entries);
   found.descending = subtract(c->play, c->law.radius);
@@ -21,38 +21,38 @@ static section section_at(const play_type *c, number gap)
   return found;
 }
 
-/* Returns bounded((value - b)/radius). */
-static inline number side_at(const play_type *c, const section *at, number value)
+/* Returns (value - play)/radius, limited to -1 (descending branch) .. 1 (ascending branch). */
+static inline number branch_position_at(const play_type *c, const gap_law *at, number value)
 {
   if (value >= at->ascending) {
     return ONE;
   }
-  return value <= at->descending ? -ONE : side_from_distance(&c->law, value - c->play);
+  return value <= at->descending ? -ONE : branch_position_from_distance(&c->law, value - c->play);
 }
 
-/* Returns value + half*side; exact on both branches. */
+/* Returns value + half*side. The result is exact on both branches. */
 static inline number current_at(number value, number half, number side)
 {
   if (side == ONE) {
     return value + half;
   }
-  return side == -ONE ? value - half : value + multiply_by_part(side, half);
+  return side == -ONE ? value - half : value + times_fraction(side, half);
 }
 
-/* Sets a point to a column; part is its position on the segment of the search, 0 or 1. */
-static void set_point_to_column(point *at, const play_type *c, const section *slice, size_t column,
+/* Sets a point to a column. The argument `part` is 0 or 1: start or end of the searched segment. */
+static void set_point_to_column(point *at, const play_type *c, const gap_law *slice, size_t column,
                                 number part)
 {
   at->part = part;
   at->value = column_value(&slice->map, column);
   at->half = column_value(&slice->half, column);
-  at->side = side_at(c, slice, at->value);
+  at->side = branch_position_at(c, slice, at->value);
   at->current = current_at(at->value, at->half, at->side);
 }
 
 static number interpolate_between(number from, number to, number part)
 {
-  return from + multiply_by_part(to - from, part);
+  return from + times_fraction(to - from, part);
 }
 
 static uint16_t gap_flag(const play_type *c, number gap)
@@ -60,22 +60,22 @@ static uint16_t gap_flag(const play_type *c, number gap)
   return is_gap_in_range(&c->law.map, gap) ? 0U : ANHYST_GAP_LIMITED;
 }
 
-static number solve(play_type *c, number demand, number gap)
+static number solve_demand(play_type *c, number demand, number gap)
 {
-  const section slice = section_at(c, gap);
+  const gap_law slice = law_at_gap(c, gap);
   c->demand = limit_demand(&c->law.map, demand);
   c->gap = gap;
   const table_position position = locate_force(&c->law.map, c->demand);
   const size_t next = position.index + 1U;
   c->column = (uint16_t)position.index;
-  c->at.part = position.part;
+  c->at.part = position.fraction;
   c->at.value = interpolate_between(column_value(&slice.map, position.index),
-                                    column_value(&slice.map, next), position.part);
+                                    column_value(&slice.map, next), position.fraction);
   c->at.half = interpolate_between(column_value(&slice.half, position.index),
-                                   column_value(&slice.half, next), position.part);
-  c->at.side = side_at(c, &slice, c->at.value);
+                                   column_value(&slice.half, next), position.fraction);
+  c->at.side = branch_position_at(c, &slice, c->at.value);
   c->at.current = current_at(c->at.value, c->at.half, c->at.side);
-  const number current = limit(c->at.current, c->low, c->high);
+  const number current = clamp(c->at.current, c->low, c->high);
   c->solved = 1;
   uint16_t flags = gap_flag(c, gap);
   if (c->demand != demand) {
@@ -88,25 +88,25 @@ static number solve(play_type *c, number demand, number gap)
   return current;
 }
 
-/* Part of a segment in which a current is searched for. */
+/* Interval of a segment in which a current is searched for. */
 typedef struct {
   size_t column;
-  const point *start; /* its ends; the search starts at `start` */
+  const point *start; /* ends of the interval; a search begins at the first */
   const point *end;
-  point low; /* storage of the ends: the columns at both sides, and the corners between them */
+  point low; /* storage of the ends: adjacent columns, and corners between them */
   point high;
   point corners[2];
 } search_interval;
 
-/* Returns the column at the start of the segment that contains a current. Returns the first or the
-   last segment between two columns if the current is outside. Tries two columns, then bisects. */
-static size_t find_column(const play_type *c, const section *slice, size_t below, size_t above,
+/* Returns the column at the start of the segment that contains a current, in a range of columns, or
+   the first or last segment for a current outside. Tries two columns first, then bisects. */
+static size_t find_column(const play_type *c, const gap_law *slice, size_t below, size_t above,
                           size_t probe, size_t second, number current)
 {
   while (above - below > 1U) {
     const number value = column_value(&slice->map, probe);
     const number half = column_value(&slice->half, probe);
-    if (current_at(value, half, side_at(c, slice, value)) <= current) {
+    if (current_at(value, half, branch_position_at(c, slice, value)) <= current) {
       below = probe;
     } else {
       above = probe;
@@ -117,20 +117,20 @@ static size_t find_column(const play_type *c, const section *slice, size_t below
   return below;
 }
 
-/* Cuts the interval at a corner, where the value is at an end of the play and the current bends.
+/* Splits the interval at a corner of the current, where the map value is at an end of the play.
    Requires that the ends of the interval are on different sides of the corner. */
-static void split_at_corner(number edge, number side, number current, search_interval *span,
+static void split_at_corner(number corner_value, number side, number current, search_interval *span,
                             point *corner)
 {
   const point *start = span->start;
   const point *end = span->end;
   const number x =
-      fine_quotient(absolute(edge - start->value), absolute(end->value - start->value));
+      precise_quotient(absolute(corner_value - start->value), absolute(end->value - start->value));
   corner->part = interpolate_between(start->part, end->part, x);
-  corner->value = edge;
+  corner->value = corner_value;
   corner->half = interpolate_between(start->half, end->half, x);
   corner->side = side;
-  corner->current = current_at(edge, corner->half, side);
+  corner->current = current_at(corner_value, corner->half, side);
   if (start->value < end->value ? corner->current < current : corner->current > current) {
     span->start = corner;
   } else {
@@ -138,20 +138,20 @@ static void split_at_corner(number edge, number side, number current, search_int
   }
 }
 
-/* Returns the position between start and end where the current is reached. Value, half and side are
-   linear there, so that the current is
+/* Returns the position between `start` and `end` at which the current is reached, 0..1. Value, half
+   and side are linear in this interval, so that the current is
 
      start + x*(whole - bend*(1 - x)),  |bend| <= whole.
 
    Newton steps from x = 0 solve this equation. */
-static number solve_part(const search_interval *span, number current)
+static number solve_in_interval(const search_interval *span, number current)
 {
   number total_rise = difference(span->end->current, span->start->current);
   number residual = difference(current, span->start->current);
   number bend = 0;
   if (span->start->side != span->end->side) {
-    bend = multiply_by_part(difference(span->end->side, span->start->side),
-                            span->end->half - span->start->half);
+    bend = times_fraction(difference(span->end->side, span->start->side),
+                          span->end->half - span->start->half);
   }
   if (total_rise < 0) {
     total_rise = -total_rise;
@@ -166,10 +166,10 @@ static number solve_part(const search_interval *span, number current)
   }
   const number start = total_rise - bend;
   number x = quotient_up_to_one(residual, start);
-  for (int16_t i = 0; i < PLAY_STEPS; i++) {
-    const number bend_at_x = multiply_by_part(bend, x);
-    const number remaining = residual - multiply_by_part(start + bend_at_x, x);
-    if (is_rounding(remaining, span->start->current, span->end->current)) {
+  for (int16_t i = 0; i < MAX_NEWTON_STEPS; i++) {
+    const number bend_at_x = times_fraction(bend, x);
+    const number remaining = residual - times_fraction(start + bend_at_x, x);
+    if (is_rounding_error(remaining, span->start->current, span->end->current)) {
       break;
     }
     const number step_size = quotient_up_to_one(absolute(remaining), start + 2 * bend_at_x);
@@ -182,9 +182,9 @@ static number solve_part(const search_interval *span, number current)
   return x;
 }
 
-/* Finds the segment of a current. Usually it is the segment of the last solve, for a current
-   rounded by a D/A converter, or its neighbour. */
-static void find_segment(const play_type *c, const section *slice, int is_solved, number current,
+/* Finds the segment of a current. A current that a D/A converter rounded is usually in the segment
+   of the last solve or in an adjacent segment. */
+static void find_segment(const play_type *c, const gap_law *slice, int is_solved, number current,
                          search_interval *span)
 {
   size_t below = 0;
@@ -219,10 +219,10 @@ static void find_segment(const play_type *c, const section *slice, int is_solved
   set_point_to_column(&span->high, c, slice, span->column + 1U, ONE);
 }
 
-/* Moves to the force of a current, starting from the present play. */
+/* Sets the force that corresponds to a current, starting from the present play. */
 static void move_to_current(play_type *c, int is_solved, number current, number gap)
 {
-  const section slice = section_at(c, gap);
+  const gap_law slice = law_at_gap(c, gap);
   search_interval span;
   find_segment(c, &slice, is_solved, current, &span);
   if (span.start->side != span.end->side) {
@@ -233,14 +233,14 @@ static void move_to_current(play_type *c, int is_solved, number current, number 
       split_at_corner(slice.ascending, ONE, current, &span, &span.corners[1]);
     }
   }
-  const number x = solve_part(&span, current);
+  const number x = solve_in_interval(&span, current);
   const table_position position = {span.column,
                                    interpolate_between(span.start->part, span.end->part, x)};
-  c->demand = limit_demand(&c->law.map, force_at(&c->law.map, position));
+  c->demand = limit_demand(&c->law.map, force_at_position(&c->law.map, position));
   c->at.value = interpolate_between(span.start->value, span.end->value, x);
 }
 
-static number commit(play_type *c, number applied, number gap)
+static number commit_current(play_type *c, number applied, number gap)
 {
   const int is_solved = c->solved != 0U && gap == c->gap;
   if (!is_solved) {
@@ -257,6 +257,6 @@ static number commit(play_type *c, number applied, number gap)
     move_to_current(c, is_solved, applied, gap);
   }
   const number radius = c->law.radius;
-  c->play = limit(c->play, subtract(c->at.value, radius), add(c->at.value, radius));
+  c->play = clamp(c->play, subtract(c->at.value, radius), add(c->at.value, radius));
   return c->demand;
 }

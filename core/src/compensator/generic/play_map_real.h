@@ -1,16 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Operations in floating point for the templates play_block.h and play_map.h. ../play_map.c
-   describes the functions. map_real.h, the types law_type, point and play_type, and the constant
-   EPSILON come before. */
+/* Operations in floating point for the templates play_block.h and play_map.h; see ../play_map.c.
+   map_real.h, the types law_type, point and play_type, and MACHINE_EPSILON come before. */
 
-#define PLAY_STEPS 12 /* more than in fixed point because of the higher precision */
+#define MAX_NEWTON_STEPS 12 /* more than in fixed point because of the higher precision */
 
 static int is_finite(number a) { return a >= -MAX_ENTRY && a <= MAX_ENTRY; }
 static number absolute(number a) { return a < 0 ? -a : a; }
 static number add(number a, number b) { return a + b; }
 static number subtract(number a, number b) { return a - b; }
 
-static number limit(number a, number low, number high)
+static number clamp(number a, number low, number high)
 {
   if (!(a > low)) {
     return low;
@@ -18,28 +17,28 @@ static number limit(number a, number low, number high)
   return a > high ? high : a;
 }
 
-/* Limits a demand to the forces of the map. NaN becomes 0 or the smallest positive force. */
+/* Limits a demand to the forces of the map. For NaN, returns the force of the map closest to 0. */
 static number limit_demand(const map_type *map, number demand)
 {
   if (demand >= map->force_low) {
-    return limit(demand, map->force_low, map->force_high);
+    return clamp(demand, map->force_low, map->force_high);
   }
-  return demand < map->force_low ? map->force_low : limit(0, map->force_low, map->force_high);
+  return demand < map->force_low ? map->force_low : clamp(0, map->force_low, map->force_high);
 }
 
 /* Returns whether a gap is in its range, extended by 2^-15 of the range. */
 static int is_gap_in_range(const map_type *map, number gap)
 {
-  const number room = (map->gap_high - map->gap_low) / 32768;
-  return gap >= map->gap_low - room && gap <= map->gap_high + room;
+  const number tolerance = (map->gap_high - map->gap_low) / 32768;
+  return gap >= map->gap_low - tolerance && gap <= map->gap_high + tolerance;
 }
 
-static number side_from_distance(const law_type *law, number distance)
+static number branch_position_from_distance(const law_type *law, number distance)
 {
   return distance * law->per_radius;
 }
 
-/* Returns a difference of two currents, comparable only with other results of this function. */
+/* Returns a difference of two currents. Only other results of this function have the same scale. */
 static number difference(number a, number b) { return a - b; }
 
 static number quotient_up_to_one(number numerator, number denominator)
@@ -47,11 +46,11 @@ static number quotient_up_to_one(number numerator, number denominator)
   return numerator < denominator ? numerator / denominator : ONE;
 }
 
-#define fine_quotient quotient_up_to_one
+#define precise_quotient quotient_up_to_one
 
-static int is_rounding(number left, number start, number end)
+static int is_rounding_error(number remaining, number start, number end)
 {
-  return absolute(left) <= 16 * EPSILON * (absolute(start) + absolute(end));
+  return absolute(remaining) <= 16 * MACHINE_EPSILON * (absolute(start) + absolute(end));
 }
 
 static int is_word_equal(number word, uint16_t value) { return word == (number)value; }
@@ -74,7 +73,7 @@ static number current_tolerance(const number *words)
   return words[ANHYST_WORD_SCALE_CURRENT] / 32768;
 }
 
-/* Reads sizes, ranges of force and gap, and the radius. Returns whether they are valid. */
+/* Reads table sizes, force and gap ranges, and the play's radius. Returns whether all are valid. */
 static int read_scales(law_type *law, const number *words)
 {
   law->map.force_segments =

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Operations that both floating-point formats share; number is float or double. */
+/* Operations of both floating-point formats. The type `number` is float or double. */
 
 static inline number absolute(number a) { return a < (number)0 ? -a : a; }
 
-/* Limits a to low..high; returns low for NaN. */
+/* Limits a to low..high. Returns `low` for NaN. */
 static inline number clamp(number a, number low, number high)
 {
   if (!(a > low)) {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Saves and restores the hysteresis state over a power cycle; for every number format. */
+/* Saves and restores the hysteresis state over a power cycle, for every number format. */
 #include "../checksum.h"
 
-static uint32_t checksum_of(const saved_memory *saved)
+static uint32_t saved_checksum(const saved_memory *saved)
 {
   const size_t first = sizeof(saved->content.checksum) / sizeof(saved->word[0]);
   uint32_t sum = ANHYST_CHECKSUM_START;
@@ -18,7 +18,7 @@ static uint32_t block_checksum(const compensator *c)
   return low | (uint32_t)(uint16_t)(int32_t)c->words[ANHYST_WORD_CRC + 1] << 16;
 }
 
-static void save(const compensator *c, saved_memory *to)
+static void save_state(const compensator *c, saved_memory *to)
 {
   for (size_t i = 0; i < sizeof(to->word) / sizeof(to->word[0]); i++) {
     to->word[i] = 0; /* including unused words */
@@ -45,14 +45,14 @@ static void save(const compensator *c, saved_memory *to)
       layer->plays[i] = plays[i];
     }
   }
-  to->content.checksum = checksum_of(to);
+  to->content.checksum = saved_checksum(to);
 }
 
-static anhyst_status restore(compensator *c, const saved_memory *from)
+static anhyst_status restore_state(compensator *c, const saved_memory *from)
 {
   if (from->content.version != ANHYST_SAVED_VERSION || from->content.kind != c->kernel->kind ||
       from->content.size != sizeof(from->word) / sizeof(from->word[0]) ||
-      from->content.block != block_checksum(c) || from->content.checksum != checksum_of(from)) {
+      from->content.block != block_checksum(c) || from->content.checksum != saved_checksum(from)) {
     return ANHYST_BAD_PARAMETER;
   }
   for (uint16_t j = 0; j < ANHYST_MEMORIES; j++) {

@@ -1,200 +1,201 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Solid iron: layers of the play-cell law from the surface to the middle, with diffusion between
-   them. Template for one number format; generic/cells.h is included before. Layer j of N has the
-   share phi_j of the cross-section. S_j is the flux in layer j and all deeper ones, and E_j the
-   field of layer j:
+/* Solid core: layers of the play-cell law from the surface to the middle, with eddy-current
+   diffusion between them. Template for one number format; generic/cells.h is included before. Layer
+   j of N has the fraction phi_j of the cross-section, the flux density f_j and the field E_j. S_j
+   is the flux in layer j and all deeper layers:
 
      E_j = x_j + own*f_j,   E_{j-1} = E_j + hold*(S_j - S_j,before),   j = 2..N
      current = bias + flux_arm*F + field_arm*(l*E_l(F) + (1 - l)*E_1 - own*F),   F = S_1
 
-   Each pass goes inwards and then outwards. Inwards, the circuit outside of each layer is a
-   straight line, from the tangents of the outer layers at their last positions. Outwards, starting
-   from the middle, each layer solves its own law exactly for its line. The error of a pass is the
-   difference between the tangents and the law. The residual of the last pass is added to the next
-   tick as outstanding flux, for this reason: with a slow drive, the flux changes by less than the
-   resolution of a row per tick. Without the correction, the fields between the layers would have
-   many times that error.
+   Each pass goes from the surface to the middle and back. On the way in, the circuit outside of
+   each layer is approximated by a load line, which follows from the tangents of the outer layers at
+   their last positions. On the way out, each layer solves its own law exactly for its load line.
+   The error of a pass is the difference between the tangents and the law. The residual of the last
+   pass is added to the next tick as outstanding flux. Without this correction, a slow drive, whose
+   flux changes by less than the resolution of a table row per tick, would cause large field errors.
 
-   Slopes are derivatives of a field with respect to a flux. They are approximate, and each pass
-   checks its result. One pass is sufficient if no layer leaves its segment. If the flux jumps
+   A slope is the derivative of a field with respect to a flux. Slopes are approximate, and each
+   pass checks its result. One pass is sufficient if no layer leaves its segment. If the flux jumps
    within a tick, tangents may alternate between two solutions without converging. Therefore, later
    passes use the secant slope between two distant positions of a layer. */
 
-/* Maximum number of passes, and number of passes that use tangents only. */
+/* Maximum number of passes, and number of the first passes, which use only tangents. */
 #define MAX_PASSES 10
 #define TANGENT_PASSES 2
 
-/* Smallest change of the flux of a layer for a secant slope. */
+/* Smallest change of a layer's flux for which a secant slope is computed. */
 #define MIN_SECANT_FLUX POWER_OF_HALF(7)
 
-/* Smallest change of flux in a pass that requires another pass. */
+/* Smallest total change of flux in a pass that requires another pass. */
 #define MIN_FLUX_CHANGE POWER_OF_HALF(19)
 
 /* Error of a flux above which the flux counts as not reached. */
 #define MAX_FLUX_ERROR POWER_OF_HALF(14)
 
 /* Maximum outstanding flux of a layer. */
-#define MAX_OWED_FLUX POWER_OF_HALF(8)
+#define MAX_OUTSTANDING_FLUX POWER_OF_HALF(8)
 
-/* All memories in one tick: layers from the surface inwards, then the laminated part. */
+/* All layers in one tick, from the surface inwards, followed by the laminated part. */
 typedef struct {
   compensator *c;
-  int is_flux_given;                  /* whether the flux is given; else the current */
-  int uses_secants;                   /* whether slopes are secants between two positions */
-  number target;                      /* the given flux, or the given current minus its bias */
-  number hold_slope;                  /* slope: field between layers for a change of flux */
-  number own_slope;                   /* slope: field of a flux in its own layer, <= 0 */
-  number reluctance;                  /* slope: circuit around laminated iron */
-  number arm;                         /* slope: 1/(field arm*(1 - laminated)) */
-  int layers;                         /* N */
-  entry laminated;                    /* l */
-  entry share[ANHYST_MEMORIES];       /* phi_j */
-  number before[ANHYST_MEMORIES];     /* S_j at the start of the tick */
-  number total_flux[ANHYST_MEMORIES]; /* S_j */
-  number flux[ANHYST_MEMORIES];       /* flux of each layer itself */
-  number field[ANHYST_MEMORIES];      /* E_j, E_l */
-  number stiffness[ANHYST_MEMORIES];  /* their slopes over S_j, for E_l over the flux */
-  number residual[ANHYST_MEMORIES];   /* residual between a layer and the one outside it */
+  int is_flux_given;                    /* whether the flux is given; otherwise the current */
+  int uses_secants;                     /* whether slopes are secants between two positions */
+  number target;                        /* given flux, or given current without its bias */
+  number diffusion_slope;               /* field between two layers for a flux change */
+  number coupling_slope;                /* field of a flux in its own layer, <= 0 */
+  number reluctance;                    /* field over flux of the circuit outside of the core */
+  number field_per_current;             /* 1/(field coefficient*(1 - laminated)) */
+  int layers;                           /* N */
+  entry laminated;                      /* l */
+  entry area_fraction[ANHYST_MEMORIES]; /* phi_j */
+  number start_flux[ANHYST_MEMORIES];   /* S_j at the start of the tick */
+  number section_flux[ANHYST_MEMORIES]; /* S_j */
+  number flux[ANHYST_MEMORIES];         /* flux density of each layer */
+  number field[ANHYST_MEMORIES];        /* E_j, E_l */
+  number field_slope[ANHYST_MEMORIES];  /* dE_j/dS_j, and dE_l/dF */
+  number residual[ANHYST_MEMORIES];     /* residual field between two layers */
 } solid_tick;
 
-/* The circuit outside of a section as a straight line: a field, and its decrease as the flux of the
-   section rises. The field is a result of to_coarse, because after a jump it is many times the
-   largest field of the rows. */
+/* Load line of a section: the field from the circuit outside of the section, which decreases as the
+   flux of the section rises. The field is a result of to_coarse_field, because after a jump of the
+   flux the field is many times the largest field of the table. */
 typedef struct {
   number field;
   number slope; /* decrease of the field over the flux, >= 0 */
-} solid_line;
+} load_line;
 
-static const cells_memory *memory_of(const compensator *c, int at)
+static const cells_memory *layer_state(const compensator *c, int layer)
 {
-  return at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
+  return layer > 0 ? &c->deeper[layer - 1].memory.cells : &c->memory.cells;
 }
 
-static candidate *next_of(compensator *c, int at)
+static candidate *layer_trial(compensator *c, int layer)
 {
-  return at > 0 ? &c->deeper[at - 1].next : &c->next;
+  return layer > 0 ? &c->deeper[layer - 1].next : &c->next;
 }
 
-static const number *plays_of(const compensator *c, int at)
+static const number *layer_plays(const compensator *c, int layer)
 {
-  return at > 0 ? c->deeper[at - 1].plays : c->plays;
+  return layer > 0 ? c->deeper[layer - 1].plays : c->plays;
 }
 
-/* Returns the number of layers of a block; 0: laminated iron. */
-static int layers_of(const entry *words) { return integer_of(words[ANHYST_WORD_SOLID_LAYERS]); }
+/* Returns the number of layers of a block, or 0 for a laminated core. */
+static int layer_count(const entry *words) { return integer_of(words[ANHYST_WORD_SOLID_LAYERS]); }
 
-static int memories_of(const entry *words)
+static int state_count(const entry *words)
 {
-  return layers_of(words) + (words[ANHYST_WORD_SOLID_LAMINATED] > 0 ? 1 : 0);
+  return layer_count(words) + (words[ANHYST_WORD_SOLID_LAMINATED] > 0 ? 1 : 0);
 }
 
-/* Returns the flux h*x + m at a trial step. */
-static number flux_of_candidate(const entry *words, const candidate *at)
+/* Returns the flux h*x + m of a trial step. */
+static number flux_of_trial(const entry *words, const candidate *trial)
 {
-  const int mirror = at->memory.cells.active < 0 ? -1 : 0;
-  const number x = mirrored(at->memory.cells.x, mirror);
-  const number share = rise_at_part(flux_rise(at, words[ANHYST_WORD_CELLS_AIR]),
-                                    part_at(x, candidate_begin(at, x), candidate_grid(at)));
-  return four_times(mirrored(unsafe_sum(at->of.cells.flux, share), mirror));
+  const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
+  const number x = mirrored(trial->memory.cells.x, mirror);
+  const number rise = multiply_rise(segment_flux_rise(trial, words[ANHYST_WORD_CELLS_AIR]),
+                                    fraction_at(x, trial_lower_end(trial, x), trial_grid(trial)));
+  return four_times(mirrored(unsafe_sum(trial->of.cells.flux, rise), mirror));
 }
 
-/* Sets a trial step to the present state of a memory. Returns its flux. */
-static number locate_memory(const entry *words, const cells_memory *memory, const number *plays,
-                            candidate *at)
+/* Sets a trial step to a stored state. Returns the flux of the trial step. */
+static number reset_trial(const entry *words, const cells_memory *memory, const number *plays,
+                          candidate *trial)
 {
   cell_path path;
   begin_path(&path, words, memory, plays);
-  path.last_join = path.x;
-  path.segment = locate(&path, path.row, path.x).at;
-  at->of.cells.joins = join_field(&path, path.active, path.x);
-  return four_times(store_candidate(&path, words, at));
+  path.last_activation = path.x;
+  path.segment = locate_field(&path, path.row, path.x).segment;
+  trial->of.cells.joins = activation_field(&path, path.active, path.x);
+  return four_times(store_trial(&path, words, trial));
 }
 
-/* Reads flux and field at the trial step of a memory. */
-static void read_candidate(solid_tick *tick, int at, number flux)
+/* Stores the flux and the field of a layer at its trial step. */
+static void read_trial(solid_tick *tick, int layer, number flux)
 {
-  tick->flux[at] = flux;
-  tick->field[at] = sum(next_of(tick->c, at)->memory.cells.x, own_field(flux, tick->own_slope));
+  tick->flux[layer] = flux;
+  tick->field[layer] =
+      sum(layer_trial(tick->c, layer)->memory.cells.x, coupling_field(flux, tick->coupling_slope));
 }
 
-static number stiffness_of(const solid_tick *tick, int at)
+static number field_slope_of(const solid_tick *tick, int layer)
 {
-  const candidate *next = next_of(tick->c, at);
-  const number rise = flux_rise(next, tick->c->words[ANHYST_WORD_CELLS_AIR]);
-  const number stiff = law_stiffness(width_of(candidate_grid(next)), rise, tick->own_slope);
-  return at == tick->layers ? stiff : divide_slope_by_share(stiff, tick->share[at]);
+  const candidate *trial = layer_trial(tick->c, layer);
+  const number rise = segment_flux_rise(trial, tick->c->words[ANHYST_WORD_CELLS_AIR]);
+  const number slope = segment_field_slope(width_of(trial_grid(trial)), rise, tick->coupling_slope);
+  return layer == tick->layers ? slope : divide_slope(slope, tick->area_fraction[layer]);
 }
 
-static number section_with(const solid_tick *tick, int layer, number deeper)
+static number add_layer_flux(const solid_tick *tick, int layer, number deeper)
 {
-  return sum(deeper, multiply_by_share(tick->flux[layer], tick->share[layer]));
+  return sum(deeper, times_fraction(tick->flux[layer], tick->area_fraction[layer]));
 }
 
-/* Sets the start of the search of a memory: its trial step if it is known, otherwise the memory. */
-static void start_search(solid_tick *tick, int at)
+/* Sets the start of a layer's search: a known trial step, otherwise the stored state. */
+static void start_search(solid_tick *tick, int layer)
 {
   compensator *c = tick->c;
-  candidate *next = next_of(c, at);
-  if (c->stage == ANHYST_STAGE_UNKNOWN || !has_segment(next)) {
-    read_candidate(tick, at, locate_memory(c->words, memory_of(c, at), plays_of(c, at), next));
-    tick->stiffness[at] = stiffness_of(tick, at);
+  candidate *trial = layer_trial(c, layer);
+  if (c->stage == ANHYST_STAGE_UNKNOWN || !has_segment(trial)) {
+    read_trial(tick, layer,
+               reset_trial(c->words, layer_state(c, layer), layer_plays(c, layer), trial));
+    tick->field_slope[layer] = field_slope_of(tick, layer);
     return;
   }
-  if (c->stage == ANHYST_STAGE_HERE) { /* the path can reverse here */
-    const int mirror = next->memory.cells.active < 0 ? -1 : 0;
-    next->memory.cells.joined = saturate(mirrored(next->memory.cells.x, mirror));
+  if (c->stage == ANHYST_STAGE_HERE) { /* allows the path to reverse at this state */
+    const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
+    trial->memory.cells.joined = saturate(mirrored(trial->memory.cells.x, mirror));
   }
-  read_candidate(tick, at, flux_of_candidate(c->words, next));
-  const number known = at > 0 ? c->deeper[at - 1].stiffness : 0;
-  tick->stiffness[at] = known > 0 ? known : stiffness_of(tick, at);
+  read_trial(tick, layer, flux_of_trial(c->words, trial));
+  const number known_slope = layer > 0 ? c->deeper[layer - 1].stiffness : 0;
+  tick->field_slope[layer] = known_slope > 0 ? known_slope : field_slope_of(tick, layer);
 }
 
-/* Sets the fluxes of the sections, and the starts of the searches. */
-static void begin_tick(solid_tick *tick, compensator *c)
+/* Sets the flux of each section, and the start of each layer's search. */
+static void init_solid_tick(solid_tick *tick, compensator *c)
 {
   const entry *words = c->words;
   const entry surface = words[ANHYST_WORD_SOLID_SURFACE];
-  const int layers = layers_of(words);
-  number now = 0;
+  const int layers = layer_count(words);
+  number section_flux = 0;
   tick->c = c;
   tick->layers = layers;
   tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
-  tick->hold_slope = read_hold_slope(words);
-  tick->own_slope = read_own_slope(words);
+  tick->diffusion_slope = read_diffusion_slope(words);
+  tick->coupling_slope = read_coupling_slope(words);
   for (int j = layers - 1; j > 0; j--) {
-    tick->share[j] = inner_share(surface, layers - 1);
+    tick->area_fraction[j] = inner_area_fraction(surface, layers - 1);
     start_search(tick, j);
-    now = section_with(tick, j, now);
-    tick->total_flux[j] = now;
+    section_flux = add_layer_flux(tick, j, section_flux);
+    tick->section_flux[j] = section_flux;
     if (c->stage != ANHYST_STAGE_AHEAD) {
-      c->deeper[j - 1].before = sum(now, c->deeper[j - 1].owed);
+      c->deeper[j - 1].before = sum(section_flux, c->deeper[j - 1].owed);
     }
-    tick->before[j] = c->deeper[j - 1].before;
+    tick->start_flux[j] = c->deeper[j - 1].before;
   }
-  tick->share[0] = surface;
+  tick->area_fraction[0] = surface;
   start_search(tick, 0);
-  tick->total_flux[0] = section_with(tick, 0, now);
+  tick->section_flux[0] = add_layer_flux(tick, 0, section_flux);
   if (tick->laminated > 0) {
     start_search(tick, layers);
   }
 }
 
-/* Returns the field that replaces the field of laminated iron in the equation of the current. */
-static number field_in_current(const solid_tick *tick)
+/* Returns the uniform field that would need the same current in a laminated core at this flux. */
+static number equivalent_field(const solid_tick *tick)
 {
   number field = tick->field[0];
   if (tick->laminated > 0) {
-    field = sum(field,
-                multiply_by_share(difference(tick->field[tick->layers], field), tick->laminated));
+    field =
+        sum(field, times_fraction(difference(tick->field[tick->layers], field), tick->laminated));
   }
-  return difference(field, own_field(tick->total_flux[0], tick->own_slope));
+  return difference(field, coupling_field(tick->section_flux[0], tick->coupling_slope));
 }
 
-static void set_circuit(solid_tick *tick)
+static void set_circuit_slopes(solid_tick *tick)
 {
   const arms_type *arms = &tick->c->arms;
-  tick->arm = slope_of_arm(arms->field_arm, tick->laminated);
-  tick->reluctance = -tick->own_slope;
+  tick->field_per_current = field_slope_of_current(arms->field_arm, tick->laminated);
+  tick->reluctance = -tick->coupling_slope;
   if (arms->flux_arm > 0) {
     tick->reluctance = sum(tick->reluctance, divide_weights(arms->flux_arm, arms->field_arm));
   } else if (arms->flux_arm < 0) {
@@ -203,204 +204,211 @@ static void set_circuit(solid_tick *tick)
   }
 }
 
-/* Returns the target current minus the current of the present fields. */
+/* Returns the target current minus the current of the present fields and fluxes. */
 static number residual_current(const solid_tick *tick)
 {
   const arms_type *arms = &tick->c->arms;
-  const number made = sum(scaled(tick->total_flux[0], arms->flux_arm),
-                          scaled(field_in_current(tick), arms->field_arm));
-  return difference(tick->target, made);
+  const number present = sum(scaled(tick->section_flux[0], arms->flux_arm),
+                             scaled(equivalent_field(tick), arms->field_arm));
+  return difference(tick->target, present);
 }
 
-/* Returns the slope of the circuit outside the surface (decrease of field over flux, >= 0). */
+/* Returns the slope of the load line at the surface (decrease of the field over the flux, >= 0). */
 static number circuit_slope(const solid_tick *tick)
 {
   number reluctance = tick->reluctance;
   if (tick->laminated > 0) {
-    reluctance = sum(reluctance, multiply_by_share(tick->stiffness[tick->layers], tick->laminated));
+    reluctance = sum(reluctance, times_fraction(tick->field_slope[tick->layers], tick->laminated));
   }
-  return reluctance > 0 ? divide_slope_by_solid_part(reluctance, tick->laminated) : 0;
+  return reluctance > 0 ? divide_slope_by_solid(reluctance, tick->laminated) : 0;
 }
 
-/* Returns the line of the circuit and the laminated part at the surface. */
-static solid_line line_at_surface(const solid_tick *tick)
+/* Returns the load line at the surface, from the circuit and the laminated part. */
+static load_line load_line_at_surface(const solid_tick *tick)
 {
-  solid_line line;
-  line.field = sum(to_coarse(tick->field[0]),
-                   multiply_by_slope(to_coarse(residual_current(tick)), tick->arm));
+  load_line line;
+  line.field =
+      sum(to_coarse_field(tick->field[0]),
+          multiply_by_slope(to_coarse_field(residual_current(tick)), tick->field_per_current));
   line.slope = circuit_slope(tick);
   return line;
 }
 
-/* Returns the line inside a layer from the line outside it. At the surface, uses a given flux. */
-static solid_line line_below_layer(const solid_tick *tick, int layer, solid_line line)
+/* Returns the load line inside a layer, from that outside or from a given flux at the surface. */
+static load_line load_line_below_layer(const solid_tick *tick, int layer, load_line line)
 {
-  const number stiff = tick->stiffness[layer];
-  const number here = to_coarse(tick->field[layer]);
-  solid_line found = {here, stiff};
+  const number slope = tick->field_slope[layer];
+  const number field = to_coarse_field(tick->field[layer]);
+  load_line below = {field, slope};
   if (layer == 0 && tick->is_flux_given) {
-    const number change = difference(tick->target, tick->total_flux[0]);
-    found.field = sum(here, multiply_by_slope(to_coarse(change), stiff));
+    const number change = difference(tick->target, tick->section_flux[0]);
+    below.field = sum(field, multiply_by_slope(to_coarse_field(change), slope));
   } else {
-    const entry part = slope_share(stiff, line.slope);
-    found.field = sum(here, multiply_by_share(difference(line.field, here), part));
-    found.slope = multiply_by_share(line.slope, part);
+    const entry fraction = slope_fraction(slope, line.slope);
+    below.field = sum(field, times_fraction(difference(line.field, field), fraction));
+    below.slope = times_fraction(line.slope, fraction);
   }
-  const number change = difference(tick->total_flux[layer + 1], tick->before[layer + 1]);
-  found.field = difference(found.field, multiply_by_slope(to_coarse(change), tick->hold_slope));
-  found.slope = sum(found.slope, tick->hold_slope);
-  return found;
+  const number change = difference(tick->section_flux[layer + 1], tick->start_flux[layer + 1]);
+  below.field =
+      difference(below.field, multiply_by_slope(to_coarse_field(change), tick->diffusion_slope));
+  below.slope = sum(below.slope, tick->diffusion_slope);
+  return below;
 }
 
-/* Returns the slope of a memory that has left its segment, from the flux and the field before. */
-static number updated_slope(const solid_tick *tick, int at, number flux, number field)
+/* Returns the new slope of a layer that has left its segment, from the previous flux and field. */
+static number updated_field_slope(const solid_tick *tick, int layer, number flux, number field)
 {
-  const number change = difference(tick->flux[at], flux);
+  const number change = difference(tick->flux[layer], flux);
   if (!tick->uses_secants || absolute(change) < MIN_SECANT_FLUX) {
-    return stiffness_of(tick, at);
+    return field_slope_of(tick, layer);
   }
-  const number slope = secant(difference(tick->field[at], field), change);
-  return at == tick->layers ? slope : divide_slope_by_share(slope, tick->share[at]);
+  const number slope = secant_slope(difference(tick->field[layer], field), change);
+  return layer == tick->layers ? slope : divide_slope(slope, tick->area_fraction[layer]);
 }
 
-/* Solves a memory for a target of these arms, divided by 4. */
-static void solve_layer(solid_tick *tick, int at, const arms_type *arms, number target)
+/* Solves a layer for a target, divided by 4, with the given coefficients. */
+static void solve_layer(solid_tick *tick, int layer, const arms_type *arms, number target)
 {
   compensator *c = tick->c;
-  candidate *to = next_of(c, at);
-  const int32_t segment = to->of.cells.segment;
-  const number flux = tick->flux[at];
-  const number field = tick->field[at];
-  (void)solve_current(c->words, memory_of(c, at), plays_of(c, at), arms, target, to, 1);
-  read_candidate(tick, at, flux_of_candidate(c->words, to));
-  if (to->of.cells.segment != segment) {
-    tick->stiffness[at] = updated_slope(tick, at, flux, field);
+  candidate *trial = layer_trial(c, layer);
+  const int32_t segment = trial->of.cells.segment;
+  const number flux = tick->flux[layer];
+  const number field = tick->field[layer];
+  (void)solve_current(c->words, layer_state(c, layer), layer_plays(c, layer), arms, target, trial,
+                      1);
+  read_trial(tick, layer, flux_of_trial(c->words, trial));
+  if (trial->of.cells.segment != segment) {
+    tick->field_slope[layer] = updated_field_slope(tick, layer, flux, field);
   }
 }
 
-static void solve_layer_for_flux(solid_tick *tick, int at, number flux)
+static void solve_layer_for_flux(solid_tick *tick, int layer, number flux)
 {
   const arms_type arms = {0, QUARTER_WEIGHT, 0};
-  solve_layer(tick, at, &arms, quarter(quarter(flux)));
+  solve_layer(tick, layer, &arms, quarter(quarter(flux)));
 }
 
-/* Solves a layer for its line. The line refers to the previous flux of the section, so that the
-   change of the deeper section is subtracted. */
-static void solve_layer_for_line(solid_tick *tick, int layer, solid_line line, number changed)
+/* Solves a layer for its load line. The load line refers to the previous flux of the section, so
+   that the change of the deeper section is subtracted. */
+static void solve_layer_for_load_line(solid_tick *tick, int layer, load_line line, number changed)
 {
-  const number falls = multiply_by_share(line.slope, tick->share[layer]);
-  const number field = difference(line.field, multiply_by_slope(to_coarse(changed), line.slope));
+  const number line_slope = times_fraction(line.slope, tick->area_fraction[layer]);
+  const number field =
+      difference(line.field, multiply_by_slope(to_coarse_field(changed), line.slope));
   arms_type arms;
-  const number target = set_line(&arms, field, falls, tick->own_slope, tick->flux[layer]);
+  const number target =
+      set_load_line(&arms, field, line_slope, tick->coupling_slope, tick->flux[layer]);
   solve_layer(tick, layer, &arms, target);
 }
 
-/* Runs one pass inwards and outwards. Returns the total change of the fluxes of all sections. */
+/* Runs one pass inwards and outwards. Returns the sum of the flux changes of all sections. */
 static number run_pass(solid_tick *tick)
 {
   const int layers = tick->layers;
-  const number first = tick->total_flux[0];
-  number moved = 0;
-  solid_line line[ANHYST_MEMORIES];
+  const number start_flux = tick->section_flux[0];
+  number flux_change = 0;
+  load_line line[ANHYST_MEMORIES];
   number deeper = 0;
   number changed = 0;
   line[0].field = 0;
   line[0].slope = 0;
   if (!tick->is_flux_given) {
-    line[0] = line_at_surface(tick);
+    line[0] = load_line_at_surface(tick);
   }
   for (int j = 1; j < layers; j++) {
-    line[j] = line_below_layer(tick, j - 1, line[j - 1]);
+    line[j] = load_line_below_layer(tick, j - 1, line[j - 1]);
   }
   for (int j = layers - 1; j > 0; j--) {
-    solve_layer_for_line(tick, j, line[j], changed);
-    deeper = section_with(tick, j, deeper);
-    changed = difference(deeper, tick->total_flux[j]);
-    moved = sum(moved, absolute(changed));
-    tick->total_flux[j] = deeper;
+    solve_layer_for_load_line(tick, j, line[j], changed);
+    deeper = add_layer_flux(tick, j, deeper);
+    changed = difference(deeper, tick->section_flux[j]);
+    flux_change = sum(flux_change, absolute(changed));
+    tick->section_flux[j] = deeper;
   }
   if (tick->is_flux_given) {
-    solve_layer_for_flux(tick, 0,
-                         divide_by_share(difference(tick->target, deeper), tick->share[0]));
+    solve_layer_for_flux(
+        tick, 0, divide_by_fraction(difference(tick->target, deeper), tick->area_fraction[0]));
   } else {
-    solve_layer_for_line(tick, 0, line[0], changed);
+    solve_layer_for_load_line(tick, 0, line[0], changed);
   }
-  tick->total_flux[0] = section_with(tick, 0, deeper);
+  tick->section_flux[0] = add_layer_flux(tick, 0, deeper);
   if (tick->laminated > 0) {
-    solve_layer_for_flux(tick, layers, tick->total_flux[0]);
+    solve_layer_for_flux(tick, layers, tick->section_flux[0]);
   }
-  return sum(moved, absolute(difference(tick->total_flux[0], first)));
+  return sum(flux_change, absolute(difference(tick->section_flux[0], start_flux)));
 }
 
-/* Returns whether the equations are solved except for rounding. Sets their residuals. */
+/* Returns whether all equations are solved except for rounding errors. Sets the residuals. */
 static int are_equations_solved(solid_tick *tick)
 {
   int result = 1;
   for (int j = 1; j < tick->layers; j++) {
-    const number change = difference(tick->total_flux[j], tick->before[j]);
-    const number falls = difference(tick->field[j - 1], tick->field[j]);
-    tick->residual[j] = difference(falls, multiply_by_slope(change, tick->hold_slope));
-    if (!is_residual_small(tick->residual[j], sum(tick->stiffness[j - 1], tick->hold_slope))) {
+    const number change = difference(tick->section_flux[j], tick->start_flux[j]);
+    const number field_drop = difference(tick->field[j - 1], tick->field[j]);
+    tick->residual[j] = difference(field_drop, multiply_by_slope(change, tick->diffusion_slope));
+    if (!is_residual_small(tick->residual[j],
+                           sum(tick->field_slope[j - 1], tick->diffusion_slope))) {
       result = 0;
     }
   }
   if (result && !tick->is_flux_given) {
-    return is_residual_small(multiply_by_slope(residual_current(tick), tick->arm),
+    return is_residual_small(multiply_by_slope(residual_current(tick), tick->field_per_current),
                              circuit_slope(tick));
   }
   return result;
 }
 
-static void solve_tick(solid_tick *tick)
+static void solve_layers(solid_tick *tick)
 {
   for (int i = 0; i < MAX_PASSES; i++) {
     tick->uses_secants = i >= TANGENT_PASSES;
-    const number moved = run_pass(tick);
-    if (are_equations_solved(tick) || moved < MIN_FLUX_CHANGE) { /* saturated surface */
+    const number flux_change = run_pass(tick);
+    if (are_equations_solved(tick) || flux_change < MIN_FLUX_CHANGE) { /* or saturated surface */
       break;
     }
   }
   for (int j = 1; j < tick->layers; j++) {
-    tick->c->deeper[j - 1].next_owed = owed_flux(tick->c->words, tick->residual[j], MAX_OWED_FLUX);
+    tick->c->deeper[j - 1].next_owed =
+        outstanding_flux(tick->c->words, tick->residual[j], MAX_OUTSTANDING_FLUX);
   }
-  for (int j = 1; j < memories_of(tick->c->words); j++) {
-    tick->c->deeper[j - 1].stiffness = tick->stiffness[j];
+  for (int j = 1; j < state_count(tick->c->words); j++) {
+    tick->c->deeper[j - 1].stiffness = tick->field_slope[j];
   }
 }
 
-/* Returns the field that replaces the field of laminated iron in the equation of the current.
-   Reduces c->flux if the surface saturates before it is reached. */
-static number solid_field(compensator *c)
+/* Returns the uniform field that would need the same current in a laminated core at this flux.
+   Reduces c->flux if the surface saturates at a smaller flux. */
+static number solid_field_for_flux(compensator *c)
 {
   solid_tick tick;
-  begin_tick(&tick, c);
+  init_solid_tick(&tick, c);
   tick.is_flux_given = 1;
   tick.target = c->flux;
-  solve_tick(&tick);
-  const number residual = difference(tick.total_flux[0], c->flux);
+  solve_layers(&tick);
+  const number residual = difference(tick.section_flux[0], c->flux);
   if (residual > MAX_FLUX_ERROR || residual < -MAX_FLUX_ERROR) {
-    c->flux = saturate(tick.total_flux[0]);
+    c->flux = saturate(tick.section_flux[0]);
     c->flags |= ANHYST_FLUX_LIMITED;
   }
-  return saturate(field_in_current(&tick));
+  return saturate(equivalent_field(&tick));
 }
 
-/* Returns the flux of the section for a current. */
-static number solid_flux(compensator *c, number current)
+/* Returns the flux of the whole cross-section for a current. */
+static number solid_flux_for_current(compensator *c, number current)
 {
   solid_tick tick;
-  begin_tick(&tick, c);
-  set_circuit(&tick);
+  init_solid_tick(&tick, c);
+  set_circuit_slopes(&tick);
   tick.is_flux_given = 0;
   tick.target = difference(current, c->arms.bias);
-  solve_tick(&tick);
-  return tick.total_flux[0];
+  solve_layers(&tick);
+  return tick.section_flux[0];
 }
 
-/* Sets all layers to the initial state of the surface. */
-static void solid_start(compensator *c)
+/* Sets all layers to the initial state of the surface layer. */
+static void solid_init_state(compensator *c)
 {
-  cells_start(c);
+  cells_init_state(c);
   for (int i = 0; i < ANHYST_MEMORIES - 1; i++) {
     c->deeper[i].memory = c->memory;
     c->deeper[i].next = c->next;
@@ -412,45 +420,46 @@ static void solid_start(compensator *c)
   }
 }
 
-static void solid_keep(compensator *c)
+static void solid_store_state(compensator *c)
 {
-  for (int at = memories_of(c->words) - 1; at >= 0; at--) {
-    number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
-    if (have_reversed(memory_of(c, at), &next_of(c, at)->memory.cells)) {
-      store_plays(c->words, memory_of(c, at), plays);
+  for (int layer = state_count(c->words) - 1; layer >= 0; layer--) {
+    number *plays = layer > 0 ? c->deeper[layer - 1].plays : c->plays;
+    if (have_reversed(layer_state(c, layer), &layer_trial(c, layer)->memory.cells)) {
+      store_active_plays(c->words, layer_state(c, layer), plays);
     }
-    if (at > 0) {
-      c->deeper[at - 1].memory = c->deeper[at - 1].next.memory;
-      c->deeper[at - 1].owed = c->deeper[at - 1].next_owed;
+    if (layer > 0) {
+      c->deeper[layer - 1].memory = c->deeper[layer - 1].next.memory;
+      c->deeper[layer - 1].owed = c->deeper[layer - 1].next_owed;
     }
   }
 }
 
-/* Transfers each layer to its own flux plus the change of the section. A layer that does not exist
-   in the old block gets the state of the surface. */
-static void solid_carry(compensator *c, const entry *words, number flux)
+/* Transfers each layer to its old flux plus the change of the total flux. A layer that does not
+   exist in the old block gets the state of the surface layer. */
+static void solid_transfer_state(compensator *c, const entry *words, number flux)
 {
-  const int known = memories_of(c->words);
+  const int old_memories = state_count(c->words);
   const number change = difference(flux, c->flux_applied);
-  for (int at = memories_of(words) - 1; at >= 0; at--) {
-    const int from = at < known ? at : 0;
-    cells_memory *memory = at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
-    number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
-    candidate next;
-    const number before = locate_memory(c->words, memory_of(c, from), plays_of(c, from), &next);
+  for (int layer = state_count(words) - 1; layer >= 0; layer--) {
+    const int from = layer < old_memories ? layer : 0;
+    cells_memory *memory = layer > 0 ? &c->deeper[layer - 1].memory.cells : &c->memory.cells;
+    number *plays = layer > 0 ? c->deeper[layer - 1].plays : c->plays;
+    candidate trial;
+    const number old_flux =
+        reset_trial(c->words, layer_state(c, from), layer_plays(c, from), &trial);
     for (int cell = 0; cell < ANHYST_CELLS; cell++) {
-      plays[cell] = plays_of(c, from)[cell];
+      plays[cell] = layer_plays(c, from)[cell];
     }
-    *memory = next.memory.cells;
-    transfer_memory(c->words, words, saturate(sum(before, change)), memory, plays);
-    if (at > from) {
-      c->deeper[at - 1].owed = 0;
+    *memory = trial.memory.cells;
+    transfer_state(c->words, words, saturate(sum(old_flux, change)), memory, plays);
+    if (layer > from) {
+      c->deeper[layer - 1].owed = 0;
     }
   }
 }
 
-static int is_solid_valid(const entry *words)
+static int are_solid_layers_valid(const entry *words)
 {
   return is_integer(words[ANHYST_WORD_SOLID_LAYERS], 2, ANHYST_MEMORIES) &&
-         memories_of(words) <= ANHYST_MEMORIES && are_solid_words_valid(words);
+         state_count(words) <= ANHYST_MEMORIES && are_solid_words_valid(words);
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Functions for an ISR in addition to solve and commit; for every number format. */
 
-/* Returns the next tick of the start-up sequence, `length` after its end. Updates its flag. */
+/* Returns the next tick of the conditioning sequence, and its length after its end. Updates the
+   flag that shows whether the sequence is running. */
 static int32_t next_conditioning_tick(compensator *c, int32_t length)
 {
   if (c->conditioned < length) {
@@ -12,7 +13,7 @@ static int32_t next_conditioning_tick(compensator *c, int32_t length)
   return length;
 }
 
-/* Returns whether the state changes with time at a constant current: layers or a lag. */
+/* Returns whether the state changes over time at a constant current, because of layers or a lag. */
 static int is_time_dependent(const compensator *c)
 {
   const entry *words = c->words;
@@ -20,7 +21,7 @@ static int is_time_dependent(const compensator *c)
          (c->kernel->kind == ANHYST_KIND_CELLS && words[ANHYST_WORD_SOLID_LAYERS] > (entry)0);
 }
 
-/* Returns the number of commits for this number of ticks with a constant current. */
+/* Returns the number of commits that represent this number of ticks at a constant current. */
 static uint16_t count_commits(const compensator *c, uint16_t ticks)
 {
   if (!is_time_dependent(c) || ticks == 0U) {

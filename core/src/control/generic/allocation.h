@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Template: the allocation, for every number format. The operations that depend on the format are
-   included before: allocation.c for q31, allocation_real.h for floating point. */
+/* Template: allocation of a force to two drives, for every number format. The operations of a
+   format are included before: allocation.c for q31, allocation_real.h for floating point. */
 
 int anhyst_allocation_is_valid_x(const anhyst_allocation_x *allocation)
 {

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Template: the controller of a body, for every number format. The operations that depend on the
-   format are included before: axes_real.h for floating point, axes_fixed.c for q31. */
+/* Template: the controller of a levitated body, for every number format. The operations that depend
+   on the format are included before: axes_real.h for floating point, axes_fixed.c for q31. */
 
 anhyst_status anhyst_axes_init_x(anhyst_axes_x *c, const anhyst_axes_settings_x *settings,
                                  anhyst_force_controller_x *const *drive)
 {
   const anhyst_axes_x initial = {0};
   const uint16_t axes = settings->layout.axes;
-  anhyst_wrench_x share;
+  anhyst_wrench_x allocator;
   int valid =
-      anhyst_wrench_init_x(&share, &settings->layout) == ANHYST_OK && settings->heads >= axes &&
+      anhyst_wrench_init_x(&allocator, &settings->layout) == ANHYST_OK && settings->heads >= axes &&
       settings->heads <= ANHYST_AXES_HEADS &&
       are_rows_valid(settings->see, axes, settings->heads) &&
       are_rows_valid(settings->without, (uint16_t)(settings->heads * axes), settings->heads) &&
@@ -28,17 +28,17 @@ anhyst_status anhyst_axes_init_x(anhyst_axes_x *c, const anhyst_axes_settings_x 
   *c = initial;
   c->settings = settings;
   c->drive = drive;
-  c->share = share;
+  c->share = allocator;
   return ANHYST_OK;
 }
 
-/* Returns the deviation of a measured current from the range between its slowest expected value and
-   its command. Advances the expected value. */
+/* Returns how far a measured current is outside of the range between the slowest expected current
+   and the commanded current. Advances the expected current by one tick. */
 static ANHYST_REAL current_deviation(anhyst_axes_x *c, int i, ANHYST_REAL measured)
 {
   const ANHYST_REAL slew = c->settings->slew;
   const ANHYST_REAL command = c->commanded[i];
-  const ANHYST_REAL step = multiply_by_part(anhyst_sub_x(command, c->due[i]), c->settings->follow);
+  const ANHYST_REAL step = times_fraction(anhyst_sub_x(command, c->due[i]), c->settings->follow);
   ANHYST_REAL low;
   ANHYST_REAL high;
   c->due[i] = anhyst_add_x(c->due[i], step > slew ? slew : step < -slew ? -slew : step);
@@ -50,7 +50,7 @@ static ANHYST_REAL current_deviation(anhyst_axes_x *c, int i, ANHYST_REAL measur
   return measured > high ? anhyst_sub_x(measured, high) : 0;
 }
 
-/* Starts a landing, or switches the drives off if the body cannot land. */
+/* Starts a landing, or switches all drives off if the body cannot land. */
 static void start_landing(anhyst_axes_x *c, int can_land)
 {
   if (!can_land) {
@@ -61,7 +61,7 @@ static void start_landing(anhyst_axes_x *c, int can_land)
   }
 }
 
-/* Detects lost drives, and starts a landing if necessary. */
+/* Detects failed drives, and starts a landing if necessary. */
 static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sample)
 {
   const anhyst_axes_settings_x *settings = c->settings;
@@ -69,7 +69,7 @@ static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
   for (i = 0; settings->off > 0 && i < (int)settings->layout.drives; i++) {
     const uint16_t bit = (uint16_t)(1U << i);
     const ANHYST_REAL deviation = current_deviation(c, i, sample->current[i]);
-    const int is_current_measured = is_measured(sample->current[i]);
+    const int is_current_measured = is_measurement_present(sample->current[i]);
     if ((c->share.lost & bit) || (is_current_measured && deviation <= settings->off)) {
       c->wrong[i] = 0;
     } else if (is_current_measured) {
@@ -84,8 +84,8 @@ static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
   }
 }
 
-/* Detects lost heads, and starts a landing if necessary. Returns whether the others are valid. */
-static int detect_lost_heads(anhyst_axes_x *c, const ANHYST_REAL *head)
+/* Detects failed sensors, and may start a landing. Returns whether the other readings are valid. */
+static int detect_lost_sensors(anhyst_axes_x *c, const ANHYST_REAL *head)
 {
   const anhyst_axes_settings_x *settings = c->settings;
   int are_readings_valid = 1;
@@ -116,7 +116,7 @@ static int detect_lost_heads(anhyst_axes_x *c, const ANHYST_REAL *head)
   return are_readings_valid;
 }
 
-/* Moves the reference relative to the target in landing and lift-off. Resets the PIDs at rest. */
+/* Moves the reference relative to the target in LAND and LIFT. Resets the PIDs in state REST. */
 static void move_reference(anhyst_axes_x *c)
 {
   const anhyst_axes_settings_x *settings = c->settings;
@@ -169,7 +169,7 @@ static uint16_t execute_command(anhyst_axes_x *c, uint16_t command, int is_plaus
   return flags;
 }
 
-/* Sets the wrench for the errors and the feedforward. Returns flags. */
+/* Computes the wrench for the pose errors and the feedforward. Returns flags. */
 static uint16_t compute_wrench(anhyst_axes_x *c, const anhyst_axes_sample_x *sample,
                                ANHYST_REAL *wrench)
 {
@@ -179,7 +179,7 @@ static uint16_t compute_wrench(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
   ANHYST_REAL decoupled[ANHYST_WRENCH_AXES];
   ANHYST_REAL head[ANHYST_AXES_HEADS];
   anhyst_rows_x see = settings->see;
-  int is_plausible = detect_lost_heads(c, sample->head);
+  int is_plausible = detect_lost_sensors(c, sample->head);
   uint16_t flags;
   int k;
   for (k = 0; k < (int)settings->heads; k++) {
@@ -187,7 +187,7 @@ static uint16_t compute_wrench(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
     is_plausible = is_plausible && is_number(head[k]);
   }
   if (c->blind) {
-    see = rows_after(settings->without, (int)c->gone * axes, (int)settings->heads);
+    see = matrix_from_row(settings->without, (int)c->gone * axes, (int)settings->heads);
   }
   move_reference(c);
   measure_pose(settings, see, head, sample->target, error);
@@ -197,11 +197,11 @@ static uint16_t compute_wrench(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
         is_plausible && error[k] <= settings->reach[k] && error[k] >= -settings->reach[k];
   }
   flags = execute_command(c, sample->command, is_plausible, error);
-  multiply(settings->decouple, axes, axes, error, decoupled);
+  multiply_matrix(settings->decouple, axes, axes, error, decoupled);
   for (k = 0; is_plausible && c->flight != ANHYST_AXES_REST && k < axes; k++) {
     c->asked[k] = step_pid(&settings->pid[k], &c->state[k], decoupled[k]);
   }
-  multiply(settings->weigh, axes, axes, c->asked, wrench);
+  multiply_matrix(settings->weigh, axes, axes, c->asked, wrench);
   for (k = 0; k < axes; k++) {
     wrench[k] = anhyst_add_x(wrench[k], sample->forward[k]);
   }
@@ -236,7 +236,7 @@ void anhyst_axes_tick_x(anhyst_axes_x *c, const anhyst_axes_sample_x *sample,
         round_to_grid(clamp(current, settings->current_low, settings->current_high),
                       settings->current_low, settings->current_high, settings->current_step);
     c->commanded[i] = out->current[i];
-    if (!is_lost) { /* a lost drive needs no commit */
+    if (!is_lost) { /* a failed drive needs no commit */
       (void)anhyst_force_controller_commit_x(drive, out->current[i], sample->gap[i]);
     }
   }

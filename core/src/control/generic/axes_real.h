@@ -35,22 +35,21 @@ static ANHYST_REAL step_pid(const anhyst_axis_pid_x *pid, anhyst_axis_pid_state_
   return anhyst_biquad_step_x(pid, state, error);
 }
 
-static int is_measured(ANHYST_REAL a)
+static int is_measurement_present(ANHYST_REAL a)
 {
-  return is_number(a) || a > R(0.0) || a < R(0.0); /* infinite values also count */
+  return is_number(a) || a > R(0.0) || a < R(0.0); /* infinite values also count as measured */
 }
 
-static ANHYST_REAL multiply_by_part(ANHYST_REAL a, ANHYST_REAL part) { return part * a; }
+static ANHYST_REAL times_fraction(ANHYST_REAL a, ANHYST_REAL f) { return f * a; }
 
-/* Sets result = matrix*values, with the matrix stored by rows. */
-static void multiply(const ANHYST_REAL *matrix, int rows, int columns, const ANHYST_REAL *values,
-                     ANHYST_REAL *result)
+/* Computes result = matrix*values. The matrix is stored by rows. */
+static void multiply_matrix(const ANHYST_REAL *matrix, int rows, int columns,
+                            const ANHYST_REAL *values, ANHYST_REAL *result)
 {
   int i;
   int j;
   for (i = 0; i < rows; i++) {
-    ANHYST_REAL sum = R(0.0); /* a local variable, because the compiler would reload it behind a
-                                 pointer */
+    ANHYST_REAL sum = R(0.0); /* a local sum, because a sum behind a pointer is reloaded */
     for (j = 0; j < columns; j++) {
       sum += *matrix++ * values[j];
     }
@@ -58,10 +57,10 @@ static void multiply(const ANHYST_REAL *matrix, int rows, int columns, const ANH
   }
 }
 
-/* Corrects a pose from heads on the ground for the present position of the body, because they see
-   other points of a rotated body: p + target x th. */
-static void correct_ground_heads(const anhyst_axes_settings_x *settings, const ANHYST_REAL *target,
-                                 ANHYST_REAL *pose)
+/* Corrects the pose of a rotated body that sensors on the ground measured, because these sensors
+   then see other points of the body. Subtracts the vector product of target and rotation. */
+static void correct_ground_sensors(const anhyst_axes_settings_x *settings,
+                                   const ANHYST_REAL *target, ANHYST_REAL *pose)
 {
   ANHYST_REAL target_by_axis[6] = {R(0.0)};
   ANHYST_REAL pose_by_axis[6] = {R(0.0)};
@@ -80,13 +79,13 @@ static void correct_ground_heads(const anhyst_axes_settings_x *settings, const A
 static void measure_pose(const anhyst_axes_settings_x *settings, const ANHYST_REAL *see,
                          const ANHYST_REAL *head, const ANHYST_REAL *target, ANHYST_REAL *pose)
 {
-  multiply(see, (int)settings->layout.axes, (int)settings->heads, head, pose);
+  multiply_matrix(see, (int)settings->layout.axes, (int)settings->heads, head, pose);
   if (settings->axis) {
-    correct_ground_heads(settings, target, pose);
+    correct_ground_sensors(settings, target, pose);
   }
 }
 
-static const ANHYST_REAL *rows_after(const ANHYST_REAL *matrix, int row, int columns)
+static const ANHYST_REAL *matrix_from_row(const ANHYST_REAL *matrix, int row, int columns)
 {
   return &matrix[(ptrdiff_t)row * columns];
 }

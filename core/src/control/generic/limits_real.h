@@ -2,7 +2,7 @@
 
 static int is_number(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
 
-/* Limits a to low..high; returns low for NaN. */
+/* Limits a to low..high. Returns `low` for NaN. */
 static ANHYST_REAL clamp(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
 {
   if (!(a > low)) {

@@ -1,17 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-static int is_share(ANHYST_REAL x) { return x >= R(0.0) && x <= R(1.0); }
+static int is_fraction(ANHYST_REAL x) { return x >= R(0.0) && x <= R(1.0); }
 
 anhyst_status anhyst_pidd2_check_x(const anhyst_pidd2_gains_x *gains)
 {
   const int are_gains_finite = isfinite(gains->proportional) && isfinite(gains->integral) &&
                                isfinite(gains->derivative) && isfinite(gains->second) &&
                                isfinite(gains->load);
-  const int are_shares_valid = is_share(gains->back) && is_share(gains->weight) &&
-                               is_share(gains->smoothing) && gains->smoothing > R(0.0) &&
-                               is_share(gains->smoothing_2) && gains->smoothing_2 > R(0.0);
-  return are_gains_finite && are_shares_valid && gains->low <= gains->high ? ANHYST_OK
-                                                                           : ANHYST_BAD_PARAMETER;
+  const int are_fractions_valid = is_fraction(gains->back) && is_fraction(gains->weight) &&
+                                  is_fraction(gains->smoothing) && gains->smoothing > R(0.0) &&
+                                  is_fraction(gains->smoothing_2) && gains->smoothing_2 > R(0.0);
+  return are_gains_finite && are_fractions_valid && gains->low <= gains->high
+             ? ANHYST_OK
+             : ANHYST_BAD_PARAMETER;
 }
 
 ANHYST_REAL anhyst_pidd2_solve_x(const anhyst_pidd2_gains_x *gains,
@@ -19,7 +20,7 @@ ANHYST_REAL anhyst_pidd2_solve_x(const anhyst_pidd2_gains_x *gains,
                                  ANHYST_REAL position, ANHYST_REAL load,
                                  anhyst_pidd2_candidate_x *candidate)
 {
-  /* A filter moves by its derivative. */
+  /* The change of a filter's output in a tick is the filtered derivative. */
   const ANHYST_REAL first = gains->smoothing * (position - state->position);
   const ANHYST_REAL second = gains->smoothing_2 * (first - state->velocity);
   const ANHYST_REAL u = gains->proportional * (gains->weight * reference - position) +
@@ -61,9 +62,9 @@ void anhyst_pidd2_change_x(const anhyst_pidd2_gains_x *from, const anhyst_pidd2_
                            anhyst_pidd2_state_x *state, ANHYST_REAL reference, ANHYST_REAL position,
                            ANHYST_REAL load)
 {
-  anhyst_pidd2_candidate_x before;
-  anhyst_pidd2_candidate_x after;
-  (void)anhyst_pidd2_solve_x(from, state, reference, position, load, &before);
-  (void)anhyst_pidd2_solve_x(to, state, reference, position, load, &after);
-  state->integral += before.wanted - after.wanted;
+  anhyst_pidd2_candidate_x old_candidate;
+  anhyst_pidd2_candidate_x new_candidate;
+  (void)anhyst_pidd2_solve_x(from, state, reference, position, load, &old_candidate);
+  (void)anhyst_pidd2_solve_x(to, state, reference, position, load, &new_candidate);
+  state->integral += old_candidate.wanted - new_candidate.wanted;
 }

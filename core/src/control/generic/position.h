@@ -5,7 +5,7 @@
 
 static int magnet_count(const anhyst_position_x *c) { return c->magnet[1] != NULL ? 2 : 1; }
 
-/* Returns the current of the converter nearest to zero. */
+/* Returns the current nearest to zero that the D/A converter can produce. */
 static ANHYST_REAL zero_current(const anhyst_position_limits_x *limits)
 {
   return round_to_grid(limits, clamp(0, limits->current_low, limits->current_high));
@@ -52,7 +52,7 @@ uint16_t anhyst_position_command_x(anhyst_position_x *c, uint16_t command)
   return reason;
 }
 
-/* Returns the length of the longer conditioning sequence of the two magnets, ticks. */
+/* Returns the length of the longer conditioning sequence of the magnets, ticks. */
 static int32_t conditioning_ticks(const anhyst_position_x *c)
 {
   int32_t length = 0;
@@ -63,7 +63,7 @@ static int32_t conditioning_ticks(const anhyst_position_x *c)
   return length;
 }
 
-/* Updates levitation with the sample, and stores position and gaps. */
+/* Updates the levitation state with a sample, and stores position and gaps. */
 static void update_levitation(anhyst_position_x *c, const anhyst_position_sample_x *sample)
 {
   const anhyst_position_units_x *units = &c->settings->units;
@@ -83,7 +83,7 @@ static void update_levitation(anhyst_position_x *c, const anhyst_position_sample
   }
 }
 
-/* Returns the net force that the position requires. */
+/* Returns the net force that the position controller demands. */
 static ANHYST_REAL solve_position(anhyst_position_x *c, const anhyst_position_sample_x *sample)
 {
   const anhyst_pidd2_gains_x *gains = &c->settings->gains;
@@ -113,8 +113,8 @@ static void solve_currents(anhyst_position_x *c, const anhyst_position_sample_x 
 }
 
 /* Returns the next current of a ramp to zero. A levitated armature is unstable: a constant current
-   would accelerate it in either direction. Therefore, one magnet reduces its current by an eighth
-   immediately at the start of a fall, so that the armature moves away from the magnet. The
+   would accelerate it in either direction. Therefore, a single magnet reduces its current by an
+   eighth immediately at the start of a fall, so that the armature moves away from the magnet. The
    remaining current follows the ramp, which is softer than a free fall. Two magnets that pull
    against each other switch off immediately, because an armature without forces only drifts. */
 static ANHYST_REAL ramp_to_zero(const anhyst_position_x *c, ANHYST_REAL current)
@@ -129,14 +129,14 @@ static ANHYST_REAL ramp_to_zero(const anhyst_position_x *c, ANHYST_REAL current)
   return clamp(zero, anhyst_sub_x(from, release), anhyst_add_x(from, release));
 }
 
-/* Sets the currents of this phase before the limits of the board. */
+/* Computes the currents of the present phase, before limits and rounding. */
 static void compute_currents(anhyst_position_x *c, const anhyst_position_sample_x *sample,
                              ANHYST_REAL *demanded)
 {
   const uint16_t phase = c->levitation.phase;
   if (phase == ANHYST_PHASE_REST || phase == ANHYST_PHASE_FALL) {
     if (phase == ANHYST_PHASE_REST) {
-      c->demand = 0; /* a fall keeps the demand, because a landing starts with it */
+      c->demand = 0; /* state FALL keeps the demand, because a landing starts with it */
     }
     for (int i = 0; i < magnet_count(c); i++) {
       demanded[i] = ramp_to_zero(c, c->current[i]);
@@ -155,8 +155,8 @@ static void compute_currents(anhyst_position_x *c, const anhyst_position_sample_
   }
 }
 
-/* Returns a demanded current plus the fading jump of a swap or a switch. The jump decreases by one
-   step of the ramp per tick. On the ramp to zero itself, there is no jump. */
+/* Returns a demanded current plus the decaying jump of a block swap or a method change. The jump
+   decreases by one step of the ramp in each tick. During a ramp to zero, the jump is zero. */
 static ANHYST_REAL add_fading_jump(anhyst_position_x *c, int magnet, ANHYST_REAL demanded)
 {
   const ANHYST_REAL release = c->limits->release;
@@ -167,7 +167,7 @@ static ANHYST_REAL add_fading_jump(anhyst_position_x *c, int magnet, ANHYST_REAL
   return anhyst_add_x(demanded, c->fading[magnet]);
 }
 
-/* Limits and rounds the demanded currents. */
+/* Limits the demanded currents, and rounds them to the grid of the D/A converter. */
 static void apply_currents(anhyst_position_x *c, const ANHYST_REAL *demanded)
 {
   const anhyst_position_limits_x *limits = c->limits;
@@ -182,7 +182,7 @@ static void apply_currents(anhyst_position_x *c, const ANHYST_REAL *demanded)
   c->limited = c->flags & (ANHYST_DEMAND_LIMITED | ANHYST_CURRENT_LIMITED | ANHYST_FLUX_LIMITED);
 }
 
-static void commit(anhyst_position_x *c, const ANHYST_REAL *applied)
+static void commit_currents(anhyst_position_x *c, const ANHYST_REAL *applied)
 {
   ANHYST_REAL force = anhyst_force_controller_commit_x(c->magnet[0], applied[0], c->gap[0]);
   if (c->magnet[1] != NULL) {
@@ -205,12 +205,12 @@ void anhyst_position_tick_x(anhyst_position_x *c, const anhyst_position_sample_x
   c->flags = reason != ANHYST_REFUSED_NOT ? ANHYST_COMMAND_REFUSED : 0U;
   update_levitation(c, sample);
   if (measured != 0U) {
-    commit(c, sample->current);
+    commit_currents(c, sample->current);
   }
   compute_currents(c, sample, demanded);
   apply_currents(c, demanded);
   if (measured == 0U) {
-    commit(c, c->current);
+    commit_currents(c, c->current);
   }
   out->current[0] = c->current[0];
   out->current[1] = c->current[1];

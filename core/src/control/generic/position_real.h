@@ -1,41 +1,41 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Converts a number to an integer of levitation.h; NaN becomes the lowest one. */
-static int32_t to_code(ANHYST_REAL a, ANHYST_REAL full)
+/* Converts a number to an integer of levitation.h. NaN becomes the lowest integer. */
+static int32_t number_to_code(ANHYST_REAL a, ANHYST_REAL full)
 {
-  const ANHYST_REAL part = a / full;
-  if (!(part > R(-1.0))) {
+  const ANHYST_REAL fraction = a / full;
+  if (!(fraction > R(-1.0))) {
     return ANHYST_Q31_MIN;
   }
-  return part >= R(1.0) ? ANHYST_Q31_MAX : (int32_t)(part * R(2147483648.0));
+  return fraction >= R(1.0) ? ANHYST_Q31_MAX : (int32_t)(fraction * R(2147483648.0));
 }
 
-static ANHYST_REAL from_code(int32_t code, ANHYST_REAL full)
+static ANHYST_REAL code_to_number(int32_t code, ANHYST_REAL full)
 {
   return (ANHYST_REAL)code / R(2147483648.0) * full;
 }
 
 static int32_t position_to_code(const anhyst_position_units_x *units, ANHYST_REAL position)
 {
-  return to_code(position, units->position);
+  return number_to_code(position, units->position);
 }
 
 static ANHYST_REAL code_to_position(const anhyst_position_units_x *units, int32_t code)
 {
-  return from_code(code, units->position);
+  return code_to_number(code, units->position);
 }
 
 static int32_t demand_to_code(const anhyst_position_units_x *units, ANHYST_REAL demand)
 {
-  return to_code(demand, units->demand);
+  return number_to_code(demand, units->demand);
 }
 
 static ANHYST_REAL code_to_demand(const anhyst_position_units_x *units, int32_t code)
 {
-  return from_code(code, units->demand);
+  return code_to_number(code, units->demand);
 }
 
-/* Returns whether a is in -1e30..1e30; 0 for NaN. */
+/* Returns whether a is in -1e30..1e30. Returns 0 for NaN. */
 static int is_number(ANHYST_REAL a)
 {
   const ANHYST_REAL largest = R(1e30);
@@ -65,7 +65,7 @@ static ANHYST_REAL round_to_grid(const anhyst_position_limits_x *limits, ANHYST_
   return rounded > limits->current_high ? limits->current_high : rounded;
 }
 
-/* Returns whether a range is an integer number of steps, within the precision of a float. */
+/* Returns whether a range is an integer number of steps, within a quarter of a step. */
 static int is_multiple_of_step(ANHYST_REAL range, ANHYST_REAL step)
 {
   const ANHYST_REAL steps = range / step;

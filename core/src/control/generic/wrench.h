@@ -1,26 +1,26 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-#define AXES ANHYST_WRENCH_AXES
-#define DRIVES ANHYST_WRENCH_DRIVES
+#define MAX_AXES ANHYST_WRENCH_AXES
+#define MAX_DRIVES ANHYST_WRENCH_DRIVES
 
-/* Smallest accepted pivot as a part of its row. With a smaller pivot, an axis is not independent,
-   or in single precision, the forces are dominated by rounding. A row that has decreased below
-   MIN_ROW counts as MIN_ROW of its original 1, because the remainder may be rounding. */
+/* Smallest accepted pivot as a fraction of its row's diagonal. With a smaller pivot, an axis
+   depends on other axes, or rounding dominates the forces in single precision. A diagonal below
+   MIN_DIAGONAL counts as MIN_DIAGONAL, because its remainder may be rounding error. */
 #define MIN_PIVOT (ANHYST_EPS > R(1e-10) ? R(1e-2) : R(1e-6))
-#define MIN_ROW R(1e-2)
+#define MIN_DIAGONAL R(1e-2)
 
-/* Rounding error of a force at its minimum, as a part of the minimum. */
+/* Rounding error of a force at its minimum, as a fraction of the minimum. */
 #define MIN_FORCE_TOLERANCE (ANHYST_EPS > R(1e-10) ? R(1e-4) : R(1e-12))
 
 typedef struct {
-  uint16_t free;              /* drives whose force is unknown, bit mask; of a pair the first */
-  ANHYST_REAL residual[AXES]; /* scaled wrench minus the wrench of the fixed drives */
-  ANHYST_REAL *force;         /* of all drives */
-} search;
+  uint16_t free_drives;           /* drives with unknown force, bit mask; a pair has one bit */
+  ANHYST_REAL residual[MAX_AXES]; /* scaled wrench minus the wrench of the fixed drives */
+  ANHYST_REAL *force;             /* forces of all drives */
+} force_search;
 
-/* ---- factorisation of a layout ---- */
+/* ---- factorisation of a drive layout ---- */
 
-/* Scales every axis to length one over the drives. Returns 0 if no drive acts on an axis. */
+/* Scales every axis to a row of length 1 in the drive matrix. Returns 0 if an axis has no drive. */
 static int scale_axes(anhyst_wrench_x *w)
 {
   const anhyst_wrench_layout_x *layout = w->layout;
@@ -44,8 +44,8 @@ static int scale_axes(anhyst_wrench_x *w)
   return 1;
 }
 
-/* Factorises the matrix of all open drives. Returns 0 if they cannot make every wrench; with
-   yields, they always can. */
+/* Factorises the matrix of the usable drives. Returns 0 if the drives cannot produce every wrench.
+   If the axes may yield, every wrench has a solution. */
 static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
                      anhyst_wrench_factor_x *result)
 {
@@ -81,14 +81,14 @@ static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
   return 1;
 }
 
-/* Removes a drive from a factor. Returns 0 if the others cannot make every wrench. With yields they
-   always can: except for rounding, no pivot is below the yield of its axis. */
+/* Removes a drive from a factorisation. Returns 0 if the others cannot produce every wrench. If
+   axes may yield, returns 1: except for rounding, no pivot is below the yield of its axis. */
 static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yields,
                         anhyst_wrench_factor_x *factor)
 {
   const int n = (int)w->layout->axes;
-  ANHYST_REAL pull[AXES];
-  ANHYST_REAL share = R(-1.0);
+  ANHYST_REAL pull[MAX_AXES];
+  ANHYST_REAL update_factor = R(-1.0);
   int i;
   int k;
   for (i = 0; i < n; i++) {
@@ -99,9 +99,9 @@ static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yiel
   for (i = 0; i < n; i++) {
     ANHYST_REAL *row = factor->upper[i];
     const ANHYST_REAL old_pivot = R(1.0) / row[i];
-    const ANHYST_REAL row_left = factor->row[i] > MIN_ROW ? factor->row[i] : MIN_ROW;
+    const ANHYST_REAL row_left = factor->row[i] > MIN_DIAGONAL ? factor->row[i] : MIN_DIAGONAL;
     const ANHYST_REAL min_pivot = yields ? yields[i] : MIN_PIVOT * row_left;
-    ANHYST_REAL pivot = old_pivot + share * pull[i] * pull[i];
+    ANHYST_REAL pivot = old_pivot + update_factor * pull[i] * pull[i];
     ANHYST_REAL change;
     if (!(pivot > min_pivot)) {
       if (!yields) {
@@ -110,8 +110,8 @@ static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yiel
       pivot = min_pivot;
     }
     row[i] = R(1.0) / pivot;
-    change = share * pull[i] * row[i];
-    share *= old_pivot * row[i];
+    change = update_factor * pull[i] * row[i];
+    update_factor *= old_pivot * row[i];
     for (k = i + 1; k < n; k++) {
       pull[k] -= pull[i] * row[k];
       row[k] += change * pull[k];
@@ -120,7 +120,7 @@ static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yiel
   return 1;
 }
 
-/* Sets the masks of the open and the single drives. */
+/* Sets the bit masks of usable drives (one of each pair) and of drives without a partner. */
 static void classify_drives(anhyst_wrench_x *w)
 {
   int j;
@@ -133,10 +133,10 @@ static void classify_drives(anhyst_wrench_x *w)
   }
 }
 
-static void start_search(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
+static void start_search(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, force_search *s)
 {
   int i;
-  s->free = w->open;
+  s->free_drives = w->open;
   for (i = 0; i < (int)w->layout->axes; i++) {
     s->residual[i] = w->scale[i] * wrench[i];
   }
@@ -145,20 +145,20 @@ static void start_search(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, se
   }
 }
 
-/* Returns the scalar product over all axes; without a loop, because it dominates a tick. */
+/* Returns the scalar product over all axes, without a loop, because it dominates a tick's time. */
 static ANHYST_REAL dot_product(const ANHYST_REAL *pull, const ANHYST_REAL *x)
 {
   return pull[0] * x[0] + pull[1] * x[1] + pull[2] * x[2] + pull[3] * x[3] + pull[4] * x[4] +
          pull[5] * x[5];
 }
 
-/* Sets the forces of the free drives with the least sum of squares that make the residual. Requires
-   that s->free are the drives of the factor. */
-static void least_squares(const anhyst_wrench_x *w, const anhyst_wrench_factor_x *factor,
-                          const search *s)
+/* Sets the least-squares forces of the free drives that produce the residual wrench. Requires that
+   s->free_drives are the drives of the factorisation. */
+static void solve_least_squares(const anhyst_wrench_x *w, const anhyst_wrench_factor_x *factor,
+                                const force_search *s)
 {
   const int n = (int)w->layout->axes;
-  ANHYST_REAL x[AXES] = {R(0.0)};
+  ANHYST_REAL x[MAX_AXES] = {R(0.0)};
   int i;
   int j;
   int k;
@@ -178,25 +178,25 @@ static void least_squares(const anhyst_wrench_x *w, const anhyst_wrench_factor_x
     x[i] = sum;
   }
   for (j = 0; j < (int)w->layout->drives; j++) {
-    if (s->free >> j & 1) {
+    if (s->free_drives >> j & 1) {
       s->force[j] = dot_product(w->pull[j], x);
     }
   }
 }
 
-/* Fixes a free drive at a force, and subtracts its wrench from the residual. */
-static void fix_drive(const anhyst_wrench_x *w, search *s, int j, ANHYST_REAL force)
+/* Fixes a free drive at a force, and subtracts its wrench from the residual wrench. */
+static void fix_drive(const anhyst_wrench_x *w, force_search *s, int j, ANHYST_REAL force)
 {
   int i;
-  s->free = (uint16_t)(s->free & ~(1U << j));
+  s->free_drives = (uint16_t)(s->free_drives & ~(1U << j));
   s->force[j] = force;
   for (i = 0; i < (int)w->layout->axes; i++) {
     s->residual[i] -= w->pull[j][i] * force;
   }
 }
 
-/* Returns the candidate that is furthest below its minimum, or -1. */
-static int find_lowest(const anhyst_wrench_x *w, const search *s, unsigned candidates)
+/* Returns the candidate drive whose force is furthest below the minimum, or -1. */
+static int find_lowest_drive(const anhyst_wrench_x *w, const force_search *s, unsigned candidates)
 {
   const ANHYST_REAL least = w->layout->least;
   const ANHYST_REAL tolerance = least < R(0.0) ? -MIN_FORCE_TOLERANCE : MIN_FORCE_TOLERANCE;
@@ -212,24 +212,24 @@ static int find_lowest(const anhyst_wrench_x *w, const search *s, unsigned candi
   return lowest_drive;
 }
 
-/* Makes the whole wrench. Drives below their minimum are set to it, if the others can compensate.
-   Returns whether no drive remains below its minimum. */
-static int solve_wrench(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
+/* Produces the whole wrench. Sets drives below their minimum force to the minimum, if the other
+   drives can compensate. Returns whether no drive remains below its minimum. */
+static int solve_wrench(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, force_search *s)
 {
   anhyst_wrench_factor_x factors[2];
   const anhyst_wrench_factor_x *factor = &w->factor;
   int pass;
   start_search(w, wrench, s);
   for (pass = 0;; pass++) {
-    const uint16_t free_before = s->free;
-    unsigned candidates = s->free & w->alone;
+    const uint16_t free_before = s->free_drives;
+    unsigned candidates = s->free_drives & w->alone;
     int j;
-    least_squares(w, factor, s);
-    j = find_lowest(w, s, candidates);
+    solve_least_squares(w, factor, s);
+    j = find_lowest_drive(w, s, candidates);
     if (j < 0 || pass == ANHYST_WRENCH_PASSES) {
       return j < 0;
     }
-    for (; j >= 0; j = find_lowest(w, s, candidates)) {
+    for (; j >= 0; j = find_lowest_drive(w, s, candidates)) {
       anhyst_wrench_factor_x *next = factor == &factors[0] ? &factors[1] : &factors[0];
       candidates &= ~(1U << j);
       *next = *factor;
@@ -238,22 +238,22 @@ static int solve_wrench(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, sea
         factor = next;
       }
     }
-    if (s->free == free_before) {
+    if (s->free_drives == free_before) {
       return 0;
     }
   }
 }
 
-/* Fixes drives at the bounds that they exceed. Returns their number. The net force of a pair is
-   bounded in both directions. */
-static int fix_at_bounds(const anhyst_wrench_x *w, search *s)
+/* Fixes drives at bounds that their forces exceed. Returns the number of these drives. The net
+   force of a pair is bounded in both directions. */
+static int fix_at_bounds(const anhyst_wrench_x *w, force_search *s)
 {
   const ANHYST_REAL max_force = w->layout->most;
   int fixed_count = 0;
   int j;
   for (j = 0; j < (int)w->layout->drives; j++) {
     const ANHYST_REAL min_force = (w->alone >> j & 1) ? w->layout->least : -max_force;
-    if ((s->free >> j & 1) && (s->force[j] < min_force || s->force[j] > max_force)) {
+    if ((s->free_drives >> j & 1) && (s->force[j] < min_force || s->force[j] > max_force)) {
       fix_drive(w, s, j, s->force[j] > max_force ? max_force : min_force);
       fixed_count++;
     }
@@ -261,23 +261,23 @@ static int fix_at_bounds(const anhyst_wrench_x *w, search *s)
   return fixed_count;
 }
 
-/* Sets bounded forces that minimise the missing wrench, axes weighted by their yields. */
-static void solve_with_yields(anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
+/* Computes bounded forces that minimise the missing wrench, with axes weighted by their yields. */
+static void solve_with_yields(anhyst_wrench_x *w, const ANHYST_REAL *wrench, force_search *s)
 {
   int pass;
   int j;
   start_search(w, wrench, s);
   for (pass = 0; pass <= ANHYST_WRENCH_PASSES; pass++) {
     anhyst_wrench_factor_x *factor = &w->given_up[pass];
-    if (factor->free != s->free) {
+    if (factor->free != s->free_drives) {
       *factor = w->given_up[pass - 1];
       for (j = 0; j < (int)w->layout->drives; j++) {
-        if ((factor->free & ~s->free) >> j & 1) {
+        if ((factor->free & ~s->free_drives) >> j & 1) {
           (void)remove_drive(w, j, w->layout->yields, factor);
         }
       }
     }
-    least_squares(w, factor, s);
+    solve_least_squares(w, factor, s);
     if (!fix_at_bounds(w, s)) {
       return;
     }
@@ -287,8 +287,8 @@ static void solve_with_yields(anhyst_wrench_x *w, const ANHYST_REAL *wrench, sea
 anhyst_status anhyst_wrench_init_x(anhyst_wrench_x *w, const anhyst_wrench_layout_x *layout)
 {
   const anhyst_wrench_x initial = {.layout = layout};
-  int valid = layout->axes > 0U && layout->axes <= AXES && layout->drives > 0U &&
-              layout->drives <= DRIVES && layout->least > R(-1e30) &&
+  int valid = layout->axes > 0U && layout->axes <= MAX_AXES && layout->drives > 0U &&
+              layout->drives <= MAX_DRIVES && layout->least > R(-1e30) &&
               layout->least < layout->most && layout->most > R(0.0) && layout->most < R(1e30) &&
               anhyst_allocation_is_valid_x(&layout->pair);
   int i;
@@ -328,14 +328,14 @@ void anhyst_wrench_lose_x(anhyst_wrench_x *w, int drive)
   w->factor.free = w->open;
   w->given_up[0].free = w->open;
   for (pass = 1; pass <= ANHYST_WRENCH_PASSES; pass++) {
-    w->given_up[pass].free = 0; /* a factor without drives is not valid */
+    w->given_up[pass].free = 0; /* a factorisation without drives is not valid */
   }
 }
 
 int anhyst_wrench_share_x(anhyst_wrench_x *w, const ANHYST_REAL *wrench, ANHYST_REAL *force)
 {
   const anhyst_wrench_layout_x *layout = w->layout;
-  search s;
+  force_search s;
   int is_made;
   int j;
   s.force = force;
@@ -346,7 +346,7 @@ int anhyst_wrench_share_x(anhyst_wrench_x *w, const ANHYST_REAL *wrench, ANHYST_
   }
   for (j = 0; j < (int)layout->drives; j++) {
     const int other = (int)w->against[j];
-    if (!(force[j] > R(-1e30) && force[j] < R(1e30))) { /* NaN makes no wrench */
+    if (!(force[j] > R(-1e30) && force[j] < R(1e30))) { /* a force of NaN produces no wrench */
       is_made = 0;
       force[j] = R(0.0);
     }

@@ -106,7 +106,7 @@ def compare(model: anhyst.Model, path: Path, folder: Path) -> FloatArray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
-def test_it_gives_the_force_of_the_model_bit_for_bit(
+def test_the_fmu_gives_the_force_of_the_model_bit_for_bit(
     fmu: Fmu, model: anhyst.Model, tmp_path: Path, fmi: FmiVersion
 ) -> None:
     force = compare(model, fmu(model, "actuator", fmi), tmp_path)
@@ -166,7 +166,7 @@ def test_eddy_currents_and_creep_follow_the_time_of_a_step(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
-def test_it_is_valid_and_says_its_ranges_and_parameters(
+def test_the_fmu_is_valid_and_lists_ranges_and_parameters(
     fmu: Fmu, model: anhyst.Model, tmp_path: Path, fmi: FmiVersion
 ) -> None:
     from fmpy.validation import validate_fmu
@@ -177,12 +177,12 @@ def test_it_is_valid_and_says_its_ranges_and_parameters(
     assert (about["current"].unit, about["gap"].unit, about["force"].unit) == ("A", "m", "N")
     assert (float(about["gap"].min), float(about["gap"].max)) == RANGE.schedule
     assert float(about["M_s_A_per_m"].start) == model.parameters["M_s"]
-    assert "rho" not in about  # it depends on the gap, so that it is no constant
+    assert "rho" not in about  # it depends on the gap, so it is not a constant
     with slave(path, tmp_path) as made:
         assert made.read("M_s_A_per_m", "c") == [model.parameters["M_s"], model.parameters["c"]]
 
 
-def test_a_state_goes_back_in_time_and_over_to_another_instance(
+def test_a_state_is_restored_and_transferred_to_another_instance(
     file: Path, model: anhyst.Model, tmp_path: Path
 ) -> None:
     drive, gap = drives(model), gaps(model, 600)
@@ -221,7 +221,7 @@ def test_a_step_does_not_depend_on_how_it_is_cut(file: Path, tmp_path: Path) -> 
         assert whole.read("force") == held
 
 
-def test_what_no_actuator_can_be_made_of_is_refused(model: anhyst.Model, tmp_path: Path) -> None:
+def test_models_that_give_no_actuator_are_refused(model: anhyst.Model, tmp_path: Path) -> None:
     free = replace(model, gap_map="free", parameters=dict(model.parameters) | {"k": (40.0, 45.0, 50.0, 55.0)})
     with refused("iron-varies: gap"):
         export_fmu(free, tmp_path / "a.fmu", of="actuator")
@@ -233,15 +233,15 @@ def test_what_no_actuator_can_be_made_of_is_refused(model: anhyst.Model, tmp_pat
 @pytest.mark.slow
 def test_the_command_writes_it(model: anhyst.Model, tmp_path: Path) -> None:
     model.save(tmp_path / "model.toml")
-    done = run(
+    completed = run(
         *("export", "model.toml", "--of", "actuator", "--fmi", "3.0", "--out", "a.fmu"),
         *("--platforms", HERE),
         cwd=tmp_path,
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
     names = [one.name for one in fmpy.read_model_description(tmp_path / "a.fmu").modelVariables]
     assert names[:4] == ["time", "current", "gap", "force"]
-    done = run("export", "model.toml", "--of", "actuator", "--rate", "1e4", "-o", "b.fmu",
+    completed = run("export", "model.toml", "--of", "actuator", "--rate", "1e4", "-o", "b.fmu",
                   cwd=tmp_path)  # fmt: skip
-    assert done.returncode == 2
-    assert says(done.stderr, "option-not-for-this: --rate")
+    assert completed.returncode == 2
+    assert says(completed.stderr, "option-not-for-this: --rate")

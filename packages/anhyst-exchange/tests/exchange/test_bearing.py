@@ -106,7 +106,7 @@ def test_it_flies_as_the_simulation_does_bit_for_bit(flight: Flight, tmp_path: P
     flies_alike(flight, tmp_path)
 
 
-def test_so_does_solid_iron_and_what_follows_its_layers(tmp_path: Path) -> None:
+def test_a_bearing_of_solid_iron_agrees_with_its_simulation(tmp_path: Path) -> None:
     copied(tmp_path, controller=KNOWN)
     rig = tmp_path / "rig.toml"
     solid = "turns = 250\nsolid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }"
@@ -132,7 +132,7 @@ def flies_alike(flight: Flight, tmp_path: Path) -> None:
     assert np.ptp(found["gap_m"]) > 1e-4
 
 
-def test_a_state_in_mid_air_goes_over_to_another_instance(flight: Flight, tmp_path: Path) -> None:
+def test_a_levitating_state_is_transferred_to_another_instance(flight: Flight, tmp_path: Path) -> None:
     goes_over(flight, tmp_path)
 
 
@@ -150,7 +150,7 @@ def goes_over(flight: Flight, tmp_path: Path) -> None:
         assert made.read("gap_m") == pytest.approx([0.55e-3], abs=1e-5)
 
 
-def test_it_is_valid_and_says_its_units(flight: Flight, tmp_path: Path) -> None:
+def test_the_fmu_is_valid_and_gives_its_units(flight: Flight, tmp_path: Path) -> None:
     from fmpy.validation import validate_fmu
 
     assert validate_fmu(str(flight.path)) == []
@@ -163,7 +163,7 @@ def test_it_is_valid_and_says_its_units(flight: Flight, tmp_path: Path) -> None:
         assert one.run(begin, ["gap_m", "force_N"], TICK) == other.run(begin, ["gap_m", "force_N"], TICK)
 
 
-def test_what_it_cannot_hold_is_refused(tmp_path: Path) -> None:
+def test_rigs_without_an_fmu_form_are_refused(tmp_path: Path) -> None:
     rig = copied(tmp_path, controller=('format = "fixed"', 'format = "f64"'))
     with refused("not-compiled-controller"):
         export_fmu(rig, tmp_path / "b.fmu", platforms=[HERE])
@@ -171,9 +171,9 @@ def test_what_it_cannot_hold_is_refused(tmp_path: Path) -> None:
     truth("bearing").save(tmp_path / "model.toml")
     with refused("law-not-exported magnet.kind"):
         export_fmu(copied(tmp_path, rig=law, controller=KNOWN), tmp_path / "b.fmu")
-    done = run("export", "rig.toml", "--rate", "1e4", "-o", "b.fmu", cwd=tmp_path)
-    assert done.returncode == 2
-    assert says(done.stderr, "option-not-for-this: --rate")
+    completed = run("export", "rig.toml", "--rate", "1e4", "-o", "b.fmu", cwd=tmp_path)
+    assert completed.returncode == 2
+    assert says(completed.stderr, "option-not-for-this: --rate")
     assert not (tmp_path / "b.fmu").exists()
 
 
@@ -271,11 +271,11 @@ def scanned(folder: Path, path: Path, magnet: IdentifiedMagnet) -> Scan:
     return Scan(folder / "2.fmu", listed, recording)
 
 
-def test_a_stage_moves_as_the_simulation_does_bit_for_bit(scan: Scan, tmp_path: Path) -> None:
+def test_a_stage_agrees_with_the_simulation_bit_for_bit(scan: Scan, tmp_path: Path) -> None:
     moves_alike(scan, tmp_path)
 
 
-def test_so_does_a_calibrated_stage_on_solid_iron_of_another_family(tmp_path: Path) -> None:
+def test_a_calibrated_stage_of_solid_iron_agrees_with_the_simulation(tmp_path: Path) -> None:
     solid_stage_made(tmp_path)
     moves_alike(scanned(tmp_path, tmp_path / "rig.toml", solid_magnet()), tmp_path)
 
@@ -297,7 +297,7 @@ def moves_alike(scan: Scan, tmp_path: Path) -> None:
     assert np.abs(found["demand_x_N"]).max() > 100.0
 
 
-def test_a_stage_in_motion_goes_over_to_another_instance(scan: Scan, tmp_path: Path) -> None:
+def test_a_moving_stage_is_transferred_to_another_instance(scan: Scan, tmp_path: Path) -> None:
     rest = scan.part(1500, 1900)
     with slave(scan.path, tmp_path) as made, slave(scan.path, tmp_path) as other:
         made.run(scan.part(0, 1500), ["gap_m"], TICK)
@@ -323,7 +323,7 @@ with slave(fmu, folder) as made:
 
 
 @pytest.mark.parametrize("kind", ["bearing", "stage"])
-def test_a_state_goes_on_in_another_process(kind: str, flight: Flight, scan: Scan, tmp_path: Path) -> None:
+def test_a_state_continues_in_another_process(kind: str, flight: Flight, scan: Scan, tmp_path: Path) -> None:
     path = flight.path if kind == "bearing" else scan.path
     inputs = flight.inputs(slice(0, 400)) if kind == "bearing" else scan.part(0, 400)
     with slave(path, tmp_path / "one") as made:
@@ -332,14 +332,14 @@ def test_a_state_goes_on_in_another_process(kind: str, flight: Flight, scan: Sca
         made.raw.doStep(400 * TICK, 100 * TICK)
         here = made.read("gap_m", "current_A")
     given = [sys.executable, "-c", GOES_ON, path, tmp_path / "two", tmp_path / "kept"]
-    done = subprocess.run(
+    completed = subprocess.run(
         list(map(str, given)), cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
     )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == str(here)
+    assert completed.returncode == 0, completed.stderr
+    assert completed.stdout.strip() == str(here)
 
 
-def test_a_stage_at_rest_that_is_given_nothing_stays_there(scan: Scan, tmp_path: Path) -> None:
+def test_a_stage_at_rest_without_inputs_stays_at_rest(scan: Scan, tmp_path: Path) -> None:
     with slave(scan.path, tmp_path) as made:
         rows = made.run({"frame_x_m": [0.0] * 200}, ["pose_x_m"], TICK)
         assert max(abs(place) for (place,) in rows) < 1e-7
@@ -377,7 +377,7 @@ def test_a_stage_is_valid_in_both_versions_which_agree(scan: Scan, tmp_path: Pat
         ),
     ],
 )
-def test_what_an_fmu_of_a_stage_cannot_hold_is_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_stages_without_an_fmu_form_are_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
     text = (stages.EXAMPLE / "rig.toml").read_text(encoding="utf-8")
     assert text.count(old) == 1
     (tmp_path / "rig.toml").write_text(text.replace(old, new), encoding="utf-8")
@@ -386,7 +386,7 @@ def test_what_an_fmu_of_a_stage_cannot_hold_is_refused(tmp_path: Path, old: str,
     assert not (tmp_path / "s.fmu").exists()
 
 
-def test_a_name_may_hold_what_no_xml_holds() -> None:
+def test_names_with_characters_invalid_in_xml_are_accepted() -> None:
     part = Part("a\x07<b>", "of a\x00", 1e4, [], {})
     about = ElementTree.fromstring(model_description("3.0", part, "token", []))
     assert (about.get("modelName"), about.get("description")) == ("a?<b>", "of a?")
@@ -482,13 +482,13 @@ def test_six_axes_and_ten_calibrated_magnets_move_as_the_simulation_does_bit_for
     for name in after_it:
         assert np.array_equal(found[name][:-1], run[name][1:]), name
     for name, error, axis in zip(poses, error_columns(free), free, strict=True):
-        wanted = planar.inputs[f"reference_{axis}_{axis_unit(axis)}"]
-        assert np.array_equal((wanted[1:] - found[name][:-1]), run[error][1:]), name
+        expected = planar.inputs[f"reference_{axis}_{axis_unit(axis)}"]
+        assert np.array_equal((expected[1:] - found[name][:-1]), run[error][1:]), name
     for name in pose_columns(free):
         assert found[name] == pytest.approx(run[name], rel=0.0, abs=1e-15)
     assert np.abs(found["demand_x_N"]).max() > 100.0
-    away = pushed[:, names.index("pose_x_m")] - rows[:300, names.index("pose_x_m")]
-    assert away.max() > 1e-7  # effect of the load, which the simulation does not have
+    deviation = pushed[:, names.index("pose_x_m")] - rows[:300, names.index("pose_x_m")]
+    assert deviation.max() > 1e-7  # effect of the load, which the simulation does not have
 
 
 def test_six_axes_lift_off_and_land_at_a_command_as_the_simulation_does_bit_for_bit(
@@ -519,7 +519,7 @@ def test_six_axes_lift_off_and_land_at_a_command_as_the_simulation_does_bit_for_
     assert rows[-1, 1] == 0.0
 
 
-def test_six_axes_go_over_to_another_instance_and_agree_in_both_versions(
+def test_six_axes_are_transferred_to_another_instance_and_agree_in_both_versions(
     planar: Scan, tmp_path: Path
 ) -> None:
     from fmpy.validation import validate_fmu

@@ -40,7 +40,7 @@ def model(identified: anhyst.Model) -> anhyst.Model:
 @pytest.fixture(scope="module")
 def files(model: anhyst.Model, fmu: Fmu) -> Versions:
     versions: tuple[FmiVersion, ...] = ("2.0", "3.0")
-    return {one: fmu(model, "compensator", one) for one in versions}
+    return {version: fmu(model, "compensator", version) for version in versions}
 
 
 @contextmanager
@@ -80,7 +80,7 @@ def expected(model: anhyst.Model, demand: FloatArray) -> list[float]:
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_it_is_valid_and_says_what_it_is(files: Versions, version: FmiVersion) -> None:
+def test_the_fmu_is_valid_and_describes_itself(files: Versions, version: FmiVersion) -> None:
     from fmpy.validation import validate_fmu
 
     assert validate_fmu(str(files[version])) == []
@@ -93,7 +93,7 @@ def test_it_is_valid_and_says_what_it_is(files: Versions, version: FmiVersion) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_it_gives_the_currents_of_the_compiled_c_bit_for_bit(
+def test_the_fmu_gives_the_currents_of_the_compiled_c_bit_for_bit(
     files: Versions, version: FmiVersion, model: anhyst.Model, tmp_path: Path
 ) -> None:
     demand = demands(400)
@@ -104,7 +104,7 @@ def test_it_gives_the_currents_of_the_compiled_c_bit_for_bit(
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_a_state_goes_back_in_time_and_over_to_another_instance(
+def test_a_state_is_restored_and_transferred_to_another_instance(
     files: Versions, version: FmiVersion, tmp_path: Path
 ) -> None:
     demand = demands(300)
@@ -126,7 +126,7 @@ def test_a_state_goes_back_in_time_and_over_to_another_instance(
         assert run_through(other, demand[200:], 1.0 / RATE, 200.0 / RATE) == there
 
 
-def test_it_ticks_at_its_own_rate_whatever_the_step(files: Versions, tmp_path: Path) -> None:
+def test_the_fmu_keeps_its_own_rate_at_any_step(files: Versions, tmp_path: Path) -> None:
     demand = np.repeat(demands(60), 2)
     with instance(files["2.0"], tmp_path / "a") as made:
         halves = run_through(made, demand, 0.5 / RATE)
@@ -155,9 +155,9 @@ def test_its_sources_compile_without_a_warning(
         sources = [str(one) for one in sorted((folder / "sources").rglob("*.c"))]
         strict = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fsyntax-only"]
         places = [f"-I{folder / 'sources'}", f"-I{folder / 'sources' / 'include'}"]
-        done = subprocess.run([tool("cc"), *strict, *places, *sources], capture_output=True,
+        completed = subprocess.run([tool("cc"), *strict, *places, *sources], capture_output=True,
                               text=True, check=False)  # fmt: skip
-        assert done.returncode == 0, done.stderr
+        assert completed.returncode == 0, completed.stderr
 
 
 @pytest.mark.slow
@@ -182,12 +182,12 @@ def test_the_command_writes_either_and_the_same_file_for_the_same_model(
     files: Versions, model: anhyst.Model, tmp_path: Path
 ) -> None:
     model.save(tmp_path / "model.toml")
-    done = run(
+    completed = run(
         *("export", "model.toml", "--as", "fmu", "--rate", "20000", "--out", "m.fmu"),
         *("--platforms", HERE),
         cwd=tmp_path,
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
     assert fmpy.read_model_description(tmp_path / "m.fmu").modelName == "loops"
     with zipfile.ZipFile(tmp_path / "m.fmu") as one, zipfile.ZipFile(files["2.0"]) as other:
         assert one.namelist() == other.namelist()
@@ -203,9 +203,9 @@ def test_the_command_writes_either_and_the_same_file_for_the_same_model(
             "unknown-platform: 'amiga'",
         ),
     ):
-        done = run("export", "model.toml", *arguments, cwd=tmp_path)
-        assert done.returncode == 2
-        assert says(done.stderr, said)
+        completed = run("export", "model.toml", *arguments, cwd=tmp_path)
+        assert completed.returncode == 2
+        assert says(completed.stderr, said)
     assert not (tmp_path / "n.fmu").exists()
 
 

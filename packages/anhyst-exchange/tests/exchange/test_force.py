@@ -77,14 +77,14 @@ def test_it_drives_and_pulls_as_the_firmware_at_the_virtual_bench_bit_for_bit(
             assert np.array_equal(made.read(*shown), again[:, -1])
     block = simulated(built(export_sfunction(rig.path, tmp_path / "block")), beside(*columns))[1]
     assert np.array_equal(block[1:], found.T[:-1])
-    off = recording["force_N"] - demand.force
-    assert np.abs(off[demand.lead_in :]).max() < 0.15 * rig.settings.force.force_max_N
+    error = recording["force_N"] - demand.force
+    assert np.abs(error[demand.lead_in :]).max() < 0.15 * rig.settings.force.force_max_N
     assert np.ptp(recording["force_N"]) > 30.0
 
 
 @needs_binary
 @pytest.mark.slow
-def test_solid_iron_goes_along_in_its_time_and_a_state_over_to_another_instance(
+def test_solid_iron_keeps_its_time_and_its_state_is_transferred(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig = read_rig(rig_in(tmp_path))
@@ -107,7 +107,7 @@ def test_solid_iron_goes_along_in_its_time_and_a_state_over_to_another_instance(
     assert force.max() > 30.0
 
 
-def test_the_command_writes_a_block_and_refuses_what_is_of_a_model(
+def test_the_command_writes_a_block_and_refuses_options_of_a_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     copied(tmp_path)

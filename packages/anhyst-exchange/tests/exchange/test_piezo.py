@@ -57,7 +57,7 @@ def part(begin: int, end: int) -> dict[str, FloatArray]:
 
 
 def is_like(rows: FloatArray, recording: Recording) -> bool:
-    """Whether outputs equal those of a simulation; the position is that of the next tick."""
+    """Return whether outputs equal those of a simulation, with the position of the next tick."""
     error, voltage, position = rows.T
     return (
         np.array_equal(error, recording["error_m"])
@@ -84,7 +84,9 @@ def test_it_scans_as_the_simulation_does_bit_for_bit(version: str, folder: Path,
 @pytest.mark.slow
 @needs_binary
 @pytest.mark.parametrize("version", ["2", "3"])
-def test_a_state_on_the_way_goes_over_to_another_instance(version: str, folder: Path, tmp_path: Path) -> None:
+def test_a_state_in_motion_is_transferred_to_another_instance(
+    version: str, folder: Path, tmp_path: Path
+) -> None:
     path, rest = folder / f"{version}.fmu", part(1234, 2600)
     with slave(path, tmp_path) as one, slave(path, tmp_path) as other:
         one.run(part(0, 1234), OUTPUTS, TICK)
@@ -111,7 +113,7 @@ with slave(fmu, folder) as made:
 
 @pytest.mark.slow
 @needs_binary
-def test_a_state_goes_on_in_another_process(folder: Path, tmp_path: Path) -> None:
+def test_a_state_continues_in_another_process(folder: Path, tmp_path: Path) -> None:
     path = folder / "2.fmu"
     with slave(path, tmp_path / "one") as one:
         one.run(part(0, 400), OUTPUTS, TICK)
@@ -119,18 +121,16 @@ def test_a_state_goes_on_in_another_process(folder: Path, tmp_path: Path) -> Non
         one.raw.doStep(0.04, 0.02)
         here = one.read("position_m", "voltage_V")
     given = [sys.executable, "-c", GOES_ON, path, tmp_path / "two", tmp_path / "kept"]
-    done = subprocess.run(
+    completed = subprocess.run(
         list(map(str, given)), cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
     )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == str(here)
+    assert completed.returncode == 0, completed.stderr
+    assert completed.stdout.strip() == str(here)
 
 
 @pytest.mark.slow
 @needs_binary
-def test_it_rests_yields_to_a_load_and_refuses_what_is_beyond_all_bounds(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_the_stage_rests_yields_to_a_load_and_refuses_impossible_inputs(folder: Path, tmp_path: Path) -> None:
     with slave(folder / "2.fmu", tmp_path) as one:
         one.raw.doStep(0.0, 2.0)  # without inputs, it moves to the low end
         assert one.read("position_m") == pytest.approx([4e-6], abs=2e-9)
@@ -153,7 +153,7 @@ def test_it_rests_yields_to_a_load_and_refuses_what_is_beyond_all_bounds(
 
 @pytest.mark.slow
 @needs_binary
-def test_its_s_function_gives_the_same_a_sample_later(
+def test_the_s_function_agrees_one_sample_later(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(piezo_part, "find_inverses", lambda _: piezos.inverses())

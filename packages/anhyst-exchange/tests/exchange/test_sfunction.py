@@ -15,7 +15,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst_exchange import stage_part
 from anhyst_exchange.exporter import REPRODUCIBLE_OPTIONS, export_fmu, export_sfunction
 from tests.cli.command import quick as run
-from tests.core.test_c_core import quietly, tool
+from tests.core.test_c_core import run_command, tool
 from tests.exchange.slave import HERE, RATE, fmpy, needs_binary, slave
 from tests.exchange.test_actuator import STEP, drives, gaps, magnet
 from tests.exchange.test_bearing import planar_made, stage_made
@@ -41,7 +41,7 @@ def built(folder: Path) -> Path:
     program = folder / name
     warnings = ("-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror")
     stops = ("-fsanitize=float-cast-overflow", "-fsanitize-undefined-trap-on-error")
-    quietly(
+    run_command(
         *(tool("cc", "gcc", "clang"), "-std=c99", "-O2", *REPRODUCIBLE_OPTIONS, *warnings, *stops),
         *("-DMATLAB_MEX_FILE", f"-DS_FUNCTION_NAME={name}", "-o", str(program)),
         *(f"-I{place}" for place in (INTERFACE, folder / "src", folder / "src" / "include")),
@@ -53,24 +53,26 @@ def built(folder: Path) -> Path:
 
 def simulated(program: Path, rows: FloatArray, *parameters: float) -> tuple[str, FloatArray]:
     """Return the first line and the rows of the outputs."""
-    said = subprocess.run(
+    message = subprocess.run(
         [program, *map(repr, parameters)],
         input="\n".join(" ".join(map(repr, row)) for row in rows.tolist()),
         capture_output=True,
         text=True,
         check=True,
     ).stdout.splitlines()
-    return said[0], np.array([[float(one) for one in line.split()] for line in said[1:]])
+    return message[0], np.array([[float(one) for one in line.split()] for line in message[1:]])
 
 
 def complaint(program: Path, text: str, *parameters: str) -> str:
-    done = subprocess.run([program, *parameters], input=text, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    return done.stdout.splitlines()[-1]
+    completed = subprocess.run(
+        [program, *parameters], input=text, capture_output=True, text=True, check=False
+    )
+    assert completed.returncode == 2
+    return completed.stdout.splitlines()[-1]
 
 
 def beside(*columns: Sequence[float] | FloatArray) -> FloatArray:
-    return np.stack([np.asarray(one, dtype=np.float64) for one in columns], axis=1)
+    return np.stack([np.asarray(column, dtype=np.float64) for column in columns], axis=1)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +81,7 @@ def model() -> anhyst.Model:
 
 
 @pytest.mark.slow
-def test_a_compensator_gives_the_currents_of_the_controller_a_sample_later(
+def test_a_compensator_gives_the_currents_of_the_controller_one_sample_later(
     identified: anhyst.Model, tmp_path: Path
 ) -> None:
     program = built(export_sfunction(identified, tmp_path / "s", rate=RATE))
@@ -106,7 +108,7 @@ def test_an_actuator_gives_the_force_of_its_model(model: anhyst.Model, tmp_path:
 @pytest.mark.slow
 @needs_binary
 @pytest.mark.parametrize("kind", ["bearing", "stage", "planar"])
-def test_a_rig_moves_as_its_fmu_does(
+def test_a_rig_agrees_with_its_fmu(
     kind: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     away = np.linspace(0.0, 1e-6, 400)
@@ -142,7 +144,7 @@ def test_a_rig_moves_as_its_fmu_does(
 
 
 @pytest.mark.slow
-def test_what_a_block_is_given_wrongly_is_said(model: anhyst.Model, tmp_path: Path) -> None:
+def test_wrong_inputs_of_a_block_are_reported(model: anhyst.Model, tmp_path: Path) -> None:
     program = built(export_sfunction(model, tmp_path / "s", of="actuator"))
     assert "not a finite number" in complaint(program, "nan 4e-4\n", "1e-4")
     assert "sample time" in complaint(program, "", "0")

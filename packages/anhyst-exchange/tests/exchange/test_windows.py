@@ -1,4 +1,4 @@
-"""The libraries for Windows, which have no start-up code, are loaded and stepped on this machine."""
+"""Load the libraries for Windows, which have no start-up code, on this machine and step them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import anhyst
 from anhyst.support.numeric import FloatArray
 from anhyst_exchange import stage_part
 from anhyst_exchange.exporter import ExportedPart, compile_all, export_fmu
-from tests.core.test_c_core import quietly, tool
+from tests.core.test_c_core import run_command, tool
 from tests.exchange import test_piezo
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import RATE, fmpy, needs_binary, slave
@@ -52,10 +52,12 @@ def test_the_library_for_windows_gives_the_same_bits(
 
 
 @pytest.mark.slow
-def test_so_does_that_of_a_piezo_stage(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_the_windows_library_of_a_piezo_stage_gives_the_same_bits(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     path = made_once(tmp_path_factory, "fmu-piezo", test_piezo.made) / "2.fmu"
-    wanted = test_piezo.part(0, 300)["reference_m"]
-    inputs = {"reference_m": wanted, "load_m": np.linspace(0.0, 1e-6, wanted.size)}
+    expected = test_piezo.part(0, 300)["reference_m"]
+    inputs = {"reference_m": expected, "load_m": np.linspace(0.0, 1e-6, expected.size)}
     found = in_both(path, inputs, "position_m", test_piezo.TICK, tmp_path)
     assert np.ptp(found) > 1e-5
 
@@ -69,24 +71,24 @@ def in_both(
     library = tmp_path / "anhyst.dll"
     library.write_bytes(compile_all(tmp_path / "sources", "anhyst", [WINDOWS], None)[WINDOWS])
     loader = tmp_path / "load"
-    quietly(
+    run_command(
         *(tool("cc", "gcc", "clang"), "-std=gnu99", "-Wall", "-Wextra", "-Werror", "-Wno-pedantic"),
         *(str(LOADER), "-o", str(loader), "-lm"),
     )
     about = fmpy.read_model_description(path)
     (reference,) = (one.valueReference for one in about.modelVariables if one.name == output)
     rows = zip(*(values.tolist() for values in inputs.values()), strict=True)
-    done = subprocess.run(
+    completed = subprocess.run(
         [loader, library, about.guid, repr(step), str(reference)],
         input="\n".join(" ".join(map(repr, row)) for row in rows),
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
     with slave(path, tmp_path) as made:
         expected = [row[0] for row in made.run(inputs, [output], step)]
-    assert list(map(float, done.stdout.split())) == expected
+    assert list(map(float, completed.stdout.split())) == expected
     return expected
 
 

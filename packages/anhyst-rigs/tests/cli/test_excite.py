@@ -46,7 +46,7 @@ def test_measure_identify_compile_verify_without_a_further_flag(kind: str, tmp_p
 
 
 @pytest.mark.slow
-def test_loops_of_a_piezo_stage_give_a_model_of_what_was_not_measured(tmp_path: Path) -> None:
+def test_loops_of_a_piezo_stage_give_a_model_of_unmeasured_loops(tmp_path: Path) -> None:
     rig = EXAMPLES / "piezo" / "rig.toml"
     made = quick("excite", rig, "--out", "new.csv", "--plot", "new.png", "--json", cwd=tmp_path)
     assert made.returncode == 0, made
@@ -56,9 +56,9 @@ def test_loops_of_a_piezo_stage_give_a_model_of_what_was_not_measured(tmp_path: 
     assert quick("identify", "new.csv", "--out", "m.toml", cwd=tmp_path).returncode == 0
     unseen = read_loops(EXAMPLES / "piezo" / "unseen.csv").loops[0]
     model = read_model(tmp_path / "m.toml")
-    off = model.predict(unseen.input, None, unseen.time, unseen.history).output - unseen.output
+    error = model.predict(unseen.input, None, unseen.time, unseen.history).output - unseen.output
     # The best curve without memory has an error of 2.8 %.
-    assert np.mean(np.abs(off)) < 0.01 * np.ptp(unseen.output)
+    assert np.mean(np.abs(error)) < 0.01 * np.ptp(unseen.output)
 
 
 def test_a_piezo_stage_is_not_measured_through_a_controller_of_force(tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_a_piezo_stage_is_not_measured_through_a_controller_of_force(tmp_path: P
     assert says(message, "option-not-for-this --xcp")
 
 
-def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:
+def test_an_impossible_measurement_or_output_is_refused_in_one_line(tmp_path: Path) -> None:
     measured_rig("bearing", tmp_path, extra_lines="\n[excite]\nforce_max_N = 60.0\n")
     message = refused("excite", "rig.toml", "--out", "new.csv", cwd=tmp_path)
     assert says(message, "operating-force-not-reached load.force_N: rig.toml; 150 N")
@@ -103,7 +103,7 @@ def test_a_stage_is_calibrated_on_the_move_that_was_flown_for_it(tmp_path: Path)
     assert "frozen = false" in (tmp_path / "c.toml").read_text()
 
 
-def test_the_same_rig_gives_the_same_loops_and_json_says_how(tmp_path: Path) -> None:
+def test_excite_is_repeatable_and_json_describes_it(tmp_path: Path) -> None:
     measured_rig("bearing", tmp_path, extra_lines="\n[excite]\ngaps_m = [0.4e-3]\n")
     first = quick("excite", "rig.toml", "-o", "one.csv", "--json", cwd=tmp_path)
     quick("excite", "rig.toml", "-o", "two.csv", cwd=tmp_path)
@@ -116,7 +116,7 @@ def test_the_same_rig_gives_the_same_loops_and_json_says_how(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_what_was_measured_is_identified_and_watched(tmp_path: Path) -> None:
+def test_measured_loops_are_identified_and_monitored(tmp_path: Path) -> None:
     rig = measured_rig("solenoid", tmp_path, extra_lines="\n[excite]\ngaps_m = [1.0e-3, 1.6e-3]\n")
     assert quick("excite", "rig.toml", "--out", "two.csv", cwd=tmp_path).returncode == 0
     given = ("--law", "play-cells", "--gap-map", "reluctance", "--out", "model.toml")

@@ -62,7 +62,7 @@ def test_a_key_that_is_missing(folder: Path) -> None:
     assert says(refused(*RUN, cwd=folder), "missing timing.rate_Hz: rig.toml")
 
 
-def test_files_that_are_not_there(folder: Path) -> None:
+def test_missing_files_are_refused(folder: Path) -> None:
     message = refused(*RUN, "--demand", "none.csv", cwd=folder)
     assert says(message, "no-such-file: none.csv")
     (folder / "solenoid.toml").unlink()
@@ -91,7 +91,7 @@ def test_a_demand_that_will_not_do(folder: Path, rows: str, message: str) -> Non
     assert says(refusal, message)
 
 
-def test_a_board_or_a_place_that_is_none(folder: Path) -> None:
+def test_an_unknown_board_or_folder_is_refused(folder: Path) -> None:
     assert "'moon' is not one of 'library', 'host', 'qemu-mps2'" in refused(
         *RUN, "--board", "moon", cwd=folder
     )

@@ -45,7 +45,7 @@ def init(folder: Path, *arguments: object) -> Path:
     return folder / "my"
 
 
-def test_a_draft_gives_the_numbers_of_the_example_bearing_from_its_loops(tmp_path: Path) -> None:
+def test_a_draft_recovers_the_numbers_of_the_example_bearing(tmp_path: Path) -> None:
     my = init(tmp_path, BEARING, *GIVEN)
     rig, controller = (tomllib.loads((my / name).read_text()) for name in FILES)
     assert rig["timing"]["rate_Hz"] == 20e3
@@ -66,7 +66,7 @@ def test_every_key_of_a_draft_is_explained(tmp_path: Path) -> None:
                 assert re.search(r" # \w", line), line
 
 
-def test_what_is_given_is_no_guess_and_the_rest_is_marked_as_one(tmp_path: Path) -> None:
+def test_given_values_are_not_guesses_and_others_are_marked_as_guesses(tmp_path: Path) -> None:
     keys = ("mass_kg", "force_N", "gap_m")
     my = init(tmp_path, BEARING)
     lines = (my / "rig.toml").read_text().splitlines()
@@ -79,7 +79,7 @@ def test_what_is_given_is_no_guess_and_the_rest_is_marked_as_one(tmp_path: Path)
     assert not any("guess" in line for line in mine)
 
 
-def test_what_was_guessed_and_what_to_run_is_said(tmp_path: Path) -> None:
+def test_guesses_and_next_commands_are_printed(tmp_path: Path) -> None:
     result = quick("init", BEARING, "--mass", 5, "--out", "my", cwd=tmp_path)
     assert "--load 49.1: the weight of the mass" in unwrapped(result.stdout)
     assert "--gap 0.00045: the middle of the measured gaps" in unwrapped(result.stdout)
@@ -88,7 +88,7 @@ def test_what_was_guessed_and_what_to_run_is_said(tmp_path: Path) -> None:
     assert "anhyst tune my/rig.toml --out my/tuned" in result.stdout
 
 
-def test_the_result_is_said_as_json(tmp_path: Path) -> None:
+def test_the_result_is_available_as_json(tmp_path: Path) -> None:
     result = quick("init", BEARING, "--out", "my", "--json", cwd=tmp_path)
     found = json.loads(result.stdout)
     assert found["files"] == [*FILES, "loops/loops.csv", "loops/loops.toml"]
@@ -106,7 +106,7 @@ def test_a_drafted_folder_can_be_moved(tmp_path: Path) -> None:
     assert list(loops.by_schedule()) == [0.3e-3, 0.5e-3]
 
 
-def test_several_files_and_folders_are_taken(tmp_path: Path) -> None:
+def test_several_files_and_folders_are_accepted(tmp_path: Path) -> None:
     (tmp_path / "near").mkdir()
     for place, gap in (("near/a.csv", 0.3e-3), ("near/b.csv", 0.4e-3), ("far.csv", 0.5e-3)):
         (tmp_path / place).write_text(loops_text(gap))
@@ -123,7 +123,7 @@ def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
     assert says(message, "name-twice: b/loops.csv; a/loops.csv")
 
 
-def test_how_loops_are_read_goes_into_the_rig(tmp_path: Path) -> None:
+def test_reading_options_are_written_to_the_rig(tmp_path: Path) -> None:
     text = loops_text(0.3e-3, 0.5e-3).replace("I_A", "drive").replace("F_N", "U_V")
     (tmp_path / "loops.csv").write_text(text)
     (tmp_path / "columns.toml").write_text('[columns]\ndrive = "I_A"\nU_V = "F_N"\n')
@@ -135,7 +135,7 @@ def test_how_loops_are_read_goes_into_the_rig(tmp_path: Path) -> None:
     assert read_bearing(my / "rig.toml").measured_loops.read().output.name == "force"
 
 
-def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
+def test_existing_files_are_not_overwritten(tmp_path: Path) -> None:
     init(tmp_path, BEARING)
     for name in ("rig.toml", "controller.toml", "loops"):
         message = refused("init", BEARING, "--out", "my", cwd=tmp_path)
@@ -179,7 +179,7 @@ def test_numbers_that_cannot_be_are_refused(tmp_path: Path, arguments: tuple[obj
     assert says(refused("init", "loops.csv", *arguments, "--out", "my", cwd=tmp_path), text)
 
 
-def test_loops_that_are_none_of_a_rig_are_refused(tmp_path: Path) -> None:
+def test_loops_unsuitable_for_a_rig_are_refused(tmp_path: Path) -> None:
     cases = {
         "one.csv": (loops_text(0.3e-3), "single-gap: 0.0003 m"),
         "down.csv": (loops_text(0.3e-3, 0.5e-3, sign=-1.0), "current-negative"),
@@ -192,7 +192,7 @@ def test_loops_that_are_none_of_a_rig_are_refused(tmp_path: Path) -> None:
     assert says(refused("init", BEARING, "--out", "one.csv", cwd=tmp_path), "is-a-file: one.csv")
 
 
-def test_a_place_that_cannot_be_written_is_said_and_nothing_is_left(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_reported_and_no_file_remains(tmp_path: Path) -> None:
     locked = tmp_path / "locked"
     locked.mkdir(mode=0o555)
     if not permissions_count(locked):

@@ -9,5 +9,5 @@ from anhyst_rigs.study.piezo import MAX_WORTHWHILE_RATIO, judge_ratio
 
 
 @pytest.mark.parametrize(("share", "worth"), [(0.24, True), (1.2, False)])
-def test_a_piezo_stage_that_gains_little_names_where_it_would_pay(share: float, worth: bool) -> None:
+def test_a_piezo_stage_with_little_gain_names_beneficial_conditions(share: float, worth: bool) -> None:
     assert (BENEFICIAL_CONDITIONS["piezo"] in judge_ratio(share * MAX_WORTHWHILE_RATIO).text) != worth

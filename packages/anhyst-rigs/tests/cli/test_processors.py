@@ -46,8 +46,8 @@ def test_every_processor_finds_the_same_model_to_1e_9(tmp_path: Path) -> None:
     for level in batch_levels():
         out = tmp_path / f"{level}.toml"
         asked = ("identify", LOOPS, "--law", "play-cells", "--out", out)
-        done = anhyst(*asked, cwd=tmp_path, variables=variables(level))
-        assert done.returncode == 0, done.stderr
+        completed = anhyst(*asked, cwd=tmp_path, variables=variables(level))
+        assert completed.returncode == 0, completed.stderr
         forces.append(read_model(out).predict(current, 0.45e-3, history="demagnetised").output)
     for force in forces[1:]:
         assert np.max(np.abs(force - forces[0])) < 1e-9 * np.max(forces[0])
@@ -111,10 +111,10 @@ def test_every_processor_records_the_same_run_bit_for_bit(force: str, tmp_path: 
     for level in dict.fromkeys((levels[0], levels[-1])):
         out = tmp_path / level
         out.mkdir()
-        done = anhyst(
+        completed = anhyst(
             "simulate", "rig.toml", "--out", out / "run.csv", cwd=tmp_path, variables=variables(level)
         )
-        assert done.returncode == 0, done.stderr
+        assert completed.returncode == 0, completed.stderr
         recordings.append((out / "run.csv").read_bytes())
         figures.append(dict(leaves(json.loads((out / "figures.json").read_text()))))
     for recording, found in zip(recordings[1:], figures[1:], strict=True):

@@ -376,13 +376,13 @@ def test_loops_without_gap_or_around_another_one(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["loops.csv", "controller.toml", "rig.toml"])
-def test_a_file_that_is_not_there(folder: Path, name: str) -> None:
+def test_a_missing_file_is_refused(folder: Path, name: str) -> None:
     (folder / name).unlink()
     place = "rig.toml:16: loops.files: " if name == "loops.csv" else ""
     assert says(refused(*RUN, cwd=folder), f"no-such-file: {place}{name}")
 
 
-def test_a_named_file_that_is_not_there(folder: Path) -> None:
+def test_a_missing_named_file_is_refused(folder: Path) -> None:
     message = refused(*RUN, "--controller", "other.toml", cwd=folder)
     assert says(message, "no-such-file: other.toml")
     change(folder / "controller.toml", 'variant = "full"', 'variant = "full"\nmodel = "m.toml"')
@@ -412,7 +412,7 @@ def test_a_place_that_will_not_do(folder: Path, out: str, message: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["run.csv", "figures.json", "report.html"])
-def test_a_folder_where_a_file_is_to_be(folder: Path, name: str) -> None:
+def test_a_folder_at_the_path_of_an_output_is_refused(folder: Path, name: str) -> None:
     (folder / "out" / name).mkdir()
     message = refused(*RUN, cwd=folder)
     assert says(message, f"cannot-be-written: out/{name}")

@@ -69,7 +69,7 @@ def test_a_stage_that_will_not_do_is_named_by_file_and_key(
     assert not (folder / "run.csv").exists()
 
 
-def test_a_stage_takes_no_options_of_a_bearing(folder: Path) -> None:
+def test_a_stage_refuses_options_of_a_bearing(folder: Path) -> None:
     text = refused("simulate", "rig.toml", "--out", "map.json", "--board", "host", cwd=folder)
     assert says(text, "option-not-for-this")
 
@@ -82,9 +82,9 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     change(rig, "noise_seeds = 10", "noise_seeds = 2")
     change(rig, "[loops]", '[loops]\nlaw = "effective-field"')
     (folder / "out").mkdir()
-    done = quick("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
-    assert done.returncode == 0, done.stderr
-    assert "against 'single-valued': Worth it" in unwrapped(done.stdout)
+    completed = quick("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
+    assert completed.returncode == 0, completed.stderr
+    assert "against 'single-valued': Worth it" in unwrapped(completed.stdout)
     head = (folder / "out" / "run.csv").read_text().splitlines()[0].split(",")
     assert {"t_s", "reference_m", "position_m", "error_m", "force_N"} <= set(head)
     figures = json.loads((folder / "out" / "figures.json").read_text())
@@ -98,7 +98,7 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     assert [row["error"] for row in found["variants"]["full"]["average_m"]] == CASES
 
 
-def test_calibrate_ends_with_1_and_writes_nothing_where_nothing_is_learnt(
+def test_calibrate_without_estimates_exits_with_1_and_writes_nothing(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     gently = replace(training(), peaks=(0.5, 0.5), speed=0.01)
@@ -112,13 +112,13 @@ def test_calibrate_ends_with_1_and_writes_nothing_where_nothing_is_learnt(
 
 
 @pytest.mark.slow
-def test_calibrate_says_what_was_learnt_and_writes_what_a_rig_file_can_name(folder: Path) -> None:
+def test_calibrate_reports_estimates_and_writes_a_calibration_file(folder: Path) -> None:
     recorded().save(folder / "run.csv")
     command = ("calibrate", "rig.toml", "run.csv", "--out", "calibration.toml", "--verbose")
-    done = quick(*command, cwd=folder)
-    assert done.returncode == 0, done.stderr
+    completed = quick(*command, cwd=folder)
+    assert completed.returncode == 0, completed.stderr
     for text in ("full", "scale_1", "trusted: mass of 10 kg", "fixed", "calibration.toml"):
-        assert text in done.stdout
+        assert text in completed.stdout
     change(folder / "rig.toml", "force_max_N = 240.0", 'force_max_N = 240.0\ncalibration = "run.csv"')
     assert "run.csv" in refused("simulate", "rig.toml", "--out", "again.csv", cwd=folder)
     change(folder / "rig.toml", '"run.csv"', '"calibration.toml"')

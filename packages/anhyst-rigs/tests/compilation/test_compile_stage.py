@@ -55,8 +55,8 @@ def replays(folder: Path, rows: int = MAX_FLIGHT_ROWS) -> None:
     options = [*WARNINGS.split(), "-ffp-contract=off", f"-I{folder / 'include'}"]
     program = folder.parent / "example"
     command = [tool("gcc"), *options, *sources, "-lm", "-o", str(program)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    completed = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert completed.returncode == 0, completed.stderr
     vectors = (folder / "vectors.csv").read_text()
     assert played(str(program), vectors) == f"{rows} rows, 0 differ\n"
     command = [tool("nm"), str(program)]
@@ -85,7 +85,7 @@ def folder_of(setup: StageSetup, tmp_path: Path) -> CompiledStage:
 
 
 @pytest.mark.parametrize(("number_format", "law"), FORMATS)
-def test_what_was_simulated_is_what_would_be_flashed(
+def test_the_compiled_stage_replays_the_simulation_bit_for_bit(
     number_format: NumberFormat, law: NumberFormat, tmp_path: Path
 ) -> None:
     setup = single(True, "full", number_format, law)
@@ -129,7 +129,7 @@ def test_two_magnets_on_one_coordinate_are_compiled_to_the_bit(law: NumberFormat
     ("method", "number_format"),
     [("play", "f32"), ("single-valued", "f32"), ("simplified", "f32"), ("play", "fixed")],
 )
-def test_every_kind_replays_its_flight(
+def test_every_method_replays_its_golden_vectors(
     method: MethodName, number_format: NumberFormat, tmp_path: Path
 ) -> None:
     setup = single(True, method, number_format)
@@ -140,9 +140,7 @@ def test_every_kind_replays_its_flight(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number_format", ["f32", "fixed"])
-def test_what_calibration_found_of_each_magnet_is_compiled(
-    number_format: NumberFormat, tmp_path: Path
-) -> None:
+def test_calibrated_values_of_each_magnet_are_compiled(number_format: NumberFormat, tmp_path: Path) -> None:
     setup = single(True, "full", number_format)
     other = fit_method_compensator(setup.rig, bearings.knowledge(), "full", 0.05)
     rows = np.tile([1.0, 0.0, 1.0, 0.0], (10, 1))
@@ -166,7 +164,7 @@ def test_layers_of_solid_iron_are_compiled_in_fixed_point_too(tmp_path: Path) ->
     replays(folder_of(replace(made, number_format="f32"), tmp_path).out)
 
 
-def test_the_rig_file_says_in_which_format_a_magnet_reckons() -> None:
+def test_the_rig_file_sets_the_number_format() -> None:
     compiled = {}
     for said in ("f64", "f32", "fixed"):
         rig = planar()
@@ -183,8 +181,8 @@ def test_fixed_point_is_within_two_nanometres_of_double_precision() -> None:
     expected = track(wide, motion, Feedforward())
     for law in ("f32", "fixed"):
         run = track(single(True, "full", "fixed", law), motion, Feedforward())
-        for name, most in (("error_m", 2e-9), ("error_z_m", 2e-9), ("error_rz_rad", 1e-8)):
-            assert 0.0 < np.abs(expected[name] - run[name]).max() < most
+        for name, largest in (("error_m", 2e-9), ("error_z_m", 2e-9), ("error_rz_rad", 1e-8)):
+            assert 0.0 < np.abs(expected[name] - run[name]).max() < largest
 
 
 def test_feedforward_carries_the_body_and_accelerates_it(tmp_path: Path) -> None:
@@ -192,11 +190,11 @@ def test_feedforward_carries_the_body_and_accelerates_it(tmp_path: Path) -> None
     stage = compiled.manifest["stage"]
     assert np.allclose(compiled.vectors["forward_z"], -stage["weight"][2])
     assert stage["mass"][0][0] == pytest.approx(20.0)
-    most = np.abs(compiled.vectors["forward_x"]).max()
-    assert most == pytest.approx(20.0 * 22.0, rel=0.01)
+    largest = np.abs(compiled.vectors["forward_x"]).max()
+    assert largest == pytest.approx(20.0 * 22.0, rel=0.01)
 
 
-def test_a_flight_of_fewer_ticks_than_are_kept_is_compiled_whole(tmp_path: Path) -> None:
+def test_a_short_simulation_is_compiled_completely(tmp_path: Path) -> None:
     setup = single(True, "single-valued")
     slow = setup.rig.settings.with_changes({"timing.rate_Hz": 2e3, "control.crossover_Hz": 60.0})
     known = bearings.knowledge()
@@ -238,7 +236,9 @@ def test_readings_that_cannot_be_are_flagged_and_move_no_integral(
         ({"name": "Upper"}, "bad-name --name"),
     ],
 )
-def test_what_does_not_fit_a_stage_is_refused(options: dict[str, object], code: str, tmp_path: Path) -> None:
+def test_options_that_do_not_fit_a_stage_are_refused(
+    options: dict[str, object], code: str, tmp_path: Path
+) -> None:
     with refused(code):
         anhyst.compile(EXAMPLES / "planar" / "rig.toml", tmp_path / "out", **options)  # type: ignore[arg-type]
     assert not (tmp_path / "out").exists()
@@ -272,13 +272,13 @@ def test_heads_on_the_ground_are_not_compiled(tmp_path: Path) -> None:
         ('format = "fixed"\ncalibration = "found.toml"  ', "not-compilable control.calibration"),
     ],
 )
-def test_what_fixed_point_throughout_does_not_have_is_refused(wrong: str, code: str, tmp_path: Path) -> None:
+def test_features_missing_in_fixed_point_are_refused(wrong: str, code: str, tmp_path: Path) -> None:
     path = changed_planar('format = "fixed"  ', wrong, tmp_path)
     with refused(code):
         anhyst.compile(path, tmp_path / "out", io="q31")
 
 
-def test_a_file_that_is_not_there_is_said_before_a_rate_is_asked_for(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported_before_a_missing_rate(tmp_path: Path) -> None:
     with refused("no-such-file: absent.toml"):
         anhyst.compile("absent.toml", tmp_path / "out")
 

@@ -62,16 +62,16 @@ def built(folder: Path, compiler: str, program: Path) -> str:
     sources = sources_of(folder)
     options = [*WARNINGS.split(), f"-I{folder / 'include'}"]
     command = [tool(compiler), *options, *sources, "-o", str(program)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    completed = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert completed.returncode == 0, completed.stderr
     return str(program)
 
 
 def played(program: str, rows: str) -> str:
     """Run the example on rows of inputs; return its output."""
-    done = subprocess.run([program], input=rows, capture_output=True, text=True, check=False)
-    assert done.returncode in {0, 1}, done.stderr
-    return done.stdout
+    completed = subprocess.run([program], input=rows, capture_output=True, text=True, check=False)
+    assert completed.returncode in {0, 1}, completed.stderr
+    return completed.stdout
 
 
 def changed(place: Path, name: str, *pairs: tuple[str, str]) -> Path:
@@ -86,7 +86,7 @@ def changed(place: Path, name: str, *pairs: tuple[str, str]) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("compiler", ["cc", "clang"])
-def test_c_compiles_without_a_warning_and_gives_the_golden_answers(
+def test_the_c_compiles_without_warnings_and_gives_the_golden_outputs(
     compiled: Compiled, compiler: str, tmp_path: Path
 ) -> None:
     program = built(compiled.out, compiler, tmp_path / "example")
@@ -106,19 +106,19 @@ def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_written_for_an_actuator_breaks_no_rule_but_those_listed(compiled: Compiled) -> None:
+def test_generated_files_break_only_the_listed_misra_rules(compiled: Compiled) -> None:
     sources = sorted(compiled.out.glob("bearing_*.c"))
     options = ["--addon=misra", "--enable=style", "--quiet", "--std=c99", "-D__STDC__=1"]
     place = [f"-I{compiled.out / 'include'}", f"-I{compiled.out}", "--template={file} {id}"]
     command = [tool("cppcheck"), *options, *place, *map(str, sources)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    own = [line for line in done.stderr.splitlines() if "/bearing_" in line]
+    completed = subprocess.run(command, capture_output=True, text=True, check=True)
+    own = [line for line in completed.stderr.splitlines() if "/bearing_" in line]
     found = set(re.findall(r"misra-c2012-([\d.]+)", "\n".join(own)))
     assert found
     assert found <= {"2.5", "7.3", "8.7", "12.1", "15.5"}
 
 
-def test_the_golden_flight_lifts_steps_loses_a_sample_and_lands(compiled: Compiled) -> None:
+def test_the_golden_run_lifts_steps_drops_a_sample_and_lands(compiled: Compiled) -> None:
     table = np.loadtxt(compiled.out / "controller.csv", delimiter=",", skiprows=1, dtype=np.int64)
     column = {name: table[:, i] for i, name in enumerate(LEVITATION_COLUMNS)}
     run = [16 * State.RUN + phase for phase in (1, 2, 3, 4, 5)]
@@ -134,8 +134,8 @@ def test_the_golden_flight_lifts_steps_loses_a_sample_and_lands(compiled: Compil
     assert hovering[implausible].all()
     settled = np.flatnonzero(hovering)[-1]
     signal = compiled.manifest["controller"]["signals"]["position"]
-    off = (column["position"] - column["target"])[settled] / 2.0**31 * signal["scale"]
-    assert abs(off) < 1e-6
+    error = (column["position"] - column["target"])[settled] / 2.0**31 * signal["scale"]
+    assert abs(error) < 1e-6
 
 
 def test_currents_are_words_of_the_converter(compiled: Compiled) -> None:
@@ -217,7 +217,9 @@ CASES: dict[str, tuple[Literal["full", "simplified"], list[tuple[str, str]]]] = 
 @pytest.mark.parametrize(
     "case", [pytest.param(one, marks=[pytest.mark.campaign] * (one == "full")) for one in CASES]
 )
-def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_path: Path) -> None:
+def test_the_compiled_controller_replays_the_simulation_bit_for_bit(
+    place: Path, case: str, tmp_path: Path
+) -> None:
     """The C code of the folder gives the recorded outputs of the simulated loop bit for bit."""
     kind, changes = CASES[case]
     path = changed(place, "case.toml", *changes)
@@ -248,7 +250,7 @@ def test_same_inputs_give_the_same_bytes(place: Path, compiled: Compiled, tmp_pa
         assert (again.out / name).read_bytes() == (compiled.out / name).read_bytes()
 
 
-def test_the_manifest_reports_what_the_codes_mean(compiled: Compiled) -> None:
+def test_the_manifest_gives_the_scales_of_all_codes(compiled: Compiled) -> None:
     manifest = json.loads((compiled.out / "manifest.json").read_text())
     assert {"bearing_controller.c", "bearing_controller.h", "controller.csv"} <= set(manifest["files"])
     controller = manifest["controller"]
@@ -392,7 +394,7 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
         ),
     ],
 )
-def test_what_does_not_fit_is_reported_in_one_line(
+def test_unsuitable_options_are_reported_in_one_line(
     place: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],

@@ -66,11 +66,11 @@ class Shared(NamedTuple):
 
 def share(one: DriveLayout, wrench: FloatArray, lost: list[int]) -> list[Shared]:
     """Allocate rows of wrenches without the lost drives."""
-    full = np.full(len(one.yield_weights), 4096.0)
+    full = np.full(len(one.drop_weights), 4096.0)
     fixed = FixedWrench(*make_fixed_allocation(one, full, FORCE))
     wide = WrenchLayout(
         np.ascontiguousarray(one.unit_wrench), one.opponents, one.allocation, one.idle_force,
-        one.force_min, one.force_max, yields=one.yield_weights,
+        one.force_min, one.force_max, yields=one.drop_weights,
     )  # fmt: skip
     for drive in lost:
         fixed.lose(drive)
@@ -89,17 +89,17 @@ def missed(one: DriveLayout, shared: Shared, wrench: FloatArray) -> float:
     return float(np.abs(shared.force @ one.unit_wrench - wrench).max())
 
 
-def test_what_is_said_to_be_made_is_made_by_the_forces_of_double_precision() -> None:
+def test_the_reported_wrench_agrees_with_double_precision() -> None:
     rng, agreed, worst, off = np.random.default_rng(3), 0, 0.0, 0.0
-    for one in bodies(200, 11):
-        wrench = rng.uniform(0.0, 60.0, (12, len(one.unit_wrench))) @ one.unit_wrench
+    for body in bodies(200, 11):
+        wrench = rng.uniform(0.0, 60.0, (12, len(body.unit_wrench))) @ body.unit_wrench
         wrench = signal_codes(wrench, 4096.0) / FULL * 4096.0
-        for row, shared in zip(wrench, share(one, wrench, []), strict=True):
-            alone = [k for k, other in enumerate(one.opponents) if k == other]
+        for row, shared in zip(wrench, share(body, wrench, []), strict=True):
+            alone = [k for k, opponent in enumerate(body.opponents) if k == opponent]
             assert (shared.force[alone] >= LEAST - 2e-7).all()
             assert (shared.force >= 0.0).all()
             if shared.made and shared.force.max() < FORCE * 0.999:
-                worst = max(worst, missed(one, shared, row))
+                worst = max(worst, missed(body, shared, row))
             if shared.made and shared.wide_made and shared.wide.max() < FORCE:
                 off = max(off, float(np.abs(shared.force - shared.wide).max()))
             agreed += shared.made == shared.wide_made
@@ -108,22 +108,22 @@ def test_what_is_said_to_be_made_is_made_by_the_forces_of_double_precision() -> 
     assert agreed > 0.998 * 2400
 
 
-def test_without_lost_drives_as_much_is_made_as_in_double_precision() -> None:
+def test_fixed_point_with_lost_drives_makes_the_wrench_of_double_precision() -> None:
     rng, differ, count = np.random.default_rng(4), [], 0
-    for one in bodies(150, 12):
-        lost = rng.choice(len(one.unit_wrench), int(rng.integers(1, 3)), replace=False).tolist()
-        wrench = rng.uniform(0.0, 60.0, (8, len(one.unit_wrench))) @ one.unit_wrench
-        for row, shared in zip(wrench, share(one, wrench, lost), strict=True):
+    for body in bodies(150, 12):
+        lost = rng.choice(len(body.unit_wrench), int(rng.integers(1, 3)), replace=False).tolist()
+        wrench = rng.uniform(0.0, 60.0, (8, len(body.unit_wrench))) @ body.unit_wrench
+        for row, shared in zip(wrench, share(body, wrench, lost), strict=True):
             assert not shared.force[lost].any()
             assert (shared.force <= FORCE).all()
             alone = [
-                k for k, other in enumerate(one.opponents)
-                if k not in lost and (other == k or other in lost)
+                k for k, opponent in enumerate(body.opponents)
+                if k not in lost and (opponent == k or opponent in lost)
             ]  # fmt: skip
             assert (shared.force[alone] >= LEAST - 2e-7).all()
             if shared.made:
-                assert missed(one, shared, row) < 2e-4
-            both = [float(np.abs(x @ one.unit_wrench - row).max()) for x in (shared.force, shared.wide)]
+                assert missed(body, shared, row) < 2e-4
+            both = [float(np.abs(x @ body.unit_wrench - row).max()) for x in (shared.force, shared.wide)]
             differ.append(both[0] - both[1])
             count += shared.made == shared.wide_made
     assert count > 0.99 * len(differ)
@@ -174,7 +174,7 @@ def pid_of(crossover: float, rate: float) -> list[float]:
 
 def body(one: DriveLayout, rng: np.random.Generator) -> Body:
     """Return a body of random mass and centre, with at least one sensor head per coordinate."""
-    axes = len(one.yield_weights)
+    axes = len(one.drop_weights)
     at = np.vstack([np.eye(axes), rng.uniform(-1.0, 1.0, (int(rng.integers(0, 4)), axes))])
     apart = np.eye(axes) + np.triu(rng.uniform(-0.01, 0.01, (axes, axes)), 1)
     heads, reach = len(at), rng.uniform(1e-4, 4e-4, (axes, 1))
@@ -203,7 +203,7 @@ def controllers(made: Body) -> tuple[FixedController, FixedAxes, TrackingAxes]:
     own = fixed.make_core([force.reset_copy().native for _ in range(count)], 2.0)
     layout = WrenchLayout(
         np.ascontiguousarray(drives.unit_wrench), drives.opponents, drives.allocation, drives.idle_force,
-        drives.force_min, drives.force_max, yields=drives.yield_weights,
+        drives.force_min, drives.force_max, yields=drives.drop_weights,
     )  # fmt: skip
     settings = {key: value for key, value in made.settings.items() if key != "idle"}
     full = {"flux_full": 2.0}
@@ -234,22 +234,22 @@ def test_the_wrench_of_any_body_is_that_of_double_precision() -> None:
                 [made.settings["gap_low"]] * count,
                 [0.0] * count,
             )
-            off = np.abs(np.array(demand) / FULL - np.array(expected) / scales.wrench)
-            worst = max(worst, float(off.max()))
+            error = np.abs(np.array(demand) / FULL - np.array(expected) / scales.wrench)
+            worst = max(worst, float(error.max()))
     assert 0.0 < worst < 2.0**-20
 
 
-def test_what_the_heads_cannot_say_is_flagged_and_full_scale_saturates() -> None:
+def test_unusable_sensor_heads_are_flagged_and_full_scale_saturates() -> None:
     made = body(bodies(1, 14)[0], np.random.default_rng(6))
     fixed, own, _ = controllers(made)
-    count, axes, heads = (len(made.drives.unit_wrench), len(made.drives.yield_weights), len(made.rows["at"]))
-    none, most = [0] * count, int(FULL) - 1
-    current, demand, flags, _, _ = own.tick([0] * heads, [most] * axes, none, none)
-    assert demand == [most] * axes
+    count, axes, heads = (len(made.drives.unit_wrench), len(made.drives.drop_weights), len(made.rows["at"]))
+    none, largest = [0] * count, int(FULL) - 1
+    current, demand, flags, _, _ = own.tick([0] * heads, [largest] * axes, none, none)
+    assert demand == [largest] * axes
     assert flags & 1
     low, high = fixed.integers["current_low"], fixed.integers["current_high"]
     assert all(low <= one <= high for one in current)
-    for wrong in (most, -most, -int(FULL)):
+    for wrong in (largest, -largest, -int(FULL)):
         _, held, flags, _, _ = own.tick([wrong] * heads, [0] * axes, none, none)
         assert flags & 8
         assert held == [0] * axes
@@ -271,9 +271,9 @@ def test_feedforward_is_the_wrench_of_mass_and_weight() -> None:
 
 
 @pytest.mark.parametrize(("crossover", "code"), [(1e-3, "small"), (2e4, "large")])
-def test_gains_that_32_bits_do_not_hold_are_refused(crossover: float, code: str) -> None:
+def test_gains_beyond_32_bits_are_refused(crossover: float, code: str) -> None:
     made = body(bodies(1, 16)[0], np.random.default_rng(8))
-    rows = made.rows | {"pid": np.array([pid_of(crossover, 20e3)] * len(made.drives.yield_weights))}
+    rows = made.rows | {"pid": np.array([pid_of(crossover, 20e3)] * len(made.drives.drop_weights))}
     if code == "large":
         rows["pid"][:, :3] *= 1e9
     key = "control.integral_ratio" if code == "small" else "control.crossover_Hz"

@@ -51,8 +51,8 @@ def test_another_ending_is_refused(name: str) -> None:
         check_format(name)
 
 
-def test_what_is_read_is_not_replaced(tmp_path: Path) -> None:
+def test_an_input_file_is_not_replaced(tmp_path: Path) -> None:
     path = tmp_path / "loops.csv"
     path.touch()
     with pytest.raises(InputError, match=r"loops\.csv"):
-        check_recording(path, reads=[path])
+        check_recording(path, input_files=[path])

@@ -91,7 +91,7 @@ def test_a_known_stack_comes_back_from_its_loops() -> None:
     assert stack.remains == pytest.approx(back[-1], abs=0.05e-6)
 
 
-def test_creep_is_found_where_loops_have_times_and_show_it() -> None:
+def test_creep_is_found_in_timed_loops() -> None:
     each, dt = 800, 1e-3
     drive = np.concatenate([path(each), path(10, (0.0, 0.0, 0.0)), path(each // 4)])
     fine = np.interp(np.arange(0, drive.size - 1, 1 / 20), np.arange(drive.size), drive)
@@ -105,7 +105,7 @@ def test_creep_is_found_where_loops_have_times_and_show_it() -> None:
     assert untimed.rms == pytest.approx(timed.rms_without_creep, rel=0.2)
 
 
-def test_what_is_no_stack_is_refused() -> None:
+def test_loops_that_are_not_of_a_stack_are_refused() -> None:
     drive, rng = path(60), np.random.default_rng(3)
     straight = 0.3e-6 * drive
     with refused("no-piezo: show no hysteresis"):

@@ -48,8 +48,8 @@ def drafted(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     loops = EXAMPLES / name / "loops.csv"
     if name in MAGNETS:
         loops = MAGNETS[name].write_loops(folder / f"{name}.csv")
-    done = quick("init", loops, *GIVEN.get(name, ()), "--out", "made", cwd=folder)
-    assert done.returncode == 0, done.stderr
+    completed = quick("init", loops, *GIVEN.get(name, ()), "--out", "made", cwd=folder)
+    assert completed.returncode == 0, completed.stderr
     return (folder / "made").rename(folder / "my")
 
 
@@ -78,8 +78,8 @@ def test_a_draft_of_any_magnet_levitates_at_once(drafted: Path) -> None:
     rig = read_bearing(drafted / "rig.toml").settings
     heights = [rig.step.heights_m[0], rig.step.heights_m[-1]]
     shortened(drafted / "rig.toml", noise_seeds="2", also_gaps_m="[]", heights_m=f"{heights}")
-    done = quick("simulate", "rig.toml", "--out", "run.csv", cwd=drafted, patience=PATIENCE)
-    assert done.returncode == 0, done.stderr
+    completed = quick("simulate", "rig.toml", "--out", "run.csv", cwd=drafted, patience=PATIENCE)
+    assert completed.returncode == 0, completed.stderr
     figures: dict[str, Any] = json.loads((drafted / "figures.json").read_text())
     assert figures["lost_in"] == []
     mine = [step for step in figures["steps"] if step["variant"] == "full"]
@@ -96,8 +96,8 @@ def test_two_of_any_magnet_make_a_stage_that_follows_better_with_its_law(tmp_pat
     loops = EXAMPLES / name / "loops.csv"
     if name in MAGNETS:
         loops = MAGNETS[name].write_loops(tmp_path / f"{name}.csv")
-    done = quick("init", loops, "--stage", "--out", "my", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    completed = quick("init", loops, "--stage", "--out", "my", cwd=tmp_path)
+    assert completed.returncode == 0, completed.stderr
     rig = read_stage(tmp_path / "my" / "rig.toml")
     scan, control = rig.settings.scan, rig.settings.tracking
     assert rig.settings.body.mass_kg * max(scan.test_m_per_s2) < control.force_max_N
@@ -114,12 +114,12 @@ def test_two_of_any_magnet_make_a_stage_that_follows_better_with_its_law(tmp_pat
 
 def test_a_stage_is_drafted_from_loops_of_several_gaps_alone(tmp_path: Path) -> None:
     loops = EXAMPLES / "stage" / "loops.csv"
-    done = quick("init", loops, "--stage", "--load", 5, "--out", "my", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "--stage: accepts only --mass and --gap" in done.stderr
-    done = quick("init", loops, "--stage", "--gap", 0.9e-3, "--out", "my", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "0.0009 m is not between the measured gaps" in done.stderr
+    completed = quick("init", loops, "--stage", "--load", 5, "--out", "my", cwd=tmp_path)
+    assert completed.returncode == 2
+    assert "--stage: accepts only --mass and --gap" in completed.stderr
+    completed = quick("init", loops, "--stage", "--gap", 0.9e-3, "--out", "my", cwd=tmp_path)
+    assert completed.returncode == 2
+    assert "0.0009 m is not between the measured gaps" in completed.stderr
     assert not (tmp_path / "my").exists()
 
 
@@ -144,13 +144,13 @@ def test_the_force_of_any_magnet_is_controlled_at_once(tmp_path: Path, name: str
     loops = EXAMPLES / name / "loops.csv"
     if name in MAGNETS:
         loops = MAGNETS[name].write_loops(tmp_path / f"{name}.csv")
-    done = quick("init", loops, "--force-control", "--out", "my", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    completed = quick("init", loops, "--force-control", "--out", "my", cwd=tmp_path)
+    assert completed.returncode == 0, completed.stderr
     rig = read_rig(tmp_path / "my" / "rig.toml").settings
     ends = [rig.held_case.gaps_m[0], rig.held_case.gaps_m[-1]]
     shortened(tmp_path / "my" / "rig.toml", gaps_m=f"{ends}")
-    done = quick("force-control", "my/rig.toml", "--out", "run", cwd=tmp_path, patience=PATIENCE)
-    assert done.returncode == 0, done.stderr
+    completed = quick("force-control", "my/rig.toml", "--out", "run", cwd=tmp_path, patience=PATIENCE)
+    assert completed.returncode == 0, completed.stderr
     figures: dict[str, Any] = json.loads((tmp_path / "run" / "figures.json").read_text())
     assert figures["ticks_that_differ"] == 0
     assert figures["summary"]["positions"]["full"]["of_single"] < (1.0 if name in LAGGING else 1.6)

@@ -75,7 +75,7 @@ def test_a_plant_is_fitted_to_the_bundled_loops_within_their_noise(example: str)
 
 
 @pytest.mark.slow
-def test_what_the_rig_file_says_of_a_magnet_is_held(tmp_path: Path) -> None:
+def test_given_values_of_a_magnet_are_kept_in_the_fit(tmp_path: Path) -> None:
     shape = MAGNETS["soft"].geometry
     path = MAGNETS["soft"].write_loops(tmp_path / "loops.csv")
     found, loops = fit(path, turns=shape.turns, resistance_ohm=7.0, pole_depth_m=shape.depth)
@@ -177,7 +177,7 @@ def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_rig_file_is_said_before_any_work(
+def test_errors_of_a_rig_file_are_reported_before_any_work(
     old: str, new: str, message: str, tmp_path: Path
 ) -> None:
     rig = write_bearing(MAGNETS["soft"], tmp_path)
@@ -196,7 +196,7 @@ def test_a_wrong_last_key_costs_no_work(tmp_path: Path) -> None:
     assert "case[1].hold_s: " in refused(*RUN, cwd=tmp_path, preexec_fn=None)
 
 
-def test_a_wrong_key_of_the_controller_is_said_before_the_fit(tmp_path: Path) -> None:
+def test_a_wrong_controller_key_is_reported_before_the_fit(tmp_path: Path) -> None:
     write_bearing(MAGNETS["soft"], tmp_path)
     place = tmp_path / "controller.toml"
     place.write_text(place.read_text().replace("hold_ticks = 2000", "hold_ticks = -1"))
@@ -217,7 +217,7 @@ def test_several_files_of_loops_are_one_set(tmp_path: Path) -> None:
     assert sorted(loop.n for loop in parts.loops) == sorted(loop.n for loop in whole.loops)
 
 
-def test_an_error_of_force_control_leaves_nothing(tmp_path: Path) -> None:
+def test_a_failed_force_control_leaves_no_file(tmp_path: Path) -> None:
     rig = write_force_control(MAGNETS["soft"], tmp_path)
     (tmp_path / "out").mkdir()
     before = contents(tmp_path)
@@ -228,7 +228,7 @@ def test_an_error_of_force_control_leaves_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
+def test_a_plant_made_of_the_model_itself_is_reported_as_no_evidence(tmp_path: Path) -> None:
     from anhyst.model.writer import write_model
     from anhyst_rigs.rig.fitting import check_plant
     from anhyst_rigs.study.bearing.inputs import check_inputs, read_files

@@ -31,10 +31,10 @@ STRAIGHT = [pytest.param(name, marks=MARKS.get(name, [])) for name in sorted(MAG
 
 def run(folder: Path, *arguments: object) -> Result:
     """Run a command that must succeed."""
-    done = quick(*arguments, cwd=folder, patience=1800.0)
-    assert done.returncode == 0, (arguments, done.stdout, done.stderr)
-    assert "Traceback" not in done.stderr
-    return done
+    completed = quick(*arguments, cwd=folder, patience=1800.0)
+    assert completed.returncode == 0, (arguments, completed.stdout, completed.stderr)
+    assert "Traceback" not in completed.stderr
+    return completed
 
 
 @pytest.fixture(scope="module", params=STRAIGHT)
@@ -48,7 +48,7 @@ def magnet(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.mark.needs("gcc")
-def test_what_is_identified_is_compiled_and_verified(magnet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_identified_model_is_compiled_and_verified(magnet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run(magnet, "compile", "model.toml", "--rate", RATE, "--out", "controller")
     monkeypatch.setattr("anhyst.verification.targets.HOST_COMPILERS", {"gcc": "gcc"})
     found = verify(magnet / "controller", "host", host_steps=50_000)
@@ -57,7 +57,7 @@ def test_what_is_identified_is_compiled_and_verified(magnet: Path, monkeypatch: 
 
 
 @pytest.mark.slow
-def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> None:
+def test_a_swap_of_the_current_limit_causes_no_step(magnet: Path) -> None:
     run(magnet, "identify", "loops.csv", "--law", "effective-field", "--out", "paper.toml")
     model = read_model(magnet / "paper.toml")
     limits = find_limits(model)

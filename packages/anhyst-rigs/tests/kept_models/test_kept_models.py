@@ -9,7 +9,7 @@ from tests.kept_models.making import TRUTHS
 from tests.truths import FOLDER, truth
 
 
-def test_every_kept_file_has_a_name_in_the_table() -> None:
+def test_every_saved_model_has_an_entry_in_the_table() -> None:
     assert {path.stem for path in FOLDER.glob("*.toml")} == set(TRUTHS)
 
 
@@ -22,9 +22,9 @@ FIRST = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=[pytest.mark.campaign] * (one not in FIRST)) for one in TRUTHS]
+    "name", [pytest.param(truth, marks=[pytest.mark.campaign] * (truth not in FIRST)) for truth in TRUTHS]
 )
-def test_identification_gives_the_kept_model(name: str) -> None:
+def test_identification_gives_the_saved_model(name: str) -> None:
     """Not to the last bit, which differ from processor to processor: to 0.05 % of its range."""
     kept, now = truth(name), TRUTHS[name].identify()
     assert (now.law, now.gap_map) == (kept.law, kept.gap_map)

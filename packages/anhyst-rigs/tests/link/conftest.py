@@ -29,7 +29,7 @@ def parameters(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def host_firmware(parameters: Path) -> Path:
-    """The firmware for a process of its own."""
+    """The firmware for a separate process."""
     return build("host", parameters, parameters.parent / "host")
 
 

@@ -46,26 +46,26 @@ SENDS = 1 << 7
 
 
 class Chip:
-    """The processor with its devices: registers that keep what is written, a few that answer.
+    """The processor with its devices: registers that store written values; a few also respond.
 
     Attributes
     ----------
     written : dict of int to int
-        What was last written to each register.
+        Last value written to each register.
     sent : dict of Serial to bytearray
-        What left a serial port.
+        Bytes sent by each serial port.
     codes : list of int
-        What the three converters show: gap, force, current.
+        Codes of the three converters: gap, force, current.
     inputs : int
         Levels of the pins of port B.
     edges : int
-        What the encoder's counter shows.
+        Counter of the encoder.
     place : int or None
-        What the converter of 16 bits answers; None: nothing.
+        Code of the 16-bit position converter; None if it does not respond.
     power : int or None
-        Words and erasings of the flash that still succeed before the power fails; None: all.
+        Words and erasures of the flash that succeed before the power fails; None for no failure.
     dead : bool
-        Whether it has failed.
+        Whether the power has failed.
     """
 
     def __init__(self, program: Path, flash: bytes | None = None) -> None:
@@ -205,7 +205,7 @@ class Chip:
         return True
 
     def _program(self, _cpu: object, _access: int, address: int, size: int, value: int, _: object) -> None:
-        """Clear bits of a word; only if the flash is unlocked for a word."""
+        """Clear bits of a word; allowed only if the flash is unlocked for a word."""
         assert self._keys[-2:] == KEYS
         assert self.written[FLASH_CR] == PG | PSIZE_32
         assert (size, self._word(address)) == (4, 0xFFFFFFFF)

@@ -10,14 +10,14 @@ NOISE = 1e-4
 
 
 class NoisyPlant:
-    """Force proportional to the current, a gap that is held, sensors with noise.
+    """Force proportional to the current, a constant gap, and sensors with noise.
 
     Attributes
     ----------
     reading : dict
-        Values to show instead, by the name of the sensor, for tests of bad sensors.
+        Values to show instead of the true ones, by sensor name, for tests of bad sensors.
     drives : list of float
-        What was driven, tick by tick.
+        Driven current of each tick.
     """
 
     def __init__(self) -> None:

@@ -14,12 +14,12 @@ from random import Random
 
 @dataclass
 class Disturbance:
-    """What happens to frames, each with its own probability, both ways.
+    """Disturbances of frames in both directions, each with a probability.
 
     Attributes
     ----------
     done : dict
-        How often each kind of damage was done.
+        Number of disturbances of each kind.
     """
 
     flip: float = 0.0
@@ -71,7 +71,7 @@ class Line:
 
 @contextmanager
 def disturbed_line(disturbance: Disturbance) -> Iterator[Line]:
-    """Carry frames between two pseudo-terminals, and disturb some of them."""
+    """Carry frames between two pseudo-terminals and disturb some frames."""
     pairs = [os.openpty(), os.openpty()]
     for pair in pairs:
         tty.setraw(pair[1])

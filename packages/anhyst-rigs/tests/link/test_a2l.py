@@ -175,8 +175,8 @@ def ends(one: Any) -> tuple[int, int]:
     return round(min(codes)), round(max(codes))
 
 
-def test_settings_and_target_take_what_lies_within_the_limits_and_no_more(described: Description) -> None:
-    names = [*(one.name for one in SETTINGS), "set_demand", "set_target"]
+def test_settings_and_target_accept_only_values_within_their_limits(described: Description) -> None:
+    names = [*(setting.name for setting in SETTINGS), "set_demand", "set_target"]
     with master_on(described.board, unlocked=True) as master:
         for name in filter(described.characteristics.__contains__, names):
             low, high = ends(described.characteristics[name])
@@ -205,10 +205,10 @@ def test_words_beyond_their_limits_are_refused(described: Description) -> None:
     taken: set[tuple[str, int]] = set()
     with master_on(described.board, unlocked=True) as master:
         master.setCalPage(XCP, SEGMENT, 1)
-        for name, one in described.characteristics.items():
-            if not name.startswith("block.") or one.deposit.fncValues.data_type != "SWORD":
+        for name, characteristic in described.characteristics.items():
+            if not name.startswith("block.") or characteristic.deposit.fncValues.data_type != "SWORD":
                 continue
-            low, high = ends(one)
+            low, high = ends(characteristic)
             for code in {low - 1, high + 1} & set(range(-(1 << 15), 1 << 15)):
                 before = int(described.code(master, name))
                 described.write(master, name, code)
@@ -222,7 +222,7 @@ def test_words_beyond_their_limits_are_refused(described: Description) -> None:
     assert tried > 30
 
 
-def test_time_is_what_the_slave_says(described: Description) -> None:
+def test_time_follows_the_clock_of_the_slave(described: Description) -> None:
     """The period is equal in the A2L, in the slave and in the controller."""
     rate = described.manifest["rate_Hz"]
     with master_on(described.board) as master:

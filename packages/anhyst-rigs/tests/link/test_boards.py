@@ -121,7 +121,7 @@ def test_sources_that_do_not_compile(parameters: Path, tmp_path: Path) -> None:
         build("host", tmp_path / "compiled", tmp_path / "x")
 
 
-def test_a_program_that_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_program_is_refused(tmp_path: Path) -> None:
     with refused("cannot-be-run"), run_host(tmp_path / "none", NoisyPlant()):
         pass
 
@@ -147,7 +147,7 @@ def test_a_controller_that_hangs_up_is_reported() -> None:
             PlantBus(NoisyPlant(), exchange_over_socket(ours)).step()
 
 
-def test_records_of_the_bus_are_found_again_after_a_slip(host_firmware: Path) -> None:
+def test_records_of_the_bus_are_found_after_stray_bytes(host_firmware: Path) -> None:
     with run_host(host_firmware, NoisyPlant()) as board:
         board.bus.step(3)
         assert board.bus_socket is not None
@@ -156,7 +156,7 @@ def test_records_of_the_bus_are_found_again_after_a_slip(host_firmware: Path) ->
         assert board.bus.tick == 6
 
 
-def test_a_firmware_in_this_process_does_what_one_of_its_own_does(
+def test_a_firmware_in_this_process_agrees_with_one_in_a_separate_process(
     library_firmware: Path, host_firmware: Path
 ) -> None:
     drives: list[list[float]] = []

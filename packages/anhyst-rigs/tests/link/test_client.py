@@ -35,7 +35,7 @@ def run(board: RunningFirmware, controller: ControllerLink) -> None:
     assert board.bus.state is State.RUN
 
 
-def test_a_controller_says_who_it_is(controller: ControllerLink) -> None:
+def test_a_controller_identifies_itself(controller: ControllerLink) -> None:
     assert controller.info.rate == RATE
     assert controller.info.version == frames.VERSION
     assert controller.status().state is State.IDLE
@@ -86,7 +86,7 @@ def test_settings_are_read_and_written(controller: ControllerLink) -> None:
     assert controller.read_setting(Setting.DEMAND_SLEW) == 12345
 
 
-def test_demands_beyond_the_model_are_limited_and_said_so(
+def test_demands_beyond_the_model_are_limited_and_reported(
     board: RunningFirmware, controller: ControllerLink
 ) -> None:
     run(board, controller)

@@ -32,7 +32,7 @@ STEP = 1_000_000
 
 @contextmanager
 def session(firmware: Path, line: Disturbance) -> Iterator[tuple[RunningFirmware, ControllerLink]]:
-    """A controller that runs behind such a line, over which it was brought to run too."""
+    """A running controller behind a disturbed line; it was also started over this line."""
     with (
         disturbed_line(line) as ends,
         run_host(firmware, NoisyPlant(), ends.controller) as board,
@@ -87,14 +87,14 @@ def test_streamed_demands_reach_the_controller_in_order(host_firmware: Path) -> 
         seen.append(controller.status().codes.demand)
     rises = [b - a for a, b in pairwise(seen)]
     back = [rise for rise in rises if rise < 0]
-    assert all(rise > -12 * STEP for rise in back)  # no older than what was on its way
+    assert all(rise > -12 * STEP for rise in back)  # not older than the frames in transit
     assert seen[-1] == 300 * STEP
 
 
 def test_every_command_is_done_exactly_once(host_firmware: Path) -> None:
     line = other(DAMAGE["all"])
     with session(host_firmware, line) as (_, controller):
-        for _ in range(40):  # done twice, each of them would be refused
+        for _ in range(40):  # a repeated request would be refused
             assert controller.command(Command.STOP) is State.READY
             assert controller.command(Command.RUN) is State.RUN
     assert controller.repeated_count > 0
@@ -115,7 +115,7 @@ def test_blocks_settings_and_recordings_arrive_whole(host_firmware: Path) -> Non
     assert sum(line.done.values()) > 10
 
 
-def test_a_line_that_is_cut_is_reported_and_the_current_goes_to_zero(host_firmware: Path) -> None:
+def test_a_cut_line_is_reported_and_the_current_ramps_to_zero(host_firmware: Path) -> None:
     line = Disturbance()
     with session(host_firmware, line) as (board, controller):
         controller.demand(500 * STEP)

@@ -75,7 +75,7 @@ def test_the_clocks_make_the_rates_that_are_claimed(chip: Chip) -> None:
     assert 4 / RATE < watchdog < 0.01
 
 
-def test_it_answers_over_its_serial_port(chip: Chip) -> None:
+def test_the_firmware_answers_over_its_serial_port(chip: Chip) -> None:
     info = ask(chip, HelloRequest(frames.VERSION, 7), 1)
     assert isinstance(info, InfoAnswer)
     assert info.rate == RATE
@@ -167,9 +167,7 @@ def test_the_status_reports_the_cycles_of_a_tick(chip: Chip) -> None:
     assert status_of(chip, 2).cycles == 1000  # the counter is read twice per tick
 
 
-def test_a_block_that_is_kept_is_in_force_after_the_next_start(
-    chip: Chip, program: Path, parameters: Path
-) -> None:
+def test_a_stored_block_is_used_after_the_next_start(chip: Chip, program: Path, parameters: Path) -> None:
     settled(chip)
     words = block_of(parameters)
     kept = set_generation(words, 7)
@@ -188,11 +186,12 @@ def test_a_block_that_is_kept_is_in_force_after_the_next_start(
 
 
 WORKS = {n: () if n in {0, 1, 2, 300, 538} else pytest.mark.campaign for n in range(539)}
-"""Words and sectors after which the power fails, of all that keeping a set takes."""
+"""Numbers of flash operations (words and erasures) after which the power fails while a set is
+stored."""
 
 
 @pytest.mark.parametrize("works", [pytest.param(n, marks=mark) for n, mark in WORKS.items()])
-def test_power_that_fails_while_a_block_is_kept_leaves_the_one_before(
+def test_a_power_failure_during_storing_keeps_the_previous_block(
     chip: Chip, program: Path, parameters: Path, works: int
 ) -> None:
     settled(chip)
@@ -212,13 +211,13 @@ def test_power_that_fails_while_a_block_is_kept_leaves_the_one_before(
 
 
 def block_of(parameters: Path) -> list[int]:
-    """Return the words of the block that is built in."""
+    """Return the words of the built-in block."""
     text = (parameters / "handmade_parameters.c").read_text()
     return [int(word) for word in text[text.index("{") + 1 : text.index("}")].split(",")]
 
 
 def send_block(chip: Chip, words: list[int], sequence: int) -> None:
-    """Send a block and put it in force."""
+    """Send a block and activate it."""
     generation = words[5]
     data = b"".join((word & 0xFFFF).to_bytes(2, "little") for word in words)
     begin = BlockBeginRequest(len(words), generation, zlib.crc32(data))
@@ -239,7 +238,7 @@ def bearing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def kept_set(position: tuple[int, ...], source: int) -> bytes:
-    """Return a flash with a set: calibrations, where the position comes from, no block."""
+    """Return a flash with a stored set: calibrations and source of the position, without a block."""
     live_zero = (410, 327760, 0, 80, 4015)
     numbers = [1, *live_zero * 3, *position, source, 0]
     payload = struct.pack(f"<{len(numbers)}i", *numbers) + bytes(2 * MAX_BLOCK_WORDS)
@@ -260,7 +259,7 @@ def test_the_encoder_counts_both_ways_round(bearing: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_converter_gives_the_position_as_the_set_in_flash_calibrates_it(bearing: Path) -> None:
+def test_the_position_uses_the_calibration_in_flash(bearing: Path) -> None:
     chip = Chip(bearing, kept_set((32768, -200, 1, 100, 65000), 1))
     chip.start()
     ask(chip, HelloRequest(frames.VERSION, 7), 1)

@@ -53,7 +53,7 @@ def test_a_lost_link_brings_the_current_to_zero_in_time(
     assert (status.state, status.fault) == (State.FAULT, Fault.LINK_LOST)
 
 
-def test_a_shorter_timeout_is_kept_too(board: RunningFirmware, controller: ControllerLink) -> None:
+def test_a_shorter_timeout_is_respected(board: RunningFirmware, controller: ControllerLink) -> None:
     run(board, controller)
     controller.write_setting(Setting.HEARTBEAT_TICKS, 8)
     board.bus.step(8)
@@ -75,7 +75,7 @@ def test_a_shorter_timeout_is_kept_too(board: RunningFirmware, controller: Contr
         ({"current": 1.9}, Fault.CURRENT_RANGE),
     ],
 )
-def test_a_sensor_that_lies_is_found(
+def test_a_wrong_sensor_is_detected(
     board: RunningFirmware, controller: ControllerLink, reading: dict[str, float], fault: Fault
 ) -> None:
     plant = run(board, controller)
@@ -85,7 +85,7 @@ def test_a_sensor_that_lies_is_found(
     assert milliseconds_to_zero(board, 1000) <= controller.info.ramp
 
 
-def test_a_sensor_that_is_stuck_is_found_while_the_current_moves(
+def test_a_stuck_sensor_is_detected_while_the_current_changes(
     board: RunningFirmware, controller: ControllerLink
 ) -> None:
     plant = run(board, controller)
@@ -96,7 +96,7 @@ def test_a_sensor_that_is_stuck_is_found_while_the_current_moves(
     assert board.bus.fault is Fault.GAP_STUCK
 
 
-def test_a_gap_that_stands_still_is_no_fault(board: RunningFirmware, controller: ControllerLink) -> None:
+def test_a_constant_gap_is_not_a_fault(board: RunningFirmware, controller: ControllerLink) -> None:
     run(board, controller)
     for n in range(40):
         controller.demand(HALF // 2 if n % 2 else HALF)

@@ -21,18 +21,19 @@ from .handmade import KIND
 
 FULL = (1 << 31) - 1
 STEP = 1.0 / (0.020 * RATE)
-"""Of the ramp from full current to zero, which stands in ``info.ramp``."""
+"""Largest current change per tick of the ramp, relative to full scale; ``info.ramp`` gives its
+ticks."""
 
 
 def made_for(scales: Scales) -> list[int]:
-    """Return the board's own actuator compiled for other scales; its gaps are taken from them."""
+    """Return a block of the board's actuator compiled for other scales, with its gaps."""
     law = closed_form("reluctance")
     made = build_block(magnet(), "simplified", scales, ranges("reluctance")[1], SIZES, closed_form=law)
     return set_generation(made.words.tolist(), 7)
 
 
 def weaker(part: float) -> list[int]:
-    """Return the board's block with all currents so much smaller."""
+    """Return the board's block with all currents multiplied by a factor."""
     block = compiled(KIND)
     words = block.words.copy()
     for name in ("GAP_BIAS", "GAP_FLUX_ARM", "GAP_FIELD_ARM"):
@@ -71,7 +72,7 @@ def test_a_block_made_for_another_board_is_refused_in_one_line(
 
 
 def follow(board: RunningFirmware, controller: ControllerLink, words: list[int]) -> list[float]:
-    """Put a block in force, and return the currents from the one before it on."""
+    """Activate a block and return the currents from the last one before it."""
     drives = [board.bus.drive]
     controller.write_block(words)
     for _ in range(30):
@@ -88,7 +89,7 @@ def test_a_swap_at_full_demand_moves_the_current_along_the_ramp(
     again = follow(board, controller, set_generation(compiled(KIND).words.tolist(), 9))
     for drives, factor in ((less, 0.8), (again, 1.25)):
         assert np.abs(np.diff(drives)).max() <= STEP * (1.0 + 1e-6)
-        # The driven current counts: too much of it leaves the iron on its descending branch.
+        # The driven current counts: a larger one leaves the iron on its descending branch.
         assert drives[-1] == pytest.approx(factor * drives[0], rel=0.08)
         assert abs(drives[-1] - drives[-2]) < 0.1 * STEP
     controller.demand(0)

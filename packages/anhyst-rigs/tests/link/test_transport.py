@@ -32,11 +32,11 @@ def refusal(url: str) -> str:
     return text
 
 
-def test_a_port_that_is_not_there() -> None:
+def test_a_missing_port_is_reported() -> None:
     assert "is missing; connect the controller" in refusal("/dev/ttyNONE7")
 
 
-def test_a_host_where_nobody_listens() -> None:
+def test_a_host_without_a_server_is_reported() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     assert "connection refused" in refusal(f"socket://127.0.0.1:{port}")
@@ -48,7 +48,7 @@ def test_something_that_is_not_a_port(tmp_path: Path) -> None:
     assert says(refusal("nonsense://x"), "port-not-open")
 
 
-def test_a_port_that_is_taken(board: RunningFirmware) -> None:
+def test_a_port_in_use_is_reported(board: RunningFirmware) -> None:
     with ControllerLink(board.url, timeout=1.0) as first:
         assert "is used by another program" in refusal(board.url)
         assert first.status().tick == board.bus.tick
@@ -118,7 +118,7 @@ def test_firmware_reports_a_pc_of_another_version(board: RunningFirmware, monkey
 
 
 @pytest.mark.parametrize("answer", [encode(STATUS, 1), b"\1\2\3\0", b"\0\0\0"])
-def test_answers_that_do_not_belong_to_the_question_are_none(answer: bytes) -> None:
+def test_unrelated_answers_are_ignored(answer: bytes) -> None:
     with fake(answer) as url:
         assert says(refusal(url), "no-answer")
 

@@ -36,7 +36,7 @@ TICK = b""
 
 
 def script(seed: int) -> list[bytes]:
-    """Return what happens to a controller: ticks, and frames that come in pieces between them."""
+    """Return a random script for a controller: ticks, and frames cut into pieces between them."""
     random = Random(seed)
     steps = [TICK] * 40
     requests: list[Message] = [
@@ -56,7 +56,7 @@ def script(seed: int) -> list[bytes]:
 
 
 class Scripted:
-    """A controller that goes through a script, and all that can be seen of it."""
+    """A controller that runs a script, and all its observable outputs."""
 
     def __init__(self, program: Path, seed: int) -> None:
         self.steps = script(seed)
@@ -80,7 +80,7 @@ class Scripted:
         return self.seen
 
 
-def test_in_one_process_each_gives_bit_for_bit_what_it_gives_alone(library_firmware: Path) -> None:
+def test_controllers_in_one_process_behave_as_if_alone(library_firmware: Path) -> None:
     alone = [Scripted(library_firmware, seed).end() for seed in range(3)]
     assert alone[0] != alone[1]
     assert State.RUN in {seen.state & 0xFF for seen in alone[0] if hasattr(seen, "state")}
@@ -118,7 +118,7 @@ def two_lines(chip: Path) -> Iterator[list[ControllerLink]]:
 
 
 @pytest.mark.needs("qemu-system-arm")
-def test_on_one_chip_each_answers_on_its_own_line(chip: Path) -> None:
+def test_controllers_on_one_chip_answer_on_separate_lines(chip: Path) -> None:
     with two_lines(chip) as (first, second):
         for line in (first, second):
             while line.status().state is not State.IDLE:
@@ -134,8 +134,8 @@ def test_on_one_chip_each_answers_on_its_own_line(chip: Path) -> None:
             first.demand(1 << 29)
             second.demand(1 << 30)
         states = first.status(), second.status()
-        assert [one.state for one in states] == [State.RUN, State.RUN]
-        assert [one.codes.demand for one in states] == [1 << 29, 1 << 30]
+        assert [state.state for state in states] == [State.RUN, State.RUN]
+        assert [state.codes.demand for state in states] == [1 << 29, 1 << 30]
         assert 0.0 < states[0].codes.drive < states[1].codes.drive
         assert first.read_setting(Setting.FOLLOW) == 0
         first.command(Command.STOP)

@@ -38,7 +38,7 @@ from .xcp_master import ADDRESSES, ECU, SEGMENT, XCP, Samples, master_on, read, 
 EIGHT = ("demand", "force", "gap", "current", "drive", "flux", "state", "flags")
 TICK_NS = round(1e9 / RATE)
 FULL = (1 << 31) - 1
-"""Bytes of a packet and its head."""
+"""Bytes of a packet including its head."""
 
 OVERLOAD = b"\xfd\x06"
 BLOCK = AREA_ADDRESSES["block"]
@@ -53,9 +53,9 @@ def xcp_board(host_firmware: Path) -> Iterator[RunningFirmware]:
 
 
 def measure(board: RunningFirmware, ticks: int) -> np.ndarray:
-    """Return what a master gets of so many ticks of a run: tick number, eight signals.
+    """Return the samples that a master receives in a run: tick number, eight signals.
 
-    The own link commands meanwhile: another demand every 100 ticks.
+    Meanwhile the link changes the demand every 100 ticks.
     """
     samples = Samples(EIGHT)
     with ControllerLink(board.url, timeout=1.0) as controller, master_on(board, samples) as master:
@@ -75,7 +75,7 @@ def measure(board: RunningFirmware, ticks: int) -> np.ndarray:
 
 
 def check_whole(board: RunningFirmware, ticks: int) -> None:
-    """Every tick is there once and in order, and says what was driven in it."""
+    """Check that every tick occurs once, in order, with the driven current of that tick."""
     first = board.bus.tick + 1
     rows = measure(board, ticks)
     assert np.array_equal(rows[:, 0], np.arange(ticks))  # pyxcp counts from the first sample
@@ -106,7 +106,7 @@ def test_time_stamps_are_the_numbers_of_the_ticks(xcp_board: RunningFirmware) ->
     assert stamps == [(0, 0, tick) for tick in (41, 44, 47, 50)]
 
 
-def test_the_slave_says_what_it_is(xcp_board: RunningFirmware) -> None:
+def test_the_slave_identifies_itself(xcp_board: RunningFirmware) -> None:
     with master_on(xcp_board) as master:
         assert master.identifier(0) == master.identifier(1) == "handmade"
         assert master.slaveProperties.maxCto == master.slaveProperties.maxDto == 136
@@ -118,7 +118,7 @@ def test_the_slave_says_what_it_is(xcp_board: RunningFirmware) -> None:
         )
 
 
-def test_what_is_read_is_what_the_own_link_says(xcp_board: RunningFirmware) -> None:
+def test_xcp_values_agree_with_the_link(xcp_board: RunningFirmware) -> None:
     with ControllerLink(xcp_board.url, timeout=1.0) as controller, master_on(xcp_board) as master:
         status = controller.status()
         for name in ("demand", "force", "gap", "current", "drive", "state", "fault"):
@@ -328,7 +328,7 @@ def test_page_0_cannot_be_written(xcp_board: RunningFirmware) -> None:
         assert refused(error.value) == "ERR_WRITE_PROTECTED"
 
 
-def test_the_next_master_begins_anew(xcp_board: RunningFirmware) -> None:
+def test_the_next_master_starts_a_new_session(xcp_board: RunningFirmware) -> None:
     with connected(xcp_board) as line:
         seed = ask(line, b"\xf8\x00\x01")
         assert ask(line, b"\xf7\x04" + compute_key(seed[2:]))[0] == 0xFF
@@ -341,8 +341,9 @@ def test_the_next_master_begins_anew(xcp_board: RunningFirmware) -> None:
 
 
 @pytest.mark.slow
-def test_a_master_that_takes_no_samples_stops_nothing_and_learns_of_it(xcp_board: RunningFirmware) -> None:
-    """More than socket and queue hold is left out, whole samples at a time, and reported."""
+def test_a_slow_master_stops_nothing_and_is_told_of_lost_samples(xcp_board: RunningFirmware) -> None:
+    """Samples beyond the capacity of socket and queue are dropped whole, and their loss is
+    reported."""
     ticks = 40_000
     with connected(xcp_board) as line:
         start_sampling(line, [signal.name for signal in SIGNALS] * 2)
@@ -359,14 +360,14 @@ def test_a_master_that_takes_no_samples_stops_nothing_and_learns_of_it(xcp_board
 
 @contextmanager
 def connected(board: RunningFirmware) -> Iterator[socket.socket]:
-    """Connect without a master that would answer for itself."""
+    """Connect without a master, which would answer automatically."""
     with socket.create_connection(("127.0.0.1", board.xcp_port), timeout=2.0) as line:
         assert ask(line, b"\xff\x00")[0] == 0xFF
         yield line
 
 
 def start_sampling(line: socket.socket, names: list[str], prescaler: int = 1) -> None:
-    """Sample signals in one list from the next tick on."""
+    """Sample signals in one list from the next tick."""
     commands = [b"\xd6", b"\xd5\0\1\0", b"\xd4\0\0\0\1"]
     commands += [b"\xd3\0\0\0\0" + bytes([len(names)]), b"\xe2\0\0\0\0\0"]
     commands += [b"\xe1\xff\4\0" + struct.pack("<I", ADDRESSES[name]) for name in names]
@@ -383,7 +384,7 @@ def take(line: socket.socket) -> bytes:
 
 
 def exactly(line: socket.socket, count: int) -> bytes:
-    """Return so many bytes."""
+    """Return exactly `count` bytes."""
     data = b""
     while len(data) < count:
         part = line.recv(count - len(data))

@@ -87,7 +87,7 @@ def test_without_a_key_a_master_behind_the_link_only_looks_on(bridged: RunningFi
 
 
 def test_the_bridge_itself_keeps_no_run_alive(bridged: RunningFirmware) -> None:
-    """It asks for samples all the time; the master's own commands alone are signs of life."""
+    """The bridge always requests samples; only commands of the master count as signs of life."""
     with master_on(bridged, unlocked=True) as master:
         write(master, "command", Command.ARM)
         write(master, "command", Command.RUN)
@@ -101,7 +101,7 @@ def test_the_bridge_itself_keeps_no_run_alive(bridged: RunningFirmware) -> None:
         assert bridged.bus.fault is Fault.LINK_LOST
 
 
-def test_the_next_master_behind_the_link_begins_anew(bridged: RunningFirmware) -> None:
+def test_the_next_master_through_the_bridge_starts_a_new_session(bridged: RunningFirmware) -> None:
     with master_on(bridged, unlocked=True) as master:
         write(master, "demand_slew", 4321)
     with connected(bridged) as line:
@@ -114,11 +114,11 @@ def test_the_next_master_behind_the_link_begins_anew(bridged: RunningFirmware) -
         assert read(master, "demand_slew") == 4321
 
 
-def test_a_port_that_is_taken_is_one_line(host_firmware: Path) -> None:
+def test_a_port_in_use_is_reported_in_one_line(host_firmware: Path) -> None:
     with run_host(host_firmware, NoisyPlant()) as running, socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         command = [sys.executable, "-m", "anhyst.cli.app", "xcp", running.url, "--listen", port]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30.0)
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"anhyst: error: port {port}: ")
-    assert len(done.stderr.splitlines()) == 1
+        completed = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30.0)
+    assert completed.returncode == 2
+    assert completed.stderr.startswith(f"anhyst: error: port {port}: ")
+    assert len(completed.stderr.splitlines()) == 1

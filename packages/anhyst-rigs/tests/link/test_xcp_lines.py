@@ -27,7 +27,7 @@ from .xcp_master import Samples, master_on, master_on_serial, read, write
 
 @pytest.fixture
 def emulated(qemu_firmware: Path) -> Iterator[RunningFirmware]:
-    """The emulated board with a port for XCP, its self-test passed."""
+    """The emulated board with an XCP port, after its self-test."""
     with run_qemu(qemu_firmware, NoisyPlant(), xcp=True) as running:
         running.bus.step(40)
         yield running
@@ -62,7 +62,7 @@ def test_a_master_commands_the_emulated_board_and_is_its_heartbeat(emulated: Run
 
 @pytest.fixture(scope="module")
 def chip(parameters: Path, tmp_path_factory: pytest.TempPathFactory) -> Chip:
-    """The Nucleo's processor, its self-test passed."""
+    """The processor of the Nucleo, after its self-test."""
     chip = Chip(build("nucleo", parameters, tmp_path_factory.mktemp("xcp") / "nucleo.elf"))
     chip.start()
     for n in range(120):
@@ -73,7 +73,7 @@ def chip(parameters: Path, tmp_path_factory: pytest.TempPathFactory) -> Chip:
 
 @contextmanager
 def terminal_of(chip: Chip) -> Iterator[str]:
-    """Lay a pseudo-terminal to the chip's second serial port; a tick for every turn of it."""
+    """Connect a pseudo-terminal to the chip's second serial port; each main loop runs one tick."""
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     os.set_blocking(ours, False)

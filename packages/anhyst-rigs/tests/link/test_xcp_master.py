@@ -29,14 +29,14 @@ __all__ = ["chip"]
 def test_the_nucleo_is_measured_and_commanded_over_its_second_serial_port(chip: Chip) -> None:
     with terminal_of(chip) as port, closing(XcpMaster(port)) as master:
         assert master.name == "handmade"
-        assert master.tick_interval == 3  # at 4 kHz ten signals of every third tick, of 92 kB/s
+        assert master.tick_interval == 3  # ten signals of every third tick at 4 kHz; the line carries 92 kB/s
         assert RATE == 4000
         rows = master.take_samples(0)
         while len(rows) < 40:
             rows = np.concatenate((rows, master.take_samples(int(rows[-1, 0]) + 1)))
         assert (np.diff(rows[:, 0]) == master.tick_interval).all()
         assert len(set(rows[:, 1 + master.signals.index("gap")])) == 2  # noise of the gap
-        assert {one.name for one in SIGNALS} > set(master.signals)
+        assert {signal.name for signal in SIGNALS} > set(master.signals)
         master.write_setting(Setting.DEMAND_SLEW, 12345)
         assert master.read_setting(Setting.DEMAND_SLEW) == 12345
         with refused("refused state", RequestRefusedError):
@@ -69,7 +69,7 @@ def on_line(packet: bytes) -> bytes:
     return frame_packet(packet, 5, serial=True)
 
 
-def test_what_a_line_spoils_is_skipped_and_what_follows_is_taken(terminal: Terminal) -> None:
+def test_damaged_messages_are_skipped_and_later_ones_accepted(terminal: Terminal) -> None:
     with closing(XcpLine(terminal.url, 2.0)) as line:
         good = [on_line(bytes((0, 0, n, 7))) for n in range(4)]
         broken = bytearray(good[1])
@@ -82,7 +82,7 @@ def test_what_a_line_spoils_is_skipped_and_what_follows_is_taken(terminal: Termi
         assert line.skipped_bytes == 3 + len(broken)
 
 
-def test_a_lost_answer_is_said_and_the_next_one_is_not_mistaken(terminal: Terminal) -> None:
+def test_a_lost_answer_is_reported_and_not_confused_with_the_next(terminal: Terminal) -> None:
     def answer() -> None:
         """Lose the first answer, send it late, then be in step."""
         os.read(terminal.ours, 64)

@@ -1,4 +1,4 @@
-"""An XCP master without common source with the slave: pyxcp."""
+"""An independent XCP master: pyxcp, which shares no source with the slave."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ECU, XCP = 0x01, 0x02
 SEGMENT = 0
 SERIAL = {"bitrate": 921600, "header_format": "HEADER_LEN_CTR_WORD", "tail_format": "CHECKSUM_WORD"}
 PATIENCE = 20.0
-"""For samples that are still on their way, s."""
+"""Waiting time for samples in transit, s."""
 
 ADDRESSES = {
     value.name: AREA_ADDRESSES[area] + 4 * number
@@ -31,20 +31,20 @@ ADDRESSES = {
 }
 
 
-# Without one it would read the command line of the tests.
+# Without arguments it would read the command line of the tests.
 set_application(create_application_from_config({}, logging.CRITICAL))
 
 
 class Samples(DaqOnlinePolicy):
-    """Keeps what comes: a row a sample, in front of it its time stamp in ns."""
+    """Store received samples, one row per sample with its time stamp in ns first."""
 
     def __init__(self, names: Sequence[str], prescaler: int = 1) -> None:
-        wanted = [(name, ADDRESSES[name], 0, "I32") for name in names]
+        expected = [(name, ADDRESSES[name], 0, "I32") for name in names]
         self.rows: list[tuple[int, ...]] = []
-        super().__init__([DaqList("all", 0, False, True, wanted, 0, prescaler)])
+        super().__init__([DaqList("all", 0, False, True, expected, 0, prescaler)])
 
     def on_daq_list(self, daq_list: int, received: int, stamp: int, values: list[int]) -> None:
-        """Take a sample of one tick."""
+        """Store a sample of one tick."""
         self.rows.append((stamp, *values))
 
     def begin(self) -> None:
@@ -57,7 +57,7 @@ class Samples(DaqOnlinePolicy):
         self.xcp_master.startStopSynch(0)
 
     def wait(self, count: int) -> None:
-        """Wait until so many have come."""
+        """Wait until `count` samples have arrived."""
         end = time.monotonic() + PATIENCE
         while len(self.rows) < count and time.monotonic() < end:
             time.sleep(0.01)

@@ -72,7 +72,7 @@ def beside(firmware: Path) -> Iterator[Beside]:
 
 
 @pytest.mark.slow
-def test_a_bearing_that_learns_in_the_air_leaves_a_fifth_of_its_force_error(beside: Beside) -> None:
+def test_online_calibration_of_a_bearing_reduces_its_force_error_to_a_fifth(beside: Beside) -> None:
     beside.advance(1.0, 40e-6)
     before = beside.off()
     assert beside.learner.laps[-1].values == {}
@@ -100,7 +100,7 @@ def test_a_bearing_that_learns_in_the_air_leaves_a_fifth_of_its_force_error(besi
 
 
 @pytest.mark.slow
-def test_what_makes_the_force_worse_is_taken_back_and_ends_learning(
+def test_a_harmful_estimate_is_reverted_and_ends_learning(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     beside.learner.switch(True)

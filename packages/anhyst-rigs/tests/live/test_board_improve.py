@@ -72,14 +72,14 @@ def force_error(session: LiveSession) -> float:
         bench.command(Command.STOP)
         reach(State.READY)
         rows = np.concatenate(parts)
-        off = rows[:, at["force"]] - rows[:, at["demand"]]
-        return float(np.sqrt(np.mean(np.square(off))))
+        error = rows[:, at["force"]] - rows[:, at["demand"]]
+        return float(np.sqrt(np.mean(np.square(error))))
 
     return session.run_between_chunks(swing)
 
 
 def settings(session: LiveSession) -> dict[str, float]:
-    return {one.name: one.value for one in session.parameters}
+    return {parameter.name: parameter.value for parameter in session.parameters}
 
 
 # The module test_improve.py tests the virtual bench,
@@ -115,9 +115,7 @@ def order_command(session: LiveSession, name: str) -> None:
     session.run_between_chunks(lambda: perform(session, "browser 1", {"do": "command", "name": name}))
 
 
-def test_a_measurement_that_is_stopped_or_cancelled_leaves_the_controller_as_it_was(
-    session: LiveSession, board: Board
-) -> None:
+def test_a_stopped_measurement_restores_the_controller(session: LiveSession, board: Board) -> None:
     known = settings(session)
     for end in ("stop", "cancel"):
         order(session, "measure")
@@ -136,7 +134,7 @@ def test_a_measurement_that_is_stopped_or_cancelled_leaves_the_controller_as_it_
 
 
 @pytest.mark.slow
-def test_a_force_limit_is_kept_from_the_first_tick_on(session: LiveSession) -> None:
+def test_a_force_limit_applies_from_the_first_tick(session: LiveSession) -> None:
     limit = 30.0
     at = 1 + [signal.name for signal in session.bench.signals].index("force")
     read: list[float] = []
@@ -153,7 +151,7 @@ def drives(session: LiveSession) -> bool:
     return session.improver.is_driving
 
 
-def test_what_does_not_fit_a_board_is_refused(prepared: PreparedForce, tmp_path: Path) -> None:
+def test_options_that_do_not_fit_a_board_are_refused(prepared: PreparedForce, tmp_path: Path) -> None:
     folder = folder_of(prepared)
     rig, out = str(prepared.rig), ["--out", str(tmp_path / "new.csv")]
     assert main(["excite", rig, *out, "--xcp", "127.0.0.1:9"]) == 2  # no folder

@@ -25,7 +25,7 @@ def setups(rig: BodyRig) -> list[StageSetup]:
     return [make_stage(rig, bearings.knowledge(), name) for name in ("single-valued", "full")]
 
 
-def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(serve: Serve, show: Show) -> None:
+def test_the_body_is_drawn_at_its_pose_and_rotated_by_mouse_and_keys(serve: Serve, show: Show) -> None:
     page = show(serve(bench=StageBench(setups(planar()))))
     ready(page)
     state_is(page, "ready")
@@ -37,7 +37,7 @@ def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(serve: Serve
     until(page, "document.getElementById('pause').textContent === 'go on'")
     page.wait_for_timeout(300)
     errors = [last(page, f"error_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]
-    assert np.ravel(seen(page, "page.body.pose()")) == pytest.approx([-one for one in errors])
+    assert np.ravel(seen(page, "page.body.pose()")) == pytest.approx([-error for error in errors])
     page.select_option("#pose", "gap")
     gaps = [last(page, name) for name in ("gap", *(f"gap_{number}" for number in range(2, 11)))]
     pose = np.ravel(seen(page, "page.body.pose()"))
@@ -73,9 +73,7 @@ def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(serve: Serve
     assert "pull_10_N" in heads
 
 
-def test_a_body_is_set_down_and_lifted_by_its_buttons_and_laps_wait_meanwhile(
-    serve: Serve, show: Show
-) -> None:
+def test_buttons_land_and_lift_a_body_and_cycles_pause_meanwhile(serve: Serve, show: Show) -> None:
     page = show(serve(bench=StageBench(setups(planar()))))
     ready(page)
     state_is(page, "ready")
@@ -98,7 +96,7 @@ def test_a_body_is_set_down_and_lifted_by_its_buttons_and_laps_wait_meanwhile(
     state_is(page, "idle")
 
 
-def test_another_layout_is_drawn_as_its_file_says_and_pushed_along_a_coordinate(
+def test_another_layout_is_drawn_from_its_file_and_pushed_along_a_coordinate(
     serve: Serve, show: Show, tmp_path: Path
 ) -> None:
     served = serve(bench=StageBench(setups(read_stage(three_magnets(tmp_path)))))
@@ -116,6 +114,10 @@ def test_another_layout_is_drawn_as_its_file_says_and_pushed_along_a_coordinate(
     page.select_option("#push-axis", "push_y")
     page.locator("#push").focus()
     page.keyboard.press("End")
-    most = {one.name: one.high for one in served.session.parameters}["push_y"]
-    wait_for(lambda: {one.name: one.value for one in served.session.parameters}["push_y"] == most)
+    largest = {parameter.name: parameter.high for parameter in served.session.parameters}["push_y"]
+    wait_for(
+        lambda: (
+            {parameter.name: parameter.value for parameter in served.session.parameters}["push_y"] == largest
+        )
+    )
     until(page, "window.anhyst.body.figures.axes[1][1][2].peak > 1e-7")

@@ -37,7 +37,7 @@ def watched(prepared: PreparedForce, *parts: FloatArray) -> BenchMonitor:
 
 
 @pytest.mark.slow
-def test_pinning_that_becomes_a_fifth_more_is_found_within_ten_seconds(
+def test_a_pinning_increase_of_20_percent_is_found_within_ten_seconds(
     prepared: PreparedForce, usual: FloatArray
 ) -> None:
     fine = watched(prepared, usual).status()
@@ -52,18 +52,20 @@ def test_pinning_that_becomes_a_fifth_more_is_found_within_ten_seconds(
     assert f"residual is {found['left_N']:.3g} N rms instead of" in found["text"]
 
 
-def test_what_is_found_does_not_depend_on_how_rows_arrive(prepared: PreparedForce, usual: FloatArray) -> None:
+def test_the_monitor_does_not_depend_on_the_chunks_of_rows(
+    prepared: PreparedForce, usual: FloatArray
+) -> None:
     pieces = np.array_split(usual, 577)
     assert watched(prepared, *pieces).status() == pytest.approx(watched(prepared, usual).status())
 
 
-def test_a_bench_that_does_not_say_enough_is_refused(prepared: PreparedForce) -> None:
+def test_a_bench_without_the_needed_signals_is_refused(prepared: PreparedForce) -> None:
     with refused("no-such-signal: gap_read"):
         BenchMonitor(prepared.model, [Signal("current_read", "A", "")], RATE)
 
 
 @pytest.mark.slow
-def test_a_pair_of_magnets_is_refused_for_its_rows_say_the_sum_of_two_forces(
+def test_a_pair_of_magnets_is_refused_because_only_its_total_force_is_measured(
     firmware: Path, bench: BearingBench
 ) -> None:
     single = PreparedBearing(bearings.single(), bearings.knowledge().model, firmware)

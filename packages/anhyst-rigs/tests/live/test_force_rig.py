@@ -53,9 +53,7 @@ def test_a_run_begins_at_zero_and_a_generator_stays_within_the_range(session: Li
     assert not session.end_reason
 
 
-def test_a_generator_ends_where_the_bench_takes_no_more_of_it(
-    force_bench: ForceBench, session: LiveSession
-) -> None:
+def test_a_generator_ends_at_the_limits_of_the_bench(force_bench: ForceBench, session: LiveSession) -> None:
     up(session)
     session.run_between_chunks(lambda: session.bench.demand(10.0))
     begin = session.bench.tick + 1

@@ -29,7 +29,7 @@ def test_a_spike_of_one_tick_survives_any_thinning() -> None:
     assert np.all(np.diff(run.rows[:, 0]) >= 0.0)
 
 
-def test_a_page_that_takes_nothing_holds_a_bounded_number_of_rows() -> None:
+def test_a_stalled_page_queues_a_bounded_number_of_rows() -> None:
     outbox = RowQueue()
     for n in range(2000):
         outbox.put(rows(1 + 1000 * n, 997))  # three ticks are missing each time
@@ -54,7 +54,7 @@ def test_missing_ticks_begin_another_run() -> None:
     assert [(run.first_tick, run.last_tick) for run in outbox.take_all()] == [(1, 40), (46, 100)]
 
 
-def test_a_frame_holds_what_the_run_holds() -> None:
+def test_a_frame_encodes_all_values_of_the_run() -> None:
     block = rows(10**9, 5)
     data = encode_frame(RowRun(10**9, 10**9 + 4, block, False))
     assert struct.unpack_from("<IIdd", data) == (5, 2, 1e9, 1e9 + 4)

@@ -61,7 +61,7 @@ def test_addresses_that_are_refused(text: str, token: bool, why: str) -> None:
         read_address(text, token)
 
 
-def test_addresses_that_are_taken() -> None:
+def test_valid_addresses_are_accepted() -> None:
     assert read_address("8642", False) == ("127.0.0.1", 8642)
     assert read_address("[::1]:1", False) == ("::1", 1)
     assert read_address("192.168.1.5:8642", True) == ("192.168.1.5", 8642)
@@ -94,7 +94,7 @@ def test_host_and_origin_are_checked_on_the_socket(serve: Serve) -> None:
         assert next_message(line, "bench")["you"] == 1
 
 
-def test_the_page_may_load_its_own_files_alone(serve: Serve) -> None:
+def test_the_page_may_load_only_its_own_files(serve: Serve) -> None:
     served = serve()
     for path in ("/", "/assets/main.js", "/assets/uplot/LICENSE"):
         answer = get(served, path)
@@ -149,7 +149,7 @@ def test_a_flood_of_messages_ends_the_connection_and_not_the_bench(serve: Serve)
     assert served.session.end_reason == ""
 
 
-def test_so_many_browsers_and_no_more(serve: Serve) -> None:
+def test_the_number_of_browsers_is_limited(serve: Serve) -> None:
     served = serve()
     with ExitStack() as lines:
         for n in range(MAX_CLIENTS):
@@ -206,13 +206,13 @@ def test_two_operators_cannot_command_at_once(serve: Serve) -> None:
         ("apply", {"values": [1]}, "no parameter"),
     ],
 )
-def test_a_refusal_says_why(serve: Serve, what: str, fields: dict[str, Any], why: str) -> None:
+def test_a_refusal_gives_its_reason(serve: Serve, what: str, fields: dict[str, Any], why: str) -> None:
     with meet(serve()) as line:
         next_message(line, "bench")
         assert why in order(line, what, **fields)["reason"]
 
 
-def test_without_the_extra_its_name_is_said(
+def test_a_missing_extra_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)

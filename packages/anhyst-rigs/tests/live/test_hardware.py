@@ -87,7 +87,7 @@ def test_every_tick_of_some_seconds_comes_while_a_force_is_demanded(bench: Hardw
     assert column(bench, bench.advance(300), "current")[-1] == pytest.approx(0.0, abs=0.02)
 
 
-def test_what_is_refused_changes_nothing_and_says_why(bench: HardwareBench) -> None:
+def test_a_refusal_changes_nothing_and_gives_its_reason(bench: HardwareBench) -> None:
     bench.advance(5)
     with refused("wrong-state demand"):
         bench.demand(10.0)
@@ -100,14 +100,14 @@ def test_what_is_refused_changes_nothing_and_says_why(bench: HardwareBench) -> N
         bench.apply({"follow": 1.0, "compensation": 0.0})
     first = bench.apply({"compensation": 0.0, "demand_slew": 100.0})
     assert first > bench.tick
-    values = {one.name: one.value for one in bench.parameters()}
+    values = {parameter.name: parameter.value for parameter in bench.parameters()}
     assert values["compensation"] == 0.0
     assert values["demand_slew"] == pytest.approx(100.0, rel=1e-5)
     with refused("no-load-drive"):
         bench.load(1.0)
 
 
-def test_ticks_that_never_came_are_left_out_and_none_is_invented(board: Board, bench: HardwareBench) -> None:
+def test_missing_ticks_are_omitted_and_not_invented(board: Board, bench: HardwareBench) -> None:
     rows = [bench.advance(50)]
     board.skip = 2  # as many as the board allows
     rows.append(bench.advance(100))
@@ -133,7 +133,7 @@ def test_a_folder_of_another_controller_is_refused(board: Board, manifest: dict[
         HardwareBench(lambda: XcpMaster(board.xcp), other)
 
 
-def test_nobody_there_is_said_at_once() -> None:
+def test_an_absent_slave_is_reported_at_once() -> None:
     with refused("port-not-open: socket://127.0.0.1:9"):
         XcpMaster("socket://127.0.0.1:9")
     with refused("port-not-open: socket://here"):
@@ -156,7 +156,7 @@ def operated(session: LiveSession) -> None:
     wait_for(lambda: session.status()["state"] == State.RUN)
 
 
-def test_a_controller_whose_power_goes_is_said_to_be_lost_and_the_recording_is_whole(
+def test_a_controller_without_power_is_reported_and_the_recording_is_complete(
     session: LiveSession, board: Board, tmp_path: Path
 ) -> None:
     operated(session)
@@ -180,7 +180,7 @@ def test_a_controller_is_stopped_by_one_order(session: LiveSession, board: Board
     assert not session.end_reason
 
 
-def test_a_session_that_ends_lets_the_controller_rest(session: LiveSession, board: Board) -> None:
+def test_the_end_of_a_session_stops_the_controller(session: LiveSession, board: Board) -> None:
     operated(session)
     session.close()
     wait_for(lambda: board.bus.state is State.FAULT)
@@ -190,7 +190,7 @@ def test_a_session_that_ends_lets_the_controller_rest(session: LiveSession, boar
 
 @pytest.mark.slow
 @pytest.mark.needs("chromium")
-def test_the_page_of_a_controller_says_when_it_is_lost(
+def test_the_page_reports_a_lost_controller(
     serve: Serve, show: Show, bench: HardwareBench, board: Board
 ) -> None:
     page = show(serve(bench=bench))
@@ -207,7 +207,7 @@ def test_the_page_of_a_controller_says_when_it_is_lost(
     until(page, "document.getElementById('notice').textContent.includes('is gone')")
 
 
-def test_a_folder_that_is_none_and_options_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+def test_a_wrong_folder_or_unsuitable_options_are_refused(tmp_path: Path) -> None:
     with refused("not-a-compiled-folder: manifest.json"):
         open_board(tmp_path, "socket://127.0.0.1:9")
     here = ["live", str(tmp_path), "--xcp", "127.0.0.1:9"]
@@ -230,11 +230,11 @@ def test_a_board_that_levitates_offers_compensation_and_gains(host_firmware: Pat
     with running(host_firmware, HeldArmature(), manifest["rate_Hz"]) as board:
         with closing(HardwareBench(lambda: XcpMaster(board.xcp), manifest)) as bench:
             bench.advance(5)
-            values = {one.name: one.value for one in bench.parameters()}
+            values = {parameter.name: parameter.value for parameter in bench.parameters()}
             assert values["compensation"] == 1.0
             assert values["gain_d"] == pytest.approx(compiled["K_d_N_s_per_m"], rel=1e-9)
-            wanted = {"compensation": 0.0, "gain_d": 1.1 * values["gain_d"]}
-            assert bench.apply(wanted) > bench.tick
+            expected = {"compensation": 0.0, "gain_d": 1.1 * values["gain_d"]}
+            assert bench.apply(expected) > bench.tick
             with refused("out-of-range compensation: 0.5"):
                 bench.apply({"compensation": 0.5})
         with closing(XcpMaster(board.xcp)) as other:  # value in the controller

@@ -64,8 +64,8 @@ def force_error(session: LiveSession) -> float:
             parts.append(bench.advance(300)[150:])
         rows = np.concatenate(parts)
         assert (rows[:, 1 + names.index("state")] == State.RUN).all()
-        off = rows[:, 1 + names.index("force")] - rows[:, 1 + names.index("demand")]
-        return float(np.sqrt(np.mean(np.square(off))))
+        error = rows[:, 1 + names.index("force")] - rows[:, 1 + names.index("demand")]
+        return float(np.sqrt(np.mean(np.square(error))))
 
     return session.run_between_chunks(swing)
 
@@ -102,7 +102,7 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_r
     assert answer["applied"] == session.bench.tick + 1
     after = force_error(session)
     assert after < 0.4 * before
-    assert [one.kind for one in session.curves[:2]] == ["measured", "model"]
+    assert [curve.kind for curve in session.curves[:2]] == ["measured", "model"]
     for one, other in zip(session.curves[0::2], session.curves[1::2], strict=True):
         assert np.abs(np.subtract(one.force, other.force)).max() < 0.05 * max(one.force)
     assert session.curves[0].force != known[0].force
@@ -132,7 +132,7 @@ def test_a_drive_keeps_to_limits_that_are_drawn_tighter(session: LiveSession) ->
 
 
 @pytest.mark.slow
-def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
+def test_a_job_reports_progress_and_ends_when_cancelled() -> None:
     ended: list[object] = []
     job = ProcessJob(forever, ended=ended.append)
     wait_for(lambda: job.share == 0.25)
@@ -142,7 +142,7 @@ def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
 
 
 @pytest.mark.slow
-def test_a_job_that_dies_says_so() -> None:
+def test_a_crashed_job_is_reported() -> None:
     ended: list[object] = []
     ProcessJob(dies, ended=ended.append)
     wait_for(lambda: ended)
@@ -157,7 +157,7 @@ def test_one_job_at_a_time(session: LiveSession) -> None:
     assert session.status()["improve"]["trouble"] == "measure: cancelled"
 
 
-def test_what_is_compiled_for_a_bearing_that_flies_is_what_it_flies_with(firmware: Path) -> None:
+def test_a_levitating_bearing_uses_the_newly_compiled_block(firmware: Path) -> None:
     flying = bearings.single()
     prepared = PreparedBearing(flying, bearings.knowledge().model, firmware)
     running = flying.compensator.parameters

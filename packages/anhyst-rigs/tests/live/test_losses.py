@@ -28,7 +28,7 @@ from tests.rig import forces
 __all__ = ["board", "board_bench", "manifest", "program"]
 
 
-def test_a_browser_that_goes_leaves_the_rig_running_and_the_desk_free(
+def test_a_closed_browser_leaves_the_rig_running_and_releases_control(
     serve: Serve, force_bench: ForceBench
 ) -> None:
     served = serve(bench=force_bench)
@@ -86,9 +86,7 @@ def test_a_server_that_is_killed_leaves_its_recording(
     assert np.array_equal(ticks, np.arange(1, len(ticks) + 1))
 
 
-def test_a_link_that_is_cut_lets_the_controller_rest_and_the_page_says_so(
-    board: Board, manifest: dict[str, object]
-) -> None:
+def test_a_cut_link_stops_the_controller_and_is_reported(board: Board, manifest: dict[str, object]) -> None:
     with tcp_line(board.xcp) as line:
         opened = HardwareBench(lambda: XcpMaster(line.url, timeout=0.5), manifest)
         with closing(LiveSession(opened)) as session:
@@ -104,7 +102,7 @@ def test_a_link_that_is_cut_lets_the_controller_rest_and_the_page_says_so(
 
 
 @pytest.mark.slow
-def test_a_recorder_that_stands_is_waited_for_and_the_controller_rests(
+def test_a_stalled_recorder_is_awaited_and_the_controller_stops(
     board: Board, board_bench: HardwareBench
 ) -> None:
     board_bench.command(Command.DEMAGNETISED)
@@ -123,7 +121,7 @@ def test_a_recorder_that_stands_is_waited_for_and_the_controller_rests(
     pacer.close()
 
 
-def test_a_controller_that_misses_too_many_ticks_goes_to_fault_and_they_are_counted(
+def test_too_many_missed_ticks_are_counted_and_cause_a_fault(
     board: Board, board_bench: HardwareBench
 ) -> None:
     ticks = 40

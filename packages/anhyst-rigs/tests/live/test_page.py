@@ -79,7 +79,7 @@ def test_the_armature_is_lifted_and_stopped_by_one_key(serve: Serve, show: Show)
 
 
 @pytest.mark.slow
-def test_a_refused_order_says_why(serve: Serve, show: Show) -> None:
+def test_a_refused_order_gives_its_reason(serve: Serve, show: Show) -> None:
     page = show(serve())
     ready(page)
     page.locator("#target").fill("9999")
@@ -89,7 +89,7 @@ def test_a_refused_order_says_why(serve: Serve, show: Show) -> None:
 
 
 @pytest.mark.slow
-def test_a_watcher_may_stop_and_takes_over_when_asked(serve: Serve, show: Show) -> None:
+def test_an_observer_may_stop_and_take_control(serve: Serve, show: Show) -> None:
     served = serve()
     first = show(served)
     ready(first)
@@ -159,7 +159,7 @@ def test_a_trigger_at_minus_5_newtons_shows_and_records_the_sample_that_crossed(
     page.locator("#load").fill("-50")
     until(page, "window.anhyst.scope.held !== null && window.anhyst.scope.shot")
     hit = int(seen(page, "page.scope.shot.hit"))
-    column = [one.name for one in served.session.bench.signals].index("load")
+    column = [signal.name for signal in served.session.bench.signals].index("load")
     drawn = [seen(page, f"page.store.value({column}, page.store.find({hit}) + {n})") for n in (-1, 0)]
     assert drawn[1] <= -5.0 < drawn[0]
     wait_for(lambda: served.session.recorder.status() is None)
@@ -190,7 +190,7 @@ def test_the_page_names_files_of_one_folder_alone(serve: Serve, show: Show) -> N
 
 
 @pytest.mark.slow
-def test_steps_show_the_figures_of_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
+def test_step_metrics_agree_with_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     served = serve(record=record)
     page = show(served)
@@ -236,27 +236,27 @@ def test_staged_values_are_applied_on_one_tick(serve: Serve, show: Show) -> None
     page = show(served)
     ready(page)
     page.get_by_role("tab", name="4 parameters").click()
-    old = {one.name: one.value for one in served.session.parameters}
-    drive = [one for one in served.session.parameters if one.name.startswith("load_")]
+    old = {parameter.name: parameter.value for parameter in served.session.parameters}
+    drive = [parameter for parameter in served.session.parameters if parameter.name.startswith("load_")]
     staged = {one.name: 0.5 * one.high for one in drive}
     for name, value in staged.items():
         page.get_by_label(name, exact=True).fill(str(value))
         page.get_by_label(name, exact=True).press("Tab")
-    assert {one.name: one.value for one in served.session.parameters} == old
+    assert {parameter.name: parameter.value for parameter in served.session.parameters} == old
     page.get_by_role("button", name="apply 2 staged").click()
     until(page, "document.getElementById('confirmed').textContent.includes('tick')")
-    now = {one.name: one.value for one in served.session.parameters}
+    now = {parameter.name: parameter.value for parameter in served.session.parameters}
     assert {name: now[name] for name in old if now[name] != old[name]} == staged
     (entry,) = [one for one in served.session.log if " = " in one.text]
     assert all(name in entry.text for name in staged)
     assert str(entry.tick + 1) in page.locator("#confirmed").inner_text()
     page.keyboard.press("Tab")
     page.get_by_role("button", name="roll back").click()
-    wait_for(lambda: {one.name: one.value for one in served.session.parameters} == old)
+    wait_for(lambda: {parameter.name: parameter.value for parameter in served.session.parameters} == old)
 
 
 @pytest.mark.slow
-def test_what_is_drawn_equals_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
+def test_drawn_values_equal_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     served = serve(record=record)
     page = show(served)
@@ -274,8 +274,8 @@ def test_what_is_drawn_equals_the_recording(serve: Serve, show: Show, tmp_path: 
     served.end()
     rows = numbers(record)
     assert np.array_equal(rows[:, 0], np.arange(1, len(rows) + 1))
-    wanted = rows[int(ticks[0]) - 1 : int(ticks[-1]), 2:]
-    assert np.array_equal(np.array(table).T, wanted.astype("f4").astype(float))
+    expected = rows[int(ticks[0]) - 1 : int(ticks[-1]), 2:]
+    assert np.array_equal(np.array(table).T, expected.astype("f4").astype(float))
 
 
 @pytest.mark.slow
@@ -317,7 +317,7 @@ def test_keys_choose_views_and_turn_the_light_off(serve: Serve, show: Show) -> N
 
 
 @pytest.mark.slow
-def test_the_token_is_asked_for_and_stands_in_no_address(serve: Serve, show: Show) -> None:
+def test_the_token_is_requested_and_never_in_an_address(serve: Serve, show: Show) -> None:
     page = show(serve(token="a-token"))
     page.locator("#token input").fill("a-token")
     press(page, "Connect")

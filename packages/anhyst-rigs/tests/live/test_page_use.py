@@ -90,7 +90,7 @@ def test_on_a_telephone_nothing_overlaps_and_stop_is_in_reach(page: Page) -> Non
 
 
 @pytest.mark.slow
-def test_a_stop_names_what_leads_back_to_run_and_the_rest_is_grey(page: Page, bearing: Served) -> None:
+def test_a_stop_names_the_next_command_and_disables_others(page: Page, bearing: Served) -> None:
     lift_button = page.get_by_role("button", name="lift", exact=True)
     until(page, "document.querySelector('[data-order=lift]').title.includes('ready')")
     assert lift_button.is_disabled()
@@ -107,7 +107,7 @@ def test_a_stop_names_what_leads_back_to_run_and_the_rest_is_grey(page: Page, be
 
 
 @pytest.mark.slow
-def test_cursors_say_what_lies_between_them(page: Page) -> None:
+def test_cursors_report_the_difference_between_them(page: Page) -> None:
     for share in (0.9, 0.2, 0.3):  # the last click moves the nearer cursor
         page.mouse.click(*at(page, share))
         page.mouse.move(*at(page, share + 0.05))  # so that two clicks do not form a double click
@@ -129,7 +129,7 @@ def test_cursors_say_what_lies_between_them(page: Page) -> None:
     assert f"1/dt {rate / (last - first):.6g} Hz" in message
 
 
-def test_the_wheel_zooms_at_the_pointer_and_a_double_click_goes_back(page: Page) -> None:
+def test_the_wheel_zooms_at_the_pointer_and_a_double_click_resets(page: Page) -> None:
     page.keyboard.press("Space")
     held = seen(page, "page.scope.held")
     page.mouse.click(*at(page, 0.5))
@@ -156,12 +156,12 @@ def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Serv
     bearing.session.pacer.pause()  # keep all visible samples in the buffer
     page.keyboard.press("Space")
     until(page, "window.anhyst.scope.view.to === window.anhyst.scope.held")
-    wanted = columns(page)
+    expected = columns(page)
     with page.expect_download() as table:
         press(page, "CSV")
     rows = np.genfromtxt(table.value.path(), delimiter=",", names=True)
     assert rows.dtype.names == ("tick", "t_s", "gap_m", "reference_m", "F_N", "I_A")
-    assert np.array_equal(rows["tick"], wanted["tick"])
+    assert np.array_equal(rows["tick"], expected["tick"])
     bearing.session.run_between_chunks(lambda: bearing.session.record("last.csv", RecordingSpan(10.0, 0.0)))
     path = bearing.session.recorder.folder / "last.csv"
     wait_for(lambda: bearing.session.recorder.status() is None)
@@ -181,7 +181,7 @@ def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Serv
 
 
 @pytest.mark.slow
-def test_choices_are_kept_for_this_rig_over_a_reload(page: Page) -> None:
+def test_choices_for_this_rig_survive_a_reload(page: Page) -> None:
     page.get_by_role("checkbox", name="velocity").check()
     page.locator("#scope .bar select").first.select_option("0.2")
     page.get_by_role("tab", name="2 loop").click()

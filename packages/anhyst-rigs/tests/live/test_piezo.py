@@ -34,11 +34,11 @@ from tests.study import piezos
 RIG = piezos.EXAMPLE / "rig.toml"
 
 
-def test_a_generator_moves_it_beside_its_triangle_and_is_refused_beyond_the_stack() -> None:
+def test_a_generator_adds_to_the_triangle_and_is_refused_beyond_the_stack() -> None:
     session = LiveSession(open_prepared(piezos.prepared())[0])
     rows: list[FloatArray] = []
     session.subscribe(rows.append)
-    names = [one.name for one in session.bench.signals]
+    names = [signal.name for signal in session.bench.signals]
     try:
         session.start()
         session.run_between_chunks(lambda: session.bench.command(Command.RUN))
@@ -70,7 +70,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     ready(page)
     state_is(page, "ready")
     tabs = [tab.text_content() for tab in page.locator("#tabs button").all() if tab.is_visible()]
-    assert [str(one).split()[1] for one in tabs] == [
+    assert [str(tab).split()[1] for tab in tabs] == [
         "scope", "loop", "steps", "parameters", "log", "levitation", "spectrum",
     ]  # fmt: skip
     assert "run" in page.locator("#next").inner_text()
@@ -99,7 +99,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     wait_for(lambda: served.session.bench.tick > tick + 3000)
     served.end()
     rows = numbers(record)
-    names = [one.name for one in served.session.bench.signals]
+    names = [signal.name for signal in served.session.bench.signals]
     error = rows[:, 2 + names.index("error")]
     lap = rows[:, 2 + names.index("lap")]
     assert np.array_equal(rows[:, 0], np.arange(1, len(rows) + 1))
@@ -117,7 +117,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
 
 
 @pytest.mark.slow
-def test_it_is_prepared_once_and_anew_where_its_file_changed(
+def test_a_rig_is_prepared_once_and_again_after_a_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -136,8 +136,8 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
         assert isinstance(second, PreparedPiezo)
         assert prepares == []
         benches = first.open(), second.open()
-    for one in benches:
-        one.command(Command.RUN)
+    for bench in benches:
+        bench.command(Command.RUN)
     assert np.array_equal(benches[0].advance(500), benches[1].advance(500))
     rig.write_text(rig.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     with prepare_cached(rig, None):
@@ -147,7 +147,7 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
 
 
 @pytest.mark.slow
-def test_the_command_runs_it_and_its_recording_is_what_a_bench_gives_and_inspect_reads(
+def test_the_command_records_the_bench_and_inspect_reads_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "run.csv"

@@ -100,7 +100,7 @@ def back(session: LiveSession) -> None:
 
 
 @pytest.mark.slow
-def test_a_controller_that_was_switched_off_is_found_again_and_stays_at_rest(
+def test_a_restarted_controller_is_found_and_stays_at_rest(
     power: Power, manifest: Manifest, tmp_path: Path
 ) -> None:
     started = long_on(power)
@@ -122,7 +122,7 @@ def test_a_controller_that_was_switched_off_is_found_again_and_stays_at_rest(
         assert said(session, "lost: ")
         assert said(session, "in the state idle; it was restarted and is at its tick")
         assert said(session, "compensation changed from 0 to 1")
-        assert {one.name: one.value for one in session.parameters}["compensation"] == 1.0
+        assert {parameter.name: parameter.value for parameter in session.parameters}["compensation"] == 1.0
         assert at_rest(started)  # no command was sent
         assert session.bench.generator is None
         assert session.status()["target"] == 0.0
@@ -161,7 +161,9 @@ def test_a_search_has_an_end(power: Power, manifest: Manifest) -> None:
             session.run_between_chunks(lambda: session.bench.demand(10.0))
 
 
-def test_a_session_that_ends_while_it_searches_leaves_nobody_behind(power: Power, manifest: Manifest) -> None:
+def test_a_session_that_ends_while_reconnecting_leaves_no_connection(
+    power: Power, manifest: Manifest
+) -> None:
     power.on()
     with closing(LiveSession(opened(power, manifest))) as session:
         session.start()
@@ -173,9 +175,7 @@ def test_a_session_that_ends_while_it_searches_leaves_nobody_behind(power: Power
 
 
 @pytest.mark.slow
-def test_a_controller_whose_line_was_cut_went_on_by_itself_and_so_do_its_ticks(
-    board: Board, manifest: Manifest
-) -> None:
+def test_ticks_continue_after_a_cut_line(board: Board, manifest: Manifest) -> None:
     with tcp_line(board.xcp) as line:
         bench = HardwareBench(lambda: XcpMaster(line.url, timeout=0.5), manifest)
         with closing(LiveSession(bench)) as session:
@@ -195,7 +195,7 @@ def test_a_controller_whose_line_was_cut_went_on_by_itself_and_so_do_its_ticks(
 
 
 @pytest.mark.slow
-def test_a_controller_on_a_serial_port_is_found_again(power: Power, manifest: Manifest) -> None:
+def test_a_controller_on_a_serial_port_is_reconnected(power: Power, manifest: Manifest) -> None:
     long_on(power)
     with serial_port(lambda: power.xcp) as port:
         bench = HardwareBench(lambda: XcpMaster(port.url), manifest)
@@ -226,7 +226,7 @@ class WatchedBearing(SteppedBearing):
 
 
 @pytest.mark.slow
-def test_an_armature_whose_line_is_cut_in_the_air_is_landed_and_found_lying(host_firmware: Path) -> None:
+def test_an_armature_lands_after_a_cut_line_and_is_found_at_rest(host_firmware: Path) -> None:
     text = (host_firmware.parent / "c" / "manifest.json").read_text(encoding="utf-8")
     manifest, plant = json.loads(text), WatchedBearing()
     rest = bearings.example().settings.body.stop_high_m

@@ -38,10 +38,10 @@ def test_a_recording_reads_back_bit_for_bit(bench: BearingBench, tmp_path: Path)
     recorder.write_note(500, "a\nnote")
     recorder.write_rows(rows[1])
     recorder.close()
-    wanted = np.concatenate(rows)
+    expected = np.concatenate(rows)
     got = numbers(path)
-    assert np.array_equal(np.delete(got, 1, axis=1), wanted)
-    assert np.array_equal(got[:, 1], wanted[:, 0] / bench.rate)
+    assert np.array_equal(np.delete(got, 1, axis=1), expected)
+    assert np.array_equal(got[:, 1], expected[:, 0] / bench.rate)
     assert "# after tick 500, a note\n" in path.read_text()
 
 

@@ -85,12 +85,12 @@ def test_the_ring_holds_the_last_rows_however_they_come() -> None:
     assert ring.find_tick(0) == ring.total - 100
 
 
-def test_the_last_seconds_are_kept_also_while_time_stands(fed: Fed) -> None:
+def test_the_last_seconds_are_kept_while_time_is_paused(fed: Fed) -> None:
     fed.feed(25_000)
     fed.recorder.start("last.csv", RecordingSpan(pretrigger_s=BUFFER_S, duration_s=0.0), fed.tick)
     wait_for(ended(fed))
-    wanted = rows(25_001 - int(BUFFER_S * RATE), int(BUFFER_S * RATE))
-    assert np.array_equal(np.delete(numbers(fed.recorder.folder / "last.csv"), 1, axis=1), wanted)
+    expected = rows(25_001 - int(BUFFER_S * RATE), int(BUFFER_S * RATE))
+    assert np.array_equal(np.delete(numbers(fed.recorder.folder / "last.csv"), 1, axis=1), expected)
 
 
 def test_a_recording_lasts_as_long_as_asked(fed: Fed) -> None:
@@ -112,7 +112,7 @@ def test_one_without_end_is_stopped_at_the_tick_of_the_order(fed: Fed) -> None:
 
 
 @pytest.mark.parametrize("rising", [True, False])
-def test_a_crossing_begins_a_recording_with_what_was_before(fed: Fed, rising: bool) -> None:
+def test_a_level_crossing_starts_a_recording_with_earlier_samples(fed: Fed, rising: bool) -> None:
     level = -5.0
     crossing = fed.recorder.make_level_crossing("force", level, rising)
     fed.feed(2500)  # forces that crossed the level before count for nothing
@@ -135,7 +135,7 @@ def test_a_signal_already_beyond_the_level_does_not_trigger() -> None:
     assert LevelCrossing(1, 0.0, True).find(np.array([-1.0, 0.0, 3.0])) == 1
 
 
-def test_one_that_waits_in_vain_leaves_no_file(fed: Fed) -> None:
+def test_a_recording_without_a_trigger_leaves_no_file(fed: Fed) -> None:
     fed.recorder.start(
         "never.mf4", RecordingSpan(0.0, 1.0, fed.recorder.make_level_crossing("force", 99.0, True)), 0
     )
@@ -211,17 +211,17 @@ def test_mdf_is_whole_at_every_moment_and_bit_for_bit(tmp_path: Path) -> None:
             noted.append(f"browser 1: load {step} N")
         shutil.copyfile(path, copy)  # as after a kill of the process
         with asammdf.MDF(copy) as file:
-            wanted = rows(1, count)
-            assert np.array_equal(file.get("tick").samples, wanted[:, 0])
-            assert np.array_equal(file.get("force").samples, wanted[:, 2])
-            assert np.array_equal(file.get("gap").timestamps, wanted[:, 0] / RATE)
+            expected = rows(1, count)
+            assert np.array_equal(file.get("tick").samples, expected[:, 0])
+            assert np.array_equal(file.get("force").samples, expected[:, 2])
+            assert np.array_equal(file.get("gap").timestamps, expected[:, 0] / RATE)
             assert file.get("gap").unit == "m"
             assert [event.name for event in file.events] == noted
     recorder.close()
     assert open_table(path).header == ("t", "tick", "gap", "force")
 
 
-def test_without_the_extra_its_name_is_said(
+def test_a_missing_extra_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "run.mf4"

@@ -37,7 +37,7 @@ def opening(request: pytest.FixtureRequest, firmware: Path, tmp_path_factory: py
 def values(bench: Bench, seconds: float) -> dict[str, float]:
     """Return the last values of all signals after this time."""
     rows = bench.advance(round(seconds * bench.rate))
-    names = (one.name for one in bench.signals)
+    names = (signal.name for signal in bench.signals)
     return dict(zip(names, rows[-1, 1:].tolist(), strict=True))
 
 
@@ -60,7 +60,7 @@ def is_refused(bench: Bench, command: Command) -> bool:
 
 @pytest.mark.first(8)
 @pytest.mark.parametrize("way", WAYS)
-def test_what_is_greyed_is_what_the_controller_refuses(opening: Open, way: str) -> None:
+def test_disabled_buttons_are_the_refused_commands(opening: Open, way: str) -> None:
     bench = opening()
     now = controller_status(led(bench, WAYS[way]))
     greyed = {command for command in bench.commands if refusal_reason(command, now)}

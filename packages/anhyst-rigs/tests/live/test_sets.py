@@ -21,7 +21,7 @@ def parameters(damping: float = 2.5, mass: float = 0.1) -> list[Parameter]:
     ]
 
 
-def test_a_set_reads_back_bit_for_bit_and_gives_what_differs(tmp_path: Path) -> None:
+def test_a_parameter_set_is_read_bit_for_bit_and_compared(tmp_path: Path) -> None:
     sets = ParameterSets(tmp_path)
     sets.save("soft 1", parameters(0.1 + 0.2))
     assert sets.names == ParameterSets(tmp_path).names == ("soft 1",)
@@ -83,7 +83,7 @@ def test_a_set_of_another_bench_is_refused(tmp_path: Path) -> None:
 
 
 def load_damping(served: Served) -> Parameter:
-    return next(one for one in served.session.parameters if one.name == "load_damping")
+    return next(parameter for parameter in served.session.parameters if parameter.name == "load_damping")
 
 
 @pytest.mark.slow

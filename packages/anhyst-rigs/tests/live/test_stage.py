@@ -66,7 +66,7 @@ def start(beside: Beside) -> None:
     beside.bench.command(Command.RUN)
 
 
-def test_a_stage_that_learns_from_its_laps_leaves_a_third_of_its_error(beside: Beside) -> None:
+def test_online_calibration_of_a_stage_reduces_its_error_to_a_third(beside: Beside) -> None:
     start(beside)
     beside.laps()
     before = beside.learner.laps[-1]
@@ -81,7 +81,7 @@ def test_a_stage_that_learns_from_its_laps_leaves_a_third_of_its_error(beside: B
     assert beside.learner.status()["before"]["full"] >= before.average / 2.0
 
 
-def test_a_stage_whose_motion_would_teach_something_else_is_not_learnt_on(beside: Beside) -> None:
+def test_a_stage_with_misleading_motion_is_not_calibrated(beside: Beside) -> None:
     bench = beside.bench
     slow = bench.rig.settings.with_changes({"amplifier.bandwidth_Hz": 1000.0})
     bench.rig = replace(bench.rig, settings=slow)
@@ -93,7 +93,7 @@ def test_a_stage_whose_motion_would_teach_something_else_is_not_learnt_on(beside
     assert learner.status()["refused"]
 
 
-def test_what_was_learnt_is_forgotten_on_one_tick_and_learnt_again(beside: Beside) -> None:
+def test_estimates_are_reverted_on_one_tick_and_learnt_again(beside: Beside) -> None:
     start(beside)
     beside.learner.switch(True)
     beside.laps(4)
@@ -106,7 +106,7 @@ def test_what_was_learnt_is_forgotten_on_one_tick_and_learnt_again(beside: Besid
     assert beside.learner.laps[-1].average > 2.0 * learnt
 
 
-def test_a_swap_that_waits_for_the_body_to_rest_is_taken_back_by_a_revert(beside: Beside) -> None:
+def test_a_revert_cancels_a_pending_swap(beside: Beside) -> None:
     other = Beside()
     for one in (beside, other):
         start(one)
@@ -123,17 +123,17 @@ def test_a_swap_that_waits_for_the_body_to_rest_is_taken_back_by_a_revert(beside
     assert 0.8 < ratio < 1.25
 
 
-def test_laps_that_wait_to_be_looked_at_when_all_is_forgotten_teach_nothing(beside: Beside) -> None:
+def test_queued_cycles_are_ignored_after_a_revert(beside: Beside) -> None:
     start(beside)
     beside.learner.switch(True)
     waiting = [beside.bench.advance(200) for _ in range(60)]
     beside.learner.revert()
     for rows in waiting:
         beside.learner.process_rows(rows, lambda act: act())
-    assert [one.values for one in beside.learner.laps] == [{}, {}]
+    assert [lap.values for lap in beside.learner.laps] == [{}, {}]
 
 
-def test_laps_of_what_was_forgotten_are_no_measure_of_what_is_learnt_next(beside: Beside) -> None:
+def test_cycles_before_a_revert_are_no_baseline_for_new_estimates(beside: Beside) -> None:
     start(beside)
     beside.learner.switch(True)
     beside.laps(6)
@@ -151,7 +151,7 @@ def test_laps_of_what_was_forgotten_are_no_measure_of_what_is_learnt_next(beside
     assert beside.learner.status()["trouble"] == ""
 
 
-def test_at_rest_no_number_moves_however_long(beside: Beside, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_at_rest_no_estimate_changes(beside: Beside, monkeypatch: pytest.MonkeyPatch) -> None:
     start(beside)
     beside.learner.switch(True)
     beside.laps(3)
@@ -180,7 +180,7 @@ def test_at_rest_no_number_moves_however_long(beside: Beside, monkeypatch: pytes
     assert taken == [1]
 
 
-def test_a_lap_that_was_broken_off_or_missed_in_part_teaches_nothing(beside: Beside) -> None:
+def test_an_incomplete_cycle_changes_no_estimate(beside: Beside) -> None:
     start(beside)
     beside.learner.switch(True)
     beside.advance(3000)
@@ -191,10 +191,10 @@ def test_a_lap_that_was_broken_off_or_missed_in_part_teaches_nothing(beside: Bes
     beside.advance(3000)
     beside.bench.advance(200)  # skip rows, as if they were lost
     beside.advance(9000)
-    assert [one.lap for one in beside.learner.laps] == [3]
+    assert [lap.lap for lap in beside.learner.laps] == [3]
 
 
-def test_what_makes_the_error_grow_is_taken_back_and_ends_learning(
+def test_an_estimate_that_increases_the_error_is_reverted_and_ends_learning(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start(beside)
@@ -206,7 +206,7 @@ def test_what_makes_the_error_grow_is_taken_back_and_ends_learning(
         ParameterEstimator, "update", lambda learner, _: learner.estimate.update(scale_1=0.01)
     )
     beside.laps(6)
-    assert max(one.average for one in beside.learner.laps) > 2.0 * good.average
+    assert max(lap.average for lap in beside.learner.laps) > 2.0 * good.average
     monkeypatch.undo()
     assert not beside.learner.is_on
     assert "grew from" in beside.learner.status()["trouble"]
@@ -215,7 +215,7 @@ def test_what_makes_the_error_grow_is_taken_back_and_ends_learning(
 
 
 @pytest.mark.slow
-def test_another_plant_is_no_reason_to_take_back_what_was_learnt(beside: Beside) -> None:
+def test_a_changed_plant_does_not_revert_estimates(beside: Beside) -> None:
     start(beside)
     beside.learner.switch(True)
     beside.laps(4)
@@ -225,14 +225,14 @@ def test_another_plant_is_no_reason_to_take_back_what_was_learnt(beside: Beside)
     assert beside.learner.status()["trouble"] == ""
 
 
-def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -> None:
+def test_each_method_learns_from_its_own_cycles(beside: Beside) -> None:
     start(beside)
     beside.learner.switch(True)  # before the first tick
     beside.laps(2)
     assert beside.learner.status()["before"]["full"] == beside.learner.laps[0].average
     beside.bench.apply({"compensation": 0.0})
     beside.laps(3)
-    methods = [one.method for one in beside.learner.laps]
+    methods = [lap.method for lap in beside.learner.laps]
     assert methods[:2] == ["full", "full"]
     assert methods[-1] == "single-valued"
     last = beside.learner.laps[-1]
@@ -254,7 +254,7 @@ def order(session: LiveSession, **fields: object) -> Callable[[], object]:
     return lambda: session.run_between_chunks(lambda: perform(session, "test", fields))
 
 
-def test_a_session_runs_learns_and_takes_it_back(session: LiveSession) -> None:
+def test_a_session_runs_learns_and_reverts(session: LiveSession) -> None:
     assert session.status()["next"] == "press run" or session.bench.tick == 0
     wait_for(lambda: session.bench.tick > 0)
     order(session, do="apply", values={"plant": WRONG})()
@@ -289,7 +289,7 @@ def test_a_bench_that_does_not_learn_refuses_to() -> None:
 
 @pytest.mark.slow
 @pytest.mark.needs("chromium")
-def test_the_page_shows_what_a_stage_learns_and_takes_it_back(serve: Serve, show: Show) -> None:
+def test_the_page_shows_and_reverts_estimates_of_a_stage(serve: Serve, show: Show) -> None:
     served = serve(prepared=prepared())
     page = show(served)
     ready(page)
@@ -316,7 +316,7 @@ def test_the_page_shows_what_a_stage_learns_and_takes_it_back(serve: Serve, show
     assert page.locator("#next").inner_text() == "press run"
 
 
-def test_laps_that_ended_meanwhile_are_left_out_and_counted(
+def test_cycles_completed_meanwhile_are_skipped_and_counted(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken: list[Motion] = []
@@ -329,7 +329,7 @@ def test_laps_that_ended_meanwhile_are_left_out_and_counted(
         waiting.append(beside.bench.advance(200))
     for rows in waiting:
         beside.learner.process_rows(rows, lambda act: act())
-    assert [one.learning for one in beside.learner.laps] == [True, False, False, True]
+    assert [lap.learning for lap in beside.learner.laps] == [True, False, False, True]
     assert len(taken) == 2
     assert beside.learner.status()["left_out"] == 2
     beside.learner.revert()
@@ -362,11 +362,11 @@ def test_a_recording_from_the_first_tick_on_can_be_calibrated_from(
 
 
 @pytest.mark.slow
-def test_a_body_of_several_coordinates_learns_from_its_laps_too() -> None:
+def test_a_body_of_several_coordinates_learns_from_its_cycles() -> None:
     beside = Beside(several())
     start(beside)
     beside.laps(2)
-    before = min(one.average for one in beside.learner.laps)
+    before = min(lap.average for lap in beside.learner.laps)
     beside.learner.switch(True)
     beside.laps(4)
     learnt = beside.learner.laps[-1]
@@ -393,9 +393,7 @@ def test_a_body_of_several_coordinates_learns_from_its_laps_too() -> None:
 
 @pytest.mark.slow
 @pytest.mark.needs("chromium")
-def test_the_page_shows_what_a_body_of_many_numbers_learns_by_kind_and_by_magnet(
-    serve: Serve, show: Show
-) -> None:
+def test_the_page_groups_estimates_of_a_body_by_kind_and_magnet(serve: Serve, show: Show) -> None:
     served = serve(prepared=several())
     page = show(served)
     ready(page)
@@ -406,7 +404,7 @@ def test_the_page_shows_what_a_body_of_many_numbers_learns_by_kind_and_by_magnet
     press(page, "learn from the motion")
     page.wait_for_selector("#learnt tbody tr")
     heads = page.locator("#learnt tbody th").all_inner_texts()
-    assert {one.rpartition("_")[0] for one in heads} == {"scale"}
+    assert {head.rpartition("_")[0] for head in heads} == {"scale"}
     page.select_option("#learnt-kind", label="magnet x2")
     assert page.locator("#learnt tbody th").all_inner_texts() == ["scale_2", "gap_zero_2_m"]
     page.select_option("#learnt-kind", "body")

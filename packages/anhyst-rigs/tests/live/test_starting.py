@@ -36,7 +36,7 @@ def start_of(port: int) -> dict[str, Any]:
     return found
 
 
-def test_start_page_shows_the_share_that_is_done() -> None:
+def test_the_start_page_shows_progress() -> None:
     with listen_on("127.0.0.1", 0) as taken:
         port = taken.getsockname()[1]
         with serve_start_page(taken, "bearing", "building") as start:
@@ -51,7 +51,7 @@ def test_start_page_shows_the_share_that_is_done() -> None:
             assert found["error"] == ""
 
 
-def test_start_page_leaves_the_port_to_the_next_server() -> None:
+def test_the_start_page_releases_its_port() -> None:
     with listen_on("127.0.0.1", 0) as taken:
         port = taken.getsockname()[1]
         for title in ("first", "second"):
@@ -98,7 +98,7 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
-def test_live_answers_while_it_builds_and_ctrl_c_ends_the_build(tmp_path: Path) -> None:
+def test_live_responds_while_building_and_ctrl_c_ends_the_build(tmp_path: Path) -> None:
     port = free_port()
     command = [sys.executable, "-m", "anhyst.cli.app", "live", str(RIG), "--listen", str(port)]
     variables = {**ENVIRONMENT, "XDG_CACHE_HOME": str(tmp_path)}  # the cache is empty

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.needs("chromium")
 
 
 @pytest.mark.slow
-def test_loop_and_levitation_show_what_the_recording_holds(serve: Serve, show: Show, tmp_path: Path) -> None:
+def test_loop_and_levitation_views_agree_with_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     known = bearings.knowledge()
     served = serve(record=record, curves=make_drawn_loops(known.loops, known.model))
@@ -37,7 +37,7 @@ def test_loop_and_levitation_show_what_the_recording_holds(serve: Serve, show: S
     assert "hover, run" in page.locator("#levitation").inner_text()
     served.end()
     rows = numbers(record)
-    names = [one.name for one in served.session.bench.signals]
+    names = [signal.name for signal in served.session.bench.signals]
     column = {name: rows[:, 2 + names.index(name)] for name in names}
     at = np.array(drawn["ticks"], dtype=int) - 1
     for name, key in (("current", "currents"), ("force", "forces")):

@@ -17,7 +17,7 @@ from tests.refusals import refused, says
 RATE = 20_000.0
 
 
-def test_a_chirp_goes_through_its_frequencies_in_equal_times_per_octave() -> None:
+def test_a_chirp_spends_equal_times_per_octave() -> None:
     chirp = Chirp(2.0, 1.0, 16.0, 8.0, 1)
     time = np.arange(int(8.0 * RATE)) / RATE
     wave = np.array([chirp.value_at(1 + tick, RATE) for tick in range(len(time))])
@@ -28,7 +28,7 @@ def test_a_chirp_goes_through_its_frequencies_in_equal_times_per_octave() -> Non
     assert np.allclose(seen, 2.0 ** (middle / 2.0), rtol=0.03)
 
 
-def test_a_chirp_of_one_frequency_is_a_sine_and_one_may_go_down() -> None:
+def test_a_chirp_of_one_frequency_is_a_sine_and_chirps_may_fall() -> None:
     assert Chirp(1.0, 2.0, 2.0, 3.0, 0).value_at(2500, RATE) == pytest.approx(math.sin(math.pi / 2))
     down = Chirp(1.0, 16.0, 1.0, 8.0, 0)
     assert abs(down.value_at(int(RATE / 64), RATE) - 1.0) < 0.01
@@ -78,7 +78,7 @@ def test_a_table_that_is_refused_names_the_line(text: str, why: str) -> None:
         read_wave_table(text, "m", 0)
 
 
-def test_a_table_moves_the_target_and_ends_where_it_began(bench: BearingBench) -> None:
+def test_a_table_moves_the_target_and_returns_it(bench: BearingBench) -> None:
     session = LiveSession(bench)
     try:
         text = "t_s,gap_um\n0,0\n0.01,-20\n0.02,-20\n"

@@ -42,7 +42,7 @@ rigs = st.fixed_dictionaries(
 @pytest.mark.slow
 @settings(max_examples=120)
 @given(rigs, st.booleans(), commands)
-def test_no_command_makes_a_number_that_is_none(
+def test_no_command_gives_nan(
     changes: dict[str, Any], pair: bool, script: list[tuple[float, float, float, int]]
 ) -> None:
     plant = bearing(changes, pair=pair)

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Bodies on magnets of an identified law and of irons of every family, in one coordinate and in
-   six, through commands of every size, for the sanitizers to watch; what is printed of each run
-   holds every bit of it. */
+/* Runs bodies with magnets of an identified law and of irons of every family under sanitizers.
+ *
+ * The bodies have one or six coordinates and receive random commands of any size. Each run prints a
+ * checksum of all bits of its results. */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -19,10 +20,10 @@
 enum { OF_CELLS, OF_LAW, OF_PREISACH, OF_DUHEM, SOLID, CONE, KINDS };
 static const char *const kinds[KINDS] = {"cells", "law", "preisach", "duhem", "solid", "cone"};
 
-/* As wide as the poles of the others, and a cone that saturates. */
+/* Pole width of the other magnets, with a cone that saturates. */
 static const anhyst_plant_cone cone = {1e-8, 0.011, 0.5, 0.05, 0.4e-3, 6e-4, 2e-4, 1e-3, 0.45, 1.7};
 
-/* Of preisach; in eight volumes, a quarter of the path. */
+/* Preisach iron, in eight volumes over a quarter of the path. */
 static anhyst_plant_solid solid;
 
 static const double psi[2 * POINTS] = {0.0, 0.04, 0.07, 0.09, 0.1, 0.0, 0.02, 0.04, 0.055, 0.065};
@@ -45,7 +46,7 @@ static void make_cells(anhyst_plant_iron *iron)
   iron->steel.cells.curve = curve;
 }
 
-/* Relays that are spread evenly over the cells of the table. */
+/* Relays spread evenly over the cells of the table. */
 static void make_preisach(anhyst_plant_iron *iron)
 {
   const anhyst_plant_curve reversible = {0.1, 300.0, 0.5, 3000.0};
@@ -140,7 +141,7 @@ static void make_actuator(anhyst_plant_actuator *a, const anhyst_plant_magnet *m
   a->has_probe = 1;
 }
 
-/* What all bodies have; one coordinate, the gap of the first magnet. */
+/* Settings common to all bodies: one coordinate, the gap of the first magnet. */
 static void make_body(anhyst_plant_body *b, int magnets, int substeps)
 {
   const anhyst_plant_coordinate gap = {0, 0.55e-3, 0.0, 0.35e-3, 0.55e-3, 2e8, 2e4};
@@ -168,12 +169,12 @@ static void make_body(anhyst_plant_body *b, int magnets, int substeps)
   b->mass = 2.0;
   b->tick = 50e-6;
   b->substeps = substeps;
-  b->delay = ANHYST_PLANT_DELAY_MOST / 2;
+  b->delay = ANHYST_PLANT_MAX_DELAY / 2;
   b->force_along[0] = -1.0;
-  b->force_sensor = sensor(-500.0, 500.0, ANHYST_PLANT_DELAY_MOST - 1);
+  b->force_sensor = sensor(-500.0, 500.0, ANHYST_PLANT_MAX_DELAY - 1);
 }
 
-/* Six coordinates: pairs along x and y, four magnets from above, a centre of mass that is off. */
+/* Six coordinates: pairs along x and y, four magnets from above, a displaced centre of mass. */
 static void make_stage(anhyst_plant_body *b)
 {
   static const anhyst_plant_line lines[MOST] = {
@@ -212,7 +213,7 @@ static void make_stage(anhyst_plant_body *b)
   }
 }
 
-/* A command that may be anything; the same every time. */
+/* Returns a pseudo-random command, equal in every run. */
 static double command(unsigned *seed)
 {
   static const double extremes[4] = {1e300, -1e300, HUGE_VAL, 0.0};
@@ -223,7 +224,7 @@ static double command(unsigned *seed)
   return 5.0 * (double)(*seed >> 8U) / 16777216.0;
 }
 
-/* FNV-1a over the bytes of a number, the lowest first. */
+/* Adds the bytes of a number to an FNV-1a checksum, lowest byte first. */
 static void add(uint64_t *hash, double value)
 {
   uint64_t bits;
@@ -238,7 +239,7 @@ static int run(const anhyst_plant_body *b, const char *name, int ticks)
 {
   static anhyst_plant_actuator_state own[MOST];
   static anhyst_plant_head_state seen[6];
-  static anhyst_plant_memory volumes[MOST][ANHYST_PLANT_VOLUMES];
+  static anhyst_plant_memory volumes[MOST][ANHYST_PLANT_MAX_VOLUMES];
   static anhyst_plant_state state;
   double head[6];
   double current[MOST];
@@ -284,12 +285,11 @@ static int run(const anhyst_plant_body *b, const char *name, int ticks)
   return 0;
 }
 
-/* An armature that is moved between 0.2 and 0.7 mm under an amplifier that is asked for anything.
- */
+/* An armature that is moved between 0.2 and 0.7 mm while its amplifier receives random commands. */
 static int run_held(const anhyst_plant_magnet *magnet, const char *name, double seconds)
 {
   static anhyst_plant_held_state state;
-  static anhyst_plant_memory volumes[ANHYST_PLANT_VOLUMES];
+  static anhyst_plant_memory volumes[ANHYST_PLANT_MAX_VOLUMES];
   const anhyst_plant_held held = {
       *magnet, seconds, 0.0,
       4.5,     1e-3,    0.6,
@@ -304,9 +304,9 @@ static int run_held(const anhyst_plant_magnet *magnet, const char *name, double 
   for (tick = 0; tick < TICKS; tick++) {
     const double gap = 0.45e-3 + 0.25e-3 * ((double)(tick % 200) / 100.0 - 1.0);
     const double noise[ANHYST_HELD_SENSORS] = {1e-7 * command(&seed), command(&seed), 0.0};
-    double row[ANHYST_HELD_COLUMNS];
+    double row[ANHYST_HELD_COLUMN_COUNT];
     anhyst_plant_held_tick(&held, &state, command(&seed), gap, noise, row);
-    for (j = 0; j < ANHYST_HELD_COLUMNS; j++) {
+    for (j = 0; j < ANHYST_HELD_COLUMN_COUNT; j++) {
       if (!isfinite(row[j])) {
         return 1;
       }

@@ -52,7 +52,7 @@ def wander(samples: int, seed: int) -> tuple[FloatArray, FloatArray]:
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("steel", STEELS.values(), ids=STEELS.keys())
-def test_force_and_flux_are_those_of_the_circuit_written_again(steel: CellSteel) -> None:
+def test_force_and_flux_agree_with_an_independent_circuit(steel: CellSteel) -> None:
     current, gap = wander(1500, seed=3)
     found = Coil(make_iron_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap)
     expected = OracleMagnet(Shape(), steel).run(current, gap)
@@ -70,7 +70,7 @@ def test_the_flux_density_in_the_gap_is_what_pulls() -> None:
     assert force == pytest.approx(density**2 * pole_area / MU_0, rel=1e-9, abs=1e-9)
 
 
-def test_a_path_leaves_the_same_memory_in_one_step_as_in_many() -> None:
+def test_a_path_in_one_step_gives_the_state_of_many_steps() -> None:
     magnet = make_iron_magnet(example_poles(), example_steel(), 0.0, GAP)
     turns = np.array([4.5, -1.0, 3.0, 0.5, 2.5, 1.0, 2.0])
     many = np.concatenate([np.linspace(a, b, 500) for a, b in itertools.pairwise(turns)])
@@ -80,7 +80,7 @@ def test_a_path_leaves_the_same_memory_in_one_step_as_in_many() -> None:
 
 
 @pytest.mark.parametrize("fraction", [0.05, 0.15, 0.3])
-def test_after_a_reversal_only_the_unpinned_iron_answers(fraction: float) -> None:
+def test_after_a_reversal_only_the_reversible_iron_responds(fraction: float) -> None:
     steel = CellSteel(
         cells=24,
         reversible_fraction=fraction,
@@ -130,7 +130,7 @@ def test_a_law_pulls_as_its_model_predicts() -> None:
         assert np.max(np.abs(found - expected)) < 1e-6 * np.max(expected)
 
 
-def test_a_law_whose_gap_moves_pulls_as_its_model_predicts() -> None:
+def test_the_force_of_a_law_with_a_moving_gap_agrees_with_its_model() -> None:
     current = nested(2.0)
     gap = GAP + 0.14e-3 * np.sin(np.arange(current.size) * 0.02)
     found = Coil(as_law(TABLE)).run(current, gap)[:, 0]

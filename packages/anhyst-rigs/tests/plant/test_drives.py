@@ -139,7 +139,7 @@ def run_armature(changes: dict[str, Any], velocity: float, force: float, ticks: 
     return np.array(rows)
 
 
-def test_the_load_drive_gives_its_force_behind_its_bandwidth() -> None:
+def test_the_load_drive_force_lags_by_its_bandwidth() -> None:
     velocity = run_armature({}, 0.0, 20.0, 60)[:, 1]
     at = 50e-6 * np.arange(1, 61)
     lag = 1.0 / (2.0 * math.pi * 500.0)

@@ -93,7 +93,7 @@ def voice_coil() -> Poles:
     return replace(example_poles(), outer=outer, bias=bias, spring=bias**2 / outer)
 
 
-def test_a_voice_coil_gives_its_motion_what_its_amplifier_gave_less_the_heat_of_its_core() -> None:
+def test_energy_of_a_voice_coil_is_conserved() -> None:
     """A voltage is applied during a motion; the heat is computed from field and flux density."""
     poles, samples, h = voice_coil(), 4000, 5e-6
     coil, at = Coil(make_iron_magnet(poles, STEEL, 0.0, GAP)), GAP + 0.2e-3

@@ -26,7 +26,7 @@ def stiffness(steel: CellSteel, current: float, gap: float, way: float) -> tuple
 
 @pytest.mark.parametrize("way", [1.0, -1.0], ids=["opens", "closes"])
 @pytest.mark.parametrize(("gap", "current"), [(0.45e-3, 2.8), (0.45e-3, 1.5), (0.38e-3, 2.5)])
-def test_held_by_a_current_the_gap_diverges_at_the_unstable_pole(
+def test_at_constant_current_the_gap_diverges_at_the_unstable_pole(
     gap: float, current: float, way: float
 ) -> None:
     force, slope = stiffness(example_steel(), current, gap, 1e-7 * way)
@@ -55,7 +55,7 @@ def test_held_by_a_current_the_gap_diverges_at_the_unstable_pole(
     assert grows.coef[1] == pytest.approx(pole, rel=0.25)  # e^pt dominates e^-pt
 
 
-def test_held_by_a_voltage_it_diverges_at_the_slower_pole_of_that() -> None:
+def test_at_constant_voltage_the_gap_diverges_at_a_slower_pole() -> None:
     current, way = 2.8, 1e-7
     force, slope = stiffness(example_steel(), current, GAP, way)
     turned = OracleMagnet(Shape(), example_steel())

@@ -68,7 +68,7 @@ def test_a_path_may_be_cut_anywhere_and_be_as_fast_as_it_likes(steel: AnySteel) 
 
 @settings(max_examples=60)
 @given(names, turns)
-def test_no_closed_cycle_gives_energy(name: str, ends: list[float]) -> None:
+def test_no_closed_cycle_releases_energy(name: str, ends: list[float]) -> None:
     steel = WITH_CELLS[name]
     cycle = [width(steel) * end for end in ends]
     cycle.append(cycle[0])
@@ -90,7 +90,7 @@ def test_no_closed_cycle_gives_energy(name: str, ends: list[float]) -> None:
 
 @settings(max_examples=40)
 @given(st.sampled_from(sorted(DUHEM)), turns)
-def test_no_way_of_a_duhem_iron_gives_more_than_it_had_stored(name: str, ends: list[float]) -> None:
+def test_no_path_of_a_duhem_iron_releases_more_energy_than_stored(name: str, ends: list[float]) -> None:
     steel = DUHEM[name]
     path = fields([0.0, *(steel.coercivity_A_per_m * end for end in ends)], 400)
     polarisation = run(steel, path) - MU_0 * path
@@ -108,7 +108,7 @@ def test_no_way_of_a_duhem_iron_gives_more_than_it_had_stored(name: str, ends: l
 
 
 @every
-def test_the_area_of_a_loop_is_what_it_costs(steel: AnySteel) -> None:
+def test_the_area_of_a_loop_is_its_energy_loss(steel: AnySteel) -> None:
     half = 8.0 * width(steel)
     path = fields([half, -half, half], 2000)
     piece = Piece(steel.make_steel())
@@ -123,7 +123,7 @@ def test_the_area_of_a_loop_is_what_it_costs(steel: AnySteel) -> None:
 
 @settings(max_examples=60)
 @given(names, turns)
-def test_every_loop_lies_inside_the_largest(name: str, ends: list[float]) -> None:
+def test_every_loop_is_inside_the_largest(name: str, ends: list[float]) -> None:
     steel = WITH_CELLS[name]
     half = 400.0 * width(steel)
     path = fields([0.0, *(width(steel) * end for end in ends)], 50)
@@ -145,7 +145,7 @@ def test_a_larger_loop_wipes_a_smaller_one_out(steel: AnySteel) -> None:
         ([2.0, 7.0], [2.0, 1.0, 1.5, 7.0]),
         ([2.0, -7.0], [2.0, -1.0, 1.0, -7.0]),
     ):
-        plain, nested = (run(steel, [unit * one for one in ends])[-1] for ends in (shorter, longer))
+        plain, nested = (run(steel, [unit * end for end in ends])[-1] for ends in (shorter, longer))
         assert nested == pytest.approx(plain, abs=1e-12)
 
 
@@ -157,7 +157,7 @@ def test_a_small_loop_about_a_bias_closes_at_once(steel: AnySteel) -> None:
 
 
 @walking
-def test_a_small_loop_of_a_duhem_iron_walks_and_comes_to_rest(steel: DuhemSteel) -> None:
+def test_a_small_loop_of_a_duhem_iron_drifts_and_settles(steel: DuhemSteel) -> None:
     """A Duhem iron has no return-point memory; the drift decreases and is bounded."""
     unit = steel.coercivity_A_per_m
     density = run(steel, [unit * one for one in (6.0, 0.0, *(1.0, 0.0) * 400)])[1::2]
@@ -211,9 +211,9 @@ def test_the_slope_is_that_of_the_way_ahead(steel: AnySteel) -> None:
 def test_more_turns_than_a_preisach_iron_can_keep_cost_nothing_and_move_nothing() -> None:
     steel = PREISACH["preisach-usual"]
     swing = 300.0 * 0.998 ** np.arange(700) * (-1.0) ** np.arange(700)
-    piece, most = Piece(steel.make_steel()), 512
-    kept = piece.run(np.ascontiguousarray(swing[: most + 1]))
-    inside = fields([float(swing[most]), *swing[most + 1 :].tolist(), float(swing[most])], 50)
+    piece, largest = Piece(steel.make_steel()), 512
+    kept = piece.run(np.ascontiguousarray(swing[: largest + 1]))
+    inside = fields([float(swing[largest]), *swing[largest + 1 :].tolist(), float(swing[largest])], 50)
     density = piece.run(inside)[:, 1]
     assert np.max(np.abs(np.diff(density))) < 0.1  # no jump
     assert work(inside, density) > -1e-5 * np.ptp(density) * np.ptp(inside)
@@ -223,7 +223,7 @@ def test_more_turns_than_a_preisach_iron_can_keep_cost_nothing_and_move_nothing(
 
 
 @pytest.mark.parametrize("steel", STEELS.values(), ids=STEELS.keys())
-def test_over_a_cycle_of_current_and_gap_a_magnet_takes_what_its_iron_costs(steel: AnySteel) -> None:
+def test_energy_of_a_magnet_over_a_cycle_equals_the_iron_loss(steel: AnySteel) -> None:
     samples, shape = 4000, Shape()
     ways = 2.0 * math.pi * np.arange(4 * samples + 1) / samples
     current, gap = 2.0 + 1.5 * np.sin(ways), GAP + 0.08e-3 * np.cos(ways)

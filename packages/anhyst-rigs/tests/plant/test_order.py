@@ -40,7 +40,7 @@ def stepped(magnet: Magnet, steps: int, start: float = 0.0) -> FloatArray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("eddy_time", [0.0, 1e-4])
-def test_a_winding_goes_where_the_equations_written_again_go(eddy_time: float) -> None:
+def test_a_winding_agrees_with_independent_equations(eddy_time: float) -> None:
     oracle = OracleMagnet(Shape(eddy_time=eddy_time), example_steel())
     psi, rows = 0.0, []
     for voltage, seconds in VOLTAGES:
@@ -80,7 +80,7 @@ def test_the_pull_of_a_law_converges_with_the_square_of_the_step(eddy: float) ->
         assert np.all(np.abs(stepped(law(0.0), 2560, start) - finest)[:, 2] > 0.3)
 
 
-def test_eddy_currents_of_a_law_are_those_of_its_model() -> None:
+def test_eddy_currents_of_a_law_agree_with_its_model() -> None:
     """The model uses backward steps of first order for the same currents."""
     with_eddies = replace(model(), parameters={**model().parameters, "gamma": EDDY})
     start = float(model().interpolate_parameter("in_0", np.array([GAP]))[0])

@@ -19,7 +19,7 @@ def pair(first: float, second: float, displaced: float = 0.0) -> Plant:
     return plant
 
 
-def test_equal_currents_in_the_middle_give_no_force_and_leave_it_there() -> None:
+def test_equal_currents_at_the_middle_give_no_force() -> None:
     plant = pair(2.5, 2.5)
     assert plant.force == 0.0
     for _ in range(200):
@@ -69,7 +69,7 @@ def test_a_mirrored_run_is_the_mirror_image() -> None:
     assert np.max(np.abs(mirrored_read - read)[:, 1:3]) < 8.0 * 2.0 * 0.0005
 
 
-def test_the_second_magnet_of_a_pair_stands_at_the_rest_of_the_gap() -> None:
+def test_the_second_magnet_of_a_pair_has_the_complementary_gap() -> None:
     _, (one, two), (density_one, density_two), _ = pair(2.5, 2.5, 50e-6).read()
     assert one == pytest.approx(two, abs=0.005)
     assert density_two > 1.1 * density_one

@@ -74,14 +74,16 @@ def built(compiler: str, flags: str, folder: Path) -> Path:
         "-o",
         str(program),
     ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    completed = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert completed.returncode == 0, completed.stderr
     return program
 
 
 def runs_of(*command: object) -> tuple[str, ...]:
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True, timeout=600)
-    return tuple(done.stdout.splitlines())
+    completed = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, check=True, timeout=600
+    )
+    return tuple(completed.stdout.splitlines())
 
 
 @pytest.mark.first(1)

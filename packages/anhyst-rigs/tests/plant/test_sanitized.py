@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
+from tests.core.test_c_core import ROOT, can_sanitize, run_command, tool
 
 pytestmark = pytest.mark.depends("core", "plant", "tests/core", "packages/anhyst-rigs/tests/plant")
 
@@ -41,7 +41,7 @@ def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
     if not can_sanitize(compiler, tmp_path):
         pytest.skip(f"{compiler} has no sanitizers here")
     program = tmp_path / "test_body"
-    quietly(
+    run_command(
         compiler,
         "-std=c99",
         "-O1",
@@ -54,6 +54,6 @@ def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
         "-o",
         str(program),
     )
-    done = subprocess.run([program], capture_output=True, text=True, check=False, timeout=600)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("ok ") == 41
+    completed = subprocess.run([program], capture_output=True, text=True, check=False, timeout=600)
+    assert completed.returncode == 0, completed.stdout + completed.stderr
+    assert completed.stdout.count("ok ") == 41

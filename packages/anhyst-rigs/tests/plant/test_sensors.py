@@ -61,7 +61,7 @@ def test_converters_of_current_force_and_flux_have_the_steps_of_their_bits() -> 
     assert all(len(steps) == 23 for steps in steps_seen)
 
 
-def test_beyond_its_range_a_sensor_says_its_end() -> None:
+def test_a_sensor_saturates_at_its_range() -> None:
     plant = bearing(QUIET | {"current_sensor.high_A": 2.0, "gap_sensor.low_m": 0.5e-3})
     plant.place([GAP], [0.0])
     plant.hold(3.0, 0)
@@ -70,7 +70,7 @@ def test_beyond_its_range_a_sensor_says_its_end() -> None:
 
 
 @pytest.mark.parametrize("substeps", [0, 1, 3, 10])
-def test_a_late_sensor_says_what_was_so_many_sub_steps_before(substeps: int) -> None:
+def test_a_delayed_sensor_reads_the_value_of_earlier_sub_steps(substeps: int) -> None:
     plant = bearing(SHARP | {"gap_sensor.delay_s": substeps * 12.5e-6})
     plant.place([GAP], [1e-3])
     for _ in range(10):
@@ -94,7 +94,7 @@ def phasor(values: FloatArray, turn: float) -> complex:
 
 
 @pytest.mark.parametrize("bandwidth", [250.0, 1000.0])
-def test_at_its_bandwidth_a_sensor_says_0_7_of_it_an_eighth_of_a_period_late(bandwidth: float) -> None:
+def test_at_its_bandwidth_a_sensor_has_gain_0_7_and_45_degrees_lag(bandwidth: float) -> None:
     plant = bearing(QUIET | {"current_sensor.bandwidth_Hz": bandwidth, "timing.rate_Hz": 200e3})
     plant.place([GAP], [0.0])
     plant.hold(2.5, 0)
@@ -144,7 +144,7 @@ def test_noise_is_normal_white_and_as_large_as_it_should_be() -> None:
     assert np.max(np.abs(cross - np.eye(4))) < 0.05  # independent noise of all sensors
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_one_others() -> None:
+def test_equal_seeds_give_equal_bits_and_other_seeds_others() -> None:
     first, again, other = (readings(seed, STILL, 50) for seed in (1, 1, 2))
     assert np.array_equal(first, again)
     noisy = [NAMES.index(name) for name in ("current", "flux", "force")]

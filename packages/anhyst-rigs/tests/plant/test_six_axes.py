@@ -108,7 +108,7 @@ def rigid(body: Body, pulls: FloatArray, time: FloatArray) -> tuple[FloatArray, 
     """Return pose and gaps of a rigid body under given pulls, for any angle and with gyroscopic
     moments."""
     pull = CubicSpline(time, pulls)
-    places, normals = np.array([one[0] for one in LINES]), np.array([one[1] for one in LINES])
+    places, normals = np.array([line[0] for line in LINES]), np.array([line[1] for line in LINES])
     centre = np.array(body.centre)
 
     def rate(t: float, state: FloatArray) -> FloatArray:
@@ -141,7 +141,7 @@ def rigid(body: Body, pulls: FloatArray, time: FloatArray) -> tuple[FloatArray, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 0.3, 0.1])
-def test_a_body_moves_as_newton_and_euler_say_but_for_squares_of_its_angles(scale: float) -> None:
+def test_a_body_follows_newton_euler_to_first_order_in_angles(scale: float) -> None:
     """At 0.5 mrad the pose is accurate to 0.1 % and gaps to 60 nm; at a tenth to a hundredth of
     this."""
     body = replace(HEAVY, gravity=(0.0, 0.0, scale * HEAVY.gravity[2]))
@@ -166,7 +166,7 @@ def test_on_a_hinge_a_body_turns_about_it_and_not_about_its_centre() -> None:
     assert gap - GAP == pytest.approx(0.12 * plant.pose[0], rel=1e-6)
 
 
-def test_a_body_on_a_cable_alone_swings_as_its_linear_equations_say() -> None:
+def test_a_body_on_a_cable_follows_its_linear_equations() -> None:
     """Half the step leaves a quarter of the error."""
     body, seconds = replace(HEAVY, gravity=(0.0, 0.0, 0.0), cable=(4e5, 1500.0)), 8e-3
     pose = np.array([2e-5, -3e-5, 5e-5, 2e-4, -1e-4, 3e-4])
@@ -185,7 +185,7 @@ def test_a_body_on_a_cable_alone_swings_as_its_linear_equations_say() -> None:
     assert 3.5 < off[0] / off[1] < 4.5
 
 
-def test_heads_show_where_the_body_stands() -> None:
+def test_sensor_heads_give_the_pose_of_the_body() -> None:
     """Six heads at points of the magnets; small angles combine linearly."""
     plant = HEAVY.plant(20e3)
     pose = np.array([2e-6, -3e-6, 5e-6, 4e-5, -6e-5, 3e-5])

@@ -51,7 +51,7 @@ def answer(hertz: float, volumes: int, samples: int) -> complex:
 
 
 @pytest.mark.parametrize("corners", [0.1, 1.0, 3.0, 10.0])
-def test_a_linear_slab_answers_as_the_exact_one(corners: float) -> None:
+def test_a_linear_slab_agrees_with_the_exact_solution(corners: float) -> None:
     hertz = corners / (2.0 * np.pi * MU * 5e6 * 5e-3**2)
     q = np.sqrt(1j * corners)
     exact = 100**2 * 4e-4 * MU / 0.2 * np.tanh(q) / q
@@ -59,7 +59,7 @@ def test_a_linear_slab_answers_as_the_exact_one(corners: float) -> None:
 
 
 @pytest.mark.parametrize("steel", WITH_CELLS.values(), ids=WITH_CELLS)
-def test_held_long_enough_it_is_sheets(steel: AnySteel) -> None:
+def test_solid_iron_at_rest_equals_laminated_iron(steel: AnySteel) -> None:
     """All volumes and the laminated part end on one branch, without induced currents."""
     solid, thin = coil(steel), coil(steel, None)
     for amperes in (3.0, 0.5, 2.2, 1.1, 0.0, 2.8):
@@ -71,7 +71,7 @@ def test_held_long_enough_it_is_sheets(steel: AnySteel) -> None:
 
 
 @pytest.mark.parametrize("steel", WITH_CELLS.values(), ids=WITH_CELLS)
-def test_fast_loops_are_higher_and_slow_ones_are_not(steel: AnySteel) -> None:
+def test_only_fast_loops_are_wider(steel: AnySteel) -> None:
     def height(hertz: float, solid: SolidIron | None) -> float:
         one = 2.0 + 1.0 * np.sin(2.0 * np.pi * np.arange(1200) / 400)
         magnet = coil(steel, solid)
@@ -99,7 +99,7 @@ def test_fast_loops_are_higher_and_slow_ones_are_not(steel: AnySteel) -> None:
         max_size=12,
     ),
 )
-def test_no_path_gives_back_more_than_it_took(
+def test_no_path_of_solid_iron_releases_energy(
     name: str, part: float, depth: float, path: list[tuple[float, float, float]]
 ) -> None:
     """The path begins demagnetised and returns to zero current at a constant gap."""

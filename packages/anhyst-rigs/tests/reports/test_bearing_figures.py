@@ -107,7 +107,7 @@ def tuned(controller: ControllerTable) -> ControllerTable:
         ),
     ],
 )
-def test_no_text_of_the_diagram_leaves_its_box_or_meets_another(
+def test_texts_of_the_diagram_stay_in_their_boxes_and_do_not_overlap(
     rig: BodyRig, controller: ControllerTable, variant: MethodName, full: bool, after_tuning: bool
 ) -> None:
     chosen = controller.compensation.model_copy(update={"variant": variant, "applied": "measured"})
@@ -184,14 +184,14 @@ def test_steps_show_reference_and_every_variant_with_its_overshoot(subject: Simu
     assert below.get_ylabel() == "deviation (% of height)"
 
 
-def test_forces_show_the_error_of_what_is_shown(runs: dict[MethodName, Recording]) -> None:
+def test_the_force_figure_states_the_error_of_its_curves(runs: dict[MethodName, Recording]) -> None:
     figure = figure_forces(runs)
     error = runs["full"]["force_N"] - runs["full"]["demand_N"]
     worst = f"worst {np.abs(error).max():.2f} N"
     assert any(worst in ax.get_title(loc="left") for ax in figure.axes)
 
 
-def test_the_run_lies_over_the_nearest_loops() -> None:
+def test_the_run_is_drawn_over_the_nearest_loops() -> None:
     current = np.array([0.0, 2.0, 4.0, 2.0, 0.0])
     loops = Loops(
         tuple(
@@ -262,7 +262,7 @@ def test_cells_without_a_certain_gain_are_hatched() -> None:
     assert sorted(texts_of(figure)) == sorted(2 * ["0.30†", "0.38", "0.90†\nsingle", "0.98\nsingle"])
 
 
-def test_every_outcome_but_a_gain_has_a_hatch_of_its_own() -> None:
+def test_every_outcome_except_gain_has_a_distinct_hatch() -> None:
     outcomes = {"gain": (1.0, 0.1), "no gain": (0.0, 1.0), "nothing to gain": (0.0, 0.1),
                 "loss": (-1.0, 0.1)}  # fmt: skip
     found = bearing_reports.gains()
@@ -301,7 +301,7 @@ def test_nothing_on_the_front_is_beaten() -> None:
     assert {id(one) for one in front} == {id(one) for one in tried} - {id(one) for one in beaten}
 
 
-def test_the_pareto_picture_shows_what_was_chosen_and_leaves_out_what_never_settles() -> None:
+def test_the_pareto_figure_shows_the_choice_and_omits_unsettled_gains() -> None:
     (ax,) = bearing_reports.tuning().axes
     labels = [str(line.get_label()) for line in ax.lines]
     assert "chosen, full: 5.50 ms, peak 2.12" in labels

@@ -60,14 +60,14 @@ def page(run: Path) -> Page:
     return Page((run.parent / "report.html").read_text(encoding="utf-8"))
 
 
-def test_every_section_of_a_simulation_is_there(page: Page) -> None:
+def test_every_section_of_a_simulation_is_present(page: Page) -> None:
     assert page.open == []
     assert page.sections() == [
         "structure", "steps", "forces", "loops", "tracking", "standstill", "frequency", "origin",
     ]  # fmt: skip
 
 
-def test_the_page_shows_the_figures_of_the_run(run: Path, page: Page) -> None:
+def test_the_page_shows_the_metrics_of_the_run(run: Path, page: Page) -> None:
     figures = json.loads((run.parent / "figures.json").read_text(encoding="utf-8"))
     assert {row["variant"] for row in figures["steps"]} >= {"ratio", "single-valued", "full", "flux"}
     for row in figures["steps"]:
@@ -78,7 +78,7 @@ def test_the_page_shows_the_figures_of_the_run(run: Path, page: Page) -> None:
         assert f"{name}: peak {found['peak']:.2f}, zone {found['zone']}" in page.text
 
 
-def test_terminal_and_page_say_in_one_sentence_whether_it_is_worth_it(run: Path, page: Page) -> None:
+def test_terminal_and_page_give_the_verdict_in_one_sentence(run: Path, page: Page) -> None:
     printed = unwrapped((run.parent / "printed.txt").read_text(encoding="utf-8"))
     (said,) = re.findall(r"^verdict: (.*)$", printed, flags=re.MULTILINE)
     figures = json.loads((run.parent / "figures.json").read_text(encoding="utf-8"))
@@ -95,12 +95,12 @@ def test_terminal_and_page_say_in_one_sentence_whether_it_is_worth_it(run: Path,
     assert f"best without hysteresis model ({strongest})" in page.text  # in the tile
 
 
-def test_the_page_says_how_to_make_it_again(small: Path, page: Page) -> None:
+def test_the_page_gives_its_command(small: Path, page: Page) -> None:
     assert f"anhyst simulate {small / 'rig.toml'} --out {small / 'run.csv'}" in page.text
     assert "controller.toml" in page.text
 
 
-def test_drifted_plants_go_on_and_are_reported(small: Path) -> None:
+def test_a_monte_carlo_run_is_extended_and_reported(small: Path) -> None:
     out = small / "plants.jsonl"
     command = ["simulate", str(small / "rig.toml"), "--out", str(out), "--monte-carlo"]
     assert main([*command, "2"]) == 0

@@ -57,7 +57,7 @@ def test_the_page_fetches_nothing(html: str, page: Page) -> None:
     assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", html))
 
 
-def test_the_page_is_well_formed_with_figures_reported_in_words(html: str, page: Page) -> None:
+def test_the_page_is_well_formed_and_its_figures_have_descriptions(html: str, page: Page) -> None:
     assert page.open == []
     ids = [given["id"] for _, given in page.tags if given.get("id")]
     assert len(ids) == len(set(ids))
@@ -70,7 +70,7 @@ def test_the_page_is_well_formed_with_figures_reported_in_words(html: str, page:
 
 
 @pytest.mark.slow
-def test_the_same_subject_gives_the_same_bytes(html: str, subject: SimulationSubject) -> None:
+def test_equal_subjects_give_equal_bytes(html: str, subject: SimulationSubject) -> None:
     assert render(subject) == html
 
 
@@ -138,11 +138,11 @@ def test_the_page_has_a_style_for_print_that_cuts_nothing(html: str) -> None:
         assert rule in style
 
 
-def test_what_comes_from_outside_is_escaped(html: str, page: Page) -> None:
+def test_text_from_files_is_escaped(html: str, page: Page) -> None:
     assert "noise &lt;b&gt;was&lt;/b&gt; added" in html
 
 
-def test_figures_stand_with_their_intervals(page: Page) -> None:
+def test_metrics_have_their_intervals(page: Page) -> None:
     for reported in ("30.25 ± 0.40", "10.00 ± 0.30", "12.10 ± 0.25", "6.25 ± 0.10", "14.25 ± 0.50"):
         assert reported in page.text
     assert "Mean and 95 % confidence interval over 20 noise seeds" in page.text
@@ -196,7 +196,7 @@ def test_without_a_hysteresis_model_the_verdict_remains_open() -> None:
     assert judge_steps(group_by_step(alone), "single-valued").level == "unknown"
 
 
-def test_the_map_says_against_whom_and_where_there_is_no_gain() -> None:
+def test_the_map_names_baselines_and_cells_without_gain() -> None:
     found = read_controller(EXAMPLE / "controller.toml")
     page = Page(render_bearing(rig(), found, bearing_reports.gains(), "anhyst simulate"))
     assert "Overshoot against ratio: a significant gain in 4 of 4 cells" in page.text
@@ -258,7 +258,7 @@ def test_no_difference_within_the_noise_of_a_standstill_is_certain(subject: Simu
         ((math.nan, math.nan), (1.0, 0.1), math.nan, "–"),
     ],
 )
-def test_a_difference_within_the_noise_is_none(
+def test_a_difference_within_the_noise_is_not_reported(
     mine: tuple[float, float], other: tuple[float, float], floor: float, text: str
 ) -> None:
     found = compare("", "", Interval(*mine, 20), Interval(*other, 20), floor)

@@ -61,7 +61,7 @@ def test_weights_of_the_cells_add_up_to_one() -> None:
     assert (np.diff(STEEL.thresholds) > 0.0).all()
 
 
-def test_iron_saturates_at_what_its_parts_add_up_to() -> None:
+def test_iron_saturates_at_the_sum_of_its_terms() -> None:
     density = CellIron(STEEL).flux_density(1e9)[0]
     assert density == pytest.approx(MU_0 * 1e9 + 1.15 + 0.9, abs=1e-5)
 
@@ -107,7 +107,7 @@ def solenoid() -> Coil:
 
 
 @pytest.mark.parametrize("gap", GAPS)
-def test_the_pull_of_a_solenoid_is_the_coenergy_that_its_gap_gives_up(gap: float) -> None:
+def test_the_force_of_a_solenoid_is_the_derivative_of_its_coenergy(gap: float) -> None:
     """Its flux also fits the ampere-turns, with and without a saturated cone; computed
     independently."""
     ours, again, rng = solenoid(), OracleSolenoid(STEEL, PATH, CIRCUIT), np.random.default_rng(1)
@@ -120,7 +120,7 @@ def test_the_pull_of_a_solenoid_is_the_coenergy_that_its_gap_gives_up(gap: float
 
 
 @pytest.mark.parametrize("gap", GAPS)
-def test_a_cone_that_saturates_for_good_is_left_and_entered_in_jumps(gap: float) -> None:
+def test_jumps_into_and_out_of_a_saturated_cone_are_solved(gap: float) -> None:
     """Newton steps from there may alternate between both ends."""
     other = {"face_area_m2": 6e-6, "leakage_H": 0.0, "cone_clearance_m": 1e-4}
     circuit = CIRCUIT.model_copy(update=other)
@@ -153,7 +153,7 @@ def test_a_solenoid_may_be_stepped_coarsely_and_in_both_directions_of_the_gap() 
     assert coarse.hold(1.0, 1e-3) > fine.force  # the iron remembers the former flux
 
 
-def test_a_solenoid_on_a_voltage_gives_its_plunger_what_it_took_less_the_heat_of_its_iron() -> None:
+def test_energy_of_a_solenoid_is_conserved() -> None:
     """In the last of three closed cycles; the heat is computed from field and flux density."""
     samples, h = 2000, 1e-4
     coil, turn = solenoid(), 2.0 * np.pi * np.arange(3 * samples + 1) / samples
@@ -183,7 +183,7 @@ def rig() -> ForceControlRig:
     return read_rig(ROOT / "examples" / "solenoid" / "rig.toml")
 
 
-def test_amplifier_and_sensors_of_a_held_actuator_are_those_written_again_bit_for_bit(
+def test_amplifier_and_sensors_of_a_held_actuator_agree_with_independent_code_bit_for_bit(
     rig: ForceControlRig,
 ) -> None:
     rng, ticks = np.random.default_rng(2), 400
@@ -199,7 +199,7 @@ def test_amplifier_and_sensors_of_a_held_actuator_are_those_written_again_bit_fo
     for n, (name, values) in enumerate(quantities.items()):
         sensor = OracleSensor(rig.sensor_parameters(rig.dt)[name])
         pairs = zip(values.tolist(), noise[:, n].tolist(), strict=True)
-        assert found[:, 2 + n].tolist() == [sensor.read(*one) for one in pairs], name
+        assert found[:, 2 + n].tolist() == [sensor.read(*pair) for pair in pairs], name
     assert found[:, 0].max() < 1.2  # the zero of its shunt is an error of the current
     assert (found[:, 0] == 0.0).any()  # the current is never negative
 
@@ -222,7 +222,7 @@ def test_an_amplifier_is_late_by_a_tick_follows_and_keeps_its_limits(rig: ForceC
     assert step(share=1.0, most=1e9, zero=0.004)[-1] == pytest.approx(0.996, abs=3e-4)
 
 
-def test_a_sensor_has_the_noise_offset_and_lag_that_it_says() -> None:
+def test_a_sensor_has_its_stated_noise_offset_and_lag() -> None:
     numbers = {"low": -10.0, "high": 10.0, "step": 20.0 / (2**24 - 1), "gain": 1.0, "share": 1.0}
     noisy = numbers | {"offset": 0.1, "noise": 0.2, "delay": 0}
     many = NoisySensor(noisy, [5]).read(np.ones(20_000))

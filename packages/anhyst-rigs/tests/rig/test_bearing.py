@@ -126,7 +126,7 @@ def test_a_late_amplifier_is_a_late_output() -> None:
     assert np.array_equal(records[0].table, records[1].table, equal_nan=True)
 
 
-def test_disturbances_push_as_they_say() -> None:
+def test_disturbances_have_their_stated_force() -> None:
     begin = 0.5
 
     def pushed(kind: str, force: float, frequency: float | None = None) -> Recording:
@@ -157,8 +157,8 @@ def test_a_rendered_load_pushes_back() -> None:
     changes = {"load.stiffness_N_per_m": 5e4}
     recording, _ = levitate(change_rig(bearings.example(), changes))
     up = recording.slice_ticks(len(recording) - 10000 - 2000, len(recording) - 10000)
-    away = up["gap_m"].mean() - bearings.example().settings.gap_m
-    assert up["load_N"].mean() == pytest.approx(150.0 - 5e4 * away, abs=0.05)
+    deviation = up["gap_m"].mean() - bearings.example().settings.gap_m
+    assert up["load_N"].mean() == pytest.approx(150.0 - 5e4 * deviation, abs=0.05)
     assert up["force_N"].mean() == pytest.approx(150.5, abs=0.1)
 
 
@@ -204,22 +204,22 @@ def test_an_identified_law_makes_the_force(law: BodyRig, change: Callable[[BodyR
     assert recording["flux_Wb"].max() > 0.01
 
 
-def test_a_measured_flux_table_is_the_one_it_was_made_from(law: BodyRig) -> None:
+def test_a_measured_flux_table_gives_the_plant_it_was_made_from(law: BodyRig) -> None:
     made, measured = levitate(law)[0], levitate(with_table(law))[0]
     assert np.abs(made["gap_m"] - measured["gap_m"]).max() < 1e-6
     assert np.abs(made["flux_Wb"] - measured["flux_Wb"]).max() < 1e-4
 
 
-def test_a_scenario_in_parts_leads_to_where_the_whole_one_does() -> None:
+def test_a_scenario_in_parts_agrees_with_the_whole() -> None:
     """What it leaves out is nothing at every tick; a frame has a row more than each part has ticks."""
     setup, rng = bearings.single(), np.random.default_rng(1)
     target = np.full(400, GAP)
     load, frame = rng.normal(size=400), 1e-6 * np.cumsum(rng.normal(size=401))
     whole = Scenario(target, load, frame=frame)
-    wanted = SimulatedLoop(setup).run(whole)
+    expected = SimulatedLoop(setup).run(whole)
     silent = replace(whole, feed=np.zeros(400), command=np.zeros(400, dtype=np.uint32))
-    assert np.array_equal(SimulatedLoop(setup).run(silent).table, wanted.table)
+    assert np.array_equal(SimulatedLoop(setup).run(silent).table, expected.table)
     loop = SimulatedLoop(setup)
     parts = [loop.run(whole.slice_ticks(begin, begin + 100)) for begin in range(0, 400, 100)]
-    assert np.array_equal(Recording.concatenate(parts).table, wanted.table)
-    assert np.ptp(wanted["gap_m"]) > 0.0
+    assert np.array_equal(Recording.concatenate(parts).table, expected.table)
+    assert np.ptp(expected["gap_m"]) > 0.0

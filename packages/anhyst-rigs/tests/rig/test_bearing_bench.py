@@ -107,14 +107,14 @@ def check_same_bits(setup: BearingSetup, firmware: Path) -> None:
     script.command(Command.LIFT).hold(0.15).step(GAP - 20e-6, 0.03).set_load(load + 20.0)
     scenario = script.hold(0.02).step(GAP, 0.02).command(Command.LAND).hold(0.024).build()
     assert scenario.ticks >= TICKS
-    wanted = stepped(setup, firmware, scenario)
+    expected = stepped(setup, firmware, scenario)
     bench = BearingBench(setup, firmware)
     rows = follow(bench, scenario, np.random.default_rng(1))
     bench.close()
     assert (rows[:, 0] == np.arange(1, scenario.ticks + 1)).all()
     names = ("gap", "velocity", "command", "command_2", "state", "fault")
     found = np.column_stack([column(bench, rows, name) for name in names])
-    assert (found == wanted).all()
+    assert (found == expected).all()
     assert State.RUN in found[:, 4]
     with closing(BearingBench(setup, firmware, board="library")) as tapped:
         run = tapped.run(scenario)
@@ -123,12 +123,12 @@ def check_same_bits(setup: BearingSetup, firmware: Path) -> None:
     assert np.array_equal(columns, [run[name] for name in in_run])
 
 
-def test_a_bench_gives_what_the_lock_step_run_gives(firmware: Path) -> None:
+def test_a_bench_agrees_with_the_lock_step_run(firmware: Path) -> None:
     check_same_bits(bearings.single(), firmware)
 
 
 @pytest.mark.slow
-def test_a_bench_of_a_pair_does_so_too(tmp_path: Path) -> None:
+def test_a_bench_of_a_pair_agrees_with_the_lock_step_run(tmp_path: Path) -> None:
     file = bearings.pair_file(tmp_path / "controller.toml")
     check_same_bits(*build_firmware(bearings.pair_rig(), file, bearings.knowledge(), "library", tmp_path))
 
@@ -145,7 +145,7 @@ def flight(bench: BearingBench, gap: float) -> Iterator[FloatArray]:
         yield bench.advance(137)
 
 
-def test_benches_of_one_firmware_give_bit_for_bit_what_each_gives_alone(firmware: Path) -> None:
+def test_benches_of_one_firmware_behave_as_if_alone(firmware: Path) -> None:
     gaps = (GAP - 20e-6, GAP + 20e-6)
     alone = []
     for gap in gaps:
@@ -159,12 +159,12 @@ def test_benches_of_one_firmware_give_bit_for_bit_what_each_gives_alone(firmware
         order = np.random.default_rng(1).permutation([0] * 41 + [1] * 41)
         for number in order:
             rows[number].append(next(flights[number]))
-        together = [np.concatenate(one) for one in rows]
+        together = [np.concatenate(row) for row in rows]
     for one, other in zip(alone, together, strict=True):
         assert np.array_equal(one, other)
 
 
-def test_all_signals_of_a_hover_are_those_of_the_physics(bench: BearingBench) -> None:
+def test_all_signals_of_a_hover_are_physical(bench: BearingBench) -> None:
     lift(bench)
     rows = bench.advance(4000)
     mean = {signal.name: column(bench, rows, signal.name).mean() for signal in bench.signals}
@@ -190,7 +190,7 @@ def test_a_load_and_parameters_act_from_one_tick_on(bench: BearingBench) -> None
     assert load[0] == pytest.approx(150.0, abs=1.0)  # at the start of the first tick
     assert abs(load[1] - load[0]) > 10.0 * abs(load[0] - 150.0)
     assert np.ptp(load[1000:]) > 15.0
-    assert {one.name: one.value for one in bench.parameters()}["disturbance_force"] == 10.0
+    assert {parameter.name: parameter.value for parameter in bench.parameters()}["disturbance_force"] == 10.0
 
 
 def test_the_load_drive_renders_the_stiffness_that_was_applied(bench: BearingBench) -> None:
@@ -201,7 +201,7 @@ def test_the_load_drive_renders_the_stiffness_that_was_applied(bench: BearingBen
     assert column(bench, rows, "load").mean() == pytest.approx(150.0 + 1e5 * 20e-6, abs=0.05)
 
 
-def test_of_parameters_that_do_not_fit_none_is_applied(bench: BearingBench) -> None:
+def test_invalid_parameters_are_all_rejected(bench: BearingBench) -> None:
     before = bench.parameters()
     with refused("out-of-range load_damping: 1e+09"):
         bench.apply({"disturbance_force": 5.0, "load_damping": 1e9})
@@ -268,7 +268,11 @@ def test_the_memory_follows_while_nothing_is_compensated(bench: BearingBench) ->
 
 def test_gains_are_in_force_together_from_the_tick_that_is_named(bench: BearingBench, firmware: Path) -> None:
     lift(bench)
-    compiled = {one.name: one.value for one in bench.parameters() if one.name.startswith("gain_")}
+    compiled = {
+        parameter.name: parameter.value
+        for parameter in bench.parameters()
+        if parameter.name.startswith("gain_")
+    }
     assert compiled == {
         name: pytest.approx(gain, rel=1e-9)
         for name, gain in zip(
@@ -292,7 +296,11 @@ def test_gains_are_in_force_together_from_the_tick_that_is_named(bench: BearingB
 def test_other_gains_do_not_move_an_armature_at_rest(bench: BearingBench) -> None:
     lift(bench)
     quiet = column(bench, bench.advance(1000), "demand")
-    compiled = {one.name: one.value for one in bench.parameters() if one.name.startswith("gain_")}
+    compiled = {
+        parameter.name: parameter.value
+        for parameter in bench.parameters()
+        if parameter.name.startswith("gain_")
+    }
     for share in (1.4, 0.6, 1.0):
         bench.apply({name: share * gain for name, gain in compiled.items()})
         rows = bench.advance(1000)
@@ -300,10 +308,12 @@ def test_other_gains_do_not_move_an_armature_at_rest(bench: BearingBench) -> Non
         assert first < 2.0 * np.abs(np.diff(quiet)).max()
         assert np.abs(column(bench, rows, "gap") - GAP).max() < 0.3e-6
         quiet = column(bench, rows, "demand")
-    assert {one.name: one.value for one in bench.parameters() if one.name in compiled} == compiled
+    assert {
+        parameter.name: parameter.value for parameter in bench.parameters() if parameter.name in compiled
+    } == compiled
 
 
-def test_a_gain_out_of_its_range_leaves_all_as_they_are(bench: BearingBench) -> None:
+def test_a_gain_out_of_range_changes_nothing(bench: BearingBench) -> None:
     lift(bench)
     before = bench.parameters()
     gain = {one.name: one.high for one in before}["gain_p"]
@@ -315,14 +325,14 @@ def test_a_gain_out_of_its_range_leaves_all_as_they_are(bench: BearingBench) -> 
     assert max(overshoots(bench)) < 0.5
 
 
-def test_a_refused_command_says_why_and_changes_nothing(bench: BearingBench) -> None:
+def test_a_refused_command_gives_its_reason_and_changes_nothing(bench: BearingBench) -> None:
     bench.advance(UP)
     with refused("refused state", RequestRefusedError):
         bench.command(Command.LIFT)
     assert column(bench, bench.advance(1), "state")[0] == State.IDLE
 
 
-def test_the_heartbeat_counts_ticks_and_stands_with_them(bench: BearingBench) -> None:
+def test_the_heartbeat_counts_ticks_and_pauses_with_them(bench: BearingBench) -> None:
     lift(bench)
     bench.advance(UP)
     time.sleep(0.3)  # three times the controller's timeout, on the clock
@@ -340,14 +350,14 @@ def test_an_armature_lands_and_can_be_lifted_again(bench: BearingBench) -> None:
     assert column(bench, bench.advance(LIFTED), "phase")[-1] == Phase.HOVER
 
 
-def test_a_firmware_that_ends_is_said_with_the_tick(bench: BearingBench) -> None:
+def test_a_firmware_exit_is_reported_with_its_tick(bench: BearingBench) -> None:
     bench.advance(10)
     bench.close()
     with refused("no-answer: tick 11"):
         bench.advance(5)
 
 
-def test_a_board_that_hangs_up_is_said_with_the_tick(firmware: Path) -> None:
+def test_a_board_disconnection_is_reported_with_its_tick(firmware: Path) -> None:
     with closing(BearingBench(bearings.single(), firmware, board="library")) as bench:
         bench.advance(10)
 

@@ -70,12 +70,12 @@ def test_the_bundled_bearing_is_the_one_that_was_fixed() -> None:
     assert (pidd2.weight, pidd2.low, pidd2.high) == (0.3, 0.0, 300.0)
 
 
-def test_weight_adds_to_the_load_where_it_opens_the_gap(folder: Path) -> None:
+def test_weight_that_opens_the_gap_adds_to_the_load(folder: Path) -> None:
     change(folder / "rig.toml", "mass_kg = 2.0", "mass_kg = 2.0\ngravity_m_per_s2 = -9.81")
     assert read_bearing(folder / "rig.toml").static_load == pytest.approx(150.0 - 19.62)
 
 
-def test_steps_go_half_their_height_to_either_side_of_the_gap() -> None:
+def test_steps_are_symmetric_about_the_gap() -> None:
     lower, upper = step_ends(0.45e-3, 100e-6)
     assert (lower, upper) == pytest.approx((0.50e-3, 0.40e-3))
 
@@ -101,7 +101,7 @@ def test_the_resolution_is_that_of_the_file_or_of_the_kind(
     assert sensor.resolution == pytest.approx(step, rel=1e-12)
 
 
-def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
+def test_a_zero_is_not_a_missing_value(folder: Path) -> None:
     change(folder / "rig.toml", "noise_m = 5e-9", "noise_m = 0.0\ndelay_s = 0.0")
     change(folder / "rig.toml", 'kind = "encoder"', 'kind = "laser"')
     sensor = read_bearing(folder / "rig.toml").settings.gap_sensor
@@ -211,9 +211,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_rig_is_reported_by_line(
-    folder: Path, old: str, new: str, key: str, what: str
-) -> None:
+def test_rig_errors_are_reported_by_line(folder: Path, old: str, new: str, key: str, what: str) -> None:
     path = folder / "rig.toml"
     change(path, old, new)
     with refused(what) as caught:
@@ -233,7 +231,7 @@ def test_what_is_wrong_with_a_rig_is_reported_by_line(
         ('kind = "sine"\nforce_N = 5.0', "missing"),
     ],
 )
-def test_disturbances_have_what_their_kind_needs(folder: Path, new: str, code: str) -> None:
+def test_disturbances_need_the_keys_of_their_kind(folder: Path, new: str, code: str) -> None:
     path = folder / "rig.toml"
     change(path, "\n[control]", f"\n[[load.disturbance]]\n{new}\n\n[control]")
     with refused(f"{code} load.disturbance[1]: frequency_Hz"):
@@ -261,7 +259,7 @@ def test_a_pair_needs_room_for_its_second_magnet(folder: Path) -> None:
         ("bias_N = 80.0", "", "pair-only control.bias_N"),
     ],
 )
-def test_the_second_magnet_of_a_pair_says_whose_like_it_is_and_where(
+def test_the_second_magnet_of_a_pair_names_its_model_and_position(
     folder: Path, old: str, new: str, what: str
 ) -> None:
     path = folder / "rig.toml"
@@ -360,7 +358,7 @@ def test_a_rate_too_slow_for_the_plant_is_refused(folder: Path) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_controller_is_reported_by_line(
+def test_controller_errors_are_reported_by_line(
     folder: Path, old: str, new: str, key: str, what: str
 ) -> None:
     path = folder / "controller.toml"
@@ -374,7 +372,7 @@ def test_what_is_wrong_with_a_controller_is_reported_by_line(
         assert text.startswith(f"{path}:{line}: ")
 
 
-def test_a_controller_without_gains_is_reported_so(folder: Path) -> None:
+def test_a_controller_without_gains_is_refused(folder: Path) -> None:
     path = folder / "controller.toml"
     settings = read_controller(path).settings
     change(path, "[design]", "[design_]")
@@ -475,7 +473,7 @@ def test_a_flux_table_is_a_grid_whatever_the_order_of_its_rows(tmp_path: Path) -
         (["2,0.4,", *ROWS[1:]], "not-finite psi_Wb: line 2"),
     ],
 )
-def test_a_flux_table_that_is_none_is_reported_by_line_or_point(
+def test_an_invalid_flux_table_is_reported_by_line_or_point(
     tmp_path: Path, rows: list[str], what: str
 ) -> None:
     path = grid(tmp_path / "psi.csv", rows)
@@ -483,7 +481,7 @@ def test_a_flux_table_that_is_none_is_reported_by_line_or_point(
         read_flux_table(path)
 
 
-def test_a_flux_table_reaches_as_far_as_the_plant(tmp_path: Path) -> None:
+def test_a_flux_table_covers_the_range_of_the_plant(tmp_path: Path) -> None:
     path = grid(tmp_path / "psi.csv", ROWS)
     table = read_flux_table(path)
     low, high = table.gap.tolist()
@@ -503,7 +501,7 @@ def test_a_flux_table_without_flux_is_reported(tmp_path: Path) -> None:
         read_flux_table(path)
 
 
-def test_magnets_are_a_list_each_with_its_own_gap() -> None:
+def test_every_magnet_has_its_own_gap() -> None:
     gap = np.array([0.4e-3])
     total = bearings.pair_rig().settings.gap_total_m
     assert total is not None

@@ -66,7 +66,7 @@ def test_every_key_of_a_solenoid_is_described() -> None:
     assert set(keys(SolenoidFile)) - described("force-control.md") == set()
 
 
-def test_the_page_reports_what_each_kind_of_sensor_has() -> None:
+def test_the_page_lists_the_defaults_of_each_sensor_kind() -> None:
     text = (DOCS / "rig-file.md").read_text(encoding="utf-8")
     scale = {"nm": 1e-9, "us": 1e-6, "kHz": 1e3, "Hz": 1.0}
     for kind, usual in GAP_SENSOR_DEFAULTS.items():

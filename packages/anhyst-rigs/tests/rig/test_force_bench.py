@@ -53,7 +53,7 @@ def column(bench: ForceBench, rows: FloatArray, name: str) -> FloatArray:
     return found
 
 
-def test_a_firmware_drives_what_its_simulated_program_gives(rig: ForceControlRig, program: Program) -> None:
+def test_the_firmware_agrees_with_the_simulated_program(rig: ForceControlRig, program: Program) -> None:
     shape = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.4, cycles=1)
     demand = triangle_demand(shape, rig.settings.force.force_max_N, 1.0 / rig.dt)
     gap = np.full(demand.force.size, rig.settings.force.end_m)
@@ -92,7 +92,7 @@ def test_compensation_is_switched_while_it_runs(
     assert column(bench, rows, "expected")[-1] == pytest.approx(30.0, abs=0.1)
 
 
-def test_the_armature_goes_at_its_speed_and_to_and_fro() -> None:
+def test_the_armature_moves_at_its_speed_and_back_and_forth() -> None:
     armature = Armature(1e-3, 2.8e-3, 1000.0)
     assert armature.move() == pytest.approx(1.9e-3)
     armature.apply({"gap": 1.2e-3, "gap_speed": 0.01})
@@ -113,7 +113,7 @@ def test_a_force_is_demanded_in_run_alone(bench: ForceBench) -> None:
     assert column(bench, bench.advance(2), "demand")[-1] == pytest.approx(5.0)
 
 
-def test_what_does_not_fit_is_refused_and_nothing_changes(bench: ForceBench) -> None:
+def test_unsuitable_values_are_refused_and_change_nothing(bench: ForceBench) -> None:
     run(bench)
     before = bench.parameters()
     with refused("wrong-state follow"):

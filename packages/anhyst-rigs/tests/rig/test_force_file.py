@@ -84,7 +84,7 @@ def test_a_missing_file_names_itself(rig: Path) -> None:
         read_rig(rig.parent)
 
 
-def test_what_is_no_toml_is_reported(rig: Path) -> None:
+def test_an_invalid_toml_file_is_reported(rig: Path) -> None:
     rig.write_bytes(b"\xff\xfe\x00")
     with refused("not-utf8"):
         read_rig(rig)

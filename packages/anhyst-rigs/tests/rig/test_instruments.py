@@ -47,7 +47,7 @@ def loopset(*pairs: tuple[float, float]) -> Loops:
     return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
 
 
-def test_a_triangle_turns_where_it_says_after_its_lead_in() -> None:
+def test_a_triangle_has_its_stated_turning_points_after_the_lead_in() -> None:
     shape = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.5, cycles=3)
     demand = triangle_demand(shape, 40.0, RATE)
     assert demand.lead_in == round(LEAD_IN_S * RATE)
@@ -75,7 +75,7 @@ def test_the_armature_begins_at_rest_and_stays_within_its_stroke() -> None:
     assert gap.max() == pytest.approx(3e-3)
 
 
-def test_the_single_valued_curve_lies_midway_so_that_no_other_is_better() -> None:
+def test_the_single_valued_curve_is_midway_between_the_branches() -> None:
     loops = loopset((1e-3, 0.1), (2e-3, 0.2), (3e-3, 0.3))
     curve = fit_single_valued(loops, 40.0)
     force = np.linspace(1.0, 39.0, 50)
@@ -100,7 +100,7 @@ def test_a_ratio_is_the_best_straight_line_through_zero() -> None:
     loops = loopset((1e-3, 0.1), (2e-3, 0.1))
     ratio = fit_ratio(loops, 30.0)
     for gap, found in zip((1e-3, 2e-3), ratio.ratio.tolist(), strict=True):
-        loop = next(one for one in loops.loops if one.schedule_value == gap)
+        loop = next(loop for loop in loops.loops if loop.schedule_value == gap)
         used = loop.output <= 30.0
 
         def cost(k: float, loop: Loop = loop, used: np.ndarray = used) -> float:

@@ -173,7 +173,7 @@ def test_an_iron_of_any_family_gets_wider_loops(bearing: Path) -> None:
         shutil.copy(EXAMPLES / "bearing" / "rig.toml", bearing)
 
 
-def test_a_reversible_fraction_is_refused_where_the_family_has_none(bearing: Path) -> None:
+def test_a_reversible_fraction_is_refused_for_families_without_one(bearing: Path) -> None:
     rig = read_bearing(with_keys(bearing, keys_of("duhem-usual")))
     with refused("not-iron-of-cells iron.family"):
         change_iron(rig, 0.1)

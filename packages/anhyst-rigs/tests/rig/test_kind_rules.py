@@ -124,7 +124,7 @@ def test_the_bundled_rigs_are_whole(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("kind", "name"), cells(FOREIGN))
-def test_what_belongs_to_another_kind_is_refused_by_its_place(kind: str, name: str, tmp_path: Path) -> None:
+def test_a_table_of_another_kind_is_refused_with_its_location(kind: str, name: str, tmp_path: Path) -> None:
     content, (key, table) = example(kind), SAMPLES[name]
     if key in LISTS:
         content[key] = [*content.get(key, []), table]
@@ -136,7 +136,7 @@ def test_what_belongs_to_another_kind_is_refused_by_its_place(kind: str, name: s
 
 
 @pytest.mark.parametrize(("kind", "name"), cells(NEEDED))
-def test_what_a_kind_needs_is_asked_for(kind: str, name: str, tmp_path: Path) -> None:
+def test_missing_tables_of_a_kind_are_reported(kind: str, name: str, tmp_path: Path) -> None:
     content, (key, _) = example(kind), SAMPLES[name]
     if key in LISTS:
         content[key] = [table for table in content[key] if called(key, table) != name]
@@ -151,7 +151,7 @@ def test_what_a_kind_needs_is_asked_for(kind: str, name: str, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("kind", "name"), [(kind, name) for kind, name in cells(NEEDED) if SAMPLES[name][0] in LISTS]
 )
-def test_there_is_one_of_what_a_kind_needs(kind: str, name: str, tmp_path: Path) -> None:
+def test_repeated_tables_of_a_kind_are_refused(kind: str, name: str, tmp_path: Path) -> None:
     """There may be several forces, magnets and position sensors, and only one of all others."""
     content = example(kind)
     place, table = table_of(content, name)
@@ -243,7 +243,7 @@ def test_force_is_controlled_of_one_magnet_of_either_kind(tmp_path: Path) -> Non
     ("name", "what"),
     [("core", "name-taken iron[2].name: 'core'"), ("from loops", "string-pattern-mismatch iron[2].name")],
 )
-def test_irons_have_names_of_their_own(name: str, what: str, tmp_path: Path) -> None:
+def test_irons_have_unique_names(name: str, what: str, tmp_path: Path) -> None:
     content = copy.deepcopy(example("bearing"))
     content["iron"].append({**content["iron"][0], "name": name})
     with refused(what):
@@ -264,7 +264,7 @@ def test_irons_have_names_of_their_own(name: str, what: str, tmp_path: Path) -> 
         ("piezo", "body flexure", "damping_rato", "extra-forbidden {}.damping_rato: damping_ratio"),
     ],
 )
-def test_a_misspelt_key_is_held_against_those_of_its_own_table(
+def test_a_misspelt_key_suggests_keys_of_its_own_table(
     kind: str, name: str, key: str, what: str, tmp_path: Path
 ) -> None:
     content = example(kind)
@@ -308,9 +308,7 @@ def coil(poles: Poles, numbers: Mapping[str, float]) -> Poles:
     return replace(poles, outer=poles.turns**2 / numbers["inductance_H"], bias=1e5)
 
 
-def test_a_rig_of_what_goes_both_ways_has_no_pairs_and_no_least_force(
-    pushing: Content, tmp_path: Path
-) -> None:
+def test_a_bidirectional_rig_has_no_pairs_and_no_least_force(pushing: Content, tmp_path: Path) -> None:
     file = read(tmp_path, pushing)
     assert file.magnet.is_bidirectional
     assert opposing_magnets(file) == list(range(10))
@@ -331,7 +329,7 @@ def test_a_rig_of_what_goes_both_ways_has_no_pairs_and_no_least_force(
         ("magnet", 3, {"gap_m": 0.5e-3}, "option-differs magnet[4].gap_m"),
     ],
 )
-def test_what_such_a_rig_cannot_have_is_refused(
+def test_unsuitable_keys_of_a_bidirectional_rig_are_refused(
     pushing: Content, key: str, number: int | None, values: Content, what: str, tmp_path: Path
 ) -> None:
     table = pushing[key] if number is None else pushing[key][number]
@@ -340,7 +338,9 @@ def test_what_such_a_rig_cannot_have_is_refused(
         read(tmp_path, pushing)
 
 
-def test_loops_and_instruments_of_what_goes_both_ways_go_both_ways(pushing: Content, tmp_path: Path) -> None:
+def test_loops_and_instruments_of_a_bidirectional_rig_are_bidirectional(
+    pushing: Content, tmp_path: Path
+) -> None:
     pushing["sensor"][1] |= {"low_A": -2.0, "high_A": 5.0}
     pushing["sensor"][2]["low_N"] = -10.0
     pushing["amplifier"][0]["current_low_A"] = -1.5
@@ -355,7 +355,7 @@ def test_loops_and_instruments_of_what_goes_both_ways_go_both_ways(pushing: Cont
         rig.measured_loops.read()
 
 
-def test_turning_points_are_those_of_the_amplifier(tmp_path: Path) -> None:
+def test_turning_points_are_within_the_amplifier_range(tmp_path: Path) -> None:
     content = example("stage")
     content["measurement"]["records"][0]["turns"] = [0.0, 1.0, -0.5]
     (tmp_path / "loops.csv").touch()

@@ -18,7 +18,7 @@ from anhyst_rigs.study.fleet_magnets import FleetSettings, FleetTask, Member
 from tests.study import bearings, stages
 
 
-def test_a_search_that_ctrl_c_ended_is_neither_gone_on_with_nor_kept(
+def test_an_interrupted_search_is_neither_used_nor_cached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -32,9 +32,7 @@ def test_a_search_that_ctrl_c_ended_is_neither_gone_on_with_nor_kept(
     assert identify_loops(loops, IdentifyTable(), "circuit").name == half.model.name
 
 
-def test_where_somebody_registers_a_law_nothing_is_taken_from_the_cache(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_with_a_registered_law_the_cache_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     loops = read_stage(stages.EXAMPLE / "rig.toml").measured_loops.read()
     found = SimpleNamespace(interrupted=False, model=bearings.knowledge().model)

@@ -36,7 +36,7 @@ class Held:
     [(0.35e-3, "0.35mm-up"), (0.5e-3, "0.50mm-up"), (0.351e-3, "0.351mm-up"),
      (0.352e-3, "0.352mm-up")],
 )  # fmt: skip
-def test_no_two_gaps_share_a_label(gap: float, name: str) -> None:
+def test_gaps_have_distinct_labels(gap: float, name: str) -> None:
     campaign = MeasurementTable.model_validate(
         {
             **{"gaps_m": [gap], "current_max_A": 1.0, "sweep_A_per_s": 1.0, "sample_s": 1.0},

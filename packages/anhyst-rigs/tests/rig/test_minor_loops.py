@@ -12,7 +12,7 @@ from anhyst.data.loops import Loop
 from anhyst_rigs.rig.minor_loops import find_closings
 
 
-def test_where_small_loops_close_is_found_and_how_far_they_are_off() -> None:
+def test_minor_loops_and_their_closing_errors_are_found() -> None:
     ends = np.array([0.0, 1.0, 0.0, 0.75, 0.15, 0.9, 0.3, 0.9, 0.3, 0.6, 0.0])
     drive = np.concatenate([np.linspace(*pair, 60) for pair in itertools.pairwise(ends)])
     noise = np.random.default_rng(1).normal(0.0, 0.01, drive.size)

@@ -104,7 +104,7 @@ def test_a_recorder_gets_every_tick_in_order(paced: Callable[..., PacedBench]) -
     assert recorder.missed_ticks == 0
 
 
-def test_who_looks_on_slowly_loses_the_oldest_and_stalls_nobody(paced: Callable[..., PacedBench]) -> None:
+def test_a_slow_viewer_loses_the_oldest_rows_and_delays_nobody(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter(), paused=True)
     viewer = pacer.subscribe("viewer", max_chunks=3)  # never reads while it runs
     pacer.resume()
@@ -136,7 +136,7 @@ def test_time_waits_for_a_recorder_that_has_no_room(paced: Callable[..., PacedBe
 
 @pytest.mark.first(2)
 @pytest.mark.parametrize("speed", [1.0, 0.1, 0.01])
-def test_time_goes_as_fast_as_it_is_told_to(speed: float, paced: Callable[..., PacedBench]) -> None:
+def test_time_passes_at_the_set_speed(speed: float, paced: Callable[..., PacedBench]) -> None:
     bench = Counter()
     began = time.monotonic()
     pacer = paced(bench, speed)
@@ -194,7 +194,7 @@ def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., PacedBe
         assert tick == 1 or rows[tick - 2, 1] == given - 1
 
 
-def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., PacedBench]) -> None:
+def test_an_overloaded_bench_slows_down_and_reports_it(paced: Callable[..., PacedBench]) -> None:
     bench = Counter(cost=2.0 / RATE)  # twice the available time
     pacer = paced(bench, paused=True)
     recorder = pacer.subscribe("recorder", max_chunks=10_000, needs_every_tick=True)
@@ -214,7 +214,7 @@ def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., P
     assert (rows[:, 0] == np.arange(1, len(rows) + 1)).all()
 
 
-def test_what_is_refused_is_refused_to_who_asked(paced: Callable[..., PacedBench]) -> None:
+def test_a_refusal_is_raised_to_its_caller(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter())
     with refused("refused"):
         pacer.execute(lambda bench: bench.command(Command.LIFT))
@@ -224,7 +224,7 @@ def test_what_is_refused_is_refused_to_who_asked(paced: Callable[..., PacedBench
     wait_for(lambda: pacer.pacing().tick > tick)
 
 
-def test_a_bench_that_ends_ends_all_queues_and_says_why(paced: Callable[..., PacedBench]) -> None:
+def test_the_end_of_a_bench_ends_all_queues_with_its_reason(paced: Callable[..., PacedBench]) -> None:
     bench = Counter()
     bench.ends = 1000
     pacer = paced(bench, paused=True)
@@ -237,7 +237,7 @@ def test_a_bench_that_ends_ends_all_queues_and_says_why(paced: Callable[..., Pac
     assert str(pacer.error).endswith("tick 1000")
 
 
-def test_many_may_ask_at_once(paced: Callable[..., PacedBench]) -> None:
+def test_many_threads_may_call_at_once(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter())
     seen: list[int] = []
     lock = threading.Lock()
@@ -257,7 +257,7 @@ def test_many_may_ask_at_once(paced: Callable[..., PacedBench]) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the scheduler is asked on Linux alone")
-def test_a_thread_goes_first_for_a_while_and_then_as_before() -> None:
+def test_raised_priority_is_temporary() -> None:
     def schedule() -> tuple[int, int]:
         return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
 

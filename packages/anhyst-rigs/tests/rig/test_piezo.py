@@ -45,12 +45,12 @@ def still(load: float, ticks: int = 4000) -> FloatArray:
     return places
 
 
-def test_a_load_moves_the_stage_by_what_it_says_until_the_integrator_takes_it_back() -> None:
-    away = still(1e-6) - still(0.0)
-    overshoot = away.max() / 1e-6
-    assert away[0] == 0.0
+def test_a_load_displaces_the_stage_until_the_integrator_corrects_it() -> None:
+    deviation = still(1e-6) - still(0.0)
+    overshoot = deviation.max() / 1e-6
+    assert deviation[0] == 0.0
     assert 1.5 < overshoot < 1.95  # a step on a weakly damped resonance
-    assert abs(away[-100:].mean()) < 3e-9
+    assert abs(deviation[-100:].mean()) < 3e-9
 
 
 def test_a_loop_without_a_controller_does_not_run() -> None:
@@ -83,7 +83,7 @@ def test_a_compensator_that_follows_a_voltage_knows_the_stack_as_one_that_drove_
         ("greater-than amplifier[1].high_V", "high_V = 150.0", "high_V = 0.0"),
     ],
 )
-def test_what_the_plant_cannot_follow_or_nobody_can_judge_is_refused(
+def test_references_that_cannot_be_followed_or_evaluated_are_refused(
     code: str, was: str, now: str, tmp_path: Path
 ) -> None:
     text = (piezos.EXAMPLE / "rig.toml").read_text(encoding="utf-8")

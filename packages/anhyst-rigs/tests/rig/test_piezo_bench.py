@@ -41,7 +41,7 @@ def is_like(rows: FloatArray, run: Recording) -> bool:
     return all(np.array_equal(column(rows, name.rpartition("_")[0]), run[name]) for name in names)
 
 
-def test_the_first_periods_are_what_a_simulation_gives_bit_for_bit() -> None:
+def test_the_first_periods_agree_with_a_simulation_bit_for_bit() -> None:
     run = follow_reference(piezos.rig(), make_reference(piezos.rig()), piezos.inverses()["full"])
     bench = piezos.bench()
     bench.command(Command.RUN)
@@ -77,7 +77,7 @@ def test_rows_do_not_depend_on_how_they_are_cut() -> None:
 
 
 @pytest.mark.parametrize("to", [0.0, 1.0])
-def test_compensation_is_switched_where_a_period_begins_and_without_a_bump(to: float) -> None:
+def test_compensation_is_switched_at_a_period_start_without_a_bump(to: float) -> None:
     benches = running(), running()
     for bench in benches:
         if to == 1.0:
@@ -91,29 +91,29 @@ def test_compensation_is_switched_where_a_period_begins_and_without_a_bump(to: f
     assert rows[differs[0], 0] == due
     steps = np.abs(np.diff(column(rows, "voltage")))
     assert steps[differs[0] - 1] < 1.2 * np.abs(np.diff(column(same, "voltage"))).max()
-    named = {one.name: one.value for one in benches[0].parameters()}
+    named = {parameter.name: parameter.value for parameter in benches[0].parameters()}
     assert named["compensation"] == to
 
 
-def test_the_compensator_leaves_less_than_a_fifth_of_what_the_curve_leaves() -> None:
+def test_the_compensator_has_less_than_a_fifth_of_the_error_of_the_curve() -> None:
     bench = running()
     bench.advance(PERIOD // 2)
     on = column(bench.advance(2 * PERIOD), "error")
     bench.apply({"compensation": 0.0})
     bench.advance(3 * PERIOD)
-    off = column(bench.advance(2 * PERIOD), "error")
-    assert rms(on) < 0.2 * rms(off)
+    error = column(bench.advance(2 * PERIOD), "error")
+    assert rms(on) < 0.2 * rms(error)
 
 
-def test_another_bandwidth_goes_on_without_a_bump() -> None:
+def test_a_bandwidth_change_causes_no_bump() -> None:
     benches = running(), running()
     benches[0].apply({"bandwidth": 80.0})
     rows, same = (bench.advance(PERIOD) for bench in benches)
-    away = column(rows, "error") - column(same, "error")
-    assert 1e-9 < np.abs(away).max() < 3e-8
+    deviation = column(rows, "error") - column(same, "error")
+    assert 1e-9 < np.abs(deviation).max() < 3e-8
 
 
-def test_a_stop_holds_it_where_it_is_and_a_run_goes_on_from_there() -> None:
+def test_a_stop_holds_the_position_and_a_run_continues_from_it() -> None:
     bench = running()
     fastest = np.abs(np.diff(column(bench.advance(PERIOD), "reference"))).max()
     bench.advance(PERIOD // 4)
@@ -173,7 +173,7 @@ def test_a_loop_that_is_lost_has_no_voltage_until_it_is_cleared() -> None:
     assert np.abs(column(bench.advance(3 * PERIOD), "error")[2 * PERIOD :]).max() < 1e-7
 
 
-def test_what_cannot_be_is_refused_and_changes_nothing() -> None:
+def test_impossible_values_are_refused_and_change_nothing() -> None:
     bench, other = running(), running()
     for wrong in ({"compensation": 0.5}, {"stroke": math.nan}, {"frequency": 1e6}, {"gain": 1.0}):
         code = "unknown-parameter" if "gain" in wrong else "out-of-range"
@@ -197,7 +197,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("state", [State.READY, State.RUN, State.FAULT])
-def test_what_is_greyed_is_refused_and_the_next_step_leads_to_run(state: State) -> None:
+def test_disabled_commands_are_refused_and_the_next_step_leads_to_run(state: State) -> None:
     bench = piezos.bench() if state is State.READY else running()
     if state is State.FAULT:
         bench.apply({"bandwidth": 500.0})
@@ -218,7 +218,7 @@ def test_what_is_greyed_is_refused_and_the_next_step_leads_to_run(state: State) 
 
 
 @pytest.mark.slow
-def test_minutes_at_rest_and_thousands_of_periods_leave_it_as_it_was() -> None:
+def test_minutes_at_rest_and_thousands_of_periods_do_not_change_the_error() -> None:
     bench = running()
     bench.command(Command.STOP)
     rows = bench.advance(2_000_000)

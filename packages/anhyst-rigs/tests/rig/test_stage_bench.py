@@ -54,7 +54,7 @@ def going(bench: StageBench, laps: int = 1) -> FloatArray:
     return np.concatenate([first, bench.advance(laps * lap(bench) - 1)])
 
 
-def test_the_first_lap_is_what_a_simulation_of_it_gives() -> None:
+def test_the_first_cycle_agrees_with_a_simulation() -> None:
     """Codes of 24 bits hide the last bits of a sine, which differ between processors."""
     bench = StageBench(setups(24))
     rows = going(bench)
@@ -75,7 +75,7 @@ def test_rows_do_not_depend_on_how_they_are_cut(bench: StageBench) -> None:
     assert np.array_equal(np.concatenate(parts), whole)
 
 
-def test_the_body_comes_back_after_two_laps_and_rests_between_them(bench: StageBench) -> None:
+def test_the_body_returns_after_two_cycles_and_rests_between_them(bench: StageBench) -> None:
     rows = going(bench, 2)
     place = column(bench, rows, "reference")
     assert np.ptp(place) > 5e-3
@@ -86,7 +86,7 @@ def test_the_body_comes_back_after_two_laps_and_rests_between_them(bench: StageB
     assert set(column(bench, rows, "lap")) == {1.0, 2.0}
 
 
-def test_what_is_applied_acts_on_the_tick_that_was_said_and_on_none_before(bench: StageBench) -> None:
+def test_applied_values_act_from_the_reported_tick(bench: StageBench) -> None:
     other = StageBench(setups())
     for one in (bench, other):
         going(one)
@@ -96,13 +96,13 @@ def test_what_is_applied_acts_on_the_tick_that_was_said_and_on_none_before(bench
     rows, same = bench.advance(ticks), other.advance(ticks)
     differs = np.flatnonzero(np.any(rows[:, 1:] != same[:, 1:], axis=1))
     assert rows[differs[0], 0] == applied
-    named = {one.name: one.value for one in bench.parameters()}
+    named = {parameter.name: parameter.value for parameter in bench.parameters()}
     assert (named["compensation"], named["gain_acceleration"]) == (0.0, 1.02)
     at_rest = StageBench(setups())
     assert at_rest.apply({"compensation": 0.0}) == 1
 
 
-def test_another_controller_goes_on_without_a_bump_and_remembers_what_flowed(bench: StageBench) -> None:
+def test_a_controller_change_causes_no_bump_and_keeps_the_currents(bench: StageBench) -> None:
     other = StageBench(setups())
     for one in (bench, other):
         one.load(5.0)  # carried by the integral
@@ -114,7 +114,7 @@ def test_another_controller_goes_on_without_a_bump_and_remembers_what_flowed(ben
 
 def test_a_stop_brakes_at_once_with_no_more_force_than_a_turnaround(bench: StageBench) -> None:
     rows = going(bench)
-    most = np.abs(column(bench, rows, "demand")).max()
+    largest = np.abs(column(bench, rows, "demand")).max()
     for part, share in ((0.3, 1.0), (0.5, 1.0), (0.7, 1.0), (0.3, 0.1)):
         bench.command(Command.STOP)
         bench.advance(round(0.2 * bench.rate))
@@ -126,7 +126,7 @@ def test_a_stop_brakes_at_once_with_no_more_force_than_a_turnaround(bench: Stage
         rows = bench.advance(round(0.2 * bench.rate))
         place = column(bench, rows, "reference")
         assert np.all(place[round(0.1 * bench.rate) :] == place[-1])
-        assert np.abs(column(bench, rows, "demand")).max() < 1.1 * most
+        assert np.abs(column(bench, rows, "demand")).max() < 1.1 * largest
         assert np.abs(column(bench, rows, "error")[-100:]).max() < 2e-8
         assert set(column(bench, rows, "state")) == {float(State.READY)}
 
@@ -169,7 +169,7 @@ def test_commands_and_values_that_it_cannot_take_are_refused(bench: StageBench) 
         bench.demand(1e-3)
 
 
-def test_the_target_is_a_step_beside_the_set_point(bench: StageBench) -> None:
+def test_the_target_is_added_to_the_set_point(bench: StageBench) -> None:
     bench.advance(200)
     bench.demand(1e-7)
     rows = bench.advance(2000)
@@ -200,7 +200,7 @@ def test_the_pulls_of_all_magnets_make_the_wrench_and_their_gaps_the_pose(axes: 
     axes.advance(400)
     axes.command(Command.RUN)
     rows = axes.advance(3000)
-    read = {one.name: rows[:, 1 + place] for place, one in enumerate(axes.signals)}
+    read = {signal.name: rows[:, 1 + place] for place, signal in enumerate(axes.signals)}
 
     def all_of(name: str) -> FloatArray:
         return np.column_stack([read[name], *(read[f"{name}_{n}"] for n in range(2, 11))])
@@ -218,7 +218,7 @@ def test_the_pulls_of_all_magnets_make_the_wrench_and_their_gaps_the_pose(axes: 
     assert np.allclose(pose[:, 1], -read["error_y"], atol=1e-11)
 
 
-def test_a_pull_is_told_from_the_flux_density_as_the_plant_makes_it() -> None:
+def test_the_force_computed_from_flux_density_agrees_with_the_plant() -> None:
     file = stages.stage().settings
     poles, steel = file.magnet.poles, file.steel
     for one in (poles, replace(poles, outer=poles.reluctance(0.5e-3), bias=2e5, spring=300.0)):
@@ -230,7 +230,7 @@ def test_a_pull_is_told_from_the_flux_density_as_the_plant_makes_it() -> None:
 
 
 @pytest.mark.slow
-def test_the_first_lap_of_several_coordinates_is_what_a_simulation_of_it_gives(axes: StageBench) -> None:
+def test_the_first_cycle_of_several_coordinates_agrees_with_a_simulation(axes: StageBench) -> None:
     rows = going(axes)
     run = track(axes.setups[1], axes.cycles[0].motion, Feedforward())
     for name in ("error_m", "demand_N", "error_z_m", "error_ry_rad", "gap_5_m", "command_A"):
@@ -239,7 +239,7 @@ def test_the_first_lap_of_several_coordinates_is_what_a_simulation_of_it_gives(a
 
 
 @pytest.mark.slow
-def test_another_law_goes_on_with_the_weight_where_the_one_before_held_it(axes: StageBench) -> None:
+def test_a_law_change_keeps_supporting_the_weight(axes: StageBench) -> None:
     going(axes)
     axes.command(Command.STOP)
     axes.advance(2000)
@@ -247,17 +247,17 @@ def test_another_law_goes_on_with_the_weight_where_the_one_before_held_it(axes: 
     rows = axes.advance(1000)
     assert due == rows[0, 0]
     assert axes.cycles[-1].method == "full"
-    away = np.abs(column(axes, rows, "error_z"))
-    assert away.max() < 1e-5
-    assert away[-1] < 1e-7
+    deviation = np.abs(column(axes, rows, "error_z"))
+    assert deviation.max() < 1e-5
+    assert deviation[-1] < 1e-7
     assert set(column(axes, rows, "state")) == {float(State.READY)}
 
 
 @pytest.mark.slow
-def test_a_body_that_is_at_rest_stays_there_and_is_braked_from_any_speed(axes: StageBench) -> None:
-    away = np.abs(column(axes, axes.advance(3000), "error_z"))
-    assert away.max() < 3e-6  # until the currents carry the weight
-    assert away[2000:].max() < 1e-9
+def test_a_body_stays_at_rest_and_is_braked_from_any_speed(axes: StageBench) -> None:
+    deviation = np.abs(column(axes, axes.advance(3000), "error_z"))
+    assert deviation.max() < 3e-6  # until the currents carry the weight
+    assert deviation[2000:].max() < 1e-9
     axes.command(Command.RUN)
     axes.advance(1500)
     axes.command(Command.STOP)
@@ -267,9 +267,7 @@ def test_a_body_that_is_at_rest_stays_there_and_is_braked_from_any_speed(axes: S
 
 
 @pytest.mark.slow
-def test_a_body_of_several_coordinates_that_is_lost_lies_without_current_until_cleared(
-    axes: StageBench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lost_body_has_no_current_until_cleared(axes: StageBench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stage, "find_stage_loss", lambda *_: Loss(30, "an end stop was reached"))
     rows = axes.advance(200)
     assert len(rows) == 200
@@ -279,7 +277,7 @@ def test_a_body_of_several_coordinates_that_is_lost_lies_without_current_until_c
     assert np.all(column(axes, rows, "current_7") == 0.0)
     # Its weight pulls it away from the magnets above it; the gaps of the lateral magnets are
     # unchanged.
-    read = {one.name: rows[-1, 1 + place] for place, one in enumerate(axes.signals)}
+    read = {signal.name: rows[-1, 1 + place] for place, signal in enumerate(axes.signals)}
     gaps = [read["gap"], *(read[f"gap_{number}"] for number in range(2, 11))]
     assert gaps == pytest.approx([0.45e-3] * 6 + [0.55e-3] * 4)
     assert [read["error_z"], read["error"], read["error_rx"]] == pytest.approx([0.1e-3, 0.0, 0.0])
@@ -299,28 +297,30 @@ def test_a_drawn_plant_of_several_coordinates_is_another_one(axes: StageBench) -
     assert error[-1] > 1e-8  # its magnets differ
 
 
-def test_a_push_along_a_coordinate_acts_at_once_there_alone_and_the_loop_takes_it_up(
-    axes: StageBench,
-) -> None:
+def test_a_push_acts_on_its_coordinate_only_and_is_compensated(axes: StageBench) -> None:
     quiet = axes.advance(3000)
-    limits = {one.name: one.high for one in axes.parameters() if one.name.startswith("push_")}
+    limits = {
+        parameter.name: parameter.high
+        for parameter in axes.parameters()
+        if parameter.name.startswith("push_")
+    }
     # Two pairs along x; the four magnets of 240 N above the body carry 20 kg.
     assert limits["push_x"] == pytest.approx(0.5 * 480.0, rel=0.02)
     assert limits["push_z"] == pytest.approx(0.5 * (20.0 * 9.81 - 2.0), rel=0.02)
     assert axes.apply({"push_z": 20.0}) == axes.tick + 1
     rows = axes.advance(3000)
-    away = np.abs(column(axes, rows, "error_z"))
-    assert away.max() > 30.0 * np.abs(column(axes, quiet, "error_z")[-500:]).max()
-    assert away[-1] < 0.1 * away.max()
-    assert np.ptp(column(axes, rows, "error_y")) < 0.01 * away.max()
+    deviation = np.abs(column(axes, rows, "error_z"))
+    assert deviation.max() > 30.0 * np.abs(column(axes, quiet, "error_z")[-500:]).max()
+    assert deviation[-1] < 0.1 * deviation.max()
+    assert np.ptp(column(axes, rows, "error_y")) < 0.01 * deviation.max()
     # Another controller takes over the integral of the loop.
     axes.apply({"compensation": 0.0})
-    assert np.abs(column(axes, axes.advance(500), "error_z")).max() < away.max()
+    assert np.abs(column(axes, axes.advance(500), "error_z")).max() < deviation.max()
     with refused("out-of-range"):
         axes.apply({"push_z": 1000.0})
 
 
-def test_a_body_is_set_down_lies_without_current_and_is_lifted_to_where_it_was(axes: StageBench) -> None:
+def test_a_body_lands_rests_without_current_and_lifts_to_its_position(axes: StageBench) -> None:
     def state(rows: FloatArray) -> list[float]:
         """Return the states in their order."""
         found = column(axes, rows, "state")
@@ -366,7 +366,7 @@ def test_a_body_is_set_down_lies_without_current_and_is_lifted_to_where_it_was(a
     assert np.ptp(column(axes, rows, "reference")[-500:]) == 0.0
 
 
-def test_a_stop_while_it_is_lifted_sets_it_down_again(axes: StageBench) -> None:
+def test_a_stop_during_lifting_lands_the_body(axes: StageBench) -> None:
     axes.command(Command.IDLE)
     axes.advance(1000)
     axes.command(Command.LIFT)

@@ -43,7 +43,7 @@ def rig_file(folder: Path, changes: dict[str, str]) -> Path:
     return path
 
 
-def test_the_bundled_file_says_nothing_of_lines_and_means_x() -> None:
+def test_a_file_without_lines_of_action_means_x() -> None:
     rig = read_stage(stages.EXAMPLE / "rig.toml")
     lines = rig.lines_of_action
     (x,) = lines.coordinates
@@ -65,12 +65,12 @@ def test_a_stage_that_carries_its_weight_asks_for_it_and_holds_its_place(tmp_pat
     begun = round(0.01 / run.dt)
     assert np.abs(run["error_m"][begun:]).max() < 1e-6
     moved = np.gradient(np.gradient(run["position_m"], run.dt), run.dt)
-    off = 10.0 * moved - run["force_N"] + 98.1
-    assert np.sqrt(np.mean(off[begun:-2] ** 2)) < 0.5
+    error = 10.0 * moved - run["force_N"] + 98.1
+    assert np.sqrt(np.mean(error[begun:-2] ** 2)) < 0.5
 
 
 @pytest.mark.slow
-def test_its_own_move_calibrates_it(tmp_path: Path) -> None:
+def test_the_planned_motion_calibrates_the_stage(tmp_path: Path) -> None:
     rig = read_stage(rig_file(tmp_path, ALONG_Z))
     move = find_move(rig, bearings.knowledge())
     found = calibrate(rig, move.run, magnet=bearings.knowledge(), methods=["full"])
@@ -106,7 +106,7 @@ def test_its_own_move_calibrates_it(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_such_a_body_cannot_do_is_refused_with_the_reason(
+def test_impossible_bodies_are_refused_with_a_reason(
     tmp_path: Path, changes: dict[str, str], said: str
 ) -> None:
     with refused(said):

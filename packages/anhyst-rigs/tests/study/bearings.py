@@ -107,7 +107,7 @@ def pair_text(text: str, bias: float, second_gap: float = GAP) -> str:
 
 def without_probe(rig: BodyRig) -> BodyRig:
     """The same rig without the Hall probe."""
-    sensors = [one for one in rig.settings.sensors if not isinstance(one, FluxSensorTable)]
+    sensors = [sensor for sensor in rig.settings.sensors if not isinstance(sensor, FluxSensorTable)]
     return replace(rig, settings=rig.settings.model_copy(update={"sensors": sensors}))
 
 

@@ -83,7 +83,7 @@ def test_twice_the_sub_steps_change_little_once_the_body_is_lifted() -> None:
         assert np.abs(coarse[name] - fine[name])[lifted:].max() < limit
 
 
-def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> None:
+def test_single_precision_agrees_with_double_within_a_nanometre() -> None:
     rig, scan = planar(), planar().settings.scan
     motion = scan_motion(scan, scan.test_m_per_s2[:1])
     wide, narrow = (
@@ -102,8 +102,8 @@ def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> No
         for law in ("f64", "f32")
     )
     assert not narrow.loss_text
-    for name, most in (("error_m", 1e-9), ("error_z_m", 1e-9), ("error_rz_rad", 5e-9)):
-        assert np.abs(wide[name] - narrow[name]).max() < most
+    for name, largest in (("error_m", 1e-9), ("error_z_m", 1e-9), ("error_rz_rad", 5e-9)):
+        assert np.abs(wide[name] - narrow[name]).max() < largest
 
 
 def on_the_ground(rig: BodyRig, **beam: float) -> BodyRig:

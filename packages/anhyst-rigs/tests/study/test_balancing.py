@@ -91,7 +91,7 @@ def test_flux_probes_are_balanced_the_same_way() -> None:
     assert less < 0.2 * about
 
 
-def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
+def test_cached_values_of_a_law_are_never_used_for_another() -> None:
     law = StageLaw(short_stage(), bearings.knowledge(), "single-valued")
     motion, zero = law.make_motion(recorded().columns), dict.fromkeys(law.names, 0.0)
     law.net_force(motion, zero)
@@ -104,7 +104,7 @@ def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
     assert (laws[-1].net_force(motion, zero) == expected).all()
 
 
-def test_what_no_motion_showed_stays_and_is_said() -> None:
+def test_unobserved_parameters_keep_their_values_and_are_reported() -> None:
     found = {
         parameter.name: parameter for parameter in make_estimator("full", recorded()).calibration.parameter
     }
@@ -128,7 +128,7 @@ def test_magnets_that_hardly_pull_learn_nothing_from_the_sum_of_all_scales() -> 
     assert {f"scale_{number}" for number in range(1, 11)} - hidden <= {*learner.identified}
 
 
-def test_a_body_that_is_as_the_file_says_is_left_alone_whatever_the_dead_time() -> None:
+def test_a_body_equal_to_its_file_is_not_corrected_at_any_dead_time() -> None:
     rig = change_rig(short_stage(), {"timing.delay_ticks": 2.0})
     setup, scan = make_stage(rig, bearings.knowledge(), "full"), rig.settings.scan
     run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
@@ -176,7 +176,7 @@ def test_the_verb_writes_a_file_that_the_rig_file_names(tmp_path: Path) -> None:
         replace(named, settings=named.settings.model_copy()).method_calibration("flux")
 
 
-def test_a_recording_without_what_was_read_is_refused() -> None:
+def test_a_recording_without_sensor_readings_is_refused() -> None:
     kept = {name: run for name, run in recorded().columns.items() if name != "gap_read_7_m"}
     with refused("column-missing gap_read_7_m"):
         calibrate(short_stage(), Recording(kept), magnet=bearings.knowledge())
@@ -185,7 +185,7 @@ def test_a_recording_without_what_was_read_is_refused() -> None:
         calibrate(short_stage(), Recording(turned), magnet=bearings.knowledge())
 
 
-def test_a_flux_that_is_no_number_and_a_clock_that_stands_are_refused() -> None:
+def test_nan_flux_and_constant_time_are_refused() -> None:
     read = recorded("flux").columns
     for wrong, why in (("flux_read_3_T", "not-finite flux_read_3_T"), ("t_s", "rate-differs t_s")):
         off = {wrong: np.full(len(read["t_s"]), np.nan if wrong != "t_s" else 0.0)}

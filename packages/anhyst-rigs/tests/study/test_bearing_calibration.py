@@ -153,7 +153,7 @@ def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
 
 
 @pytest.mark.slow
-def test_of_another_iron_it_is_said_that_the_law_does_not_fit_and_nothing_is_taken() -> None:
+def test_with_another_iron_the_law_does_not_fit_and_nothing_is_estimated() -> None:
     other = replace(setup(), rig=change_iron(bearings.example(), 0.3, 1.0))
     run = flown(other, plan_recorded_run(other.rig, other.controller)[0], NO_DRIFT)
     found = calibrate_run(run)
@@ -175,7 +175,7 @@ def test_hanging_still_under_a_load_that_swings_teaches_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_what_the_live_page_recorded_of_the_firmware_teaches_the_same(
+def test_recordings_of_the_live_page_give_the_same_estimates(
     tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     bench = BearingBench(bearings.single(), bearings.firmware(tmp_path_factory))
@@ -209,11 +209,11 @@ FAULTS: dict[str, Callable[[Recording], Recording]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
-def test_after_a_fault_nothing_is_taken(fault: str) -> None:
+def test_after_a_fault_nothing_is_estimated(fault: str) -> None:
     assert not calibrate_run(FAULTS[fault](recorded())).has_estimates
 
 
-def test_a_recording_without_what_is_needed_is_refused() -> None:
+def test_a_recording_without_needed_columns_is_refused() -> None:
     run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
     kept = {name: row for name, row in run.columns.items() if name != "state"}
     with pytest.raises(InputError, match="no column state"):
@@ -238,7 +238,7 @@ def naming(folder: Path) -> Path:
     return place
 
 
-def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(tmp_path: Path) -> None:
+def test_a_calibration_without_the_controllers_method_is_refused(tmp_path: Path) -> None:
     method = CalibratedMethod(name="play", residual_N=0.0, force_N=0.0, fits=True, parameter=[])
     file = CalibrationFile(
         format="anhyst-calibration",
@@ -252,7 +252,7 @@ def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(tm
         check_inputs(*read_files(naming(tmp_path), None))
 
 
-def test_what_is_to_be_found_may_be_named_before(tmp_path: Path) -> None:
+def test_a_calibration_file_may_be_named_before_it_exists(tmp_path: Path) -> None:
     run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
     with pytest.raises(InputError, match="begins while"):
         calibrate(naming(tmp_path), run.slice_ticks(len(run) - 200, len(run)))

@@ -83,8 +83,8 @@ def test_every_magnet_is_measured_as_it_is(found: Benefit, rig: BodyRig) -> None
 
 @pytest.mark.slow
 def test_against_a_constant_ratio_compensation_gains_everywhere(found: Benefit) -> None:
-    for one in found.cells:
-        against = one.ratio["overshoot_percent"]
+    for cell in found.cells:
+        against = cell.ratio["overshoot_percent"]
         assert against.baseline == "ratio"
         assert against.outcome == "gain"
         assert against.quotient is not None
@@ -92,29 +92,29 @@ def test_against_a_constant_ratio_compensation_gains_everywhere(found: Benefit) 
 
 
 @pytest.mark.slow
-def test_the_strongest_baseline_is_the_one_with_the_least_of_that_figure(found: Benefit) -> None:
-    for one in found.cells:
-        for measure, against in one.strongest.items():
-            means = {name: one.figures[name][measure].mean for name in BASELINES}
+def test_the_strongest_baseline_has_the_least_value_of_the_metric(found: Benefit) -> None:
+    for cell in found.cells:
+        for measure, against in cell.strongest.items():
+            means = {name: cell.figures[name][measure].mean for name in BASELINES}
             assert against.baseline == min(means, key=lambda name: means[name])
             assert against.quotient is not None
-            own = one.figures["full"][measure].mean
+            own = cell.figures["full"][measure].mean
             assert against.quotient.value == pytest.approx(own / min(means.values()))
 
 
 @pytest.mark.slow
-def test_flux_stands_beside_what_has_no_memory(found: Benefit) -> None:
-    for one in found.cells:
-        for measure, against in one.flux.items():
+def test_flux_is_compared_with_methods_without_memory(found: Benefit) -> None:
+    for cell in found.cells:
+        for measure, against in cell.flux.items():
             assert against.baseline == "flux"
             assert against.quotient is not None
-            figures = {name: rows[measure].mean for name, rows in one.figures.items()}
+            figures = {name: rows[measure].mean for name, rows in cell.figures.items()}
             assert against.quotient.value == pytest.approx(figures["full"] / figures["flux"])
-            assert one.strongest[measure].baseline != "flux"
+            assert cell.strongest[measure].baseline != "flux"
 
 
 @pytest.mark.slow
-def test_without_a_probe_there_is_no_flux(rig: BodyRig, controller: ControllerFile) -> None:
+def test_without_a_probe_flux_is_not_compared(rig: BodyRig, controller: ControllerFile) -> None:
     bare = bearings.without_probe(change_rig(rig, {"measurement.sample_s": 0.05}))
     (one,) = map_bearing_benefit(bare, controller, (1.0,), (0.3,), (100e-6,), seeds=2, jobs=1).cells
     assert one.flux == {}
@@ -122,23 +122,23 @@ def test_without_a_probe_there_is_no_flux(rig: BodyRig, controller: ControllerFi
 
 
 @pytest.mark.slow
-def test_what_is_no_overshoot_is_reported_in_metres(found: Benefit) -> None:
+def test_the_overshoot_threshold_is_reported_in_metres(found: Benefit) -> None:
     """The limit in metres is equal at all heights: a multiple of the rms motion at standstill."""
-    for one in found.cells:
-        for against in (one.ratio, one.strongest, one.flux):
+    for cell in found.cells:
+        for against in (cell.ratio, cell.strongest, cell.flux):
             overshoot = against["overshoot_percent"]
             assert overshoot.baseline is not None
             assert overshoot.floor is not None
-            still = max(one.standstill["full"], one.standstill[overshoot.baseline])
-            assert overshoot.floor == pytest.approx(300.0 * still / float(one.case))
+            still = max(cell.standstill["full"], cell.standstill[overshoot.baseline])
+            assert overshoot.floor == pytest.approx(300.0 * still / float(cell.case))
             assert 5e-9 < still < 100e-9
-            means = [one.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.baseline)]
+            means = [cell.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.baseline)]
             assert (overshoot.outcome == "nothing to gain") == (max(means) < overshoot.floor)
             assert against["settling_in_noise_s"].floor is None
 
 
 @pytest.mark.slow
-def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
+def test_the_map_marks_cells_without_gain(found: Benefit) -> None:
     """Without overshoot there is no gain; with wide, pathological loops there is a gain."""
     nothing = cell(found, 1.0, 0.3, 10e-6).strongest["overshoot_percent"]
     assert nothing.outcome == "nothing to gain"
@@ -158,8 +158,8 @@ def test_a_cell_does_not_depend_on_its_neighbours(
     assert alone.cells[0].iron == kept.iron
     # The preceding step has a small effect on the iron.
     for name, rows in alone.cells[0].figures.items():
-        for measure, one in rows.items():
-            assert one.mean == pytest.approx(kept.figures[name][measure].mean, rel=0.1, abs=0.2)
+        for measure, row in rows.items():
+            assert row.mean == pytest.approx(kept.figures[name][measure].mean, rel=0.1, abs=0.2)
 
 
 @pytest.mark.slow
@@ -181,7 +181,7 @@ def test_a_law_is_no_iron_to_vary(rig: BodyRig, controller: ControllerFile) -> N
         map_bearing_benefit(law, controller)
 
 
-def test_what_is_lost_does_not_count_as_a_baseline() -> None:
+def test_a_lost_method_is_not_a_baseline() -> None:
     lost = MethodComparison(None, None, None)
     assert lost.outcome == "no gain"
     certain = MethodComparison("single-valued", mean_ratio([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
@@ -192,7 +192,7 @@ def test_what_is_lost_does_not_count_as_a_baseline() -> None:
 @pytest.mark.parametrize(
     ("mean", "outcome"), [(1.2, "gain"), (1.0, "no gain"), (-1.0, "no gain"), (-1.2, "loss")]
 )
-def test_gain_and_loss_are_reported_only_where_they_are_certain(mean: float, outcome: str) -> None:
+def test_gain_and_loss_are_reported_only_if_significant(mean: float, outcome: str) -> None:
     ratio = mean_ratio([1.0, 1.1], [2.0, 2.2])
     assert MethodComparison("single-valued", ratio, Interval(mean, 1.1, 2)).outcome == outcome
     assert MethodComparison("single-valued", ratio, Interval(mean, 1.1, 2), 3.0, True).outcome == (
@@ -200,7 +200,7 @@ def test_gain_and_loss_are_reported_only_where_they_are_certain(mean: float, out
     )
 
 
-def test_the_interval_of_a_ratio_holds_one_where_the_difference_may_be_zero() -> None:
+def test_the_interval_of_a_ratio_contains_one_if_the_difference_may_be_zero() -> None:
     rng = np.random.default_rng(3)
     apart = 0
     for shift in np.linspace(-0.5, 0.5, 41):
@@ -224,7 +224,7 @@ def test_the_interval_of_a_ratio_covers_it() -> None:
     assert 0.92 < inside / 400 < 0.98
 
 
-def test_a_ratio_over_what_may_be_zero_is_open() -> None:
+def test_a_ratio_to_a_possible_zero_is_unbounded() -> None:
     found = mean_ratio([1.0, 1.1, 0.9], [1.0, -1.0, 0.1])
     assert (found.low, found.high) == (0.0, math.inf)
     assert mean_ratio([1.0, 1.0], [0.0, 0.0]).value == math.inf
@@ -257,7 +257,7 @@ PIEZO = EXAMPLE.parent / "piezo" / "rig.toml"
 
 
 @pytest.mark.slow
-def test_a_wider_loop_of_a_piezo_stack_leaves_more_to_gain() -> None:
+def test_a_wider_piezo_loop_gives_a_larger_gain() -> None:
     """A curve's error grows with the loop; that of play cells stays below a narrow loop's error."""
     stage = read_piezo_rig(PIEZO)
     narrow, wide = map_plant_benefit(stage, (0.5, 1.0), seeds=2, jobs=1).cells
@@ -278,10 +278,10 @@ def test_iron_of_a_stage_is_varied_and_measured_again() -> None:
     narrow, wide = found.cells
     assert wide.iron.loop_width > 1.7 * narrow.iron.loop_width
     assert wide.iron.label == "pathological"
-    for one in found.cells:
-        assert one.case == "test set-point"
-        assert one.strongest["average_m"].outcome == "gain"
-        assert one.strongest["average_m"].baseline in BASELINES
+    for cell in found.cells:
+        assert cell.case == "test set-point"
+        assert cell.strongest["average_m"].outcome == "gain"
+        assert cell.strongest["average_m"].baseline in BASELINES
     assert {metric.key for metric in found.metrics} >= {"average_m", "peak_m"}
 
 
@@ -311,7 +311,7 @@ def outcome(iron: IronFigures, values: Mapping[MethodName, Mapping[str, FloatArr
     return cell.strongest["settling_s"].outcome
 
 
-def test_what_every_method_lost_is_compared_with_nothing() -> None:
+def test_a_cell_that_every_method_lost_has_no_comparison() -> None:
     assert outcome(IronFigures(1.0, None, 0.05, None, None, ""), {}) == "no gain"
 
 

@@ -64,7 +64,7 @@ def hover(running: BearingBench) -> None:
     assert Phase(running.link.status().codes.phase) is Phase.HOVER
 
 
-def test_the_firmware_does_what_the_simulation_does(running: BearingBench) -> None:
+def test_the_firmware_agrees_with_the_simulation(running: BearingBench) -> None:
     setup = bearings.single()
     scenario = hop(setup).build()
     simulated = SimulatedLoop(setup).run(scenario)
@@ -84,7 +84,7 @@ def test_another_run_differs_from_it(running: BearingBench) -> None:
 
 
 @pytest.mark.slow
-def test_every_fault_in_the_air_ends_as_is_said(firmware: Path) -> None:
+def test_every_fault_while_levitating_ends_as_documented(firmware: Path) -> None:
     setup = bearings.single()
     with closing(BearingBench(setup, firmware, board="library")) as running:
         runs = FaultRuns(setup, running)
@@ -100,7 +100,7 @@ def test_every_fault_in_the_air_ends_as_is_said(firmware: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ticks", [100_000, pytest.param(1_000_000, marks=pytest.mark.campaign)], ids=str)
-def test_long_flights_differ_in_no_tick(firmware: Path, ticks: int) -> None:
+def test_long_runs_agree_in_every_tick(firmware: Path, ticks: int) -> None:
     setup = bearings.single()
     script = bearings.lifted(setup)
     landing = script.tick_count(land_time(setup.rig, setup.controller))
@@ -134,7 +134,7 @@ def test_a_pair_levitates_the_same(tmp_path: Path, measured: bool) -> None:
     assert count_differences(simulated, recorded) == 0
 
 
-def test_targets_stay_within_the_positions_that_can_be(running: BearingBench) -> None:
+def test_targets_are_limited_to_possible_positions(running: BearingBench) -> None:
     for code, allowed in ((0, True), (1 << 30, True), ((1 << 31) - 1, False), (-(1 << 31), False)):
         if allowed:
             running.link.request(TargetRequest(code), StatusAnswer)
@@ -156,7 +156,7 @@ def test_a_position_has_no_demand_and_levitation_no_run(running: BearingBench) -
     assert refused.value.reason is Reason.VALUE
 
 
-def test_the_pc_may_come_and_go_on_the_ground_alone(running: BearingBench) -> None:
+def test_the_pc_may_disconnect_only_while_the_armature_rests(running: BearingBench) -> None:
     running.sends_heartbeat = False
     running.advance(5000)
     assert running.state is not State.FAULT
@@ -167,7 +167,7 @@ def test_the_pc_may_come_and_go_on_the_ground_alone(running: BearingBench) -> No
     assert running.fault is Fault.LINK_LOST
 
 
-def test_what_cannot_run_is_refused(tmp_path: Path) -> None:
+def test_board_runs_that_are_impossible_are_refused(tmp_path: Path) -> None:
     rig = bearings.EXAMPLE / "rig.toml"
     with refused("wrong-ending"):
         run_board(rig, tmp_path / "running.csv", "library")

@@ -107,7 +107,7 @@ def hovering(built: Built, other: Block | None) -> FloatArray:
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_a_swap_in_the_air_moves_the_current_by_a_step_beside_what_is_asked(
+def test_a_swap_while_levitating_steps_the_current_by_the_model_difference(
     built: Built, usual: FloatArray, name: str
 ) -> None:
     swapped = hovering(built, built.block(OTHERS[name]))
@@ -116,13 +116,13 @@ def test_a_swap_in_the_air_moves_the_current_by_a_step_beside_what_is_asked(
     # Both models get the same force demand in the first tick, but convert it to different currents.
     asked = abs(own[1] - own[0])
     assert 0.0 < abs(drive[1] - own[1]) <= built.step + asked
-    most = np.abs(np.diff(own)).max()
-    assert np.abs(np.diff(drive)).max() < 2.0 * most + built.step
+    largest = np.abs(np.diff(own)).max()
+    assert np.abs(np.diff(drive)).max() < 2.0 * largest + built.step
     assert np.abs(swapped[:, 0] - GAP).max() < AWAY
     assert np.abs(swapped[-200:, 0] - GAP).max() < 0.3e-6
 
 
-def test_a_swap_while_conditioning_begins_it_again_along_the_ramp(built: Built) -> None:
+def test_a_swap_during_conditioning_restarts_it_along_the_ramp(built: Built) -> None:
     other = built.block(OTHERS["less pinning, a tenth more current"])
     with closing(BearingBench(built.setup, built.program)) as running:
         running.advance(200)

@@ -71,7 +71,7 @@ def test_on_a_plant_that_is_as_it_should_be_little_is_found() -> None:
 
 
 @pytest.mark.slow
-def test_what_was_learnt_pays_on_a_set_point_that_was_never_seen() -> None:
+def test_calibration_reduces_the_error_on_an_unseen_set_point() -> None:
     motion = stages.evaluation_set_point(stages.stage())
 
     def moving_average(setup: StageSetup) -> float:
@@ -96,7 +96,7 @@ def test_the_gain_of_a_probe_is_found_whatever_it_corrects() -> None:
 
 
 @pytest.mark.slow
-def test_the_mass_is_the_scale_of_force_and_goes_into_the_scales() -> None:
+def test_the_mass_error_is_estimated_as_a_common_scale_of_force() -> None:
     heavier = stages.stage().settings.with_changes({"body.mass_kg": 10.05})
     rig = replace(stages.stage(), settings=heavier)
     (found,) = calibrate(rig, recorded(), magnet=bearings.knowledge(), methods=["full"]).file.method
@@ -106,7 +106,7 @@ def test_the_mass_is_the_scale_of_force_and_goes_into_the_scales() -> None:
 
 
 @pytest.mark.slow
-def test_where_the_law_does_not_fit_nothing_is_taken_or_written(tmp_path: Path) -> None:
+def test_if_the_law_does_not_fit_nothing_is_estimated_or_written(tmp_path: Path) -> None:
     heavier = stages.stage().settings.with_changes({"body.mass_kg": 15.0})
     rig, out = replace(stages.stage(), settings=heavier), tmp_path / "calibration.toml"
     found = calibrate(rig, recorded(), out, magnet=bearings.knowledge(), methods=["full"])
@@ -131,7 +131,7 @@ def test_two_recordings_teach_more_than_one() -> None:
         assert updated.sigma < parameter.sigma or updated.frozen
 
 
-def test_nothing_moves_where_hardly_any_force_was_demanded(tmp_path: Path) -> None:
+def test_small_forces_change_no_estimate(tmp_path: Path) -> None:
     gently = replace(training(), peaks=(0.5, 0.5), speed=0.01)
     setup = replace(stages.setup("full"), drift=WRONG_DRIFT)
     run, out = track(setup, gently, Feedforward(), 1), tmp_path / "calibration.toml"
@@ -145,7 +145,7 @@ def test_nothing_moves_where_hardly_any_force_was_demanded(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_motion_that_the_law_cannot_explain_is_said_and_corrects_nothing() -> None:
+def test_an_unexplained_motion_is_reported_and_corrects_nothing() -> None:
     stuck = with_columns(command_A=np.full(len(recorded()), 1.0))
     (found,) = calibrate_run(stuck).file.method
     assert not found.fits
@@ -154,7 +154,7 @@ def test_a_motion_that_the_law_cannot_explain_is_said_and_corrects_nothing() -> 
 
 
 @pytest.mark.slow
-def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_noise() -> None:
+def test_only_a_law_of_the_wrong_kind_is_reported_at_any_noise() -> None:
     assert learnt("full").fits
     assert learnt("flux").fits
     play = learnt("play")  # one play operator instead of the hysteresis model
@@ -170,7 +170,7 @@ def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_n
 
 
 @pytest.mark.slow
-def test_no_number_leaves_what_the_rig_file_states_of_it() -> None:
+def test_estimates_stay_within_the_bounds_of_the_rig_file() -> None:
     far = with_columns(command_A=1.2 * recorded()["command_A"])
     (found,) = calibrate_run(far).file.method
     assert all(abs(parameter.value) <= 4.0 * parameter.prior + 1e-12 for parameter in found.parameter)
@@ -220,7 +220,7 @@ def test_a_written_recording_teaches_the_same(tmp_path: Path) -> None:
     assert found == learnt()
 
 
-def test_a_recording_that_does_not_fit_the_rig_is_refused_by_what_it_lacks(tmp_path: Path) -> None:
+def test_a_recording_that_does_not_fit_the_rig_is_refused_with_the_missing_column(tmp_path: Path) -> None:
     def error_of(run: Recording) -> InputError:
         run.save(tmp_path / "run.csv")
         with pytest.raises(InputError) as caught:
@@ -247,7 +247,7 @@ def test_a_recording_that_does_not_fit_the_rig_is_refused_by_what_it_lacks(tmp_p
         pytest.param(lambda n: abs(n - n.size // 2) > 8, "ticks-missing", id="a gap"),
     ],
 )  # fmt: skip
-def test_a_recording_is_of_every_tick_from_rest_on(
+def test_a_recording_must_hold_every_tick_from_rest(
     rows: Callable[[np.ndarray], np.ndarray], code: str
 ) -> None:
     kept = rows(np.arange(len(recorded())))
@@ -259,7 +259,7 @@ def test_a_recording_is_of_every_tick_from_rest_on(
         calibrate_run(part)
 
 
-def test_a_recording_teaches_once_and_only_what_is_there(tmp_path: Path) -> None:
+def test_a_recording_is_used_only_once(tmp_path: Path) -> None:
     recorded().save(tmp_path / "run.csv")
     for same in (tmp_path / "." / "run.csv", recorded()):
         with refused("recordings-not-once"):
@@ -272,7 +272,7 @@ def test_a_recording_teaches_once_and_only_what_is_there(tmp_path: Path) -> None
         calibrate_run(with_columns(command_A=np.full(len(recorded()), np.nan)))
 
 
-def test_a_current_is_not_taken_for_a_force(tmp_path: Path) -> None:
+def test_a_current_is_not_read_as_a_force(tmp_path: Path) -> None:
     recorded().save(tmp_path / "run.csv")
     text = (tmp_path / "run.csv").read_text()
     (tmp_path / "run.csv").write_text(text.replace("command_A", "command_N", 1))
@@ -292,7 +292,7 @@ def test_a_calibration_without_the_law_itself_is_refused_before_any_work(tmp_pat
         explore_stage(rig, bearings.knowledge())
 
 
-def test_an_amplifier_whose_lag_would_be_taken_for_the_iron_s_is_refused() -> None:
+def test_an_amplifier_as_slow_as_the_iron_is_refused() -> None:
     slow = stages.stage().settings.with_changes({"amplifier.bandwidth_Hz": 1000.0})
     with refused("amplifier-too-slow: amplifier.bandwidth_Hz"):
         calibrate(replace(stages.stage(), settings=slow), recorded(), magnet=bearings.knowledge())

@@ -103,11 +103,13 @@ def without_a_fault(firmware: Path) -> tuple[dict[str, tuple[float, float]], ...
 @pytest.mark.parametrize(
     "fault",
     [
-        pytest.param(one, id=one.name, marks=() if one.name in OFTEN else pytest.mark.campaign)
-        for one in fault_injections()
+        pytest.param(
+            injection, id=injection.name, marks=() if injection.name in OFTEN else pytest.mark.campaign
+        )
+        for injection in fault_injections()
     ],
 )
-def test_a_fault_of_the_flight_list_moves_nothing_that_was_learnt(
+def test_no_listed_fault_changes_an_estimate(
     tmp_path_factory: pytest.TempPathFactory, fault: FaultInjection
 ) -> None:
     firmware = bearings.firmware(tmp_path_factory)
@@ -118,7 +120,7 @@ def test_a_fault_of_the_flight_list_moves_nothing_that_was_learnt(
         return
     flies_on = bool(run["state"][-1] == State.RUN)
     assert flies_on == (fault.expected_fault is Fault.NONE)
-    wanted = without_a_fault(firmware)[flies_on]
-    assert len(wanted) == 4
+    expected = without_a_fault(firmware)[flies_on]
+    assert len(expected) == 4
     for name, (value, sigma) in learnt(run).items():
-        assert abs(value - wanted[name][0]) <= sigma, name
+        assert abs(value - expected[name][0]) <= sigma, name

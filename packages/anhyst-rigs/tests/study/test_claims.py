@@ -78,17 +78,17 @@ def standstill(setup: BearingSetup) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fraction", [0.15, 0.3])
-def test_it_stands_still_to_ten_nanometres_without_a_limit_cycle(fraction: float) -> None:
+def test_the_standstill_error_is_below_ten_nanometres_without_a_limit_cycle(fraction: float) -> None:
     assert standstill(quiet(bearings.single("full", fraction=fraction))) <= 10e-9
 
 
-def test_what_overshoots_is_reported_from_what_only_moves_about() -> None:
+def test_overshoot_is_distinguished_from_noise() -> None:
     """A constant ratio overshoots; the best curve without memory only shows the noise."""
     assert all(cell.has_overshoot for cell in cells("ratio", "fixed", 0.15))
-    least = cells("single-valued", "fixed", 0.15)[0]
-    assert not least.has_overshoot
-    assert least.interval("overshoot_percent").mean == pytest.approx(
-        least.interval("noise_percent").mean, rel=0.3
+    smallest = cells("single-valued", "fixed", 0.15)[0]
+    assert not smallest.has_overshoot
+    assert smallest.interval("overshoot_percent").mean == pytest.approx(
+        smallest.interval("noise_percent").mean, rel=0.3
     )
 
 
@@ -96,7 +96,7 @@ def falls_once(trial: ExperimentTrial) -> ExperimentOutcome | None:
     return None if trial.seed == 1 else ExperimentOutcome({"rms_m": 1.0})
 
 
-def test_where_a_run_is_lost_there_is_no_mean_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lost_run_prevents_a_mean_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     setup = bearings.single("ratio")
     found = run_variants(falls_once, {"ratio": setup}, SEEDS, None)
     assert found["ratio"].as_dict() == {"lost": 1, "runs": len(SEEDS)}

@@ -46,7 +46,7 @@ def test_the_shortest_move_is_chosen_that_shows_all_that_any_shows() -> None:
     assert longer.move.hidden == hidden
 
 
-def test_the_move_begins_and_ends_at_rest_at_one_place_within_the_limits() -> None:
+def test_the_motion_starts_and_ends_at_rest_within_the_limits() -> None:
     run, file = chosen().run, stages.stage().settings
     place = run["position_m"]
     assert run.loss is None
@@ -56,13 +56,13 @@ def test_the_move_begins_and_ends_at_rest_at_one_place_within_the_limits() -> No
     assert max(run["command_A"].max(), run["command_2_A"].max()) < file.amplifier.current_high_A
 
 
-def test_a_bearing_has_no_such_move(tmp_path: Path) -> None:
+def test_excite_calibrate_is_refused_for_a_bearing(tmp_path: Path) -> None:
     with refused("option-not-for-this --calibrate: rig.toml; stages"):
         excite_to_calibrate(bearings.EXAMPLE / "rig.toml", tmp_path / "run.csv")
 
 
 @pytest.mark.slow
-def test_one_move_balances_a_body_along_both_ways_and_its_own_set_point_along_one() -> None:
+def test_a_planned_motion_shows_both_directions_and_a_set_point_only_one() -> None:
     found = find_move(short_stage(), bearings.knowledge())
     assert not found.move.hidden
     assert {"scale_5", "scale_6", "centre_x_m"} <= set(found.work.hidden)

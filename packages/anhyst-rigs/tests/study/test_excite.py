@@ -98,7 +98,7 @@ def test_a_drive_keeps_to_current_rate_force_and_the_warmth_of_the_winding(tmp_p
         assert key in said
 
 
-def test_the_winding_lowers_the_current_where_rests_do_not_help(tmp_path: Path) -> None:
+def test_a_hot_winding_lowers_the_current(tmp_path: Path) -> None:
     free = bearing(tmp_path)
     warm = measure_gaps(replace(free, winding=Winding(1.7, 20.0)))
     check_limits(warm)
@@ -113,7 +113,7 @@ def test_the_winding_lowers_the_current_where_rests_do_not_help(tmp_path: Path) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bearing", "solenoid"])
-def test_the_bundled_rigs_are_measured_within_what_they_have(kind: str, tmp_path: Path) -> None:
+def test_bundled_rigs_are_measured_within_their_limits(kind: str, tmp_path: Path) -> None:
     specimen = read_specimen(measured_rig(kind, tmp_path).path).specimen
     found = measure_gaps(specimen)
     check_limits(found)
@@ -134,7 +134,7 @@ def test_the_bundled_rigs_are_measured_within_what_they_have(kind: str, tmp_path
         ({"winding": Winding(0.3, 5.0)}, "winding-too-warm excite.continuous_A"),
     ],
 )
-def test_what_cannot_be_measured_is_refused_with_the_limit(
+def test_an_impossible_measurement_is_refused_with_its_limit(
     changes: dict[str, object], key: str, tmp_path: Path
 ) -> None:
     specimen = replace(bearing(tmp_path), **changes)  # type: ignore[arg-type]
@@ -208,7 +208,7 @@ def solid_bearing(folder: Path, fast: str, extra_lines: str = "") -> Specimen:
     return read_specimen(path).specimen
 
 
-def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_path: Path) -> None:
+def test_fast_cycles_stay_within_limits_and_show_eddy_currents(tmp_path: Path) -> None:
     plain = bearing(tmp_path / "plain", TIGHT_LIMITS)
     specimen = solid_bearing(tmp_path / "solid", "[30.0, 300.0]", TIGHT_LIMITS.replace("3.0", "200.0"))
     specimen = replace(specimen, gaps=specimen.gaps[:1])
@@ -281,7 +281,7 @@ def test_a_piezo_stage_is_measured_between_0_v_and_the_end_of_its_amplifier(tmp_
         assert loop.output[middle & ~rising].mean() - loop.output[middle & rising].mean() > 1e-6
 
 
-def test_what_was_played_is_what_the_stage_felt(tmp_path: Path) -> None:
+def test_the_recorded_drive_is_the_drive_of_the_stage(tmp_path: Path) -> None:
     path = piezo(tmp_path)
     made, rig = excite(path, tmp_path / "new.csv"), read_piezo_rig(path)
     whole = rig.make_motion(made.specimen.sample_s).run(made.drive_history.current)

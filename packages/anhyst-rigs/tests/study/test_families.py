@@ -65,7 +65,7 @@ def triangle_error(name: str, variant: MethodName, law: str = "play-cells") -> f
 
 
 @pytest.mark.slow
-def test_where_small_loops_do_not_close_a_stage_takes_a_law_that_forgets_or_says_so() -> None:
+def test_iron_without_return_point_memory_gets_an_accommodating_law_or_a_warning() -> None:
     """Play cells: closing error 3 times that of noise, but the best fit of this iron's loops."""
     loops, options = measure_loops(rig_of("duhem-hard")), IdentifyTable()
     with pytest.warns(ReturnPointMemoryWarning, match="law effective-field is used"):
@@ -87,7 +87,7 @@ def overshoot(setup: BearingSetup, height: float) -> float:
 
 
 @pytest.mark.slow
-def test_an_iron_of_relays_leaves_less_than_half_of_what_the_best_curve_leaves() -> None:
+def test_a_preisach_iron_is_compensated_to_half_the_error_of_the_best_curve() -> None:
     """The measured ratio is a fifth, 0.4 N to 1.9 N; the paper's law cannot be compiled for it."""
     full, curve = (triangle_error("preisach-usual", one) for one in ("full", "single-valued"))
     assert full < 0.5 * curve
@@ -95,7 +95,7 @@ def test_an_iron_of_relays_leaves_less_than_half_of_what_the_best_curve_leaves()
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["play-cells", "auto"])
-def test_cells_of_narrow_loops_start_near_what_was_measured(law: str) -> None:
+def test_cells_of_narrow_loops_start_from_the_measured_curve(law: str) -> None:
     """A search that starts only from a Jiles-Atherton law barely moves and ends at 26 N.
 
     That law fits the loops to 0.3 %, but its initial curve is too low by 67 times their width, and
@@ -111,7 +111,7 @@ def test_cells_of_narrow_loops_start_near_what_was_measured(law: str) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_left_of_an_overshoot_is_that_of_the_loop_without_hysteresis() -> None:
+def test_the_remaining_overshoot_is_that_of_a_loop_without_hysteresis() -> None:
     """Hysteresis can damp: a curve as model overshoots less than a loop without hysteresis."""
     soft = change_iron(rig_of("cells"), None, 0.02)
     known = identify_magnet(measure_loops(soft), IdentifyTable(law="effective-field"))
@@ -124,7 +124,7 @@ def test_what_is_left_of_an_overshoot_is_that_of_the_loop_without_hysteresis() -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cells", pytest.param("preisach-usual", marks=pytest.mark.slow)])
-def test_noise_of_demand_and_gap_does_not_move_a_force_held_for_a_minute(name: str) -> None:
+def test_noise_of_demand_and_gap_does_not_change_a_constant_force_in_a_minute(name: str) -> None:
     """The iron's force without a dead band drifts by 0.002 and 0.004 % of the largest force."""
     plan = make_plan(knowledge(name).model, CompileRequest("full", "q31", RATE), 0)
     assert plan.block.kind == "cells"
@@ -146,7 +146,7 @@ def test_noise_of_demand_and_gap_does_not_move_a_force_held_for_a_minute(name: s
 
 
 @pytest.mark.slow
-def test_the_map_of_another_family_goes_over_its_loop_widths_alone() -> None:
+def test_the_map_of_another_family_varies_only_loop_widths() -> None:
     rig = change_rig(rig_of("preisach-usual"), {"loops.law": "play-cells"})
     found = map_bearing_benefit(rig, bearings.controller(), (1.0, 2.0), heights=(50e-6,), seeds=2)
     assert [cell.iron.reversible_fraction for cell in found.cells] == [None, None]

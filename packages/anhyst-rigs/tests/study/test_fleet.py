@@ -55,14 +55,14 @@ def draw_magnets(count: int, uncertainty: float, seed: int) -> list[MagnetEstima
 
 @pytest.mark.first(2)
 @pytest.mark.parametrize("left", [1e-3, 0.5, 1.0])
-def test_mean_and_scatter_are_those_of_the_magnets_not_of_their_loops(left: float) -> None:
+def test_mean_and_scatter_describe_magnets_and_not_loops(left: float) -> None:
     found = estimate_spread(draw_magnets(400, left, 3))
     assert found.mean == pytest.approx([2.0, -30.0], rel=0.02)
     assert found.scatter == pytest.approx([0.1, 3.0], rel=0.25)
     assert not found.outlier.any()
 
 
-def test_what_loops_leave_open_is_taken_from_the_others() -> None:
+def test_undetermined_parameters_come_from_other_magnets() -> None:
     rng = np.random.default_rng(5)
     true = 2.0 + 0.1 * rng.standard_normal((60, 1))
     read = true + 0.2 * rng.standard_normal((60, 1))
@@ -70,7 +70,7 @@ def test_what_loops_leave_open_is_taken_from_the_others() -> None:
     assert np.std(found.values - true) < 0.6 * np.std(read - true)
 
 
-def test_outliers_are_named_and_have_no_say() -> None:
+def test_outliers_are_named_and_do_not_affect_the_mean() -> None:
     magnets = draw_magnets(30, 0.1, 4)
     clean = estimate_spread(magnets)
     odd = replace(magnets[0], values=np.array([2.9, -30.0]))
@@ -79,7 +79,7 @@ def test_outliers_are_named_and_have_no_say() -> None:
     assert found.scatter == pytest.approx(clean.scatter, rel=0.1)
 
 
-def test_a_quantity_that_no_loop_determines_moves_nobody() -> None:
+def test_an_undetermined_quantity_affects_no_magnet() -> None:
     magnets = draw_magnets(20, 0.1, 6)
     wide = [
         MagnetEstimate.from_uncertainty([*magnet.values, 7.0], [0.01, 0.3, np.inf], []) for magnet in magnets
@@ -119,7 +119,7 @@ def test_a_magnet_is_a_file_or_a_folder(tmp_path: Path) -> None:
         find_members(tmp_path / "empty")
 
 
-def test_files_that_cannot_be_read_are_told_of_their_magnet(tmp_path: Path) -> None:
+def test_an_unreadable_file_is_reported_for_its_magnet(tmp_path: Path) -> None:
     gone = [Member(name, tmp_path / f"{name}.csv") for name in "ab"]
     auto = replace(SETTINGS, law="auto", gap_map="auto")
     choice = choose_law(gone, auto, tmp_path, 1)
@@ -152,7 +152,7 @@ def found(magnets: Path, tmp_path_factory: pytest.TempPathFactory) -> Fleet:
 
 
 @pytest.mark.slow
-def test_a_fleet_is_judged_and_one_damaged_file_stops_nobody(found: Fleet) -> None:
+def test_a_fleet_is_evaluated_despite_a_damaged_file(found: Fleet) -> None:
     assert [result["name"] for result in found.evaluated] == ["m00", "m01", "m02", "m03", "odd"]
     assert list(found.failed) == ["damaged"]
     assert "damaged.csv: line 2" in found.failed["damaged"]
@@ -174,7 +174,7 @@ def test_a_fleet_is_judged_and_one_damaged_file_stops_nobody(found: Fleet) -> No
 
 
 @pytest.mark.slow
-def test_a_stopped_run_goes_on_and_gives_the_same(
+def test_a_stopped_run_resumes_to_the_same_result(
     magnets: Path, found: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = {path: path.read_bytes() for path in found.out.rglob("*.json")}
@@ -264,14 +264,14 @@ def test_the_magnets_that_choose_are_identified_once(tmp_path: Path, monkeypatch
 
 @pytest.mark.slow
 def test_the_verb_writes_a_report(magnets: Path, found: Fleet) -> None:
-    done = quick(
+    completed = quick(
         *("fleet", magnets, "--out", found.out, "--tolerance", "0.5", "--history", "settled"),
         *("--law", "effective-field", "--gap-map", "reluctance", "--json"),
         cwd=found.out.parent,
     )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["outliers"] == ["odd"]
-    assert "warning: damaged: " in done.stderr
+    assert completed.returncode == 0, completed.stderr
+    assert json.loads(completed.stdout)["outliers"] == ["odd"]
+    assert "warning: damaged: " in completed.stderr
     page = (found.out / "report.html").read_text()
     assert "Outliers" in page
     assert "Individual models help" in page
@@ -280,7 +280,7 @@ def test_the_verb_writes_a_report(magnets: Path, found: Fleet) -> None:
 @pytest.mark.slow
 def test_an_empty_folder_is_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "magnets").mkdir()
-    done = quick("fleet", "magnets", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 2
-    assert says(done.stderr, "no-files: magnets")
+    completed = quick("fleet", "magnets", "--out", "out", cwd=tmp_path)
+    assert completed.returncode == 2
+    assert says(completed.stderr, "no-files: magnets")
     assert not (tmp_path / "out").exists()

@@ -93,14 +93,14 @@ def run(small: Path, tmp_path_factory: pytest.TempPathFactory) -> ForceControl:
 
 
 @pytest.mark.slow
-def test_the_firmware_does_what_the_simulated_program_does(run: ForceControl) -> None:
+def test_the_firmware_agrees_with_the_simulated_program_in_every_tick(run: ForceControl) -> None:
     assert run.figures["ticks_that_differ"] == 0
     assert run.figures["firmware_ticks"] > 5_000
     for outcome in run.outcomes:
         for kind in ("full", "simplified"):
             expected, demand = outcome.simulated_force[kind], outcome.trial.demand
-            off = (expected - demand.force)[demand.lead_in :]
-            assert np.abs(off).max() < (0.4 if kind == "full" else 2.5)
+            error = (expected - demand.force)[demand.lead_in :]
+            assert np.abs(error).max() < (0.4 if kind == "full" else 2.5)
 
 
 @pytest.mark.slow
@@ -118,15 +118,15 @@ def test_a_hysteresis_model_beats_the_best_curve_without_memory(run: ForceContro
     summary = run.figures["summary"]
     assert set(summary) == {"end", "end_demagnetised", "positions", "moving"}
     # At a measured gap, and between gaps, which are far apart here.
-    for stage, most in (("end", 0.4), ("positions", 0.7)):
-        assert summary[stage]["full"]["of_single"] < most
+    for stage, largest in (("end", 0.4), ("positions", 0.7)):
+        assert summary[stage]["full"]["of_single"] < largest
         assert summary[stage]["simplified"]["of_single"] < 0.85
         assert summary[stage]["ratio"]["of_single"] > 2.0
     assert summary["end"]["full"]["of_single"] < summary["end"]["simplified"]["of_single"]
 
 
 @pytest.mark.slow
-def test_figures_tell_truth_and_noise_apart(run: ForceControl) -> None:
+def test_metrics_separate_true_error_and_noise(run: ForceControl) -> None:
     written = json.loads((run.out / "figures.json").read_text())
     assert written == json.loads(json.dumps(run.figures))
     for trial, outcome in zip(written["trials"], run.outcomes, strict=True):
@@ -150,10 +150,10 @@ def test_everything_is_written(run: ForceControl) -> None:
     for scope in ("end", "stroke"):
         assert (run.out / scope / "full" / "controller" / "manifest.json").is_file()
     table = np.genfromtxt(run.out / "positions_1.30mm_wide.csv", delimiter=",", names=True)
-    outcome = next(one for one in run.outcomes if one.trial.name == "positions_1.30mm_wide")
+    outcome = next(outcome for outcome in run.outcomes if outcome.trial.name == "positions_1.30mm_wide")
     assert table["F_full_N"] == pytest.approx(outcome.recordings["full"]["force_N"], abs=1e-5)
     assert table["t_s"][outcome.trial.demand.lead_in] == 0.0
-    assert {one.trial.demand.name for one in run.outcomes} == {"wide", "file"}
+    assert {outcome.trial.demand.name for outcome in run.outcomes} == {"wide", "file"}
 
 
 @pytest.mark.slow
@@ -162,15 +162,15 @@ def test_the_verdict_names_the_strongest_baseline(
 ) -> None:
     found = run.figures["verdict"]
     for stage, worst in run.figures["summary"].items():
-        least = min(one["worst_percent"] for name, one in worst.items() if name not in MODEL_METHODS)
-        assert worst[found["strongest"][stage]]["worst_percent"] == least
+        smallest = min(one["worst_percent"] for name, one in worst.items() if name not in MODEL_METHODS)
+        assert worst[found["strongest"][stage]]["worst_percent"] == smallest
     start_printing()
     printer.is_verbose = True
     print_parts(*study_output(run, force.terminal_summary(run), "run"))
-    said = unwrapped(capsys.readouterr().out)
-    assert found["text"] in said
-    assert "strongest baseline without hysteresis model" in said
-    assert "of 'best single-valued'" in said
+    message = unwrapped(capsys.readouterr().out)
+    assert found["text"] in message
+    assert "strongest baseline without hysteresis model" in message
+    assert "of 'best single-valued'" in message
 
 
 @pytest.mark.parametrize(("full", "level"), [((2.0, 3.0), "yes"), ((7.0, 9.0), "no"),

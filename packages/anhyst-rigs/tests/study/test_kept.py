@@ -33,7 +33,7 @@ class Again(Exception):  # noqa: N818 - nothing went wrong
 
 
 @pytest.mark.slow
-def test_the_same_files_are_prepared_once_and_others_anew(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unchanged_files_are_prepared_once(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with prepare_cached(rig, None) as first:
         assert isinstance(first, PreparedForce)
     assert not first.program.firmware.exists()  # it was built in a folder that no longer exists
@@ -69,7 +69,7 @@ def test_the_same_files_are_prepared_once_and_others_anew(rig: Path, monkeypatch
 
 
 @pytest.mark.slow
-def test_a_cache_that_cannot_be_written_is_none_and_a_full_one_forgets(
+def test_an_unwritable_cache_is_ignored_and_a_full_one_evicts(
     rig: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "cache").write_text("no folder")

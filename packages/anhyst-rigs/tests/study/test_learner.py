@@ -47,7 +47,7 @@ def make_estimator(method: MethodName = "full", forget_s: float = FORGETTING_TIM
     return learner
 
 
-def test_an_hour_at_rest_under_a_varying_load_moves_nothing() -> None:
+def test_an_hour_at_rest_under_a_varying_load_changes_no_estimate() -> None:
     gently = replace(training(), peaks=(0.2, 0.2), speed=0.004)
     ticks = round(gently.duration / recorded().dt)
     load = 8.0 * np.sin(2.0 * np.pi * 3.0 * recorded().dt * np.arange(ticks))
@@ -62,7 +62,7 @@ def test_an_hour_at_rest_under_a_varying_load_moves_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_minutes_of_work_drift_by_less_than_a_tenth_of_what_is_stated() -> None:
+def test_estimates_drift_by_less_than_a_tenth_of_their_uncertainty() -> None:
     """Scans with three noise seeds are used in turn; the estimate recovers after forgetting."""
     setup = replace(stages.setup("flux"), drift=WRONG_DRIFT)
     runs = [track(setup, training(), Feedforward(), seed) for seed in (1, 2, 3)]
@@ -130,7 +130,7 @@ def test_after_a_fault_of_a_sensor_nothing_is_learnt(
         pytest.param("gap_read_m", lambda v: 1.2 * v - 0.2 * v[0], id="one gap has another gain"),
     ],
 )
-def test_a_fault_that_hardly_shows_moves_no_number_by_a_fifth_of_what_is_stated(
+def test_a_small_fault_changes_estimates_by_less_than_a_fifth_of_their_uncertainty(
     column: str, fault: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     """The reference is a second update from the same motion without the fault."""
@@ -146,7 +146,7 @@ def update_with_mass(learner: ParameterEstimator, part: float) -> bool:
     return learner.update(motion_of_run(track(setup, training(), Feedforward(), 1)))
 
 
-def test_a_payload_is_refused_and_its_mass_is_found_closer_where_the_stage_was_known() -> None:
+def test_a_payload_is_refused_and_its_mass_estimated() -> None:
     new, known = ParameterEstimator(law("full")), make_estimator()
     for learner, off in ((new, 0.1), (known, 0.03)):
         assert not update_with_mass(learner, 0.05)
@@ -169,8 +169,8 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(m
     learnt: dict[str, CalibratedParameter] = {parameter.name: parameter for parameter in found.parameter}
     assert found.fits
     for name, true in (("payload", 0.05), ("cable_N_per_m", 60.0)):
-        off = abs(learnt[name].value - true)
-        assert off < 3.0 * learnt[name].sigma < 0.5 * learnt[name].prior, name
+        error = abs(learnt[name].value - true)
+        assert error < 3.0 * learnt[name].sigma < 0.5 * learnt[name].prior, name
     motion = stages.evaluation_set_point(rig)
     before, after = (
         measure(track(stage, motion, gains, 3), motion, scan.slit_s).average_m
@@ -179,7 +179,7 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(m
     assert after < 0.2 * before
 
 
-def test_without_a_payload_hardly_one_is_found_and_short_ways_say_little_of_a_cable() -> None:
+def test_without_a_payload_almost_none_is_estimated() -> None:
     rig = change_rig(stages.stage(), ALLOWED)
     learner = ParameterEstimator(StageLaw(rig, bearings.knowledge(), "full"))
     assert learner.update(StageMotion(rig, recorded().columns))
@@ -192,7 +192,7 @@ def test_without_a_payload_hardly_one_is_found_and_short_ways_say_little_of_a_ca
     assert found["gap_zero_2_m"].frozen
 
 
-def test_what_is_applied_follows_at_a_bounded_rate() -> None:
+def test_applied_values_follow_estimates_at_a_bounded_rate() -> None:
     learner = make_estimator()
     seconds, ticks = 0.05, 0
     while learner.applied_values != learner.estimate and ticks < 200:
@@ -208,7 +208,7 @@ def test_what_is_applied_follows_at_a_bounded_rate() -> None:
     assert 1 < ticks < 200
 
 
-def test_old_motions_count_less_and_no_number_leaves_its_bounds() -> None:
+def test_old_motions_are_forgotten_and_estimates_stay_bounded() -> None:
     def run(gain: float) -> Motion:
         setup = replace(stages.setup("flux"), drift=Drift(flux_gain=gain))
         return motion_of_run(track(setup, training(), Feedforward(), 1))
@@ -220,10 +220,10 @@ def test_old_motions_count_less_and_no_number_leaves_its_bounds() -> None:
         assert learner.update(run(0.0055))
         assert learner.update(run(0.005))
     fresh.update(run(0.005))
-    off = [
+    error = [
         abs(estimator.estimate["scale_1"] - fresh.estimate["scale_1"]) for estimator in (forgetful, patient)
     ]
-    assert off[0] < off[1]
+    assert error[0] < error[1]
     for learner in (forgetful, patient):
         for parameter in learner.calibration.parameter:
             assert parameter.sigma <= parameter.prior
@@ -231,7 +231,7 @@ def test_old_motions_count_less_and_no_number_leaves_its_bounds() -> None:
 
 
 @pytest.mark.slow
-def test_a_stage_that_calibrates_itself_says_what_it_learnt_and_works_better() -> None:
+def test_a_self_calibrating_stage_reports_estimates_and_improves() -> None:
     magnet = bearings.knowledge()
     plain = explore_stage(stages.stage(), magnet, ("full", "single-valued"))
     own = explore_stage(stages.stage(calibrate=True), magnet, ("full", "single-valued"))

@@ -47,7 +47,7 @@ def test_a_cycle_in_noise_is_measured(frequency: float) -> None:
     assert cycle.variance_share == pytest.approx(2.0 / 3.0, abs=0.15)
 
 
-def test_a_cycle_whose_phase_wanders_is_found() -> None:
+def test_a_limit_cycle_with_wandering_phase_is_found() -> None:
     rng = np.random.default_rng(8)
     found = 0
     for _ in range(20):
@@ -70,12 +70,12 @@ def test_settling_and_drift_are_no_cycles() -> None:
     assert find_limit_cycle(T, 1e-6 * T) is None
 
 
-def test_what_is_smaller_than_the_floor_does_not_count() -> None:
+def test_amplitudes_below_the_floor_are_ignored() -> None:
     wave = 0.5e-9 * np.sin(2 * np.pi * 137.3 * T)
     assert find_limit_cycle(T, wave) is None
     assert find_limit_cycle(T, wave, min_amplitude=0.1e-9) is not None
 
 
-def test_what_is_too_slow_for_the_record_is_not_judged() -> None:
+def test_frequencies_too_low_for_the_record_are_not_evaluated() -> None:
     assert min_detectable_frequency(1.0) == pytest.approx(30.0)
     assert find_limit_cycle(T, 100e-9 * np.sin(2 * np.pi * 11.0 * T)) is None

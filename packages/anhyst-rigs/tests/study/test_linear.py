@@ -63,7 +63,7 @@ def test_the_loop_gain_is_that_of_python_control(delay: float) -> None:
     assert np.max(np.abs(loop.loop_gain(FREQUENCIES) / expected - 1.0)) < 1e-6
 
 
-def test_the_poles_are_those_of_python_control() -> None:
+def test_the_poles_agree_with_python_control() -> None:
     held, rest = by_python_control(LOOP)
     expected = np.abs(control.feedback(held * control.tf2ss(rest)).poles())
     found = np.abs(LOOP.poles)
@@ -73,7 +73,7 @@ def test_the_poles_are_those_of_python_control() -> None:
 
 
 @pytest.mark.slow
-def test_margins_are_those_of_python_control() -> None:
+def test_margins_agree_with_python_control() -> None:
     held, rest = by_python_control(LOOP)
     response = control.frd(held * control.tf2ss(rest), np.geomspace(1.0, 6e4, 20_000), smooth=True)
     gains, phases, _, _, crossings, _ = control.stability_margins(response, returnall=True)
@@ -136,7 +136,7 @@ def test_a_symmetric_pair_is_one_magnet_with_everything_added_up() -> None:
     assert one.voltage_drive_pole == pytest.approx(expected)
 
 
-def test_behind_an_ideal_magnet_the_poles_are_those_of_the_design() -> None:
+def test_with_an_ideal_magnet_the_poles_are_those_of_the_design() -> None:
     rate, w = 400e3, 2.0 * math.pi * 120.0
     gains = design(2.0, 120.0, 0.6)
     loop = LinearLoop(
@@ -147,9 +147,9 @@ def test_behind_an_ideal_magnet_the_poles_are_those_of_the_design() -> None:
         Compensation(POINT.k_i, POINT.k_s),
     )
     slow = np.log(loop.poles[np.abs(loop.poles) > 0.9]) * rate
-    wanted = np.array([-w, *np.roots([1.0, 1.2 * w, w**2])])
-    nearest = [complex(slow[np.argmin(np.abs(slow - pole))]) for pole in wanted]
-    assert np.max(np.abs(np.array(nearest) - wanted)) < 0.03 * w
+    expected = np.array([-w, *np.roots([1.0, 1.2 * w, w**2])])
+    nearest = [complex(slow[np.argmin(np.abs(slow - pole))]) for pole in expected]
+    assert np.max(np.abs(np.array(nearest) - expected)) < 0.03 * w
 
 
 def scaled(loop: LinearLoop, factor: float) -> LinearLoop:
@@ -157,7 +157,7 @@ def scaled(loop: LinearLoop, factor: float) -> LinearLoop:
 
 
 @pytest.mark.parametrize("compensation", [Compensation(123.0, POINT.k_s), Compensation(100.0)])
-def test_the_loop_turns_unstable_where_the_margins_say(compensation: Compensation) -> None:
+def test_the_loop_becomes_unstable_at_its_margins(compensation: Compensation) -> None:
     loop = replace(LOOP, compensation=compensation)
     margins = loop.margins
     assert margins.stable

@@ -31,7 +31,7 @@ GAPS = np.linspace(0.36e-3, 0.54e-3, 7).tolist()
     [pytest.param(one, marks=[pytest.mark.slow] * (one != "fixed")) for one in bearings.FORMATS],
 )
 @pytest.mark.parametrize("arrangement", ARRANGEMENTS)
-def test_it_hovers_at_every_gap_and_lands_again(arrangement: str, number_format: NumberFormat) -> None:
+def test_the_armature_hovers_at_every_gap_and_lands(arrangement: str, number_format: NumberFormat) -> None:
     setup = ARRANGEMENTS[arrangement]("full", number_format)
     for gap in GAPS:
         script = bearings.lifted(setup, gap).hold(0.1)
@@ -108,14 +108,14 @@ def by_hand(setup: BearingSetup, scenario: Scenario, seed: int) -> dict[str, lis
         command = answer[0]
         if inner["gain"] > 0.0:
             error = answer[0] - currents[0]
-            wanted = inner["resistance"] * answer[0] + inner["gain"] * error + integral
-            command = min(max(wanted, -inner["limit"]), inner["limit"])
-            integral += inner["reset"] * error * (abs(wanted) < inner["limit"])
+            expected = inner["resistance"] * answer[0] + inner["gain"] * error + integral
+            command = min(max(expected, -inner["limit"]), inner["limit"])
+            integral += inner["reset"] * error * (abs(expected) < inner["limit"])
         bearing.advance([command, answer[1]][: len(currents)], scenario.load[tick])
     return {name: values for name, values in found.items() if values}
 
 
-def test_a_third_magnet_without_current_changes_no_bit_and_has_its_own_columns() -> None:
+def test_a_third_magnet_without_current_adds_columns_and_changes_no_bit() -> None:
     setup = bearings.pair("full", "f32")
     rig, scenario = setup.rig, bearings.lifted(setup).step(GAP - 30e-6, 0.02).build()
     numbers = plant_parameters(rig)
@@ -170,7 +170,7 @@ def steps(seed: int) -> Recording:
     return bearings.run_plant(setup, bearings.lifted(setup).step(GAP - 50e-6, 0.05), seed)
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_one_others() -> None:
+def test_equal_seeds_give_equal_bits_and_other_seeds_others() -> None:
     once, again, other = steps(1), steps(1), steps(2)
     assert np.array_equal(once.table, again.table)
     assert not np.array_equal(once["gap_read_m"], other["gap_read_m"])

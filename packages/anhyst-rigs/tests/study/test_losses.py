@@ -72,11 +72,11 @@ def lose(
 
 
 @pytest.mark.parametrize(("name", "count"), [("8", 0), ("10", 0), ("12", 8), ("14", 14)])
-def test_what_can_be_spared_is_what_the_linear_programme_leaves_movable(name: str, count: int) -> None:
+def test_spare_magnets_follow_from_the_linear_programme(name: str, count: int) -> None:
     assert spare_magnets(laid(name).rig.settings) == (1 << count) - 1
 
 
-def test_looking_for_lost_magnets_moves_no_bit_where_none_is() -> None:
+def test_detection_of_lost_magnets_changes_nothing_without_a_loss() -> None:
     setup = laid("10", heads=6)
     changes = {"control.lost_A": None, "control.head_m_per_s": None}
     blind = replace(setup.rig, settings=setup.rig.settings.with_changes(changes))
@@ -88,7 +88,7 @@ def test_looking_for_lost_magnets_moves_no_bit_where_none_is() -> None:
 
 
 @pytest.mark.slow
-def test_what_can_be_spared_flies_on_and_is_as_exact_in_the_end() -> None:
+def test_a_body_that_lost_a_spare_magnet_continues_with_full_accuracy() -> None:
     for loss in [*lose(laid("12"), [1, 4]), *lose(laid("14"), [8, 12])]:
         assert loss.outcome == "flies on"
         assert loss.noticed_s is not None
@@ -98,7 +98,7 @@ def test_what_can_be_spared_flies_on_and_is_as_exact_in_the_end() -> None:
 
 
 @pytest.mark.slow
-def test_too_little_left_for_the_acceleration_brakes_without_touching_a_stop() -> None:
+def test_with_too_little_force_the_body_brakes_without_touching_a_stop() -> None:
     (loss,) = lose(laid("12"), [0])
     assert loss.outcome == "brakes"
     assert loss.touch_m_per_s == 0.0
@@ -108,7 +108,7 @@ def test_too_little_left_for_the_acceleration_brakes_without_touching_a_stop() -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("circuit", ["open", "short"])
-def test_what_cannot_be_spared_is_set_down(circuit: Literal["open", "short"]) -> None:
+def test_a_body_without_an_essential_magnet_lands(circuit: Literal["open", "short"]) -> None:
     for loss in lose(laid("10"), [0, 4, 6], circuit):
         assert loss.outcome == "lands"
         assert 0.0 < loss.down_m_per_s < 0.015
@@ -129,7 +129,7 @@ def lost_after(read: Sequence[Sequence[float]]) -> list[int]:
     return found[40:]
 
 
-def test_one_wrong_reading_and_none_lose_nothing_and_more_of_them_do() -> None:
+def test_several_wrong_readings_mark_a_head_as_lost() -> None:
     assert not any(lost_after([[0.0], [], [], []] * 5))
     assert not any(lost_after([[math.nan] * 10] * 50))
     assert lost_after([[0.0]] * 8) == [0, 0, 0, 0, 1, 1, 1, 1]
@@ -176,7 +176,7 @@ def phases(run: Recording) -> list[int]:
     return [int(found[0]), *found[1:][np.diff(found) != 0].tolist()]
 
 
-def test_from_rest_off_its_place_to_flight_and_back() -> None:
+def test_a_displaced_body_lifts_and_lands() -> None:
     run = commanded(laid("10", heads=6), {UP: Command.LIFT, DOWN: Command.LAND})
     assert phases(run) == [0, 2, 3, 4, 0]
     assert set(run["flags"][:DOWN]) <= {0, int(Flag.GAP_LIMITED)}  # position of rest
@@ -205,19 +205,19 @@ def test_with_a_dead_magnet_nothing_lifts_off_for_good(name: str, dead: int) -> 
 
 
 @pytest.mark.parametrize("way", ["missing", "frozen", "jumps"])
-def test_without_a_head_the_body_lands_by_the_others_or_is_let_go(way: str) -> None:
+def test_without_a_head_the_body_lands_with_the_others_or_is_released(way: str) -> None:
     commands, gone = (
         {UP: Command.LIFT, TICKS - 10: Command.LIFT},
         1 << FIRST_FAILURE_BIT + 5 | HEAD_FAULT_BITS[way],
     )
     runs = [commanded(laid("10", heads=heads), commands, DOWN, gone) for heads in (6, 7)]
     assert [phases(run) for run in runs] == [[0, 2, 3, 0], [0, 2, 3, 4, 0]]
-    for run, most in zip(runs, (50e-3, 10e-3), strict=True):
-        assert 1e-3 < -run["velocity_3_m_per_s"][DOWN:].min() < most
+    for run, largest in zip(runs, (50e-3, 10e-3), strict=True):
+        assert 1e-3 < -run["velocity_3_m_per_s"][DOWN:].min() < largest
         assert run["flags"][TICKS - 10].astype(int) & Flag.COMMAND_REFUSED
 
 
-def test_one_wrong_head_for_a_moment_ends_no_flight() -> None:
+def test_a_momentarily_wrong_head_does_not_stop_levitation() -> None:
     controller, forward = (make_axes_controller(laid("10", heads=6)), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0])
     told, noise = [0.0] * 10, np.random.default_rng(3)
     for tick in range(200):

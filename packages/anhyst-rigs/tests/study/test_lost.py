@@ -76,10 +76,10 @@ def test_an_unstable_stage_exits_with_1(
     for name in ("figures.json", "report.html"):
         (tmp_path / name).write_text("of another run")
     assert main(["simulate", str(rig), "--out", str(tmp_path / "run.mat")]) == 1
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert "lost at 0.0" in said.err
-    assert "6000 Hz" in said.err
+    message = capsys.readouterr()
+    assert message.out == ""
+    assert "lost at 0.0" in message.err
+    assert "6000 Hz" in message.err
     assert not (tmp_path / "figures.json").exists()
     assert not (tmp_path / "report.html").exists()
     table = read_columns(tmp_path / "run.mat")
@@ -146,10 +146,10 @@ def test_an_unstable_piezo_stage_exits_with_1(tmp_path: Path, capsys: pytest.Cap
     (tmp_path / "rig.toml").write_text(text.replace("cycles = 6", "cycles = 3"))
     out = tmp_path / "run.mf4"
     assert main(["simulate", str(tmp_path / "rig.toml"), "--out", str(out)]) == 1
-    said = capsys.readouterr()
-    assert said.out.startswith("lost: ")
-    assert "worth it" not in said.out
-    assert "1000 Hz" in said.err
+    message = capsys.readouterr()
+    assert message.out.startswith("lost: ")
+    assert "worth it" not in message.out
+    assert "1000 Hz" in message.err
     assert read_columns(out).source_table.find("x_full") is not None
 
 

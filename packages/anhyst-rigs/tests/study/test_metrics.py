@@ -69,7 +69,7 @@ def test_a_way_in_the_wrong_direction_is_reported() -> None:
     assert figures.overshoot_percent == 0.0
 
 
-def test_what_the_sensor_cannot_tell_does_not_hide_the_settling() -> None:
+def test_sensor_resolution_does_not_hide_settling() -> None:
     rng = np.random.default_rng(2)
     t = np.arange(4000) / RATE
     way = 1.0 - np.exp(-t / 1e-3) + rng.uniform(-0.03, 0.03, len(t))
@@ -96,7 +96,7 @@ def test_whoever_trembles_more_does_not_settle_sooner() -> None:
 
 
 @pytest.mark.parametrize("rms", [0.002, 0.02])
-def test_the_overshoot_of_a_step_that_has_none_is_its_noise(rms: float) -> None:
+def test_a_step_without_overshoot_reports_its_noise(rms: float) -> None:
     """Deviations to both sides over half the hold are as likely as to one side over all of it."""
     rng = np.random.default_rng(7)
     t = np.arange(2000) / RATE
@@ -105,7 +105,7 @@ def test_the_overshoot_of_a_step_that_has_none_is_its_noise(rms: float) -> None:
         evaluate_step(*hold(way + rms * rng.standard_normal(len(t)), 0.45e-3, 0.46e-3), SENSOR)
         for _ in range(200)
     ]
-    overshoot, noise = (mean_interval([getattr(one, key) for one in rows]) for key in
+    overshoot, noise = (mean_interval([getattr(row, key) for row in rows]) for key in
                         ("overshoot_percent", "noise_percent"))  # fmt: skip
     assert overshoot.mean == pytest.approx(noise.mean, rel=0.03)
     assert overshoot.mean > 3.0 * 100.0 * rms
@@ -114,7 +114,7 @@ def test_the_overshoot_of_a_step_that_has_none_is_its_noise(rms: float) -> None:
     assert beyond.overshoot_percent > 100.0 * beyond.noise_percent
 
 
-def test_what_is_not_reached_is_infinite() -> None:
+def test_an_unreached_time_is_infinite() -> None:
     t = np.arange(2000) / RATE
     slow = evaluate_step(*hold(0.5 * (1.0 - np.exp(-t / 1e-3)), 0.45e-3, 0.46e-3), SENSOR)
     assert slow.rise_time_s == math.inf
@@ -131,7 +131,7 @@ def test_a_standing_error_is_measured_from_the_reference() -> None:
     assert figures.overshoot_percent == pytest.approx(1.0)
 
 
-def test_what_is_no_step_is_refused() -> None:
+def test_a_record_without_a_step_is_refused() -> None:
     t = np.arange(100) / RATE
     with pytest.raises(ValueError, match="must step after the first sample"):
         evaluate_step(t, t, t, SENSOR)
@@ -152,7 +152,7 @@ def test_rate_of_change_of_a_sine() -> None:
     assert rms_rate_of_change(t, current) == pytest.approx(expected, rel=1e-3)
 
 
-def test_the_interval_holds_the_mean_as_often_as_it_says() -> None:
+def test_the_interval_has_its_stated_coverage() -> None:
     rng = np.random.default_rng(5)
     held = 0
     for _ in range(2000):

@@ -98,7 +98,7 @@ def test_a_plant_depends_on_seed_and_number_alone(
 
 
 @pytest.mark.slow
-def test_what_was_run_is_not_run_again(
+def test_completed_plants_are_not_repeated(
     rig: BodyRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path
 ) -> None:
     path = tmp_path / "plants.jsonl"
@@ -305,7 +305,7 @@ def width_and_top(rig: BodyRig) -> tuple[float, float]:
     return float(up - down), float(force[499])
 
 
-def test_each_change_of_the_iron_does_what_it_says(rig: BodyRig) -> None:
+def test_each_iron_change_has_its_documented_effect(rig: BodyRig) -> None:
     width, top = width_and_top(rig)
     wider, same = width_and_top(bearings.drifted(rig, Drift(pinning=0.1)))
     assert wider == pytest.approx(1.1 * width, rel=0.02)

@@ -74,7 +74,7 @@ def test_a_piezo_stage_without_drift_is_the_one_that_is_simulated(rig: PiezoRig)
     assert first_evaluated_tick(rig) < len(nominal)
 
 
-def test_the_page_shows_every_figure_and_what_the_worst_plant_drifted_in(
+def test_the_page_shows_every_metric_and_the_drift_of_the_worst_plant(
     found: MonteCarlo, rig: PiezoRig
 ) -> None:
     page = render(found, [rig.path], "anhyst simulate rig.toml")
@@ -106,12 +106,12 @@ def test_a_force_rig_is_run_in_every_trial_of_the_stroke(tmp_path: Path) -> None
         assert max(own) < max(plain)
 
 
-def test_every_kind_of_rig_takes_the_keys_of_spread_that_it_draws_from() -> None:
+def test_every_rig_kind_accepts_the_spread_keys_that_it_uses() -> None:
     for name in ("bearing", "stage", "planar", "solenoid", "piezo"):
         path = EXAMPLES / name / "rig.toml"
         file = read_rig_file(path, file_kind(path).word)
         taken = set(SPREADS[file.control.kind].keys)
-        if not any(isinstance(one, MagnetTable) and one.solid for one in file.magnets):
+        if not any(isinstance(magnet, MagnetTable) and magnet.solid for magnet in file.magnets):
             taken -= {"conductivity_percent"}
         for key in SpreadTable.model_fields:
             alone = SpreadTable.model_validate(dict.fromkeys(SpreadTable.model_fields, 0.0) | {key: 0.5})
@@ -128,7 +128,7 @@ def test_a_key_of_spread_that_a_kind_does_not_draw_is_refused(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_plants_are_lost_where_the_loop_is_and_the_verb_exits_with_1(
+def test_an_unstable_loop_loses_plants_and_exits_with_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = (EXAMPLES / "piezo" / "rig.toml").read_text()

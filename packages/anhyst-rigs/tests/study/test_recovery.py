@@ -50,12 +50,12 @@ def test_an_event_shows_and_passes(event: Event, variant: MethodName) -> None:
     # armature moves little.
     remembered = event == "wrong initial state" and variant == "full"
     assert (0.0 if remembered else MIN_EXCESS_BAND_M) < found.figures["excess_peak_m"] < RECOVERY_BAND_M
-    least, most = (0.0, 0.1) if remembered else (0.002, 0.03)
-    assert least <= found.figures["excess_s"] < most
+    smallest, largest = (0.0, 0.1) if remembered else (0.002, 0.03)
+    assert smallest <= found.figures["excess_s"] < largest
 
 
 @pytest.mark.parametrize("event", SHOWN)
-def test_what_does_not_happen_does_not_show(event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_an_event_the_runs_are_equal(event: Event, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the event both runs are equal bit for bit, so that only the event is counted."""
     monkeypatch.setattr(experiments, "DROP_SAMPLE_BIT", 0)
     monkeypatch.setattr(experiments, "SimulatedLoop", lambda setup, seed, _: SimulatedLoop(setup, seed))
@@ -70,7 +70,7 @@ def test_an_armature_that_falls_counts_as_lost(event: Event, monkeypatch: pytest
     assert run_event(ExperimentTrial(bearings.single("single-valued"), 0, event)) is None
 
 
-def test_the_band_is_of_the_sensor_and_of_what_never_settles() -> None:
+def test_the_band_follows_sensor_noise_and_standstill() -> None:
     rig = bearings.example()
     still = np.zeros(300)
     assert excess_band(rig, still) == MIN_EXCESS_BAND_M
@@ -80,7 +80,7 @@ def test_the_band_is_of_the_sensor_and_of_what_never_settles() -> None:
     assert excess_band(rig, still) == pytest.approx(4e-6)
 
 
-def test_an_overload_takes_force_and_current_to_their_limits_and_the_armature_to_its_stop() -> None:
+def test_an_overload_saturates_force_and_current_and_reaches_the_stop() -> None:
     setup = bearings.single("full")
     rig = setup.rig
     script = bearings.lifted(setup)
@@ -151,7 +151,7 @@ def test_too_many_dropped_samples_end_in_a_fault_on_the_ground(count: int) -> No
     assert lost == pytest.approx((begin + PATIENCE) * rig.dt)
 
 
-def test_a_fault_is_cleared_and_it_lifts_again() -> None:
+def test_a_cleared_fault_allows_lifting() -> None:
     setup = bearings.single("single-valued")
     script = bearings.lifted(setup).command(DROP_SAMPLE_BIT, 10).hold(0.6)
     script.command(Command.CLEAR).hold(0.05)

@@ -98,11 +98,11 @@ def test_noise_is_averaged_out_and_reported(clean: Sensitivity) -> None:
 
 
 @pytest.mark.slow
-def test_a_dead_zone_makes_the_answer_depend_on_the_amplitude(clean: Sensitivity) -> None:
+def test_a_dead_zone_makes_the_response_depend_on_the_amplitude(clean: Sensitivity) -> None:
     small = measure_sensitivity(bearing(stick=1.0), FREQUENCIES[:5], 1e-6, RATE)
     large = measure_sensitivity(bearing(stick=1.0), FREQUENCIES[:5], 100e-6, RATE)
-    off = [float(np.max(np.abs(x.ratio - clean.ratio[:5]))) for x in (small, large)]
-    assert off[0] > 5.0 * off[1]
+    error = [float(np.max(np.abs(x.ratio - clean.ratio[:5]))) for x in (small, large)]
+    assert error[0] > 5.0 * error[1]
     assert np.max(small.residual_ratio) > 5.0 * np.max(large.residual_ratio)
 
 
@@ -132,7 +132,9 @@ def test_zones(peak: float, wanted: str) -> None:
 
 
 def test_zones_end_at_the_decibels_of_the_standard() -> None:
-    assert [20.0 * np.log10(one) for one in ZONE_LIMITS.values()] == pytest.approx([9.5, 12, 14], abs=0.05)
+    assert [20.0 * np.log10(zone_limit) for zone_limit in ZONE_LIMITS.values()] == pytest.approx(
+        [9.5, 12, 14], abs=0.05
+    )
     assert find_zone(math.nan) == "D"
 
 

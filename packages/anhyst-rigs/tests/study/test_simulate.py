@@ -124,7 +124,7 @@ def test_its_table_and_its_picture_hold_every_variant(run: tuple[Path, Simulatio
     assert f"controller: {found.main_variant}" in repr(found)
 
 
-def test_figures_are_json_and_those_that_were_found(run: tuple[Path, Simulation, list[float]]) -> None:
+def test_figures_are_valid_json_with_the_returned_values(run: tuple[Path, Simulation, list[float]]) -> None:
     out, found, done = run
     text = (out / "figures.json").read_text()
 
@@ -190,7 +190,7 @@ def names_in(value: Any) -> set[str]:
     return {name for name in value if name not in METHODS}.union(*map(names_in, value.values()))
 
 
-def test_every_figure_is_documented(run: tuple[Path, Simulation, list[float]]) -> None:
+def test_every_metric_is_documented(run: tuple[Path, Simulation, list[float]]) -> None:
     out, _, _ = run
     figures = json.loads((out / "figures.json").read_text())
     words = {
@@ -208,7 +208,7 @@ def test_every_figure_is_documented(run: tuple[Path, Simulation, list[float]]) -
 
 
 @pytest.mark.slow
-def test_what_was_not_reached_is_null(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unreached_time_is_null(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The position converter is too coarse to settle; the file must not contain infinity."""
     monkeypatch.setattr(module, "COMPARED_VARIANTS", ("ratio",))
     coarse = {"\nstep_m = 50e-9": "\nstep_m = 4e-6", "noise_seeds = 2": "noise_seeds = 3"}
@@ -238,7 +238,7 @@ def test_what_was_not_reached_is_null(folder: Path, monkeypatch: pytest.MonkeyPa
         pytest.param("damping = 1.0", "damping = 10.0", "oscillates", id="noisy"),
     ],
 )
-def test_gains_that_do_not_hold_it_are_reported_and_the_recording_is_kept(
+def test_unstable_gains_are_reported_and_the_recording_is_kept(
     folder: Path, old: str, new: str, how: str
 ) -> None:
     change(folder / "controller.toml", {old: new})
@@ -257,7 +257,7 @@ def test_gains_that_do_not_hold_it_are_reported_and_the_recording_is_kept(
     assert how != "lost" or (touches | (then["state"] >= FAULT_CODE)).any()
 
 
-def test_what_an_earlier_run_left_is_removed_where_this_one_is_lost(folder: Path) -> None:
+def test_a_lost_run_removes_results_of_an_earlier_run(folder: Path) -> None:
     """Figures in a folder must belong to the recording in it; otherwise they are deleted."""
     for name in ("figures.json", "report.html"):
         (folder / "out" / name).write_text("of another run")
@@ -312,14 +312,14 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
     script = ScenarioBuilder(rig, bearings.GAP).lift_off(table).build()
     marks = np.flatnonzero(script.command)
     assert list(script.command[marks]) == [Command.DEMAGNETISED, Command.LIFT]
-    (selftest,) = (one.default for one in fields(PositionLimits) if one.name == "selftest")
+    (selftest,) = (field.default for field in fields(PositionLimits) if field.name == "selftest")
     assert marks[0] > selftest
     assert marks[0] / rate >= 0.005 - 1e-9
     assert script.lift_end_tick == script.ticks >= 0.45 * rate
 
 
 @pytest.mark.slow
-def test_an_own_variant_that_is_lost_later_is_a_negative_result(
+def test_a_lost_controller_variant_is_a_negative_result(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A load step exceeds the largest force: runs of steps succeed, runs of load steps fail."""
@@ -332,8 +332,8 @@ def test_an_own_variant_that_is_lost_later_is_a_negative_result(
     figures = json.loads((out / "figures.json").read_text())
     assert figures["load_steps"][0]["variants"]["single-valued"]["lost"] == 2
     assert figures["lost_in"] == ["load steps of the recording", "load step of 147 N (2 runs)"]
-    said = capsys.readouterr().err.splitlines()[-1]
-    assert says(said, "levitation-lost")
+    message = capsys.readouterr().err.splitlines()[-1]
+    assert says(message, "levitation-lost")
 
 
 def test_a_loop_that_is_late_is_reported(folder: Path) -> None:
@@ -358,7 +358,7 @@ def test_a_variant_that_cannot_be_made_is_reported(folder: Path, monkeypatch: py
 
 
 @pytest.mark.slow
-def test_a_variant_that_does_not_hold_it_is_reported_beside_the_others(folder: Path) -> None:
+def test_an_unstable_variant_is_reported_with_the_others(folder: Path) -> None:
     """At 50 Hz only variants that cancel the negative stiffness levitate the armature."""
     change(folder / "controller.toml", {"bandwidth_Hz = 120.0": "bandwidth_Hz = 50.0"})
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
@@ -394,7 +394,7 @@ def test_a_file_that_is_read_is_not_written_over(folder: Path, name: str) -> Non
 
 
 @pytest.mark.slow
-def test_an_interrupted_run_leaves_what_there_was(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_run_keeps_earlier_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "out" / "figures.json").write_text("before")
 
     def stop(*_: object) -> None:

@@ -32,7 +32,7 @@ class Play:
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("reversible", [0.1, 0.15, 0.3, 0.6])
-def test_what_answers_after_a_reversal_is_the_reversible_share(reversible: float) -> None:
+def test_the_response_after_a_reversal_is_the_reversible_fraction(reversible: float) -> None:
     iron = Play(reversible)
     found = measure_slopes(iron.step, CURRENT, GAP, 0.0, 4.5, 1e-6)
     # Mean of both branches, whose currents are 0.06 A to either side (rms 0.064 A).

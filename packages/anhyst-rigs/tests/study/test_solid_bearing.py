@@ -67,7 +67,7 @@ def steps(setup: BearingSetup) -> Scenario:
 
 
 @pytest.mark.slow
-def test_iron_that_answers_late_stands_still_with_its_layers_and_not_at_rest(tmp_path: Path) -> None:
+def test_solid_iron_needs_layers_for_a_quiet_standstill(tmp_path: Path) -> None:
     table = bearings.controller().settings
     setups = [make_setup(solid(), table, known(), method, "fixed") for method in METHODS]
     cells = compare_steps(setups, [bearings.GAP], [STEP], [solid().static_load], [1, 2], jobs=1)
@@ -86,11 +86,11 @@ def test_iron_that_answers_late_stands_still_with_its_layers_and_not_at_rest(tmp
     deeper = state_bytes(block) - state_bytes(thin)
     assert controller_bytes(1, block) - controller_bytes(1, thin) == deeper > 0
     assert "rate" in {
-        one["name"] for one in json.loads((tmp_path / "c" / "budget.json").read_text())["parts"]
+        load["name"] for load in json.loads((tmp_path / "c" / "budget.json").read_text())["parts"]
     }
 
 
-def test_a_board_takes_layers_that_it_has_memories_for_and_never_loses_its_own() -> None:
+def test_a_board_accepts_only_as_many_layers_as_it_has_memories() -> None:
     thin = bearings.knowledge().model
     setup = make_setup(solid(), bearings.controller().settings, solid_magnet(), "full", "fixed")
     board = PreparedBearing(setup, solid_magnet().model, Path())

@@ -169,7 +169,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
+def test_layers_in_the_firmware_reduce_the_error_of_the_quasi_static_model(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, _ = foreign(folder)
@@ -205,7 +205,7 @@ def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
     files = []
     for name, sweep in zip(("slow", "middle", "fast"), SWEEPS, strict=True):
         files.append(tmp_path / f"{name}.csv")
-        loops.with_loops(one for one in loops.loops if one.label == f"{sweep:g}").save(files[-1])
+        loops.with_loops(loop for loop in loops.loops if loop.label == f"{sweep:g}").save(files[-1])
         files[-1].with_suffix(".toml").write_text(f'history = "{loops.loops[0].history}"\n')
     out = tmp_path / "run"
     assert main(["force-control", *map(str, files), "--out", str(out)]) == 0
@@ -222,7 +222,7 @@ def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
 
 
 @pytest.mark.slow
-def test_c_from_loops_at_three_speeds_is_verified_and_leaves_a_fifth_of_what_rest_does(
+def test_c_from_loops_at_three_speeds_is_verified_and_has_a_fifth_of_the_quasi_static_error(
     folder: Path, tmp_path: Path
 ) -> None:
     """A fifth at 0.3 and 0.4 mm (0.4 mm not measured); a quarter at 0.5 mm with the least error."""
@@ -231,10 +231,10 @@ def test_c_from_loops_at_three_speeds_is_verified_and_leaves_a_fifth_of_what_res
     request = CompileRequest("full", "q31", 20e3)
     compiled = compile_model(model.save(tmp_path / "model.toml"), tmp_path / "out", request)
     assert verify(compiled.out, host_steps=2000, target_steps=500).passed
-    for gap, most in ((0.3e-3, 0.2), (0.4e-3, 0.2), (0.5e-3, 0.25)):
+    for gap, largest in ((0.3e-3, 0.2), (0.4e-3, 0.2), (0.5e-3, 0.25)):
         reached = force_at(rig, gap)
         full, still = (worst_of_the_last_cycle(rig, one, gap, reached) for one in (model, model.at_rest))
-        assert full < most * still, gap
+        assert full < largest * still, gap
 
 
 def force_at(rig: ForceControlRig, gap: float) -> float:
@@ -262,12 +262,12 @@ def test_one_slow_loop_is_followed_to_its_noise_mostly_whatever_that_is(folder: 
         loops = measured(read_rig(rig_in(folder)), SWEEPS[:1], seed).at(GAPS[0])
         fit = identify(loops, law="play-cells").model.fit
         assert fit is not None
-        (chosen,) = (one for one in fit.candidates if one.note == CHOSEN)
+        (chosen,) = (candidate for candidate in fit.candidates if candidate.note == CHOSEN)
         followed += chosen.rms is not None and chosen.rms < 4e-4  # the noise is 3e-4
     assert followed >= 2
 
 
-def test_a_magnet_of_solid_iron_answers_late_and_one_of_sheets_at_once(tmp_path: Path) -> None:
+def test_solid_iron_responds_late_and_laminated_iron_at_once(tmp_path: Path) -> None:
     def forces(solid: str) -> list[float]:
         stand = ActuatorStand(read_rig(rig_in(tmp_path, solid=solid)), [1])
         return [stand.step(2.0, GAPS[0]).force for _ in range(200)]
@@ -278,7 +278,7 @@ def test_a_magnet_of_solid_iron_answers_late_and_one_of_sheets_at_once(tmp_path:
     assert solid[-1] == pytest.approx(sheets[-1], rel=0.02)
 
 
-def test_a_model_at_rest_is_compiled_as_one_without_layers(tmp_path: Path) -> None:
+def test_a_quasi_static_model_is_compiled_as_one_without_layers(tmp_path: Path) -> None:
     thin = truth("solenoid-held")
     thick = replace(thin, parameters={**thin.parameters, "gamma": 10.0}, layers=Layers(2, 0.2, 0.3))
     folders = [tmp_path / name for name in ("thin", "thick")]
@@ -331,7 +331,7 @@ def drafted(folder: Path, loops: Loops) -> Any:
     return read_rig(folder / "my" / "rig.toml").settings, made.found
 
 
-def test_a_draft_has_a_solid_plant_where_the_loops_show_one(folder: Path, tmp_path: Path) -> None:
+def test_a_draft_has_solid_iron_if_the_loops_show_it(folder: Path, tmp_path: Path) -> None:
     _, loops = foreign(folder)
     settings, said = drafted(tmp_path, loops)
     assert settings.magnet.solid is not None

@@ -41,7 +41,7 @@ def solid_magnet() -> IdentifiedMagnet:
 
 
 @pytest.mark.slow
-def test_at_rest_stands_beside_what_follows_solid_iron_and_nowhere_else() -> None:
+def test_the_quasi_static_variant_is_compared_only_for_solid_iron() -> None:
     names = ("full", "at-rest")
     made, _ = make_variants(solid(), solid_magnet())
     assert set(names) <= set(made)
@@ -49,7 +49,7 @@ def test_at_rest_stands_beside_what_follows_solid_iron_and_nowhere_else() -> Non
 
 
 @pytest.mark.parametrize("number_format", ["f64", "fixed"])
-def test_at_rest_is_the_compensator_of_thin_iron_and_the_other_is_not(number_format: str) -> None:
+def test_the_quasi_static_variant_is_the_compensator_of_thin_iron(number_format: str) -> None:
     rig = solid(**{"control.format": number_format})
     demand = 40.0 + 30.0 * np.sin(np.linspace(0.0, 12.0, 400))
 
@@ -71,7 +71,7 @@ def test_loops_of_further_speeds_are_measured_in_time() -> None:
     assert loop_file_texts(loops, "")["loops.csv"].startswith("t_s,I_A,F_N,gap_m,loop\n0,")
 
 
-def test_a_plant_is_held_against_slow_loops_alone() -> None:
+def test_a_plant_is_compared_with_slow_loops_only() -> None:
     rig = solid(**{"measurement.fast_A_per_s": [450.0], "measurement.gaps_m": [0.45e-3]})
     known = replace(bearings.knowledge(), loops=measure_loops(rig))
     found = check_plant(rig, known)
@@ -79,7 +79,7 @@ def test_a_plant_is_held_against_slow_loops_alone() -> None:
     assert found.plant.worst < 0.02 * found.plant.force_max
 
 
-def test_conductivity_drifts_where_there_is_solid_iron() -> None:
+def test_conductivity_varies_only_for_solid_iron() -> None:
     file = solid().settings
     drawn = sample_drift(file, np.random.default_rng(1))
     assert drawn.conductivity != 0.0
@@ -95,7 +95,7 @@ def test_conductivity_drifts_where_there_is_solid_iron() -> None:
 
 
 @pytest.mark.slow
-def test_following_solid_iron_pays_and_so_does_knowing_how_late_it_is() -> None:
+def test_modelling_solid_iron_and_its_delay_reduces_the_error() -> None:
     """The loops come from the plant's simulated sensors at three speeds."""
     rig = solid(**{"measurement.fast_A_per_s": [45.0, 450.0], "force_sensor.bandwidth_Hz": 20e3})
     magnet = identify_magnet(measure_loops(rig), rig.settings.loops)

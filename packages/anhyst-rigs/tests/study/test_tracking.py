@@ -62,7 +62,7 @@ def test_a_path_of_half_a_minute_keeps_its_picometres() -> None:
     assert np.abs(np.diff(motion.derivatives_at(time)[0], 3)).max() < 1.1 * jerk * 5e-5**3
 
 
-def test_a_load_that_nobody_told_pushes_to_larger_positions_until_the_loop_holds_it() -> None:
+def test_an_unknown_load_displaces_the_stage_until_the_loop_compensates() -> None:
     setup, motion = stages.setup("full"), stages.training()
     load = np.full(motion_ticks(setup.rig, motion), 3.0)
     alone, pushed = (track(setup, motion, Feedforward(), 1, load=given) for given in (None, load))
@@ -71,7 +71,7 @@ def test_a_load_that_nobody_told_pushes_to_larger_positions_until_the_loop_holds
     assert float(np.mean(more[2000:])) == pytest.approx(-3.0, rel=0.05)
 
 
-def test_gains_weigh_the_moving_average_as_the_rig_file_says() -> None:
+def test_gains_use_the_average_weight_of_the_rig_file() -> None:
     setup, motion = stages.setup("full"), stages.training()
 
     def measures_with(weight: float) -> Measures:
@@ -84,7 +84,7 @@ def test_gains_weigh_the_moving_average_as_the_rig_file_says() -> None:
     assert weighed.rms_m > plain.rms_m
 
 
-def test_the_loop_crosses_where_the_file_says_with_room_for_its_delay() -> None:
+def test_the_loop_has_its_stated_crossover_and_enough_phase_margin() -> None:
     rig = stages.stage()
     omega, c = 2.0 * np.pi * 130.0, pid_coefficients(rig)
     back = np.exp(-1j * omega * rig.dt)
@@ -95,7 +95,7 @@ def test_the_loop_crosses_where_the_file_says_with_room_for_its_delay() -> None:
 
 
 @pytest.mark.slow
-def test_the_mass_moves_as_the_force_says_while_its_magnets_move_along() -> None:
+def test_the_mass_follows_newtons_law_with_moving_magnets() -> None:
     made = stages.setup("full", stray_m=20e-6)
     run = track(made, stages.evaluation_set_point(made.rig), Feedforward())
     position = run["position_m"]
@@ -107,7 +107,7 @@ def test_the_mass_moves_as_the_force_says_while_its_magnets_move_along() -> None
 
 
 @pytest.mark.slow
-def test_pid_and_allocation_in_fixed_point_follow_like_those_in_double_precision() -> None:
+def test_pid_and_allocation_in_fixed_point_agree_with_double_precision() -> None:
     made = stages.setup("full")
     motion = stages.evaluation_set_point(made.rig)
     real = track(made, motion, Feedforward())
@@ -150,7 +150,7 @@ def test_learning_converges_on_a_good_law_and_not_on_a_curve() -> None:
 
 
 @pytest.mark.slow
-def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
+def test_a_wrong_calibration_costs_as_much_as_a_good_law_gains() -> None:
     made = stages.setup("full")
     motion, forward = stages.evaluation_set_point(made.rig), stages.study().variants["full"].gains
 
@@ -173,7 +173,7 @@ def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
     assert drawn.select(ERROR_CASES["all"]) == drawn
 
 
-def test_measures_say_what_they_say() -> None:
+def test_metrics_agree_with_their_definitions() -> None:
     made = stages.setup("full")
     motion = stages.evaluation_set_point(made.rig)
     run = track(made, motion, stages.study().variants["full"].gains, 1)
@@ -229,7 +229,7 @@ def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> 
     assert beaten.verdicts["play"].level == "mixed"
 
 
-def test_a_standstill_that_is_quiet_anyway_is_named_so() -> None:
+def test_a_quiet_standstill_of_the_baseline_is_named() -> None:
     assert "the baseline is within 10 nm" in limit_texts(stages.study())[1]
 
 
@@ -243,7 +243,7 @@ def test_the_table_and_the_picture_of_a_study_hold_every_variant(tmp_path: Path)
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["run.csv", "run.mat", "run.mf4", "run.h5"])
-def test_the_recording_of_a_stage_is_of_the_format_that_its_name_says(name: str, tmp_path: Path) -> None:
+def test_the_recording_of_a_stage_has_the_format_of_its_suffix(name: str, tmp_path: Path) -> None:
     found = stages.study()
     found.save(tmp_path / name)
     assert (tmp_path / "figures.json").is_file()
@@ -256,7 +256,7 @@ def test_the_recording_of_a_stage_is_of_the_format_that_its_name_says(name: str,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gain", [-1.0, 0.3])
-def test_a_probe_that_fails_costs_a_law_accuracy_and_measured_flux_the_flight(gain: float) -> None:
+def test_a_failed_probe_costs_fused_accuracy_and_flux_its_stability(gain: float) -> None:
     failed = Drift(flux_gain=gain)
     motion = stages.training()
 

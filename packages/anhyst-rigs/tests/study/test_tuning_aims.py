@@ -45,12 +45,12 @@ def test_everything_infinite_is_worse_than_a_miss_and_has_a_cost() -> None:
     assert cost > Aims().cost(replace(GOOD, overshoot_percent=3.0))
 
 
-def test_the_worst_is_taken_figure_by_figure() -> None:
+def test_the_worst_value_of_each_metric_is_used() -> None:
     other = replace(GOOD, overshoot_percent=0.1, peak_sensitivity=2.5)
     assert merge_worst_figures([GOOD, other]) == replace(GOOD, peak_sensitivity=2.5)
 
 
-def test_tightened_aims_change_only_what_is_named() -> None:
+def test_tightened_aims_change_only_the_named_metrics() -> None:
     aims = Aims(settling_time_s=5e-3).with_scaled_limits({"peak_sensitivity": 0.5})
     assert aims == Aims(settling_time_s=5e-3, peak_sensitivity=1.5)
     assert Aims().with_scaled_limits({"peak_sensitivity": 0.1}).peak_sensitivity > 1.0

@@ -150,12 +150,12 @@ def test_bad_input_is_one_line(here: Path, arguments: list[object], said: str) -
     assert says(refused("tune", "rig.toml", "--out", "tuned", *arguments, cwd=here), said)
 
 
-def test_a_controller_that_does_not_fit_leaves_nothing_behind(here: Path) -> None:
+def test_an_unsuitable_controller_leaves_no_file(here: Path) -> None:
     text = (here / "controller.toml").read_text(encoding="utf-8")
     (here / "controller.toml").write_text(text.replace("20000.0", "10000.0"), encoding="utf-8")
-    said = refused("tune", "rig.toml", "--out", "tuned", cwd=here)
-    assert said.startswith("controller.toml:7: rate_Hz: ")
-    assert says(said, "differs-from-rig rate_Hz")
+    message = refused("tune", "rig.toml", "--out", "tuned", cwd=here)
+    assert message.startswith("controller.toml:7: rate_Hz: ")
+    assert says(message, "differs-from-rig rate_Hz")
 
 
 @pytest.mark.slow

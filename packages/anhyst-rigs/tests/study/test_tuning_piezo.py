@@ -74,7 +74,7 @@ def test_the_linear_loop_has_the_sensitivity_of_the_simulated_one(
 
 
 @pytest.mark.parametrize("part", [0.9, 1.1])
-def test_a_loop_is_unstable_where_the_simulated_one_is_lost(part: float, tmp_path: Path) -> None:
+def test_the_linear_loop_is_unstable_if_the_simulated_one_is_lost(part: float, tmp_path: Path) -> None:
     rig = straight_rig(tmp_path, noise_m=1e-9)
     loop = loop_of(rig)
 
@@ -98,7 +98,9 @@ def test_a_plant_that_rings_elsewhere_has_less_margin(tmp_path: Path) -> None:
     rig = straight_rig(tmp_path, damping_ratio=0.005, bandwidth_Hz=250.0)
     loop = loop_of(rig)
     assert loop.sensitivity_peak(SEARCH_CONDITIONS)[0] > 1.1 * loop.sensitivity_peak([NOMINAL])[0]
-    assert not {one.number for one in CHECK_CONDITIONS} & {one.number for one in SEARCH_CONDITIONS}
+    assert not {check_condition.number for check_condition in CHECK_CONDITIONS} & {
+        search_condition.number for search_condition in SEARCH_CONDITIONS
+    }
 
 
 @pytest.mark.slow
@@ -108,14 +110,14 @@ def test_gains_are_found_that_serve_plants_which_were_not_searched_on(tmp_path: 
     result = GainSearch(loop, Aims(None, 2.0), 20, jobs=1).run()
     assert result.check is not None
     assert result.figures.peak_sensitivity <= 2.0
-    before = [loop.figures(one, Aims(None), math.inf, 0) for one in CHECK_CONDITIONS]
+    before = [loop.figures(check_condition, Aims(None), math.inf, 0) for check_condition in CHECK_CONDITIONS]
     worst = max(one.error_rms_m for one in before if one is not None)
     assert result.check.figures[RANDOM_PLANTS].cost < 0.6 * worst
     limits = result.loop.find_limits(Aims(None, 2.0), result.check, 0, 1)
-    assert any(one.what == "peak_sensitivity" for one in limits)
+    assert any(limit.what == "peak_sensitivity" for limit in limits)
 
 
-def test_a_notch_where_none_is_stated_is_the_one_at_the_resonance(tmp_path: Path) -> None:
+def test_the_default_notch_is_at_the_resonance(tmp_path: Path) -> None:
     rig = read_piezo_rig(piezo_file(tmp_path))
     stated = rig.settings.with_changes(
         {"control.notch_Hz": 480.0, "control.notch_damping": 0.03, "control.notch_width": 0.7}
@@ -125,7 +127,7 @@ def test_a_notch_where_none_is_stated_is_the_one_at_the_resonance(tmp_path: Path
         make_notch(rig.settings.with_changes({"timing.rate_Hz": 800.0}))
 
 
-def test_what_is_not_for_a_piezo_stage_is_refused(tmp_path: Path) -> None:
+def test_options_not_for_a_piezo_stage_are_refused(tmp_path: Path) -> None:
     rig = piezo_file(tmp_path)
     for option in ("controller", "overshoot", "average", "crossover", "settling", "standstill"):
         with refused(f"option-not-for-this --{option}"):
@@ -152,9 +154,9 @@ def test_a_tuned_piezo_stage_is_simulated_and_its_plants_do_better(
     errors = []
     for rig in rigs:
         inverse = piezo.find_inverses(rig)["full"]
-        drawn = [one.plant(rig.settings)[0] for one in CHECK_CONDITIONS]
-        wanted = piezo.make_reference(rig)
-        runs = [piezo.follow_reference(rig, wanted, inverse, replace(rig, settings=one)) for one in drawn]
+        drawn = [check_condition.plant(rig.settings)[0] for check_condition in CHECK_CONDITIONS]
+        expected = piezo.make_reference(rig)
+        runs = [piezo.follow_reference(rig, expected, inverse, replace(rig, settings=one)) for one in drawn]
         assert all(run.loss is None for run in runs)
         errors.append([rms(run["error_m"][piezo.first_evaluated_tick(rig) :]) for run in runs])
         assert all(peak_deviation(run["error_m"][piezo.first_evaluated_tick(rig) :]) < 0.5e-6 for run in runs)

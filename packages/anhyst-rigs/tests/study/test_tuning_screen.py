@@ -36,7 +36,7 @@ def loops() -> list[LinearLoop]:
     ]
 
 
-def test_poles_are_those_of_the_linear_loop() -> None:
+def test_poles_agree_with_the_linear_loop() -> None:
     matrix, _ = closed_loop_matrices(loops()[0], SPACE.gains_per_tick(PLACES, LIKE))
     for one, loop in zip(matrix, loops(), strict=True):
         own = np.linalg.eigvals(one)
@@ -44,7 +44,7 @@ def test_poles_are_those_of_the_linear_loop() -> None:
             assert np.min(np.abs(own - pole)) < 1e-6
 
 
-def test_peaks_are_those_of_the_linear_loop() -> None:
+def test_peaks_agree_with_the_linear_loop() -> None:
     screen = Screen(loops()[:1], [1e9], 0.03)
     found = screen.evaluate(SPACE.gains_per_tick(PLACES, LIKE)).peak_sensitivity
     for peak, loop in zip(found[:3], loops()[:3], strict=True):
@@ -71,7 +71,7 @@ def step_response(loop: LinearLoop, ticks: int) -> tuple[np.ndarray, np.ndarray]
     return np.array(positions), np.array(demands)
 
 
-def test_steps_are_those_of_the_controller_run_tick_by_tick() -> None:
+def test_steps_agree_with_the_controller_run_tick_by_tick() -> None:
     reserve = 1.5e6
     screen = Screen(loops()[:1], [reserve], 0.03)
     found = screen.evaluate(SPACE.gains_per_tick(PLACES, LIKE))
@@ -85,7 +85,7 @@ def test_steps_are_those_of_the_controller_run_tick_by_tick() -> None:
         assert found.effort[place] == pytest.approx(np.abs(demand).max() / reserve, rel=0.05)
 
 
-def test_what_is_unstable_never_settles_and_is_no_good() -> None:
+def test_unstable_gains_never_settle_and_have_a_large_cost() -> None:
     assert not loops()[3].is_stable
     screen = Screen(loops()[:1], [1e9], 0.03)
     found = screen.evaluate(SPACE.gains_per_tick(PLACES, LIKE))
@@ -94,7 +94,7 @@ def test_what_is_unstable_never_settles_and_is_no_good() -> None:
 
 
 @pytest.mark.slow
-def test_refined_gains_meet_the_aims_of_linear_loops_and_use_what_they_are_given() -> None:
+def test_refined_gains_meet_their_aims_and_use_the_allowed_margin() -> None:
     screen = make_screen(setup(), HERE)
 
     def settling(one: Screen, aims: Aims) -> float:

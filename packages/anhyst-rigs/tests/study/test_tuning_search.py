@@ -36,7 +36,7 @@ def test_the_gains_found_meet_the_aims_and_settle_sooner_than_before() -> None:
 
 
 @pytest.mark.slow
-def test_what_was_found_with_one_noise_holds_for_all() -> None:
+def test_gains_found_with_one_noise_seed_hold_for_all() -> None:
     result = found()
     tried = result.candidates[0].outcome.worst
     assert result.figures.settling_time_s == pytest.approx(tried.settling_time_s, rel=0.1)
@@ -44,7 +44,7 @@ def test_what_was_found_with_one_noise_holds_for_all() -> None:
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_gains_on_any_number_of_cores() -> None:
+def test_equal_seeds_give_equal_gains_on_any_number_of_cores() -> None:
     assert found(2).loop.gains() == found(1).loop.gains()
     assert found(2).figures == found(1).figures
 
@@ -61,22 +61,22 @@ def test_only_gains_filters_and_weight_are_changed() -> None:
 
 
 @pytest.mark.slow
-def test_a_limit_of_the_peak_is_kept_by_the_measured_one() -> None:
+def test_the_measured_peak_keeps_its_limit() -> None:
     aims = Aims(peak_sensitivity=1.6)
     result = GainSearch(loop(HERE[:1]), aims, BUDGET, jobs=1).run()
     assert result.figures.peak_sensitivity <= 1.6
 
 
 @pytest.mark.slow
-def test_aims_that_cannot_be_met_end_with_the_best_and_what_limits() -> None:
+def test_unreachable_aims_give_the_best_gains_and_the_limiting_factor() -> None:
     aims = Aims(settling_time_s=1e-3)
     result = GainSearch(loop(HERE[:1]), aims, 10, jobs=1).run()
     assert "settling_time_s" in aims.missed_by(result.figures)
     assert result.check is not None
     limits = result.loop.find_limits(aims, result.check, seed=0, jobs=1)
-    missed = next(one for one in limits if one.what == "settling_time_s")
+    missed = next(limit for limit in limits if limit.what == "settling_time_s")
     assert "exceeds its limit of 1 ms at 0.45 mm and 150 N" in missed.text
-    helps = [one for one in limits if "linear loops would settle" in one.text]
+    helps = [limit for limit in limits if "linear loops would settle" in limit.text]
     assert "force" in {one.what for one in helps}
 
 
@@ -94,12 +94,12 @@ def test_ctrl_c_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     result = GainSearch(loop(HERE[:1]), Aims(), BUDGET, jobs=1).run()
     assert result.interrupted
     assert result.check is None
-    tried = [one.outcome.cost for one in result.candidates]
+    tried = [candidate.outcome.cost for candidate in result.candidates]
     assert tried[0] == min(tried)
     assert np.isfinite(result.figures.peak_sensitivity)
 
 
-def test_ctrl_c_before_any_gains_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_before_any_gains_gives_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(*_: Any, **__: Any) -> GainOutcome:
         raise KeyboardInterrupt
 

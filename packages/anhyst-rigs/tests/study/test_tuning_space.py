@@ -20,15 +20,15 @@ PLACES = st.lists(st.floats(0.0, 1.0), min_size=7, max_size=7).map(np.array)
 
 
 @given(PLACES)
-def test_the_gains_put_the_poles_where_the_numbers_say(place: np.ndarray) -> None:
+def test_the_gains_give_the_requested_poles(place: np.ndarray) -> None:
     at = SPACE.parameters(place)
     gains = SPACE.make_controller_table(place, bearings.controller().settings).pidd2_gains()
     found = np.roots([2.0 + gains.K_dd, gains.K_d, gains.K_p, gains.K_i])
     w, z = 2.0 * math.pi * at["bandwidth_Hz"], at["damping"]
     pair = np.roots([1.0, 2.0 * z * w, w**2])
-    wanted = np.concatenate([pair, [-at["real_pole"] * w]])
+    expected = np.concatenate([pair, [-at["real_pole"] * w]])
     # Gains have five digits. The error of a multiple pole is the root of the error of a gain.
-    for pole in wanted:
+    for pole in expected:
         assert np.min(np.abs(found - pole)) < 0.05 * abs(pole)
 
 
@@ -50,7 +50,7 @@ def test_every_place_is_a_controller_that_a_file_can_hold(place: np.ndarray) -> 
     assert again == controller
 
 
-def test_a_file_says_what_was_tried(tmp_path: Path) -> None:
+def test_a_tuned_file_records_its_search(tmp_path: Path) -> None:
     like = bearings.controller().settings
     controller = SPACE.make_controller_table(np.linspace(0.2, 0.8, 7), like)
     write_controller(tmp_path / "controller.toml", controller, "tuned")

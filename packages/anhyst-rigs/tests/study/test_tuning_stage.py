@@ -45,9 +45,7 @@ def loop(crossover: float = 130.0) -> StageLoop:
         {"crossover_Hz": 300.0, "integral_ratio": 10.0, "lead_ratio": 4.0, "rolloff_ratio": 12.0},
     ],
 )
-def test_the_sensitivity_of_the_linear_loop_is_what_a_sine_in_the_nonlinear_one_meets(
-    control: dict[str, Any],
-) -> None:
+def test_the_linear_sensitivity_agrees_with_a_sine_in_the_nonlinear_loop(control: dict[str, Any]) -> None:
     setup = stages.setup("full", stray_m=0.0, **control)
     rig = setup.rig
     peak, frequency = StageLoop(setup, Feedforward()).sensitivity_peak()
@@ -61,7 +59,7 @@ def test_the_sensitivity_of_the_linear_loop_is_what_a_sine_in_the_nonlinear_one_
     assert met == pytest.approx(peak, rel=0.1)
 
 
-def test_a_loop_is_called_stable_where_its_poles_are_within_the_unit_circle() -> None:
+def test_a_loop_is_stable_if_its_poles_are_within_the_unit_circle() -> None:
     for crossover in (5.0, 130.0, 800.0, 1200.0, 1600.0, 2500.0, 6000.0):
         rig = stages.stage(crossover_Hz=crossover)
         late = replace(make_linear_stage(rig), bandwidth=1e9, delay=1.5 * rig.dt)
@@ -77,7 +75,7 @@ def test_a_loop_is_called_stable_where_its_poles_are_within_the_unit_circle() ->
         assert math.isfinite(peak) == bool(np.abs(np.roots(closed)).max() < 1.0), crossover
 
 
-def test_corners_that_are_left_out_are_those_of_the_rule() -> None:
+def test_omitted_corner_frequencies_follow_the_default_rule() -> None:
     named = stages.stage(integral_ratio=5.0, lead_ratio=3.0, rolloff_ratio=6.0)
     assert pid_coefficients(named) == pid_coefficients(stages.stage())
     assert pid_coefficients(stages.stage(integral_ratio=8.0)) != pid_coefficients(stages.stage())
@@ -89,7 +87,7 @@ def test_gains_that_are_unstable_in_the_linear_loop_cost_more_than_any_others() 
     assert not outcome.is_complete
 
 
-def test_gains_whose_margin_is_too_small_are_given_up_without_a_motion() -> None:
+def test_gains_with_too_small_a_margin_are_rejected_without_a_motion() -> None:
     strict = Aims(None, peak_sensitivity=1.2)
     outcome = run_trial(loop(), loop().conditions, strict, ceiling=1.0)
     assert not outcome.is_complete
@@ -115,16 +113,16 @@ def test_the_gains_found_keep_their_margin_and_leave_less_on_the_set_point_never
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_gains_on_any_number_of_cores() -> None:
+def test_equal_seeds_give_equal_gains_on_any_number_of_cores() -> None:
     assert found(2).loop.gains() == found(1).loop.gains()
     assert found(2).figures == found(1).figures
 
 
 @pytest.mark.slow
-def test_aims_that_no_gains_reach_end_with_the_best_and_what_would_help() -> None:
+def test_unreachable_aims_give_the_best_gains_and_advice() -> None:
     aims = Aims(None, 1.5, average_m=1e-12)
     reached = loop().check(1)
-    limits = {one.what: one.text for one in loop().find_limits(aims, reached, 0, 1)}
+    limits = {limit.what: limit.text for limit in loop().find_limits(aims, reached, 0, 1)}
     assert TEST.text in limits["average_m"]
     assert {"peak_sensitivity", "delay"} <= set(limits)
 

@@ -15,13 +15,13 @@ BOTTOM = np.array([0.3, 0.62, 0.5, 0.44, 0.71, 0.38, 0.55])
 
 def search(cost: Callable[[FloatArray], float], generations: int, seed: int = 0) -> FloatArray:
     strategy = CmaStrategy(np.full(7, 0.5), 0.15, [seed, 2], 10)
-    best, least = np.full(7, 0.5), np.inf
+    best, smallest = np.full(7, 0.5), np.inf
     for _ in range(generations):
         points = strategy.ask()
         costs = np.array([cost(point) for point in points])
         strategy.tell(costs)
-        if costs.min() < least:
-            best, least = points[int(np.argmin(costs))], float(costs.min())
+        if costs.min() < smallest:
+            best, smallest = points[int(np.argmin(costs))], float(costs.min())
     return best
 
 
@@ -56,7 +56,7 @@ def test_a_minimum_in_a_corner_is_approached_from_inside() -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 7])
-def test_the_same_seed_gives_the_same_points(seed: int) -> None:
+def test_equal_seeds_give_equal_points(seed: int) -> None:
     first = search(valley, 5, seed)
     second = search(valley, 5, seed)
     other = search(valley, 5, seed + 1)

@@ -22,7 +22,7 @@ def test_conditions_are_all_gaps_with_two_loads() -> None:
     )
 
 
-def test_the_gains_of_the_example_hold_and_have_figures() -> None:
+def test_the_gains_of_the_example_are_stable_and_have_metrics() -> None:
     outcome = run_trial(loop(), HERE, Aims())
     assert outcome.is_complete
     assert set(outcome.figures) == set(HERE)

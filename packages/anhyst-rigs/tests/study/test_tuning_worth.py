@@ -41,7 +41,7 @@ def test_a_certain_gain_is_reported_against_the_strongest_baseline_and_flux() ->
         (tuned("full", 3.0, meets=False), "'full' misses the aims"),
     ],
 )
-def test_no_gain_is_reported_as_none(mine: Any, words: str) -> None:
+def test_a_missing_gain_is_reported(mine: Any, words: str) -> None:
     said = reported(mine, tuned("single-valued", 5.0), tuned("ratio", 4.0, meets=False))
     assert said.startswith("not worth it here: ")
     assert words in said
@@ -49,10 +49,10 @@ def test_no_gain_is_reported_as_none(mine: Any, words: str) -> None:
     assert BENEFICIAL_CONDITIONS["feedback"] in said
 
 
-def test_where_no_baseline_meets_the_aims_it_is_worth_it() -> None:
+def test_compensation_is_worthwhile_if_no_baseline_meets_the_aims() -> None:
     said = reported(tuned("full", 6.0), tuned("single-valued", 5.0, meets=False))
     assert said.startswith("worth it: 'full' meets the aims, ")
 
 
-def test_one_variant_alone_leaves_it_open() -> None:
+def test_one_variant_alone_gives_no_verdict() -> None:
     assert "no verdict: only 'full' was tuned; --all-variants" in reported(tuned("full", 4.0))

@@ -62,7 +62,7 @@ def cycles(count: int, low: float, high: float) -> FloatArray:
 @pytest.mark.slow
 @pytest.mark.parametrize("ends", [(0.1, 1.0), (0.3, 0.8)])
 @pytest.mark.parametrize("gap", [1.25e-3, 2.0e-3, None])
-def test_pinning_of_a_fifth_more_is_found_within_ten_seconds_of_motion(
+def test_a_pinning_increase_of_20_percent_is_found_within_ten_seconds_of_motion(
     rig: ForceControlRig, model: Model, ends: tuple[float, float], gap: float | None
 ) -> None:
     current = cycles(LEARNT + 12, *ends)
@@ -87,7 +87,7 @@ def test_pinning_of_a_fifth_more_is_found_within_ten_seconds_of_motion(
     assert f"{found.drift.shift:+.3g} N" in found.text(RATE)
 
 
-def test_what_is_found_does_not_depend_on_the_chunks(rig: ForceControlRig, model: Model) -> None:
+def test_the_monitor_does_not_depend_on_the_chunks(rig: ForceControlRig, model: Model) -> None:
     current = cycles(16, 0.2, 0.9)
     at, ticks = np.full(current.size, 1.3e-3), np.arange(current.size, dtype=np.float64)
     rows = (ticks, *sensed(rig, current, at, true_force(rig, current, at)))

@@ -15,7 +15,7 @@ from tests.truths import path_of
 
 @pytest.mark.slow
 @pytest.mark.needs("qemu-system-arm")
-def test_the_whole_firmware_gives_the_currents_of_the_host(tmp_path: Path) -> None:
+def test_the_whole_firmware_agrees_with_the_host(tmp_path: Path) -> None:
     model = path_of("electromagnet-effective-field-scaling")
     request = CompileRequest("full", "q31", 10_000.0, name="magnet")
     folder = compile_model(model, tmp_path / "controller", request).out

@@ -38,7 +38,7 @@ def whole_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_integers_fly_with_the_same_bits_where_there_is_no_floating_point(
+def test_fixed_point_is_bit_identical_on_a_processor_without_floating_point(
     whole_folder: Path, tmp_path: Path
 ) -> None:
     found = verify(whole_folder, "cortex-m0plus", target_steps=1000)
@@ -62,30 +62,30 @@ def test_integers_fly_with_the_same_bits_where_there_is_no_floating_point(
 
 
 @pytest.mark.slow
-def test_ten_magnets_take_about_as_many_instructions_in_fixed_point_as_in_f32(
+def test_ten_magnets_need_about_as_many_instructions_in_fixed_point_as_in_f32(
     folder: Path, fixed_folder: Path
 ) -> None:
     (real,) = verify(folder, "cortex-m4", target_steps=2000).results
     found = verify(fixed_folder, "cortex-m4,cortex-m33", target_steps=2000)
     assert found.passed, found.first_failure()
-    assert [one.build for one in found.results] == ["hard float, port header", "hard float"]
+    assert [result.build for result in found.results] == ["hard float, port header", "hard float"]
     before = real.cost("tick, in flight")
     assert before is not None
-    for fixed, most in zip(found.results, (1.0, 1.2), strict=True):  # f32 of the Cortex-M4
+    for fixed, largest in zip(found.results, (1.0, 1.2), strict=True):  # f32 of the Cortex-M4
         after = fixed.cost("tick, in flight")
         assert after is not None
-        assert after.mean < most * before.mean
-        assert after.most < most * before.most
+        assert after.mean < largest * before.mean
+        assert after.most < largest * before.most
         assert fixed.stack_measured is not None
         assert fixed.stack_static is not None
         assert 200 < fixed.stack_measured <= fixed.stack_static < 1_200
 
 
 @pytest.mark.slow
-def test_ten_magnets_fly_with_the_same_bits_and_what_they_cost_is_said(folder: Path) -> None:
+def test_ten_magnets_are_bit_identical_and_their_cost_is_reported(folder: Path) -> None:
     found = verify(folder, "cortex-m7", target_steps=2000)
     assert found.passed, found.first_failure()
-    assert [one.build for one in found.results] == ["hard float"]
+    assert [result.build for result in found.results] == ["hard float"]
     one = found.results[0]
     assert (one.steps, one.vectors, one.warnings) == (200, 2000, 0)
     flight, tick = one.cost("tick, in flight"), one.cost("tick")
@@ -103,7 +103,7 @@ def test_ten_magnets_fly_with_the_same_bits_and_what_they_cost_is_said(folder: P
 
 @pytest.mark.slow
 @pytest.mark.parametrize("which", ["folder", "fixed_folder"])
-def test_no_double_is_linked_on_a_processor_that_has_none(
+def test_no_double_precision_is_linked_on_processors_without_it(
     which: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     bundle = read_bundle(request.getfixturevalue(which))
@@ -139,7 +139,7 @@ def test_a_current_that_differs_is_named_with_its_tick(folder: Path, tmp_path: P
 
 
 @pytest.mark.parametrize("wrong", [7, {}, {"heads": None}, {"free": []}, {"magnets": 0}, {"magnets": 10**9}])
-def test_a_stage_whose_records_have_no_form_is_refused(folder: Path, tmp_path: Path, wrong: object) -> None:
+def test_a_stage_with_malformed_records_is_refused(folder: Path, tmp_path: Path, wrong: object) -> None:
     place = tmp_path / "out"
     shutil.copytree(folder, place)
     manifest = json.loads((place / "manifest.json").read_text())

@@ -36,17 +36,17 @@ def case(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def inspected(name: str, folder: Path, *options: str) -> dict[str, Any]:
-    done = quick("inspect", name, "--json", *options, cwd=folder)
-    assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    found["said"] = " ".join([*found["warnings"], *found["notes"], *found["repairs"], done.stderr])
+    completed = quick("inspect", name, "--json", *options, cwd=folder)
+    assert completed.returncode == 0, completed.stderr
+    found: dict[str, Any] = json.loads(completed.stdout)
+    found["said"] = " ".join([*found["warnings"], *found["notes"], *found["repairs"], completed.stderr])
     return found
 
 
 def identified(name: str, folder: Path, *options: str, code: int = 0) -> tuple[dict[str, Any], Result]:
-    done = quick("identify", name, "--out", "model.toml", "--json", *options, cwd=folder)
-    assert done.returncode == code, done.stderr
-    return (json.loads(done.stdout) if done.stdout else {}), done
+    completed = quick("identify", name, "--out", "model.toml", "--json", *options, cwd=folder)
+    assert completed.returncode == code, completed.stderr
+    return (json.loads(completed.stdout) if completed.stdout else {}), completed
 
 
 def proposal(message: str) -> str:
@@ -58,7 +58,9 @@ def proposal(message: str) -> str:
 @pytest.mark.parametrize(
     ("name", "largest_percent"), [("square_steel_ev0.csv", 2.0), ("two_temperatures.csv", 0.1)]
 )
-def test_identify_fits_what_a_candidate_can_fit(case: Any, name: str, largest_percent: float) -> None:
+def test_identify_fits_case_files_within_their_stated_error(
+    case: Any, name: str, largest_percent: float
+) -> None:
     found, _ = identified(name, case(name))
     assert 100.0 * found["fit"]["rms"] / found["fit"]["largest_output"] < largest_percent
 
@@ -66,9 +68,9 @@ def test_identify_fits_what_a_candidate_can_fit(case: Any, name: str, largest_pe
 def test_even_output_is_refused(case: Any) -> None:
     folder = case("butterfly.csv")
     for verb in (["inspect"], ["identify", "--out", "model.toml"]):
-        done = quick(verb[0], "butterfly.csv", *verb[1:], cwd=folder)
-        assert done.returncode == 2
-        assert "even" in done.stderr
+        completed = quick(verb[0], "butterfly.csv", *verb[1:], cwd=folder)
+        assert completed.returncode == 2
+        assert "even" in completed.stderr
 
 
 def test_resonance_is_named_and_is_a_negative_result(case: Any) -> None:
@@ -84,9 +86,11 @@ def test_resonance_is_named_and_is_a_negative_result(case: Any) -> None:
 def test_full_scale_is_that_of_identify_and_predict(case: Any) -> None:
     folder = case("displacement_offset.csv")
     found, _ = identified("displacement_offset.csv", folder)
-    done = quick("predict", "model.toml", "displacement_offset.csv", "--out", "x.csv", "--json", cwd=folder)
-    assert done.returncode == 0, done.stderr
-    deviation = json.loads(done.stdout)["deviation"]
+    completed = quick(
+        "predict", "model.toml", "displacement_offset.csv", "--out", "x.csv", "--json", cwd=folder
+    )
+    assert completed.returncode == 0, completed.stderr
+    deviation = json.loads(completed.stdout)["deviation"]
     assert deviation["largest"] == pytest.approx(found["fit"]["largest_output"], rel=1e-6)
     assert deviation["rms"] == pytest.approx(found["fit"]["rms"], rel=0.05)
 
@@ -139,9 +143,9 @@ def test_hole_in_the_clock_is_named(case: Any) -> None:
 
 def test_worst_error_contradicts_no_verdict(case: Any) -> None:
     folder = case("voltage.csv")
-    done = quick("identify", "voltage.csv", "--out", "model.toml", cwd=folder)
-    assert done.returncode in {0, 1}
-    assert "the fit is complete" not in done.stdout
+    completed = quick("identify", "voltage.csv", "--out", "model.toml", cwd=folder)
+    assert completed.returncode in {0, 1}
+    assert "the fit is complete" not in completed.stdout
 
 
 @pytest.mark.parametrize(("name", "column"), [("force_kgf.csv", 2), ("force_kg.csv", 2)])
@@ -156,10 +160,10 @@ def test_kilograms_are_read_as_force(case: Any, name: str, column: int) -> None:
 @pytest.mark.parametrize("name", ["scope_time_ch1_ch2.csv", "tout_yout.mat"])
 def test_clock_is_no_signal(case: Any, name: str) -> None:
     folder = case(name)
-    done = quick("inspect", name, cwd=folder)
-    columns = proposal(done.stderr)
+    completed = quick("inspect", name, cwd=folder)
+    columns = proposal(completed.stderr)
     assert not re.search(r"(?i)\b(time|tout|t)=(I|F)_", columns)
-    if done.returncode == 2:
+    if completed.returncode == 2:
         assert columns.index("=I_A") < columns.index("=F_N")
 
 
@@ -181,7 +185,7 @@ def test_layouts_of_loggers_are_read(case: Any, name: str, options: tuple[str, .
     assert max(loop["input_high_A"] for loop in found["loops"]) > 1.0
 
 
-def test_overrange_samples_are_left_out_and_counted(case: Any) -> None:
+def test_overrange_samples_are_skipped_and_counted(case: Any) -> None:
     folder = case("scope_overrange.csv")
     options = ("--columns", "Channel A=I_A,Channel B=F_N", "--scale", "Channel A=1,Channel B=1")
     refused = quick("inspect", "scope_overrange.csv", *options, cwd=folder)
@@ -192,12 +196,12 @@ def test_overrange_samples_are_left_out_and_counted(case: Any) -> None:
     assert re.search(rf"\b{count} ", found["said"])
 
 
-def test_settings_beside_the_data_are_named_or_read(case: Any) -> None:
-    done = quick("inspect", "scope_metadata_beside_data.csv", cwd=case("scope_metadata_beside_data.csv"))
-    assert "1200=I_A" not in done.stderr
+def test_settings_next_to_the_data_are_read_or_reported(case: Any) -> None:
+    completed = quick("inspect", "scope_metadata_beside_data.csv", cwd=case("scope_metadata_beside_data.csv"))
+    assert "1200=I_A" not in completed.stderr
 
 
 def test_branches_in_one_direction_are_refused(case: Any) -> None:
-    done = quick("inspect", "first_quadrant.csv", cwd=case("first_quadrant.csv"))
-    assert done.returncode == 2
-    assert "both branches in one direction" in done.stderr
+    completed = quick("inspect", "first_quadrant.csv", cwd=case("first_quadrant.csv"))
+    assert completed.returncode == 2
+    assert "both branches in one direction" in completed.stderr

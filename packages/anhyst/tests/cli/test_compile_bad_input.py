@@ -102,8 +102,8 @@ def test_a_damaged_model_is_reported_with_line_and_key(folder: Path) -> None:
     text = edited(k_A_per_m='"300"')
     line = next(n for n, row in enumerate(text.split("\n"), 1) if row.startswith("k_A_per_m"))
     (folder / "model.toml").write_text(text)
-    said = refused(*COMPILE, cwd=folder)
-    assert says(said, f"finite-number: model.toml:{line}; parameters.k_A_per_m")
+    message = refused(*COMPILE, cwd=folder)
+    assert says(message, f"finite-number: model.toml:{line}; parameters.k_A_per_m")
     (folder / "model.toml").write_text(GOOD[:900])
     assert refused(*COMPILE, cwd=folder).startswith("model.toml:")
     (folder / "model.toml").unlink()
@@ -112,8 +112,8 @@ def test_a_damaged_model_is_reported_with_line_and_key(folder: Path) -> None:
 
 def test_a_model_without_limits(folder: Path) -> None:
     (folder / "model.toml").write_text(GOOD.split("# Smallest and largest")[0])
-    said = refused(*COMPILE, cwd=folder)
-    assert says(said, "no-valid-range valid: model.toml")
+    message = refused(*COMPILE, cwd=folder)
+    assert says(message, "no-valid-range valid: model.toml")
 
 
 @pytest.mark.slow
@@ -171,5 +171,5 @@ def test_a_place_that_may_not_be_written(folder: Path) -> None:
     (folder / "locked").mkdir()
     (folder / "locked").chmod(0o555)
     given = (*COMPILE[:-1], "locked/c")
-    said = refused(*given, cwd=folder, ordinary=True)
-    assert says(said, "cannot-be-written")
+    message = refused(*given, cwd=folder, ordinary=True)
+    assert says(message, "cannot-be-written")

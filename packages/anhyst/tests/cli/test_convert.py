@@ -16,7 +16,7 @@ from tests.refusals import says
 from .command import quick, unwrapped
 
 
-def test_a_recording_goes_from_format_to_model_by_what_inspect_says(
+def test_the_options_that_inspect_lists_turn_a_recording_into_a_model(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source = recordings.control_desk(tmp_path / "run.mat")
@@ -58,7 +58,7 @@ def test_a_csv_comes_back_from_every_format_as_it_was(suffix: str, tmp_path: Pat
     assert back.read_text() == source.read_text()
 
 
-def test_what_cannot_be_written_is_said_before_anything_is_read(
+def test_an_output_that_cannot_be_written_is_refused_before_reading(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = recordings.with_time(tmp_path / "run.mat")
@@ -76,12 +76,12 @@ def test_what_cannot_be_written_is_said_before_anything_is_read(
 @pytest.mark.first(3)
 @pytest.mark.skipif(sys.platform == "win32", reason="has no limit on the size of files")
 @pytest.mark.parametrize("suffix", [".csv", ".mf4", ".tdms", ".h5", ".parquet", ".mat"])
-def test_a_disk_that_fills_up_leaves_nothing_behind(suffix: str, tmp_path: Path) -> None:
+def test_a_full_disk_leaves_no_partial_file(suffix: str, tmp_path: Path) -> None:
     if suffix in PACKAGES:
         pytest.importorskip(PACKAGES[suffix])
     rows = "".join(f"{n}e-4,{n % 977}.{n % 7919},{n % 613}.{n % 6007}\n" for n in range(20_000))
     (tmp_path / "run.csv").write_text("t_s,I_A,F_N\n" + rows)
-    done = quick("convert", "run.csv", f"full{suffix}", cwd=tmp_path, file_size=50_000)
-    assert done.returncode == 2, done.stderr
-    assert says(done.stderr, f"cannot-be-written: full{suffix}")
+    completed = quick("convert", "run.csv", f"full{suffix}", cwd=tmp_path, file_size=50_000)
+    assert completed.returncode == 2, completed.stderr
+    assert says(completed.stderr, f"cannot-be-written: full{suffix}")
     assert [path.name for path in tmp_path.iterdir()] == ["run.csv"]

@@ -103,7 +103,7 @@ def test_model_and_drive_in_the_wrong_order_are_refused(folder: Path) -> None:
     assert says(message, "wrong-kind: drive.csv; this is a measurement; predict")
 
 
-def test_what_no_drive_can_give_is_flagged(folder: Path) -> None:
+def test_demands_that_no_drive_can_reach_are_flagged(folder: Path) -> None:
     (folder / "demand.csv").write_text("F_N,gap_mm\n50,0.3\n-50,0.3\n900,0.3\n50,0.3\n")
     result = quick("invert", "model.toml", "demand.csv", "-o", "out.csv", "--json", cwd=folder)
     assert result.returncode == 0
@@ -116,7 +116,7 @@ def test_what_no_drive_can_give_is_flagged(folder: Path) -> None:
     assert written["valid"].tolist() == [1, 0, 0, 1]
 
 
-def test_gaps_in_mm_that_are_said_to_be_m_are_flagged(folder: Path) -> None:
+def test_gaps_in_mm_labelled_as_m_are_flagged(folder: Path) -> None:
     (folder / "drive.csv").write_text("I_A,gap_m\n0,0.3\n1,0.3\n")
     result = quick("predict", "model.toml", "drive.csv", "-o", "out.csv", cwd=folder)
     assert result.returncode == 0

@@ -9,7 +9,7 @@ import pytest
 
 from anhyst import InputError, example_files
 from anhyst.data.examples import EXAMPLES as EXAMPLE_NAMES
-from anhyst.verbs.example import Name
+from anhyst.verbs.example import ExampleName
 from tests.cli.command import contents, quick, refused
 from tests.refusals import says
 from tests.repository import ROOT
@@ -33,16 +33,16 @@ def test_an_example_is_copied_as_it_is(tmp_path: Path, name: str) -> None:
     assert (tmp_path / command[2]).is_file()
 
 
-def test_an_unknown_example_is_refused_with_those_there_are(tmp_path: Path) -> None:
+def test_an_unknown_example_is_refused_with_the_list_of_examples(tmp_path: Path) -> None:
     message = refused("example", "motor", "--out", "my", cwd=tmp_path)
     known = ("bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels")
     assert "'motor' is not one of " + ", ".join(f"'{name}'" for name in known) in message
-    assert get_args(Name) == tuple(EXAMPLE_NAMES) == known
+    assert get_args(ExampleName) == tuple(EXAMPLE_NAMES) == known
     with pytest.raises(InputError, match=f"motor.*{', '.join(known)}"):
         example_files("motor")
 
 
-def test_a_file_that_is_there_is_not_replaced(tmp_path: Path) -> None:
+def test_an_existing_file_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "loops.csv").write_text("mine")
     message = refused("example", "bearing", "--out", ".", cwd=tmp_path)
     assert says(message, "exists-already: loops.csv")

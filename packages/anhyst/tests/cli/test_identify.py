@@ -17,7 +17,7 @@ EXAMPLE = ROOT / "examples" / "electromagnet"
 TWO_GAPS = ("0.00030", "0.00060")
 
 
-def test_loops_go_in_and_a_model_comes_out_that_predicts_unseen_gaps(tmp_path: Path) -> None:
+def test_identify_gives_a_model_that_predicts_unseen_gaps(tmp_path: Path) -> None:
     given = [EXAMPLE / "loops.csv", "--out", "model.toml", "--json", "--law", "effective-field"]
     result = quick("identify", *given, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
@@ -34,7 +34,7 @@ def test_loops_go_in_and_a_model_comes_out_that_predicts_unseen_gaps(tmp_path: P
 
 
 @pytest.mark.slow
-def test_a_model_that_fails_its_acceptance_test_is_written_and_said(tmp_path: Path) -> None:
+def test_a_model_that_fails_its_acceptance_test_is_written_and_reported(tmp_path: Path) -> None:
     text = (EXAMPLE / "loops.csv").read_text()
     for old, new in (("0.00030", "x"), ("0.00060", "0.00030"), ("x", "0.00060")):
         text = text.replace(f",{old},", f",{new},")
@@ -48,7 +48,7 @@ def test_a_model_that_fails_its_acceptance_test_is_written_and_said(tmp_path: Pa
     assert "monotone = false" in (tmp_path / "model.toml").read_text()
 
 
-def test_what_cannot_be_compiled_is_said_at_once_with_the_switch_that_helps(tmp_path: Path) -> None:
+def test_a_model_that_cannot_be_compiled_is_reported_with_the_option_that_helps(tmp_path: Path) -> None:
     shutil.copy(EXAMPLE / "loops.toml", tmp_path)
     lines = (EXAMPLE / "loops.csv").read_text().splitlines(keepends=True)
     kept = [line for line in lines if line[0] in "#t" or line.split(",")[3] in TWO_GAPS]
@@ -65,7 +65,7 @@ def test_what_cannot_be_compiled_is_said_at_once_with_the_switch_that_helps(tmp_
     )
 
 
-def test_what_was_read_and_the_verdict_are_shown(tmp_path: Path) -> None:
+def test_inspect_shows_the_loops_and_the_verdict(tmp_path: Path) -> None:
     result = quick("inspect", EXAMPLE / "loops.csv", "--plot", "loops.png", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "16 loops, current to force" in result.stdout

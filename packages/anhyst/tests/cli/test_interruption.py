@@ -84,7 +84,7 @@ def test_a_search_interrupted_early_writes_nothing(tmp_path: Path, loops: str) -
     assert left == before
 
 
-def test_ctrl_c_while_modules_are_imported_ends_with_its_own_code(tmp_path: Path) -> None:
+def test_ctrl_c_during_imports_ends_with_exit_code_130(tmp_path: Path) -> None:
     broken = """
 import sys
 import typer
@@ -103,7 +103,7 @@ sys.exit(cli.main([]))
 
 
 @pytest.mark.slow
-def test_a_search_interrupted_late_writes_the_best_so_far(tmp_path: Path, loops: str) -> None:
+def test_an_interrupted_search_writes_the_best_model_so_far(tmp_path: Path, loops: str) -> None:
     (tmp_path / "loops.csv").write_text(loops)
     process = start(*SLOW, cwd=tmp_path)
     wait_until(process, lambda: has_joined_gaps(tmp_path))
@@ -120,7 +120,7 @@ def test_a_search_interrupted_late_writes_the_best_so_far(tmp_path: Path, loops:
 
 
 @pytest.mark.slow
-def test_a_killed_search_goes_on_to_the_same_model(tmp_path: Path, loops: str) -> None:
+def test_a_killed_search_resumes_to_the_same_model(tmp_path: Path, loops: str) -> None:
     folders = [tmp_path / "whole", tmp_path / "killed"]
     for folder in folders:
         folder.mkdir()
@@ -163,7 +163,7 @@ def test_a_damaged_checkpoint_is_not_used(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_prediction_interrupted_while_it_is_written_leaves_nothing(tmp_path: Path) -> None:
+def test_a_prediction_interrupted_during_writing_leaves_no_file(tmp_path: Path) -> None:
     (tmp_path / "model.toml").write_text(model())
     (tmp_path / "drive.csv").write_text(record(300_000, (0.4,)))
     before = contents(tmp_path)

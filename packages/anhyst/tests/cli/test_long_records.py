@@ -75,7 +75,7 @@ def peak(folder: Path, *arguments: str) -> tuple[dict[str, object], float]:
 
 
 @pytest.mark.slow
-def test_a_long_record_is_looked_at_in_bounded_memory(folder: Path) -> None:
+def test_inspect_reads_a_long_record_in_bounded_memory(folder: Path) -> None:
     found, memory = peak(folder, "inspect", "long.csv", "--history", "settled")
     assert found["samples"] == ROWS
     assert memory < BASE + EACH * ROWS

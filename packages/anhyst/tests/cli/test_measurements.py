@@ -141,7 +141,7 @@ def test_a_table_that_cannot_be_used_is_refused(tmp_path: Path, content: str, me
         ),
     ],
 )
-def test_what_is_no_text_table_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+def test_a_file_that_is_not_a_text_table_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
     assert says(identify(write(tmp_path, content)), message)
 
 
@@ -186,7 +186,7 @@ def test_gaps_that_are_all_but_the_same_are_warned_of(tmp_path: Path) -> None:
     assert any("gap 0.0003 and 0.00030001 m are almost equal" in text for text in reported)
 
 
-def test_a_gap_that_comes_again_must_be_reported_apart(tmp_path: Path) -> None:
+def test_a_repeated_gap_needs_a_label(tmp_path: Path) -> None:
     again = [[row[0], row[1], f"{1.1 * float(row[2])}", row[3]] for row in rows()]
     untimed = [row[1:] for row in rows() + again]
     message = identify(write(tmp_path, table(untimed, "I_A,F_N,gap_m")))
@@ -237,7 +237,7 @@ def test_files_of_different_quantities_do_not_mix(tmp_path: Path) -> None:
     assert says(message, "quantities-differ: two.csv; psi_Wb; one.csv; F_N")
 
 
-def test_a_gap_that_moves_is_not_fitted(tmp_path: Path) -> None:
+def test_a_moving_gap_is_not_fitted(tmp_path: Path) -> None:
     lines = rows(GAPS[:1])
     for place, row in enumerate(lines):
         row[3] = f"{3e-4 + 1e-6 * place}"

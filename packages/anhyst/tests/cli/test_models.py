@@ -122,7 +122,7 @@ def test_a_wrong_key_is_reported(folder: Path, old: str, new: str, message: str)
         pytest.param("a = " + "9" * 9000, "damaged-toml: model.toml", id="endless number"),
     ],
 )
-def test_what_is_no_model_is_refused(folder: Path, content: str | bytes, message: str) -> None:
+def test_a_file_that_is_not_a_model_is_refused(folder: Path, content: str | bytes, message: str) -> None:
     assert says(refused(*VERBS["predict"], cwd=damage(folder, content)), message)
 
 

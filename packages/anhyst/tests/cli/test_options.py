@@ -70,13 +70,13 @@ def test_an_option_that_does_not_fit_is_refused(folder: Path, arguments: list[st
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["avx1024", "", "AVX2"])
-def test_an_instruction_set_that_is_not_there_is_refused(folder: Path, level: str) -> None:
+def test_an_unavailable_instruction_set_is_refused(folder: Path, level: str) -> None:
     message = refused(*IDENTIFY, cwd=folder, variables={"ANHYST_DISPATCH": level})
     assert says(message, f"unknown-level: {level!r}")
     assert "base" in message
 
 
-def test_what_is_read_is_not_written_over(folder: Path) -> None:
+def test_an_input_file_is_not_overwritten(folder: Path) -> None:
     (folder / "model.toml").write_text(model())
     (folder / "loops.toml").write_text('history = "settled"\n')
     (folder / "link.csv").symlink_to("loops.csv")
@@ -91,7 +91,7 @@ def test_what_is_read_is_not_written_over(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_model_beside_its_measurements_is_no_sidecar(folder: Path) -> None:
+def test_a_model_next_to_its_measurements_is_not_read_as_their_settings(folder: Path) -> None:
     call = ["identify", "loops.csv", "--out", "loops.toml", *PLAIN]
     first = quick(*call, cwd=folder)
     assert first.returncode == 0, first.stderr

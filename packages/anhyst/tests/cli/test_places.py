@@ -76,7 +76,7 @@ NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
 
 @pytest.mark.first(3)
 @pytest.mark.parametrize("verb", LARGE)
-def test_a_disk_that_fills_up_leaves_the_old_file_as_it_was(folder: Path, verb: str) -> None:
+def test_a_full_disk_leaves_the_old_file_unchanged(folder: Path, verb: str) -> None:
     start, name = LARGE[verb]
     (folder / name).write_text("old")
     before = contents(folder)

@@ -47,7 +47,7 @@ def test_table_shows_every_cell_below_when_verbose() -> None:
     assert "--verbose" not in text
 
 
-def test_numbers_are_aligned_to_the_right_and_words_to_the_left() -> None:
+def test_numbers_are_right_aligned_and_words_left_aligned() -> None:
     table = TerminalTable("", ["name", "value", "kind"])
     table.add_row("a", "1.5", "settled")
     table.add_row("long name", "-100", "new")

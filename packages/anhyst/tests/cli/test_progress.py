@@ -39,7 +39,7 @@ def test_off_a_terminal_lines_come_on_standard_error_and_json_stays_clean(here: 
     assert any(re.search(r" s so far, about \d+ s left$", line) for line in message)
 
 
-def test_a_command_that_is_over_within_the_minute_says_nothing(here: Path) -> None:
+def test_a_short_command_prints_no_progress(here: Path) -> None:
     result = quick("inspect", "loops.csv", "--json", cwd=here)
     assert result.returncode == 0
     assert "so far" not in result.stderr
@@ -47,7 +47,7 @@ def test_a_command_that_is_over_within_the_minute_says_nothing(here: Path) -> No
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
-def test_on_a_terminal_a_bar_shows_per_cent_and_time_left(here: Path) -> None:
+def test_a_terminal_shows_a_bar_with_per_cent_and_remaining_time(here: Path) -> None:
     ours, theirs = os.openpty()
     seen: list[bytes] = []
 
@@ -81,7 +81,7 @@ class Clock:
         return self.now
 
 
-def test_the_time_left_goes_by_the_share_that_is_done() -> None:
+def test_remaining_time_follows_the_completed_fraction() -> None:
     clock = Clock()
     pace = ProgressEstimate(clock)
     clock.now = 10.0
@@ -92,7 +92,7 @@ def test_the_time_left_goes_by_the_share_that_is_done() -> None:
     assert pace.remaining_s() is None
 
 
-def test_the_share_never_falls_and_ends_at_one() -> None:
+def test_the_completed_fraction_never_falls_and_ends_at_one() -> None:
     pace = ProgressEstimate(Clock())
     shares = []
     for done, total in ((0, 0), (1, 4), (1, 8), (8, 8), (9, 8)):
@@ -102,7 +102,7 @@ def test_the_share_never_falls_and_ends_at_one() -> None:
 
 
 @pytest.mark.parametrize(("seconds", "words"), [(40.0, "40 s"), (300.0, "5 min"), (8000.0, "2 h 13 min")])
-def test_times_are_written_as_people_say_them(seconds: float, words: str) -> None:
+def test_times_are_written_in_words(seconds: float, words: str) -> None:
     clock = Clock()
     pace = ProgressEstimate(clock)
     clock.now = seconds

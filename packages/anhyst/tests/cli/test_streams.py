@@ -35,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_json_is_all_there_is_on_standard_output(folder: Path, verb: str) -> None:
+def test_standard_output_holds_only_json(folder: Path, verb: str) -> None:
     result = quick(*VERBS[verb], "--json", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert isinstance(json.loads(result.stdout), dict)
@@ -117,7 +117,7 @@ def test_a_cycle_that_does_not_close_is_a_negative_result(folder: Path, tmp_path
     assert not (tmp_path / "out.csv").exists()
 
 
-def test_a_reader_that_goes_away_is_no_crash(folder: Path) -> None:
+def test_a_closed_pipe_is_not_a_crash(folder: Path) -> None:
     process = start(*VERBS["inspect"], cwd=folder)
     assert process.stdout is not None
     assert process.stderr is not None

@@ -47,7 +47,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_current_goes_to_force_and_back(folder: Path) -> None:
+def test_predict_and_invert_are_inverse_commands(folder: Path) -> None:
     there = quick("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
     assert (there.returncode, there.stderr) == (0, "")
     assert there.stdout.startswith("force.csv: 59 rows, 1 run demagnetised\nF_N: ")
@@ -72,8 +72,8 @@ def test_history_and_columns_are_reported_on_the_command_line(folder: Path) -> N
     assert result.returncode == 0, result.stderr
     drive = np.loadtxt(folder / "f.csv", delimiter=",", skiprows=1)
     model = read_model(folder / "model.toml")
-    wanted = model.predict(drive[:, 0], 1e-3 * drive[:, 1], history="conditioned:0,2,0")
-    assert drive[:, 2] == pytest.approx(wanted.output, rel=1e-12)
+    expected = model.predict(drive[:, 0], 1e-3 * drive[:, 1], history="conditioned:0,2,0")
+    assert drive[:, 2] == pytest.approx(expected.output, rel=1e-12)
 
 
 def test_samples_outside_the_valid_range_are_warned_of(folder: Path) -> None:

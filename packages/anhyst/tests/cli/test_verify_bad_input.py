@@ -19,8 +19,8 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("verify")
     (place / "model.toml").write_text(model())
     given = ("--rate", "1e4", "--accuracy", "5", "--out", "c")
-    done = quick("compile", "model.toml", *given, cwd=place)
-    assert done.returncode == 0, done.stderr
+    completed = quick("compile", "model.toml", *given, cwd=place)
+    assert completed.returncode == 0, completed.stderr
     return place
 
 

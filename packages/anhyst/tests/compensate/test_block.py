@@ -90,7 +90,7 @@ def taken(kind: Kind, words: Words) -> bool:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_words_of_a_kind_have_places_of_their_own_in_front_of_the_tables(kind: Kind) -> None:
+def test_parameter_words_do_not_overlap_and_precede_the_tables(kind: Kind) -> None:
     end = 0
     for word in (*layout.HEAD_WORDS, *layout.BODY_WORDS[kind]):
         assert word.index >= end, word.name
@@ -101,7 +101,7 @@ def test_words_of_a_kind_have_places_of_their_own_in_front_of_the_tables(kind: K
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_sound_block_is_taken_and_its_checksum_is_that_of_zlib(kind: Kind) -> None:
+def test_a_valid_block_is_accepted_and_its_checksum_agrees_with_zlib(kind: Kind) -> None:
     block = compiled(kind)
     assert taken(kind, block.words)
     assert np.array_equal(sealed(block.words), block.words)
@@ -128,7 +128,7 @@ def test_a_length_that_does_not_fit_is_refused(kind: Kind) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_words_out_of_range_are_refused_and_those_at_its_ends_taken(kind: Kind) -> None:
+def test_words_outside_their_range_are_refused_and_the_limits_accepted(kind: Kind) -> None:
     block = compiled(kind)
     for name, (low, high) in (COMMON | RANGES[kind]).items():
         at = WORD_INDEX_OF_KIND[kind][name]
@@ -189,11 +189,11 @@ def test_more_segments_than_the_block_has_room_for_are_refused(kind: Kind, segme
 def test_a_table_with_an_entry_too_low_or_too_steep_is_refused(kind: Kind) -> None:
     block = compiled(kind, "scaling")
     full = {"GAP_FLUX_ARM": -32767} if kind == "full" else {}
-    for name, least in (GAP_TABLES | full).items():
+    for name, smallest in (GAP_TABLES | full).items():
         first, entries = block.tables[name]
         for place in (0, entries // 2, entries - 1):
-            assert not taken(kind, changed(block, first + place, least - 1)), (name, place)
-        if least < 0:
+            assert not taken(kind, changed(block, first + place, smallest - 1)), (name, place)
+        if smallest < 0:
             words = block.words.copy()
             words[first : first + 2] = -20000, 20000
             assert not taken(kind, sealed(words)), name
@@ -201,7 +201,7 @@ def test_a_table_with_an_entry_too_low_or_too_steep_is_refused(kind: Kind) -> No
             assert not taken(kind, sealed(words)), name
 
 
-def test_the_full_law_takes_a_flux_arm_below_zero_as_long_as_the_current_rises() -> None:
+def test_the_full_law_accepts_a_negative_flux_coefficient_if_the_current_rises() -> None:
     block = compiled("full", "circuit")
     flux_arm, field_arm = (block.table(f"GAP_{arm}_ARM").astype(float) for arm in ("FLUX", "FIELD"))
     assert flux_arm.min() < 0.0 < flux_arm.max()
@@ -210,25 +210,25 @@ def test_the_full_law_takes_a_flux_arm_below_zero_as_long_as_the_current_rises()
     reversible = np.diff(block.table("FULL_CURVE").astype(float))
     pinned = np.diff(block.table("FULL_BRANCH").astype(float))[int(segments) :]
     steepest = (share * reversible + (1.0 - share) * pinned).max() * segments / 2**15
-    most = field_arm / (4.0 * block.integer("FULL_AIR") / 2**16 + steepest)
+    largest = field_arm / (4.0 * block.integer("FULL_AIR") / 2**16 + steepest)
     first, entries = block.tables["GAP_FLUX_ARM"]
     for place in (0, entries // 2, entries - 1):
         for part, valid in ((0.97, True), (1.03, False)):
-            words = changed(block, first + place, -round(part * most[place]))
+            words = changed(block, first + place, -round(part * largest[place]))
             assert taken("full", words) == valid, (place, part)
 
 
 @pytest.mark.parametrize("kind", ["full", "simplified"])
 def test_a_falling_table_is_refused(kind: Kind) -> None:
     block = compiled(kind)
-    for name, least in RISING[kind].items():
+    for name, smallest in RISING[kind].items():
         first, entries = block.tables[name]
         steepest = first + int(np.argmax(np.diff(block.table(name))))
         for place in (steepest, first + entries - 1):
             low = int(block.words[place - 1]) - 1
             assert not taken(kind, changed(block, place, low)), (name, place)
-        if least - 1 >= -32768:
-            assert not taken(kind, changed(block, first, least - 1)), name
+        if smallest - 1 >= -32768:
+            assert not taken(kind, changed(block, first, smallest - 1)), name
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -242,7 +242,7 @@ def test_every_single_flipped_bit_is_refused(kind: Kind) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_block_that_is_refused_leaves_the_old_one_in_use(kind: Kind) -> None:
+def test_a_refused_block_leaves_the_old_one_in_use(kind: Kind) -> None:
     block = compiled(kind)
     twin = FixedCompensator(kind, block.words)
     before = twin.solve_q31(700_000_000, 0)

@@ -103,13 +103,13 @@ class DirectSums:
             name: float(self.model.interpolate_parameter(name, np.array([gap]))[0])
             for name in ("c_H", "in_0", "rho", "c_out", "out_0")
         }
-        wanted = over["c_H"] * (current - over["in_0"])
+        expected = over["c_H"] * (current - over["in_0"])
         low, high = -1e5, 1e5
         for _ in range(42):
             x = 0.5 * (low + high)
             _, m = self.at(x)
             b = x + (1.0 - self.alpha) * m
-            if x - self.alpha * m + over["rho"] * b < wanted:
+            if x - self.alpha * m + over["rho"] * b < expected:
                 low = x
             else:
                 high = x
@@ -151,7 +151,7 @@ def worst(twin: FixedTwin | RealTwin, oracle: DirectSums, demand: FloatArray, ga
 @pytest.mark.first(1)
 @pytest.mark.parametrize("io", ["q15", "q31"])
 @pytest.mark.parametrize("name", ["hold", "jumps", "small cycles", "walk"])
-def test_the_force_is_what_was_demanded(name: str, io: str) -> None:
+def test_the_force_equals_the_demand_within_the_bound(name: str, io: str) -> None:
     """With the currents of the compensator, the direct sums give the demand within the bound."""
     demand, gap = demands(name, largest())
     found = worst(FixedTwin(block(), io), DirectSums(cells()), demand, gap)
@@ -162,7 +162,9 @@ def test_the_force_is_what_was_demanded(name: str, io: str) -> None:
 @pytest.mark.parametrize(
     ("gap_map", "law"), [("circuit", "play-cells"), ("reluctance", "play-cells-langevin")]
 )
-def test_the_same_where_iron_counts_against_the_air_and_on_langevin_curves(gap_map: GapMap, law: str) -> None:
+def test_the_force_equals_the_demand_for_other_gap_maps_and_langevin_curves(
+    gap_map: GapMap, law: str
+) -> None:
     demand, gap = demands("walk", largest(gap_map, law))
     twin = FixedTwin(block(gap_map, law), "q31")
     found = worst(twin, DirectSums(cells(gap_map, law)), demand, gap)
@@ -197,7 +199,7 @@ TURNS = turning(np.random.default_rng(5).uniform(0.15, 0.95, 150))
 
 
 @pytest.mark.parametrize("io", ["q15", "q31", "f32", "f64"])
-def test_a_path_that_turns_moves_nothing(io: SignalFormat) -> None:
+def test_a_reversal_does_not_move_resting_cells(io: SignalFormat) -> None:
     """A small way back takes the force of the oracle along by no more than it is long: what rests
     is counted on the side where it was left. Between entries rows are not quite odd, and counted on
     the other side the iron would jump by up to 1.2e-3."""
@@ -209,12 +211,12 @@ def test_a_path_that_turns_moves_nothing(io: SignalFormat) -> None:
     }
     iron = PlayCells(cell_weights(cells()), alpha=0.0)
     flux_density, _, _ = iron.forward(over["c_H"] * (current - over["in_0"]), over["rho"])
-    off = (over["c_out"] * flux_density**2 + over["out_0"] - demand) / largest()
-    assert np.abs(off[1::2] - off[::2]).max() < 2e-4
+    error = (over["c_out"] * flux_density**2 + over["out_0"] - demand) / largest()
+    assert np.abs(error[1::2] - error[::2]).max() < 2e-4
 
 
 @pytest.mark.parametrize("io", ["q15", "q31", "f32"])
-def test_every_format_takes_the_same_way(io: SignalFormat) -> None:
+def test_all_formats_give_the_same_current(io: SignalFormat) -> None:
     """The currents differ by rounding only: 16 bits and 24 bits of their range."""
     demand = TURNS * largest()
     one, exact = (twin_of(each).run(demand, np.full(demand.size, GAPS[0])) for each in (io, "f64"))
@@ -249,7 +251,7 @@ def test_nothing_creeps_in_a_minute_of_noise() -> None:
     assert np.ptp(currents[1:]) < 4e-4 * 2.5
 
 
-def test_a_standing_demand_stands() -> None:
+def test_a_constant_demand_keeps_the_state() -> None:
     """Two more ticks remove the rounding of the first; then the state does not change."""
     core, random = FixedCompensator("cells", block().words), np.random.default_rng(1)
     for code, gap in random.integers(0, 2**31 - 1, (200, 2)).tolist():
@@ -261,7 +263,7 @@ def test_a_standing_demand_stands() -> None:
         assert core.memory.tolist() == before
 
 
-def test_rest_is_never_more_than_what_the_cells_at_rest_give() -> None:
+def test_the_stored_sum_of_resting_cells_equals_a_new_sum() -> None:
     """The stored sum of the resting cells equals a new sum over their plays, bit for bit."""
     words = block().words
     core, random = FixedCompensator("cells", words), np.random.default_rng(11)
@@ -322,7 +324,7 @@ def test_a_block_of_another_kind_is_refused() -> None:
 
 
 @pytest.mark.parametrize("segments", [2, 3])
-def test_few_segments_rise_and_stay_within_saturation(segments: int) -> None:
+def test_curves_of_few_segments_rise_and_do_not_exceed_saturation(segments: int) -> None:
     """Shifted entries are valid, also for iron far beyond its knee."""
     knee = {"a_1": 60.0, "a_2": 90.0}
     hard = replace(cells(), parameters={**cells().parameters, **knee})
@@ -342,7 +344,7 @@ def test_fewer_cells_keep_their_weight() -> None:
     assert merge_cells(full, 12, 300.0).thresholds.max() < 300.0
 
 
-def test_the_units_of_the_flux_are_those_of_the_saturated_iron() -> None:
+def test_the_unit_of_flux_is_that_of_saturated_iron() -> None:
     assert flux_unit(cells()) == pytest.approx(MU_0 * 1.3e6)
 
 
@@ -362,7 +364,7 @@ def test_a_swap_keeps_the_output(segments: int) -> None:
     assert abs(twin.output - before) < 2e-4 * largest()
 
 
-def test_an_iron_whose_cells_never_move_is_refused() -> None:
+def test_iron_with_immobile_cells_is_refused() -> None:
     still = CellWeights(np.array([0.0, 1e9]), np.array([500.0]), np.array([[1e6], [1e5]]))
     arms = CurrentCoefficients(1e-6, np.zeros(1), np.ones(1), np.full(1, 1e-3))
     with refused("no-hysteresis model"):
@@ -378,7 +380,7 @@ def handed_over(kind: RealKind, words: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("kind", ["full", "cells"])
-def test_what_fixed_point_remembers_floating_point_goes_on_with(kind: RealKind) -> None:
+def test_a_fixed_point_state_continues_in_floating_point(kind: RealKind) -> None:
     """A demagnetised start gives an error that is forty to four hundred times larger."""
     model = cells() if kind == "cells" else magnet("reluctance", 40.0)
     of = ranges("reluctance", "play-cells")

@@ -44,7 +44,7 @@ def test_solving_touches_no_memory_and_may_be_repeated(kind: Kind) -> None:
 
 @pytest.mark.parametrize("io", IOS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_committing_what_was_solved_gives_the_demand(kind: Kind, io: str) -> None:
+def test_committing_the_solved_current_gives_the_demand(kind: Kind, io: str) -> None:
     block = compiled(kind)
     twin = FixedTwin(block, io)
     demand, gap = wandering()
@@ -68,7 +68,7 @@ def test_the_shortcut_of_a_commit_agrees_with_finding_the_flux_from_the_current(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_same_input_gives_the_same_bits(kind: Kind) -> None:
+def test_equal_inputs_give_equal_bits(kind: Kind) -> None:
     demand, gap = wandering()
     assert np.array_equal(
         FixedTwin(compiled(kind)).run(demand, gap), FixedTwin(compiled(kind)).run(demand, gap)
@@ -107,7 +107,7 @@ def test_short_and_long_signals_agree_within_the_resolution(kind: Kind) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_swap_keeps_the_memory_and_goes_on_with_the_other_block(kind: Kind) -> None:
+def test_a_swap_keeps_the_state_and_uses_the_new_block(kind: Kind) -> None:
     here, there = compiled(kind), other_block(kind)
     swapped, fresh = FixedCompensator(kind, here.words), FixedCompensator(kind, there.words)
     demand, gap = wandering()
@@ -126,7 +126,7 @@ def other_block(kind: Kind) -> Block:
     return compiled(kind, sizes=TableSizes(gap_segments=3, iterations=9, root_knee=4))
 
 
-def test_a_swap_between_solve_and_commit_takes_the_new_block_for_the_commit() -> None:
+def test_a_swap_between_solve_and_commit_commits_with_the_new_block() -> None:
     here, there = (compiled("full"), compiled("full", "reluctance", 0.0, TableSizes(curve_segments=5)))
     swapped, fresh = FixedCompensator("full", here.words), FixedCompensator("full", there.words)
     current = swapped.solve_q31(600_000_000, 0)
@@ -159,7 +159,7 @@ def test_more_is_not_answered_with_less(kind: Kind, reach: float, most: float) -
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_demand_that_stands_still_keeps_its_current(kind: Kind) -> None:
+def test_a_constant_demand_keeps_its_current(kind: Kind) -> None:
     twin = FixedTwin(compiled(kind))
     demand, gap = wandering(50)
     for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
@@ -192,11 +192,11 @@ def test_flags_show_which_limit_was_met() -> None:
 def test_a_demand_beyond_saturation_is_flagged_as_flux() -> None:
     """The flux is limited to that of saturated iron."""
     scales, limits = ranges("reluctance")
-    most = 0.999 * 4.0 * scales.demand
+    largest = 0.999 * 4.0 * scales.demand
     wide = Scales(4.0 * scales.demand, scales.current, *GAPS[:: len(GAPS) - 1])
-    block = build_block(magnet(), "full", wide, type(limits)((0.0, most), CURRENTS))
+    block = build_block(magnet(), "full", wide, type(limits)((0.0, largest), CURRENTS))
     twin = FixedTwin(block)
-    twin.solve(most, GAPS[0])
+    twin.solve(largest, GAPS[0])
     assert twin.flags & 4
 
 

@@ -114,7 +114,7 @@ def test_a_map_is_straight_between_its_entries(
 
 
 @pytest.mark.parametrize("drive", [ForceController, ForceControllerF32])
-def test_a_map_ends_where_its_table_does(drive: type[ForceController] | type[ForceControllerF32]) -> None:
+def test_a_map_is_limited_to_its_table(drive: type[ForceController] | type[ForceControllerF32]) -> None:
     wide = drive.map(table(), 0.0, FORCE, GAP_LOW, GAP_HIGH, -9.0, 9.0)
     corner = wide.solve(FORCE, GAP_HIGH, NAN)
     assert wide.solve(FORCE, 1.0, NAN) == corner == pytest.approx(3.0)
@@ -173,7 +173,7 @@ def _place(code: int, exponent: int) -> tuple[int, Fraction]:
 
 
 @pytest.mark.parametrize("place", range(len(every_real())))
-def test_committing_what_was_solved_gives_the_demand_to_the_bit(place: int) -> None:
+def test_committing_the_solved_current_gives_the_demand_bit_for_bit(place: int) -> None:
     drive = every_real()[place]
     for demand in reversals(30.0, 90.0, 60, 5).astype(np.float32).tolist():
         current = drive.solve(demand, WIDE, NAN)
@@ -202,7 +202,7 @@ def test_solving_changes_nothing_and_may_be_repeated(place: int) -> None:
 
 
 @pytest.mark.parametrize("place", range(len(every_fixed())))
-def test_so_it_is_in_fixed_point(place: int) -> None:
+def test_committing_the_solved_current_gives_the_demand_in_fixed_point(place: int) -> None:
     drive, curious = every_fixed()[place], every_fixed()[place]
     for demand in (reversals(0.1, 0.5, 60, 5) * ONE).astype(int).tolist():
         for other in (0, -ONE, ONE - 1):
@@ -221,12 +221,12 @@ def test_a_current_other_than_the_solved_one_is_reported_as_force() -> None:
     assert drive.commit(current, WIDE) == pytest.approx(150.0, rel=1e-14)  # without a solve
 
 
-def test_what_a_limit_took_away_is_reported_as_force() -> None:
+def test_force_lost_to_a_current_limit_is_reported() -> None:
     drive = of_map(ForceController)
     narrow = ForceController.map(table(), 0.0, FORCE, GAP_LOW, GAP_HIGH, LOW, 1.0)
-    most = narrow.solve(190.0, WIDE, NAN)
-    assert (most, narrow.flags) == (1.0, CURRENT_LIMITED)
-    expected = narrow.commit(most, WIDE)
+    largest = narrow.solve(190.0, WIDE, NAN)
+    assert (largest, narrow.flags) == (1.0, CURRENT_LIMITED)
+    expected = narrow.commit(largest, WIDE)
     assert expected < 150.0
     assert drive.solve(expected, WIDE, NAN) == pytest.approx(1.0, rel=1e-14)
 
@@ -252,7 +252,7 @@ def test_a_compensator_in_a_drive_is_that_compensator(kind: RealKind) -> None:
         fixed_drive.commit(int(share * steps), ONE // 2)
 
 
-def test_what_a_compensator_expects_of_an_applied_current_is_what_the_magnet_gives() -> None:
+def test_the_expected_force_of_an_applied_current_equals_the_force_of_the_magnet() -> None:
     drive = ForceController.compensator("full", block_words("full", "f64"))
     high = 0.9 * largest_force("reluctance", 0.0, GAPS[-1])
     applied, expected = [], []
@@ -265,7 +265,7 @@ def test_what_a_compensator_expects_of_an_applied_current_is_what_the_magnet_giv
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_rounding_of_a_converter_leaves_no_bias_in_what_is_expected(kind: RealKind) -> None:
+def test_converter_rounding_leaves_no_bias_in_the_expected_force(kind: RealKind) -> None:
     """The conversion from flux to force has few digits in fixed point. If its error reached an
     integral, it would shift the position."""
     drive = FixedForceController.compensator(kind, compiled(kind).words)
@@ -300,7 +300,7 @@ def test_conditioning_comes_from_the_compensator_alone() -> None:
 # The flux loop
 
 
-def test_the_flux_loop_brings_the_flux_to_where_it_is_wanted() -> None:
+def test_the_flux_loop_removes_a_flux_error() -> None:
     """The loop corrects any error of the map: here the iron gives 10 % less flux."""
     drive = of_flux(0.2, 0.1, 0.2, 1.0)
     demand, density = 120.0, 0.0
@@ -323,7 +323,7 @@ def test_a_flux_that_follows_as_expected_asks_for_no_correction() -> None:
         density += share * (0.8 * math.sqrt(demand / FORCE) - density)
 
 
-def test_without_a_sample_of_the_probe_the_correction_stands_still() -> None:
+def test_a_missing_probe_sample_freezes_the_correction() -> None:
     drive, plain = of_flux(0.0, 0.1, 0.2, 1.0), of_map(ForceController)
     for _ in range(50):
         drive.commit(drive.solve(100.0, WIDE, 0.3), WIDE)
@@ -347,7 +347,7 @@ def test_the_flux_loop_does_not_wind_up_while_the_current_is_limited() -> None:
 
 
 @pytest.mark.parametrize("shunt", [1.02, 0.98])
-def test_a_shunt_that_reads_wrong_leaves_the_flux_where_it_is_wanted(shunt: float) -> None:
+def test_a_wrong_shunt_does_not_change_the_flux(shunt: float) -> None:
     """A measured current below its limits does not affect the integral."""
     drive = of_flux(0.2, 0.1, 0.2, 1.0)
     density = 0.0
@@ -397,7 +397,7 @@ def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers(limi
 # Refusals
 
 
-def test_what_is_not_sound_is_refused() -> None:
+def test_invalid_parameters_are_refused() -> None:
     falling = table()
     falling[2, 3] = falling[2, 4] + 0.1
     with pytest.raises(ValueError, match="not valid"):

@@ -69,7 +69,7 @@ def header(block: Block, law: str, io: RealSignalFormat) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("io", ["f32", "f64"])
 @pytest.mark.parametrize("law", LAWS)
-def test_any_signal_in_any_order_gives_currents_within_limits(
+def test_any_sequence_of_signals_gives_currents_within_limits(
     law: str, io: RealSignalFormat, tmp_path: Path
 ) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc")
@@ -85,5 +85,5 @@ def test_any_signal_in_any_order_gives_currents_within_limits(
     program = tmp_path / "extremes"
     files = [str(HERE / "extremes.c"), *sources]
     subprocess.run([compiler, *options, *include, *files, "-lm", "-o", str(program)], check=True)
-    done = subprocess.run([str(program)], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    completed = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+    assert (completed.returncode, completed.stdout, completed.stderr) == (0, "", "")

@@ -61,7 +61,7 @@ def demands(full: float, amplitude: float = 0.25) -> FloatArray:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("single", "bound"), [(False, 1e-9), (True, 2e-4)])
-def test_a_flux_that_follows_as_expected_leaves_the_currents_of_the_compensator(
+def test_an_expected_flux_does_not_change_the_currents_of_the_compensator(
     kind: RealKind, single: bool, bound: float
 ) -> None:
     share, density = 0.4, 0.0
@@ -75,7 +75,7 @@ def test_a_flux_that_follows_as_expected_leaves_the_currents_of_the_compensator(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_measured_flux_is_brought_to_what_is_wanted_whatever_the_law_is_off(kind: RealKind) -> None:
+def test_the_flux_loop_corrects_an_error_of_the_law(kind: RealKind) -> None:
     """The iron gives 10 % less flux than the law."""
     drive, (law, full) = fused(kind, 0.2, 0.1, 0.2, 1.0), plain(kind)
     demand, density = 0.4 * full, 0.0
@@ -88,7 +88,7 @@ def test_the_measured_flux_is_brought_to_what_is_wanted_whatever_the_law_is_off(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_iron_is_left_with_the_current_without_what_the_flux_added(kind: RealKind) -> None:
+def test_the_flux_correction_is_not_committed_to_the_iron(kind: RealKind) -> None:
     """A constant offset of the current, as of an amplifier, does not change the hysteresis state."""
     drive, (law, full) = fused(kind, 0.0, 0.02, 0.2, 1.0), plain(kind)
     for demand in demands(full).tolist():
@@ -117,7 +117,7 @@ def test_without_a_sample_the_fixed_one_is_its_compensator_bit_for_bit(kind: Rea
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_fixed_one_answers_anything_within_its_limits(kind: RealKind) -> None:
+def test_any_input_in_fixed_point_gives_a_current_within_its_limits(kind: RealKind) -> None:
     """All currents are within the limits, a second solve changes nothing, and the loop recovers."""
     block = compiled(kind)
     drive = FixedForceController.compensator(block.kind, block.words)
@@ -171,7 +171,7 @@ def test_it_does_not_wind_up_while_the_current_is_limited() -> None:
 def test_a_loop_that_is_not_valid_is_refused_and_changes_nothing() -> None:
     drive, (law, full) = plain("full")[0], plain("full")
     table, loop = np.tile([0.0, DENSITY], (2, 1)), np.array([0.1, 0.1, 0.1, 1.0])
-    for wrong, most, low, high in (
+    for wrong, largest, low, high in (
         (np.array([NAN, 0.1, 0.1, 1.0]), 1.0, 0.0, 2.0),
         (np.array([0.1, 0.1, 2.0, 1.0]), 1.0, 0.0, 2.0),
         (loop, -1.0, 0.0, 2.0),
@@ -179,5 +179,5 @@ def test_a_loop_that_is_not_valid_is_refused_and_changes_nothing() -> None:
         (loop, 1.0, NAN, 2.0),
     ):
         with pytest.raises(ValueError, match="not valid"):
-            drive.fuse(table, wrong, most, 0.0, full, *GAPS, low, high)
+            drive.fuse(table, wrong, largest, 0.0, full, *GAPS, low, high)
     assert drive.solve(0.3 * full, WIDE, 0.0) == law.solve(0.3 * full, WIDE, 0.0)

@@ -35,7 +35,7 @@ def _compensators() -> dict[str, Callable[[], Compensator]]:
 
 @pytest.mark.first(3)
 @pytest.mark.parametrize("name", _compensators())
-def test_solve_leaves_the_state_alone_and_commit_advances_it(name: str) -> None:
+def test_solve_keeps_the_state_and_commit_advances_it(name: str) -> None:
     compensator, gap = _compensators()[name](), POINT.gap
     undisturbed = compensator.reset_copy()
     for demand in DEMANDS:
@@ -50,7 +50,7 @@ def test_solve_leaves_the_state_alone_and_commit_advances_it(name: str) -> None:
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("name", _compensators())
-def test_a_run_is_solve_and_commit_in_turn_and_a_fresh_one_begins_again(name: str) -> None:
+def test_a_run_alternates_solve_and_commit_and_a_copy_starts_anew(name: str) -> None:
     compensator, gap = _compensators()[name](), POINT.gap
     along = compensator.run(DEMANDS, gap)
     again = compensator.reset_copy()

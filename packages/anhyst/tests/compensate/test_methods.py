@@ -118,7 +118,7 @@ def test_the_static_curve_is_the_best_of_its_kind() -> None:
     assert 0.5 * WIDTH <= worst < 0.51 * WIDTH
 
 
-def test_noise_of_the_force_leaves_the_slope_of_the_static_curve_quiet() -> None:
+def test_force_noise_does_not_roughen_the_static_curve() -> None:
     quiet = fit_surface(around(roots), (0.0, 100.0), RANGE)
     noisy = fit_surface(around(roots, noise=0.2), (0.0, 100.0), RANGE)
     inside = slice(20, -10)
@@ -126,7 +126,7 @@ def test_noise_of_the_force_leaves_the_slope_of_the_static_curve_quiet() -> None
     assert np.abs(slopes - 1.0).max() < 0.1
 
 
-def test_beyond_what_was_measured_the_static_curve_goes_on_straight() -> None:
+def test_the_static_curve_is_linear_beyond_the_measured_range() -> None:
     surface = fit_surface(around(roots), (0.0, 150.0), RANGE)  # the loops end at 120 N
     beyond = surface.force > 121.0
     slopes = np.diff(surface.current[:, beyond], axis=1) / np.diff(surface.force[beyond])
@@ -135,7 +135,7 @@ def test_beyond_what_was_measured_the_static_curve_goes_on_straight() -> None:
     assert slopes[0, 0] == pytest.approx(last, rel=0.1)
 
 
-def test_constants_of_a_magnet_that_is_linear_are_its_own() -> None:
+def test_a_linear_magnet_gives_its_own_constants() -> None:
     loops = around(lines)
     for force, gap in ((40.0, 0.4e-3), (70.0, 0.5e-3)):
         current = float(lines(np.array(force), gap))
@@ -165,7 +165,7 @@ def test_constants_of_a_magnet_are_its_slopes_at_the_operating_point() -> None:
     assert per_gap > 0.0  # an opening gap needs more current
 
 
-def test_the_chord_goes_through_zero_and_the_operating_point() -> None:
+def test_the_secant_passes_through_zero_and_the_operating_point() -> None:
     drive = make_compensator("secant", Sources(POINT, around(roots)), "f64")
     assert drive.solve(0.0, POINT.gap) == 0.0
     there = float(roots(np.array(POINT.force), POINT.gap))
@@ -188,7 +188,7 @@ def worst_force(variant: MethodName) -> float:
 
 
 @pytest.mark.slow
-def test_what_knows_more_errs_less() -> None:
+def test_variants_with_more_information_have_smaller_errors() -> None:
     """On a magnet with wide loops, each additional information reduces the error; the flux needs no
     model."""
     errors = {variant: worst_force(variant) for variant in VARIANTS}
@@ -230,7 +230,7 @@ def test_the_three_formats_are_one_law(variant: MethodName) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("number_format", FORMATS)
-def test_committing_what_was_solved_gives_the_demand(
+def test_committing_the_solved_current_gives_the_demand(
     variant: MethodName, number_format: NumberFormat
 ) -> None:
     drive = fitted(variant, number_format)
@@ -316,7 +316,7 @@ def test_the_calibration_is_the_best_constant_over_the_root_of_the_force() -> No
 # Refusals
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_inputs_that_do_not_fit_are_refused() -> None:
     loops, model, _ = known()
     wide = replace(POINT, gap_range=(0.2e-3, 0.55e-3))
     with refused("gaps-not-covered loops"):
@@ -419,7 +419,7 @@ def thrust_error(variant: MethodName, number_format: NumberFormat) -> float:
 
 
 @pytest.mark.parametrize("number_format", ["f64", "f32"])
-def test_what_pushes_and_pulls_is_followed_through_zero(number_format: NumberFormat) -> None:
+def test_bipolar_thrust_is_followed_through_zero(number_format: NumberFormat) -> None:
     errors = [thrust_error(name, number_format) for name in ("single-valued", "play", "full")]
     assert errors[2] < 0.1
     assert errors[2] < 0.3 * errors[1] < 0.6 * errors[0]

@@ -23,7 +23,7 @@ def block_with(knee: int) -> tuple[FixedTwin, float]:
 
 
 @pytest.mark.parametrize("knee", [2, 3, 4, 5, 6, 7, 8])
-def test_force_lacks_no_more_than_the_knee_says(knee: int) -> None:
+def test_the_force_deficit_is_bounded_by_the_knee(knee: int) -> None:
     """Below ``2^(-2k)`` of full scale, the force is too small by at most a quarter of that value."""
     twin, full = block_with(knee)
     demand = RESIDUAL + np.linspace(0.0, 2.0, 400) * full * 2.0 ** (-2 * knee)
@@ -37,7 +37,7 @@ def test_force_lacks_no_more_than_the_knee_says(knee: int) -> None:
 
 
 @pytest.mark.parametrize("knee", [2, 5, 8])
-def test_the_last_bit_of_a_demand_moves_the_current_by_a_bounded_amount(knee: int) -> None:
+def test_one_unit_of_the_demand_changes_the_current_by_a_bounded_amount(knee: int) -> None:
     """The slope of the root is finite, code by code from the force without flux."""
     twin, _ = block_with(knee)
     codes = int(twin.demand_codes(RESIDUAL)[0]) + 65536 * np.arange(-2, 60)
@@ -52,7 +52,7 @@ def test_the_last_bit_of_a_demand_moves_the_current_by_a_bounded_amount(knee: in
 
 
 @pytest.mark.parametrize("kind", ["full", "simplified", "euler"])
-def test_a_demand_below_the_residual_force_is_reported_and_held_there(kind: Kind) -> None:
+def test_a_demand_below_the_residual_force_is_limited_and_reported(kind: Kind) -> None:
     twin = FixedTwin(compiled(kind))
     at_rest = twin.solve(RESIDUAL * 1.01, WIDE)
     assert not twin.flags & DEMAND_LIMITED

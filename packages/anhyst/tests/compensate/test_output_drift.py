@@ -68,7 +68,7 @@ def test_a_force_is_held_while_the_gap_vibrates(name: str, force: float, swing: 
     assert np.abs(off(plan, np.full(gap.size, force), gap)).max() < WANTED
 
 
-def test_demand_and_gap_walking_together_stay_within_the_accuracy() -> None:
+def test_random_walks_of_demand_and_gap_stay_within_the_accuracy() -> None:
     plan = plan_of("electromagnet")
     scales = plan.block.scales
     reach = plan.builder.output_range
@@ -102,14 +102,14 @@ def test_without_a_dead_band_it_creeps_away() -> None:
 @pytest.mark.parametrize(
     "name", [*(pytest.param(one, marks=pytest.mark.campaign) for one in ("hard", "u")), "soft"]
 )
-def test_foreign_magnets_are_held_too(name: str, tmp_path: Path) -> None:
+def test_foreign_magnets_hold_their_force(name: str, tmp_path: Path) -> None:
     loops = ReadOptions().read([MAGNETS[name].write_loops(tmp_path / "loops.csv")])
     plan = make_plan(identify(loops).model, CompileRequest("full", "q31", RATE), 0)
     assert worst(plan) < WANTED
 
 
 @pytest.mark.slow
-def test_nothing_is_lost_by_ending_where_all_repeats_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ending_at_a_periodic_state_loses_no_drift(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = plan_of("electromagnet")
     short = measure_drift(plan)
     monkeypatch.setattr(output_drift._CompensatedModel, "has_returned", lambda *_: False)
@@ -119,7 +119,7 @@ def test_nothing_is_lost_by_ending_where_all_repeats_itself(monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("io", ["q15", "q31"])
-def test_what_is_irreversible_rests_exactly_inside_the_play(io: str) -> None:
+def test_irreversible_magnetisation_is_constant_inside_the_play(io: str) -> None:
     """An earlier version moved by a few units at every reversal: 0.7 % of the force in a minute of
     noise."""
     plan = plan_of("electromagnet")
@@ -144,13 +144,13 @@ def creeping(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_compile_warns_of_a_held_force_that_drifts(creeping: Path, tmp_path: Path) -> None:
+def test_compile_warns_if_a_held_force_drifts(creeping: Path, tmp_path: Path) -> None:
     arguments = ("compile", creeping, "--rate", "1e4", "--out", "c", "--json")
-    done = quick(*arguments, cwd=tmp_path)
-    assert done.returncode == 0
-    assert "drift of a held force in 60 s" in done.stderr
-    assert "no dead band (r_d = 0)" in done.stderr
-    accuracy = json.loads(done.stdout)["accuracy"]
+    completed = quick(*arguments, cwd=tmp_path)
+    assert completed.returncode == 0
+    assert "drift of a held force in 60 s" in completed.stderr
+    assert "no dead band (r_d = 0)" in completed.stderr
+    accuracy = json.loads(completed.stdout)["accuracy"]
     assert accuracy["drift_seconds"] == 60.0
     assert accuracy["drift_percent"] > 0.5
     assert accuracy["worst_percent"] < 0.1
@@ -163,11 +163,9 @@ def test_compile_warns_of_a_held_force_that_drifts(creeping: Path, tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_an_accuracy_that_is_asked_for_is_kept_by_a_held_force_or_refused(
-    creeping: Path, tmp_path: Path
-) -> None:
+def test_a_requested_accuracy_is_met_by_a_held_force_or_refused(creeping: Path, tmp_path: Path) -> None:
     arguments = ("compile", creeping, "--rate", "1e4", "--accuracy", "0.1", "--out", "c")
-    done = quick(*arguments, cwd=tmp_path)
-    assert done.returncode == 1
-    assert says(done.stderr, "model-drifts accuracy")
+    completed = quick(*arguments, cwd=tmp_path)
+    assert completed.returncode == 1
+    assert says(completed.stderr, "model-drifts accuracy")
     assert not (tmp_path / "c").exists()

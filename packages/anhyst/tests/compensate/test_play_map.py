@@ -148,7 +148,7 @@ def test_any_two_states_are_one_after_the_current_has_moved_by_two_radii() -> No
     assert len({drive.solve(50.0, gap) for drive in drives}) == 1
 
 
-def test_a_solve_leaves_the_play_alone_and_a_small_cycle_closes() -> None:
+def test_solve_keeps_the_play_and_a_small_cycle_closes() -> None:
     drive = controller("f64")
     gap = POINT.gap
     for force in (0.0, 80.0, 40.0):

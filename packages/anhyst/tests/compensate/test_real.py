@@ -93,8 +93,8 @@ def test_full_with_fine_tables_gives_the_demanded_force(
     force = magnet(gap_map, play).predict(drive, gap, history="demagnetised").output
     # Where the current hardly changes with the flux, its errors have a larger effect.
     flattest = min(1.0, float(least_slope(magnet(gap_map, play), np.array(GAPS)).min()))
-    most = 2e-5 / flattest * largest_force(gap_map, play, GAPS[0])
-    assert np.abs(force - demand).max() < most
+    largest = 2e-5 / flattest * largest_force(gap_map, play, GAPS[0])
+    assert np.abs(force - demand).max() < largest
 
 
 @pytest.mark.parametrize("play", [0.0, 4.0])
@@ -146,7 +146,7 @@ def test_rounding_does_not_add_up_over_a_slow_demand(kind: RealKind) -> None:
 @pytest.mark.parametrize("io", IOS)
 @pytest.mark.parametrize("play", [0.0, 40.0])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_standing_demand_leaves_the_memory_alone(kind: RealKind, play: float, io: RealSignalFormat) -> None:
+def test_a_constant_demand_keeps_the_memory(kind: RealKind, play: float, io: RealSignalFormat) -> None:
     twin = RealTwin(real(kind, "reluctance", play if kind == "full" else 0.0, io=io))
     for level in np.random.default_rng(1).uniform(0.05, 0.95, 20).tolist():
         twin.run([level * HIGH] * 4, WIDE)
@@ -231,7 +231,7 @@ def test_more_flux_than_saturation_is_limited_and_reported() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_no_number_does_no_harm(kind: RealKind) -> None:
+def test_nan_inputs_do_no_harm(kind: RealKind) -> None:
     twin = RealTwin(real(kind))
     twin.run(nested(HIGH, 40), WIDE)
     rest, nan = twin.memory, float("nan")
@@ -244,7 +244,7 @@ def test_what_is_no_number_does_no_harm(kind: RealKind) -> None:
     assert np.isfinite(twin.memory).all()
 
 
-def test_other_parameters_go_on_from_where_the_iron_is() -> None:
+def test_swapped_parameters_continue_from_the_state_of_the_iron() -> None:
     one, other = (real("full", sizes=sizes, io="f64") for sizes in (FINE, SAME))
     twin = RealTwin(one)
     up = np.linspace(0.1, 0.8, 50) * HIGH
@@ -387,7 +387,7 @@ int main(void)
 @pytest.mark.first(3)
 @pytest.mark.parametrize("level", ["-O0", "-O3"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_c_that_is_written_out_gives_the_same_bits(kind: RealKind, level: str, tmp_path: Path) -> None:
+def test_the_generated_c_gives_the_same_bits(kind: RealKind, level: str, tmp_path: Path) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("gcc is not installed")
@@ -410,7 +410,7 @@ def test_the_c_that_is_written_out_gives_the_same_bits(kind: RealKind, level: st
     rows = "\n".join(
         f"{float_literal(d)[:-1]} {float_literal(g)[:-1]}" for d, g in zip(demand, gap, strict=True)
     )
-    done = subprocess.run([str(program)], input=rows, capture_output=True, text=True, check=True)
-    found = np.array([int(line, 16) for line in done.stdout.split()], dtype=np.uint32)
+    completed = subprocess.run([str(program)], input=rows, capture_output=True, text=True, check=True)
+    found = np.array([int(line, 16) for line in completed.stdout.split()], dtype=np.uint32)
     expected = RealTwin(block).run(demand, gap).astype(np.float32).view(np.uint32)
     assert np.array_equal(found, expected)

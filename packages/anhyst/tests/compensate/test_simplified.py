@@ -96,8 +96,8 @@ def test_the_state_is_exact_for_steps_of_any_size(
     rng = np.random.default_rng(int(1e3 * size))
     steps = rng.uniform(-size, size, 3000) * rng.uniform(0.0, 1.0, 3000)
     flux = np.abs(np.cumsum(steps) % 3.2 - 1.6) - 0.8  # cycles between -0.8 and 0.8
-    off = followed(law, flux, segments=segments) - exact(law, flux)
-    assert np.abs(off).max() < CLAIMED[segments]
+    error = followed(law, flux, segments=segments) - exact(law, flux)
+    assert np.abs(error).max() < CLAIMED[segments]
 
 
 @each_law
@@ -108,7 +108,7 @@ def test_the_state_is_exact_along_ways_jumps_and_reversals(law: LinearAnhysteret
 
 
 @each_law
-def test_a_reversal_while_held_goes_back_the_way_it_came(law: LinearAnhysteretic) -> None:
+def test_a_reversal_in_the_dead_band_retraces_its_path(law: LinearAnhysteretic) -> None:
     """Just after a reversal the state is in its dead band; a reversal there is the critical case."""
     hold = (1.0 - law.nu) / rate_of(law)
     ways = 0.4 * hold * np.random.default_rng(8).uniform(-1.0, 1.0, 3000)
@@ -165,7 +165,7 @@ def test_the_euler_form_is_the_papers(law: LinearAnhysteretic, substeps: int) ->
     assert np.abs(state - euler(law, flux, substeps)).max() < 5e-3
 
 
-def test_the_closed_form_is_exact_where_the_euler_form_is_not() -> None:
+def test_the_closed_form_is_exact_and_the_euler_form_is_not() -> None:
     """One Euler step per sample, with ever fewer samples per cycle of a triangle from zero."""
     law = LAWS[0]
     worst: dict[Kind, list[float]] = {"simplified": [], "euler": []}
@@ -173,8 +173,8 @@ def test_the_closed_form_is_exact_where_the_euler_form_is_not() -> None:
         phase = np.arange(3 * samples) / samples + 0.25
         flux = 0.8 * (1.0 - 4.0 * np.abs(phase % 1.0 - 0.5))
         for kind, errors in worst.items():
-            off = followed(law, flux, kind) - exact(law, flux)
-            errors.append(float(np.abs(off).max()))
+            error = followed(law, flux, kind) - exact(law, flux)
+            errors.append(float(np.abs(error).max()))
     assert max(worst["simplified"]) < CLAIMED[4]
     assert worst["euler"] == sorted(worst["euler"])
     assert worst["euler"][0] < 0.01

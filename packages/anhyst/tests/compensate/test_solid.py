@@ -107,16 +107,16 @@ def check_time_stands_still(once: FixedTwin | RealTwin, often: FixedTwin | RealT
 
 @pytest.mark.parametrize("io", ["f64", "f32"])
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
-def test_the_force_is_the_demand_however_fast_it_moves(layers: Layers, io: RealSignalFormat) -> None:
+def test_the_force_follows_the_demand_at_any_speed(layers: Layers, io: RealSignalFormat) -> None:
     demand, gap = ramps(1)
     current = RealTwin(block(magnet(layers), io)).run(demand, gap)
     assert np.all((current > 0.0) & (current < 6.0) | (demand == 0.0))
-    off = np.abs(force_of(magnet(layers), current, gap) - demand)
-    assert off.max() < 2e-3 * TOP
-    assert np.sqrt(np.mean(off**2)) < 3e-4 * TOP
+    error = np.abs(force_of(magnet(layers), current, gap) - demand)
+    assert error.max() < 2e-3 * TOP
+    assert np.sqrt(np.mean(error**2)) < 3e-4 * TOP
 
 
-def test_at_rest_it_would_be_off_by_far_more() -> None:
+def test_the_quasi_static_block_has_a_much_larger_error() -> None:
     model = magnet(LAYERS["three and sheets"])
     demand, gap = ramps(1)
     with_layers, still = (
@@ -127,7 +127,7 @@ def test_at_rest_it_would_be_off_by_far_more() -> None:
 
 
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
-def test_what_was_applied_is_what_it_goes_on_from(layers: Layers) -> None:
+def test_the_state_follows_the_applied_current(layers: Layers) -> None:
     check_what_was_applied(RealTwin(block(magnet(layers))), layers)
 
 
@@ -136,7 +136,7 @@ def test_a_solve_does_not_move_time() -> None:
     check_time_stands_still(*(RealTwin(block(model)) for _ in range(2)))
 
 
-def test_the_current_of_a_held_demand_comes_to_rest_again() -> None:
+def test_the_current_of_a_constant_demand_settles_again() -> None:
     model = magnet(LAYERS["three and sheets"])
     demand = np.append(np.linspace(0.0, 100.0, 200), np.full(20_000, 100.0))
     gap = np.full(demand.size, 4e-4)
@@ -146,14 +146,14 @@ def test_the_current_of_a_held_demand_comes_to_rest_again() -> None:
     assert abs(late[-1] - late[-2]) < 1e-9
 
 
-def test_without_diffusion_all_layers_are_the_iron_at_rest() -> None:
+def test_without_eddy_currents_the_layers_equal_the_quasi_static_iron() -> None:
     model = magnet(Layers(3, 0.1), gamma=1e-12)
     demand, gap = ramps(4)
     late, still = (RealTwin(one).run(demand, gap) for one in (block(model), block(model, still=True)))
     assert np.sqrt(np.mean((late - still) ** 2)) < 2e-4 * 6.0
 
 
-def test_a_swap_keeps_what_every_layer_remembers() -> None:
+def test_a_swap_keeps_the_memory_of_every_layer() -> None:
     model = magnet(LAYERS["two"])
     demand, gap = ramps(5)
     parameters = block(model)
@@ -184,7 +184,7 @@ def test_numbers_of_layers_that_make_no_sense_are_refused(key: str, value: float
         _core.Compensator("cells", sealed(words))
 
 
-def test_more_layers_than_there_is_room_for_are_refused() -> None:
+def test_too_many_layers_are_refused() -> None:
     with refused("no-fixed-point-form"):
         make_plan(magnet(Layers(5, 0.1)), CompileRequest("full", "f32", RATE), 0)
 
@@ -212,7 +212,7 @@ def test_a_force_controller_of_a_magnet_follows_its_layers(number_format: Number
     assert np.abs(force_of(model, current, gap) - demand).max() < 4e-3 * TOP
 
 
-def test_what_all_layers_remember_can_be_taken_over() -> None:
+def test_the_memory_of_all_layers_can_be_transferred() -> None:
     parameters = block(magnet(LAYERS["three and sheets"]))
     demand, gap = ramps(7, 1500)
     first, second = RealTwin(parameters), RealTwin(parameters)

@@ -54,17 +54,17 @@ def refuses(block: Block, word: str, value: int) -> bool:
 
 @pytest.mark.parametrize("io", ["q31", "q15"])
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
-def test_the_force_is_the_demand_however_fast_it_moves(layers: Layers, io: str) -> None:
+def test_the_force_follows_the_demand_at_any_speed(layers: Layers, io: str) -> None:
     demand, gap = ramps(1)
     current = FixedTwin(block(magnet(layers)), io).run(demand, gap)
-    off = np.abs(force_of(magnet(layers), current, gap) - demand)
-    assert off.max() < 2e-3 * TOP
-    assert np.sqrt(np.mean(off**2)) < 1.5e-4 * TOP
+    error = np.abs(force_of(magnet(layers), current, gap) - demand)
+    assert error.max() < 2e-3 * TOP
+    assert np.sqrt(np.mean(error**2)) < 1.5e-4 * TOP
 
 
 @pytest.mark.parametrize("number_format", ["q31", "f32", "f64"])
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
-def test_a_demand_that_jumps_is_met_and_leaves_nothing_behind(
+def test_a_demand_step_is_met_without_a_lasting_effect(
     layers: Layers, number_format: RealSignalFormat | Literal["q31"]
 ) -> None:
     model = magnet(layers)
@@ -77,11 +77,11 @@ def test_a_demand_that_jumps_is_met_and_leaves_nothing_behind(
     demand = np.append(ramp, np.repeat(random.uniform(2.0, 110.0, 30), 100))
     gap = np.full(demand.size, 4e-4)
     current = twin.run(demand, gap)
-    off = np.abs(force_of(model, current, gap) - demand)
+    error = np.abs(force_of(model, current, gap) - demand)
     was_free = (current > 0.01) & (current < 5.99)
     ticks = np.arange(demand.size) % 100
-    assert off[was_free & (ticks > 20)].max() < 2e-3 * TOP
-    assert np.median(off[ticks == 1]) < 2e-3 * TOP
+    assert error[was_free & (ticks > 20)].max() < 2e-3 * TOP
+    assert np.median(error[ticks == 1]) < 2e-3 * TOP
 
 
 @pytest.mark.parametrize("gamma", [0.5, 50.0])
@@ -115,14 +115,14 @@ def test_irons_of_other_kinds_are_followed_as_in_double_precision(model: Model) 
     low, high = model.valid.schedule
     demand, top = part / 250.0 * limits.demand[1], limits.demand[1]
     gap = low + (high - low) * (gap - GAPS[0]) / (GAPS[1] - GAPS[0])
-    off = {
+    error = {
         name: np.abs(force_of(model, twin.run(demand, gap), gap) - demand)
         for name, twin in (("fixed", make_twin(plan.block, "q31")), ("f64", RealTwin(real)))
     }
-    assert off["fixed"].max() < max(2e-3 * top, 1.2 * off["f64"].max())
+    assert error["fixed"].max() < max(2e-3 * top, 1.2 * error["f64"].max())
 
 
-def test_a_block_at_rest_is_that_of_the_iron_without_layers() -> None:
+def test_a_quasi_static_block_equals_that_of_iron_without_layers() -> None:
     demand, gap = ramps(1, 500)
     still = block(magnet(LAYERS["two"]), still=True)
     thin = block(magnet(LAYERS["two"]).at_rest)
@@ -132,7 +132,7 @@ def test_a_block_at_rest_is_that_of_the_iron_without_layers() -> None:
 
 
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
-def test_what_was_applied_is_what_it_goes_on_from(layers: Layers) -> None:
+def test_the_state_follows_the_applied_current(layers: Layers) -> None:
     check_what_was_applied(FixedTwin(block(magnet(layers))), layers)
 
 
@@ -141,7 +141,7 @@ def test_a_solve_does_not_move_time() -> None:
     check_time_stands_still(*(FixedTwin(block(model)) for _ in range(2)))
 
 
-def test_the_current_of_a_held_demand_comes_to_rest() -> None:
+def test_the_current_of_a_constant_demand_settles() -> None:
     model = magnet(LAYERS["three and sheets"])
     demand = np.append(np.linspace(0.0, 100.0, 200), np.full(20_000, 100.0))
     gap = np.full(demand.size, 4e-4)
@@ -170,7 +170,7 @@ def test_a_million_ticks_of_noise_leave_nothing_behind() -> None:
     assert later[0][400:] == pytest.approx(later[1][400:], abs=1e-3)
 
 
-def test_demands_that_jump_are_met_as_far_as_the_current_goes() -> None:
+def test_demand_steps_are_met_within_the_current_limits() -> None:
     random = np.random.default_rng(6)
     demand = random.uniform(-100.0, 2.0 * TOP, 3000)
     gap = random.uniform(*GAPS, 3000)
@@ -179,7 +179,7 @@ def test_demands_that_jump_are_met_as_far_as_the_current_goes() -> None:
         assert np.all((current >= 0.0) & (current <= 6.0))
 
 
-def test_what_all_layers_remember_can_be_taken_over() -> None:
+def test_the_memory_of_all_layers_can_be_transferred() -> None:
     made = block(magnet(LAYERS["three and sheets"]))
     demand, gap = ramps(7, 1500)
     first, second = FixedTwin(made), FixedTwin(made)
@@ -189,7 +189,7 @@ def test_what_all_layers_remember_can_be_taken_over() -> None:
     assert np.array_equal(later[0], later[1])
 
 
-def test_a_swap_keeps_what_every_layer_remembers() -> None:
+def test_a_swap_keeps_the_memory_of_every_layer() -> None:
     made = block(magnet(LAYERS["two"]))
     demand, gap = ramps(5)
     first, other = FixedTwin(made), FixedTwin(made)

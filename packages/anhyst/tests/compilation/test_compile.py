@@ -57,7 +57,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(one, marks=[pytest.mark.slow] * (one not in QUICK)) for one in CASES],
+    params=[pytest.param(case, marks=[pytest.mark.slow] * (case not in QUICK)) for case in CASES],
     ids="-".join,
 )
 def compiled(folder: Path, request: pytest.FixtureRequest) -> Compiled:
@@ -79,13 +79,13 @@ def sources_of(folder: Path) -> list[str]:
 def built(place: Path, compiler: str, program: Path) -> str:
     """Compile a folder with all warnings; return the program."""
     sources = sources_of(place)
-    done = subprocess.run(
+    completed = subprocess.run(
         [compiler, *WARNINGS, f"-I{place / 'include'}", *sources, "-o", str(program)],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
     return str(program)
 
 
@@ -95,20 +95,20 @@ def files_below(folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("compiler", ["cc", "clang"])
-def test_c_compiles_without_a_warning_and_gives_the_golden_currents(
+def test_the_c_compiles_without_warnings_and_gives_the_golden_currents(
     compiled: Compiled, compiler: str, tmp_path: Path
 ) -> None:
     program = built(compiled.out, tool(compiler), tmp_path / "example")
     vectors = (compiled.out / "vectors.csv").read_text()
-    done = subprocess.run([program], input=vectors, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, "1000 rows, 0 differ\n")
+    completed = subprocess.run([program], input=vectors, capture_output=True, text=True, check=False)
+    assert (completed.returncode, completed.stdout) == (0, "1000 rows, 0 differ\n")
     head, first, *rest = vectors.splitlines()
     *given, current = first.split(",")
     wrong = "1.25" if compiled.plan.request.io == "f32" else str(int(current) + 1)
     spoiled = "\n".join([head, ",".join([*given, wrong]), *rest])
-    done = subprocess.run([program], input=spoiled, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert "1 differ" in done.stdout
+    completed = subprocess.run([program], input=spoiled, capture_output=True, text=True, check=False)
+    assert completed.returncode == 1
+    assert "1 differ" in completed.stdout
 
 
 def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) -> None:
@@ -121,12 +121,12 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
         plan.request.io == "f32" and plan.block.kind == "full"
     )
     assert compiled.manifest["memory"]["parameters_bytes"] <= 2048
-    most = 148 if plan.block.is_fixed else 172
-    assert compiled.manifest["memory"]["state_bytes"] <= most
+    largest = 148 if plan.block.is_fixed else 172
+    assert compiled.manifest["memory"]["state_bytes"] <= largest
 
 
 @pytest.mark.slow
-def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
+def test_the_budget_agrees_with_the_model_sample_by_sample(folder: Path) -> None:
     """The budget calculates all forces together; the stepper does it sample by sample."""
     plan = full(folder).plan
     path = plan.builder.output_range.paths(seed=5)[-1]
@@ -157,7 +157,7 @@ def test_lost_currents_are_reported_to_the_memory(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_same_model_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+def test_equal_models_give_equal_bytes(folder: Path, tmp_path: Path) -> None:
     first = full(folder)
     again = compile_model(folder / "magnet.toml", tmp_path / "again", CompileRequest("full", "q15", 1e4))
     assert sorted(again.files) == sorted(first.files)
@@ -167,7 +167,7 @@ def test_same_model_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
         assert not re.search(r"\b20\d\d-\d\d|\d\d:\d\d:\d\d", (first.out / name).read_text())
 
 
-def test_manifest_reports_what_the_folder_is(compiled: Compiled) -> None:
+def test_the_manifest_describes_the_folder(compiled: Compiled) -> None:
     plan = compiled.plan
     manifest = json.loads((compiled.out / "manifest.json").read_text())
     assert manifest["format"] == 2
@@ -232,10 +232,10 @@ def compiles_alone_on_16_bits(folder: Path) -> None:
         options = [*WARNINGS, "-mmcu=atmega1284p", "-fsyntax-only", "-x", "c"]
         if path.suffix == ".h":
             options.append("-Wno-pedantic")  # this flag requires a declaration in every file
-        done = subprocess.run(
+        completed = subprocess.run(
             [avr_gcc("avr-gcc"), *options, *include, str(path)], capture_output=True, text=True, check=False
         )
-        assert (done.returncode, done.stderr) == (0, ""), path
+        assert (completed.returncode, completed.stderr) == (0, ""), path
 
 
 def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:
@@ -270,11 +270,11 @@ def test_generated_c_is_formatted_as_the_core_is(folder: Path) -> None:
     out = full(folder).out
     for name in ("magnet_parameters.h", "magnet_parameters.c", "main.c", "example/interrupt.c"):
         style = f"--style=file:{ROOT / '.clang-format'}"
-        done = subprocess.run(
+        completed = subprocess.run(
             [tool("clang-format"), style, str(out / name)], capture_output=True, text=True, check=False
         )
         text = (out / name).read_text()
-        assert done.stdout == text
+        assert completed.stdout == text
         assert [line for line in text.splitlines() if len(line) > 100] == []
 
 
@@ -297,8 +297,8 @@ def test_fragments_for_make_and_cmake_build_the_example(folder: Path, tmp_path: 
     subprocess.run(cmake, check=True, capture_output=True)
     subprocess.run([tool("cmake"), "--build", str(build)], check=True, capture_output=True)
     for program in (tmp_path / "example", build / "example"):
-        done = subprocess.run([program], input=vectors, capture_output=True, text=True, check=True)
-        assert "0 differ" in done.stdout
+        completed = subprocess.run([program], input=vectors, capture_output=True, text=True, check=True)
+        assert "0 differ" in completed.stdout
 
 
 def test_parameters_in_c_are_the_block(folder: Path) -> None:
@@ -311,7 +311,7 @@ def test_parameters_in_c_are_the_block(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("io", ["q15", "f32"])
-def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io: Any) -> None:
+def test_the_size_of_the_state_agrees_with_the_manifest(folder: Path, tmp_path: Path, io: Any) -> None:
     """Pointers have 64 bits here, which adds to the size; the structure is padded to 8 bytes."""
     place, suffix = (folder / "out", "") if io == "q15" else (tmp_path, "_f32")
     if io == "q15":
@@ -327,8 +327,8 @@ def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io
     program = tmp_path / "size"
     command = [tool("cc"), "-std=c99", f"-I{place}/include", str(tmp_path / "size.c"), "-o", str(program)]
     subprocess.run(command, check=True)
-    said = int(subprocess.run([program], capture_output=True, text=True, check=True).stdout)
-    assert said == -(-(manifest["memory"]["state_bytes"] + 4 * 2) // 8) * 8
+    message = int(subprocess.run([program], capture_output=True, text=True, check=True).stdout)
+    assert message == -(-(manifest["memory"]["state_bytes"] + 4 * 2) // 8) * 8
 
 
 @pytest.mark.slow
@@ -345,7 +345,7 @@ def test_a_ring_without_a_gap_and_of_either_sign_compiles(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_less_accuracy_takes_less_memory(folder: Path, tmp_path: Path) -> None:
+def test_less_accuracy_needs_less_memory(folder: Path, tmp_path: Path) -> None:
     rough = compile_model(
         folder / "magnet.toml", tmp_path / "rough", CompileRequest("full", "q15", 1e4, accuracy=2.0)
     )
@@ -381,7 +381,7 @@ def test_unreachable_accuracy_names_its_cause(
         ({"gap_map": "free", "parameters": {"k": (300.0, 310.0, 320.0)}}, "no-fixed-point-form: 'free'"),
     ],
 )
-def test_what_cannot_be_compiled_is_reported_in_a_line(
+def test_a_model_that_cannot_be_compiled_is_reported_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], change: dict[str, Any], message: str
 ) -> None:
     model = measured(magnet())
@@ -419,7 +419,7 @@ def test_bad_options_exit_with_two(
 
 
 @pytest.mark.slow
-def test_only_its_own_folder_is_replaced(folder: Path, tmp_path: Path) -> None:
+def test_compile_replaces_only_folders_that_it_wrote(folder: Path, tmp_path: Path) -> None:
     model, request = folder / "magnet.toml", CompileRequest("full", "q15", 1e4, accuracy=2.0)
     out = tmp_path / "out"
     out.mkdir()
@@ -440,15 +440,15 @@ def test_only_its_own_folder_is_replaced(folder: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_json_says_what_the_manifest_says(
+def test_json_output_agrees_with_the_manifest(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["--rate", "1e4", "--accuracy", "2", "--json", "--out", str(tmp_path / "out")]
     assert main(["compile", str(folder / "magnet.toml"), *arguments]) == 0
-    said = json.loads(capsys.readouterr().out)
+    message = json.loads(capsys.readouterr().out)
     written = json.loads((tmp_path / "out" / "manifest.json").read_text())
-    assert said["accuracy"] == written["accuracy"]
-    assert set(said["files"]) == files_below(tmp_path / "out")
+    assert message["accuracy"] == written["accuracy"]
+    assert set(message["files"]) == files_below(tmp_path / "out")
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def compiled(place: Path) -> CompiledPlay:
     return compile_play(place / "magnet.toml", place / "c", 2e4, "q31", "upper")
 
 
-def test_the_example_builds_without_a_warning_and_gives_the_golden_currents(
+def test_the_example_builds_without_warnings_and_gives_the_golden_currents(
     compiled: CompiledPlay, tmp_path: Path
 ) -> None:
     sources = ["main.c", "upper_parameters.c", *map(str, compiled.out.glob("src/*/*.c"))]
@@ -74,7 +74,7 @@ def test_the_folder_refuses_a_damaged_block(compiled: CompiledPlay, tmp_path: Pa
 
 @pytest.mark.slow
 @pytest.mark.needs("gcc")
-def test_every_target_gives_the_bits_of_the_host(
+def test_every_target_agrees_with_the_host_bit_for_bit(
     compiled: CompiledPlay, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("anhyst.verification.targets.HOST_COMPILERS", {"gcc": "gcc"})
@@ -93,13 +93,13 @@ def test_every_target_gives_the_bits_of_the_host(
         verify(compiled.out, "cortex-m3-qemu")
 
 
-def test_what_it_says_of_its_accuracy_is_what_the_play_gains(place: Path, compiled: CompiledPlay) -> None:
+def test_the_stated_accuracy_shows_the_gain_of_the_play(place: Path, compiled: CompiledPlay) -> None:
     play, without = compiled.errors["play"], compiled.errors["single-valued"]
     assert rms(play.major) < 0.3 * rms(without.major)
     assert rms(play.small) < rms(without.small)
-    said = json.loads((compiled.out / "manifest.json").read_text())["accuracy"]
-    assert said["play"]["major_worst_percent"] == pytest.approx(
-        100.0 * max_magnitude(play.major) / said["largest_output"]
+    message = json.loads((compiled.out / "manifest.json").read_text())["accuracy"]
+    assert message["play"]["major_worst_percent"] == pytest.approx(
+        100.0 * max_magnitude(play.major) / message["largest_output"]
     )
     again = compile_play(place / "magnet.toml", place / "again", 2e4, "q31", "upper")
     for name in compiled.files:
@@ -115,7 +115,7 @@ def test_what_it_says_of_its_accuracy_is_what_the_play_gains(place: Path, compil
         (["magnet.toml", "--io", "q31", "--controller", "x"], "option-not-for-this --controller"),
     ],
 )
-def test_what_does_not_fit_is_refused(
+def test_inputs_that_do_not_fit_are_refused(
     place: Path,
     options: list[str],
     said: str,

@@ -26,7 +26,7 @@ def compiled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     return compile_model(folder / "magnet.toml", folder / "out", asked)
 
 
-def test_the_budget_says_what_the_layers_leave_of_fast_demands(compiled: Compiled) -> None:
+def test_the_budget_states_the_error_of_fast_demands(compiled: Compiled) -> None:
     rate = compiled.budget.part("rate")
     assert rate is not None
     assert rate.worst is not None
@@ -54,7 +54,7 @@ def test_the_example_compiles_without_a_warning(compiled: Compiled, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_the_simplified_law_is_at_rest_and_says_so(tmp_path: Path) -> None:
+def test_the_simplified_law_is_quasi_static_and_reports_it(tmp_path: Path) -> None:
     magnet(LAYERS["two"]).save(tmp_path / "magnet.toml")
     request = CompileRequest("simplified", "q15", RATE)
     found = compile_model(tmp_path / "magnet.toml", tmp_path / "out", request)
@@ -78,11 +78,11 @@ def test_a_controller_without_room_for_layers_refuses_their_block(tmp_path: Path
             return
         compile_c(["cc"], build, program, "host")
         with (tmp_path / "out" / "vectors.csv").open() as vectors:
-            done = subprocess.run([program], stdin=vectors, capture_output=True, check=False)
-        assert done.returncode == 0
+            completed = subprocess.run([program], stdin=vectors, capture_output=True, check=False)
+        assert completed.returncode == 0
 
 
 @pytest.mark.slow
-def test_the_cortex_m4_computes_what_the_host_does(compiled: Compiled) -> None:
+def test_the_cortex_m4_agrees_with_the_host(compiled: Compiled) -> None:
     found = verify(compiled.out, on="cortex-m4", host_steps=2000, target_steps=500)
     assert found.passed

@@ -86,8 +86,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def folder(place: Path, request: pytest.FixtureRequest) -> Path:
     """Compile the same magnet in each format, with small tables."""
     io = request.param
-    wanted = CompileRequest("full", io, 2e4, accuracy=2.0, name="magnet")
-    return compile_model(place / "magnet.toml", place / io, wanted).out
+    expected = CompileRequest("full", io, 2e4, accuracy=2.0, name="magnet")
+    return compile_model(place / "magnet.toml", place / io, expected).out
 
 
 def io_of(folder: Path) -> str:
@@ -97,13 +97,13 @@ def io_of(folder: Path) -> str:
 def compiles(folder: Path, source: Path, *command: str) -> None:
     include = [f"-I{folder / 'include'}", f"-I{folder}"]
     out = source.with_suffix(".o")
-    done = subprocess.run(
+    completed = subprocess.run(
         [*command, *WARNINGS, *include, "-c", str(source), "-o", str(out)],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
 
 
 def guide(folder: Path) -> str:
@@ -124,9 +124,11 @@ def test_the_commands_at_the_head_of_the_example_run_as_printed(folder: Path, tm
     head = (place / "main.c").read_text().split("*/", 2)[1]
     commands = "\n".join(re.findall(r"(?m)^     .*$", head))
     assert "play_vectors <" in commands
-    done = subprocess.run(["sh", "-ec", commands], cwd=place, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.endswith(" rows, 0 differ\n")
+    completed = subprocess.run(
+        ["sh", "-ec", commands], cwd=place, capture_output=True, text=True, check=False
+    )
+    assert (completed.returncode, completed.stderr) == (0, "")
+    assert completed.stdout.endswith(" rows, 0 differ\n")
 
 
 def test_the_interrupt_example_compiles_for_a_cortex_m4(folder: Path, tmp_path: Path) -> None:
@@ -149,13 +151,13 @@ def run_interrupt(folder: Path, tmp_path: Path, *words: str) -> str:
     own = [folder / "magnet_parameters.c", folder / "example" / "interrupt.c", board]
     sources = [str(path) for path in (*own, *sorted((folder / "src").rglob("*.c")))]
     command = [tool("cc"), *WARNINGS, "-fsanitize=undefined", "-fno-sanitize-recover=all"]
-    done = subprocess.run(
+    completed = subprocess.run(
         [*command, f"-I{folder / 'include'}", f"-I{folder}", *sources, "-o", str(program)],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
     run = subprocess.run([program, *words], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     return run.stdout.strip()

@@ -136,7 +136,7 @@ def test_the_pack_contains_every_file_and_has_the_same_bytes(case: Plain, tmp_pa
     assert (again / pack.name).read_bytes() == pack.read_bytes()
 
 
-def test_zephyr_finds_what_the_module_names(case: Plain, tmp_path: Path) -> None:
+def test_zephyr_finds_all_files_of_the_module(case: Plain, tmp_path: Path) -> None:
     folder = case.write("zephyr", tmp_path / "out")
     module = yaml.safe_load((folder / "zephyr" / "module.yml").read_text())
     assert set(module) == {"name", "build", "samples"}
@@ -173,7 +173,7 @@ rsource "second/zephyr/Kconfig"
 
 
 @pytest.mark.parametrize("is_m4", ["y", "n"])
-def test_kconfig_turns_on_what_the_processor_has(place: Path, is_m4: str, tmp_path: Path) -> None:
+def test_kconfig_enables_the_features_of_the_processor(place: Path, is_m4: str, tmp_path: Path) -> None:
     plain(place, "cells").write("zephyr", tmp_path / "first")
     plain(place, "single").write("zephyr", tmp_path / "second")
     (tmp_path / "Kconfig").write_text(KCONFIG.format(is_m4=is_m4))
@@ -187,7 +187,7 @@ def test_kconfig_turns_on_what_the_processor_has(place: Path, is_m4: str, tmp_pa
     assert found.warnings == []
 
 
-def test_manifests_of_libraries_say_what_the_folder_has(case: Plain, tmp_path: Path) -> None:
+def test_library_manifests_describe_the_folder(case: Plain, tmp_path: Path) -> None:
     name = case.values["name"]
     library = case.write("platformio", tmp_path / "platformio")
     described = json.loads((library / "library.json").read_text())
@@ -226,7 +226,7 @@ def test_manifests_of_libraries_say_what_the_folder_has(case: Plain, tmp_path: P
 def test_another_ecosystem_is_one_record(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = Ecosystem(
         "own library",
-        places={"include": "h", "src": "c", "headers": "h", "sources": "c"},
+        folders={"include": "h", "src": "c", "headers": "h", "sources": "c"},
         templates={"{name}.json": "platformio/library.json.j2"},
     )
     monkeypatch.setitem(PACKAGES, "own", own)
@@ -262,7 +262,7 @@ def test_the_command_writes_and_replaces_a_package(
 
 
 @pytest.mark.parametrize("source", ["model", "stage"])
-def test_the_command_refuses_what_has_no_package(
+def test_the_command_refuses_kinds_without_a_package(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], source: str
 ) -> None:
     stage = ROOT / "examples" / "stage" / "rig.toml"
@@ -271,11 +271,11 @@ def test_the_command_refuses_what_has_no_package(
     out = tmp_path / "out"
     command = ["compile", str(file), "--rate", "1e4", "--out", str(out), "--package", package]
     assert main(command) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
     kind = "option-not-for-this" if source == "stage" else "unknown-package"
-    assert says(said, f"{kind} --package")
-    assert source == "stage" or all(name in said for name in PACKAGES)
+    assert says(message, f"{kind} --package")
+    assert source == "stage" or all(name in message for name in PACKAGES)
     assert not out.exists()
 
 

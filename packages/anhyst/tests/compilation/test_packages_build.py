@@ -240,9 +240,9 @@ def test_two_zephyr_modules_share_a_core_of_the_same_version_only(place: Path, t
     header = modules[1] / "include" / "anhyst" / "compensator" / "compensator.h"
     header.write_text(header.read_text() + "/* another version */\n")
     cmake = [tool("cmake"), "-S", str(tmp_path), "-B", str(tmp_path / "build")]
-    done = subprocess.run(cmake, capture_output=True, text=True, check=False)
-    assert done.returncode != 0
-    assert "same version of anhyst" in " ".join(done.stderr.split())
+    completed = subprocess.run(cmake, capture_output=True, text=True, check=False)
+    assert completed.returncode != 0
+    assert "same version of anhyst" in " ".join(completed.stderr.split())
 
 
 def test_packs_name_the_shared_core_alike(place: Path, tmp_path: Path) -> None:
@@ -271,12 +271,12 @@ def cargo(folder: Path, *words: str) -> str:
         pytest.skip("cargo is not installed: apt install cargo")
     environment = {**os.environ, "CARGO_NET_OFFLINE": "true", "CARGO_TARGET_DIR": f"{folder}.out"}
     environment["PATH"] += f":{Path(CARGO).parent}"
-    done = subprocess.run(
+    completed = subprocess.run(
         [CARGO, *words], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "warning" not in done.stderr, done.stderr
-    return done.stdout
+    assert completed.returncode == 0, completed.stdout + completed.stderr
+    assert "warning" not in completed.stderr, completed.stderr
+    return completed.stdout
 
 
 @pytest.mark.slow

@@ -61,8 +61,8 @@ def test_make_files_of_thin_and_solid_iron_build_one_program(
         "$(ANHYST_SOURCES) -o p\n",
         encoding="utf-8",
     )
-    done = subprocess.run(["make", "-C", tmp_path], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    completed = subprocess.run(["make", "-C", tmp_path], capture_output=True, text=True, check=False)
+    assert completed.returncode == 0, completed.stderr
     assert subprocess.run([tmp_path / "p"], check=False).returncode == 0
 
 
@@ -84,8 +84,8 @@ def test_cmake_files_of_thin_and_solid_iron_build_one_program(
         [cmake, "-S", str(tmp_path), "-B", str(tmp_path / "b")],
         [cmake, "--build", str(tmp_path / "b")],
     ):
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr + done.stdout
+        completed = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert completed.returncode == 0, completed.stderr + completed.stdout
     assert subprocess.run([tmp_path / "b" / "p"], check=False).returncode == 0
 
 
@@ -93,12 +93,14 @@ def test_thin_core_before_solid_parameters_does_not_compile(folders: Path, tmp_p
     (tmp_path / "main.c").write_text(PROGRAM.format(first="thin", second="solid"), encoding="utf-8")
     include = [f"-I{folders}/{name}/{part}" for name in ("thin", "solid") for part in ("include", "")]
     command = [compiler(), "-std=c99", "-fsyntax-only", *include, str(tmp_path / "main.c")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode != 0
-    assert "-DANHYST_MEMORIES=2" in done.stderr
+    completed = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert completed.returncode != 0
+    assert "-DANHYST_MEMORIES=2" in completed.stderr
 
 
-def test_object_files_with_different_room_are_told_at_start(folders: Path, tmp_path: Path) -> None:
+def test_object_files_with_different_memory_counts_are_detected_at_start(
+    folders: Path, tmp_path: Path
+) -> None:
     (tmp_path / "main.c").write_text(
         '#include "thin_parameters.h"\nint main(void)\n{\n  static anhyst_compensator c;\n'
         "  return anhyst_compensator_init(&c, &THIN_KERNEL, thin_parameters,\n"
@@ -123,6 +125,6 @@ def test_single_precision_refuses_fast_math(folders: Path, tmp_path: Path, optio
     core.write_text('#include "anhyst/numeric/f32.h"\nint main(void) { return 0; }\n')
     include = ROOT / "core" / "include"
     command = [compiler(), option, "-fsyntax-only", f"-I{include}", str(core)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode != 0
-    assert "not numbers" in done.stderr
+    completed = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert completed.returncode != 0
+    assert "not numbers" in completed.stderr

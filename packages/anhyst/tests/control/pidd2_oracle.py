@@ -49,8 +49,8 @@ def respond(
         faster = keep * velocity + (1.0 - keep) * (y - before) / tick
         acceleration = keep_2 * acceleration + (1.0 - keep_2) * (faster - velocity) / tick
         before, velocity = y, faster
-        wanted = gains.K_p * (gains.weight * r - y) + integral + gains.K_load * force
-        wanted -= gains.K_d * velocity + gains.K_dd * acceleration
-        outputs[i], integrals[i] = np.clip(wanted, gains.low, gains.high), integral
-        integral += gains.K_i * tick * (r - y) + gains.tracking_share * (limit(outputs[i]) - wanted)
+        expected = gains.K_p * (gains.weight * r - y) + integral + gains.K_load * force
+        expected -= gains.K_d * velocity + gains.K_dd * acceleration
+        outputs[i], integrals[i] = np.clip(expected, gains.low, gains.high), integral
+        integral += gains.K_i * tick * (r - y) + gains.tracking_share * (limit(outputs[i]) - expected)
     return outputs, integrals

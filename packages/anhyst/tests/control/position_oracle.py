@@ -274,9 +274,9 @@ class Oracle:
             self.gap[i] = limited(self.number(f"gap_offset_{i + 1}") + part)
         if self.given["measured"]:
             self.commit(sample.current)
-        wanted = self.wanted(sample)
-        self.current = [self.on_grid(limited(i, *self.range())) for i in wanted]
-        if any(limited(i, *self.range()) != i for i in wanted):
+        expected = self.wanted(sample)
+        self.current = [self.on_grid(limited(i, *self.range())) for i in expected]
+        if any(limited(i, *self.range()) != i for i in expected):
             self.flags |= 2
         self.short = self.flags & 7 != 0
         if not self.given["measured"]:

@@ -18,7 +18,7 @@ def response(filter_: NDArray[np.float64]) -> NDArray[np.complex128]:
     return np.asarray((b0 + b1 * Z + b2 * Z**2) / (1.0 + a1 * Z + a2 * Z**2))
 
 
-def test_a_notch_takes_its_resonance_out_and_leaves_what_stands_still() -> None:
+def test_a_notch_removes_its_resonance_and_keeps_the_static_gain() -> None:
     made = notch(480.0, 0.03, 0.7, DT)
     at = np.abs(response(made))
     frequency = -np.angle(Z) / (2.0 * np.pi * DT)

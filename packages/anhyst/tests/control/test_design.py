@@ -19,16 +19,16 @@ def _poles(mass: float, gains: Gains) -> np.ndarray:
 
 @pytest.mark.parametrize("virtual", [0.0, 1.5, -0.7])
 @pytest.mark.parametrize("damping", [0.4, 0.7, 1.3])
-def test_the_poles_lie_where_they_were_asked_for(damping: float, virtual: float) -> None:
+def test_the_poles_are_at_the_requested_places(damping: float, virtual: float) -> None:
     w = 2.0 * np.pi * 120.0
     poles = _poles(2.0, design(2.0, 120.0, damping, virtual))
     pair = np.roots([1.0, 2.0 * damping * w, w**2])
-    wanted = np.sort_complex(np.array([-w, *pair]))
-    assert np.sort_complex(poles) == pytest.approx(wanted, rel=1e-9)
+    expected = np.sort_complex(np.array([-w, *pair]))
+    assert np.sort_complex(poles) == pytest.approx(expected, rel=1e-9)
     assert np.prod(np.abs(poles)) == pytest.approx(w**3)
 
 
-def test_damping_of_one_gives_three_equal_poles() -> None:
+def test_a_damping_ratio_of_one_gives_three_equal_poles() -> None:
     gains = design(2.0, 120.0, 1.0)
     w = 2.0 * np.pi * 120.0
     assert (gains.K_d, gains.K_p, gains.K_i) == pytest.approx((6.0 * w, 6.0 * w**2, 2.0 * w**3))
@@ -45,13 +45,13 @@ def _push(mass: float, gains: Gains) -> np.ndarray:
     return np.asarray(step(system, T=np.linspace(0.0, 0.02, 400))[1])
 
 
-def test_a_virtual_mass_resists_loads_by_its_share() -> None:
+def test_a_virtual_mass_reduces_the_effect_of_loads() -> None:
     plain = _push(2.0, design(2.0, 120.0, 1.0))
     heavy = _push(2.0, design(2.0, 120.0, 1.0, virtual_mass=2.0))
     assert heavy == pytest.approx(plain / 2.0, abs=1e-12)
 
 
-def test_the_names_are_those_of_the_controller() -> None:
+def test_design_gains_have_the_names_of_the_controller() -> None:
     gains = design(2.0, 120.0, 1.0, virtual_mass=0.1)
     controller = Pidd2(rate=20e3, **vars(gains))
     assert controller.K_dd == 0.1

@@ -63,7 +63,7 @@ def by_python_control(controller: Pidd2, inputs: tuple[Row, Row, Row]) -> Row:
         {"weight": 0.0, "K_load": 0.0},
     ],
 )
-def test_the_core_answers_as_python_control_says(changes: dict[str, float]) -> None:
+def test_the_core_agrees_with_python_control(changes: dict[str, float]) -> None:
     gains = replace(GAINS, **changes)
     inputs = signals()
     expected = by_python_control(gains, inputs)
@@ -83,7 +83,7 @@ def test_a_wrong_gain_would_be_seen() -> None:
     assert np.max(np.abs(other - expected)) > 1e-9 * np.max(np.abs(expected))
 
 
-def test_fixed_point_answers_as_python_control_says_of_its_words() -> None:
+def test_fixed_point_agrees_with_python_control_for_its_words() -> None:
     scales = FullScales(position=0.4e-3, output=1024.0, load=200.0)
     fixed = GAINS.fixed(scales)
     full = (scales.position, scales.position, scales.load)
@@ -109,14 +109,14 @@ def test_fixed_point_answers_as_python_control_says_of_its_words() -> None:
     assert np.max(np.abs(found - expected)) < scales.output * (bound / 2**28 + drift)
 
 
-def test_signals_have_names_and_the_tick_is_kept() -> None:
+def test_the_transfer_function_has_signal_names_and_the_sampling_time() -> None:
     transfer = to_control(GAINS)
     assert transfer.input_labels == ["reference", "position", "load"]
     assert transfer.output_labels == ["demand"]
     assert transfer.dt == 1.0 / RATE
 
 
-def test_the_gain_at_rest_is_what_the_gains_say() -> None:
+def test_the_static_gain_follows_from_the_gains() -> None:
     without = to_control(replace(GAINS, K_i=0.0))
     at_rest = [float(np.real(without[0, j](1.0))) for j in range(3)]
     assert at_rest == pytest.approx([0.3 * GAINS.K_p, -GAINS.K_p, -0.8])
@@ -139,7 +139,7 @@ ranges = st.fixed_dictionaries(
 @pytest.mark.slow
 @settings(max_examples=60)
 @given(ranges)
-def test_gains_survive_the_way_there_and_back(values: dict[str, float]) -> None:
+def test_gains_survive_a_round_trip_through_python_control(values: dict[str, float]) -> None:
     gains = Pidd2(rate=RATE, **values)
     back = from_control(to_control(gains), RATE)
     z = np.exp(2j * np.pi * np.array([1.0, 30.0, 400.0, 5e3, 9e3]) / RATE)
@@ -181,7 +181,7 @@ def _function(num: list[float], den: list[float], tick: float = 1.0 / RATE) -> o
         (to_control(GAINS)[0, :2], "signals-wrong"),
     ],
 )
-def test_what_is_no_pidd2_is_refused(transfer: object, reported: str) -> None:
+def test_a_transfer_function_that_is_not_a_pidd2_is_refused(transfer: object, reported: str) -> None:
     with refused(reported):
         from_control(transfer, RATE)
 

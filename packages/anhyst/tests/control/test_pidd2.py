@@ -159,7 +159,7 @@ def test_integral_does_not_wind_up() -> None:
     assert ticks_at_the_limit(replace(GAINS, tracking=10.0)) > 100
 
 
-def test_integral_follows_a_limit_that_stands_elsewhere() -> None:
+def test_the_integral_follows_a_limit_outside_the_controller() -> None:
     core = FixedController(GAINS.fixed(SCALES).words)
     core.start(0, 0, 0, 0)
     for _ in range(10_000):

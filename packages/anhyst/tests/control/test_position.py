@@ -107,7 +107,7 @@ def test_a_dropped_sample_is_bridged(number_format: NumberFormat) -> None:
 
 
 @each_format
-def test_lost_position_lets_go_of_an_eighth_and_then_of_the_rest(number_format: NumberFormat) -> None:
+def test_a_lost_position_reduces_the_force_in_two_stages(number_format: NumberFormat) -> None:
     rig = Rig(make(number_format))
     last = rig.hover()[-1]
     rig.hidden = lambda _: math.nan
@@ -161,7 +161,7 @@ def test_position_that_comes_back_lands(number_format: NumberFormat) -> None:
         (0.345e-3, Fault.POSITION_STEP),
     ],
 )
-def test_what_cannot_be_is_not_believed(number_format: NumberFormat, wrong: float, reason: Fault) -> None:
+def test_impossible_positions_are_rejected(number_format: NumberFormat, wrong: float, reason: Fault) -> None:
     rig = Rig(make(number_format))
     rig.hover()
     rig.hidden = lambda _: wrong
@@ -296,7 +296,7 @@ def rig_runs(ticks: int) -> list[Command]:
 
 
 @each_format
-def test_currents_are_the_converters_own(number_format: NumberFormat) -> None:
+def test_currents_are_codes_of_the_converter(number_format: NumberFormat) -> None:
     coarse = replace(CONTROL, converter=replace(CONTROL.converter, low=-0.1, high=4.9, bits=12))
     rows = Rig(make(number_format, coarse)).hover()
     steps = np.array([(row[0] + 0.1) / coarse.converter.step for row in rows])

@@ -56,7 +56,7 @@ def test_settings_are_checked_by_name(
         build(number_format, change)
 
 
-def test_drives_are_those_of_the_format() -> None:
+def test_force_controllers_match_the_number_format() -> None:
     with pytest.raises(ValueError, match="one force controller, or two"):
         build("fixed", {}, drives=0)
     with pytest.raises(ValueError, match="one force controller, or two"):
@@ -96,7 +96,7 @@ def changed(**change: Any) -> PositionControl:
         ({"pidd2__high": math.inf}, "not-above-zero high"),
     ],
 )
-def test_what_has_no_meaning_is_refused(change: dict[str, Any], text: str) -> None:
+def test_meaningless_settings_are_refused(change: dict[str, Any], text: str) -> None:
     with refused(text):
         changed(**change)
 
@@ -110,12 +110,12 @@ def test_what_has_no_meaning_is_refused(change: dict[str, Any], text: str) -> No
         ({"converter": ReferenceConverter(5.0, 9.0, 12)}, "range-too-narrow current_high"),
     ],
 )
-def test_what_fixed_point_cannot_hold_is_refused(change: dict[str, Any], text: str) -> None:
+def test_settings_beyond_the_fixed_point_range_are_refused(change: dict[str, Any], text: str) -> None:
     with refused(text):
         changed(**change).settings("fixed")
 
 
-def test_codes_stand_for_what_was_given() -> None:
+def test_codes_represent_the_given_values() -> None:
     words = CONTROL.settings("fixed")
     metre, newton = words["position_full"] / 2.0**31, words["demand_full"] / 2.0**31
     ampere = words["current_full"] / 2.0**31
@@ -174,9 +174,9 @@ def test_conditioning_drives_the_sequence_and_makes_ready(number_format: NumberF
     rows += [controller.tick(REST, TARGET) for _ in range(ticks + 250)]
     assert path(rows) == [(State.IDLE, Phase.CONDITION), (State.READY, Phase.REST)]
     scale = 1.0 if number_format == "f64" else ranges("reluctance")[0].current / 2.0**31
-    wanted = [drive.conditioning(i) * scale for i in range(ticks)]
+    expected = [drive.conditioning(i) * scale for i in range(ticks)]
     driven = [row[0] for row in rows[:ticks]]
-    assert driven == pytest.approx(wanted, abs=2.0 * (CURRENTS[1] - CURRENTS[0]) / 65535)
+    assert driven == pytest.approx(expected, abs=2.0 * (CURRENTS[1] - CURRENTS[0]) / 65535)
     assert (min(driven), max(driven)) == pytest.approx(CURRENTS, abs=2e-4)
     assert rows[-1][0] == pytest.approx(0.0, abs=2e-5)
     # The iron keeps this state until a demagnetised state is reported.
@@ -196,7 +196,7 @@ def test_stop_ends_conditioning() -> None:
     assert place(stopped) == (State.IDLE, Phase.REST)
 
 
-def test_without_memory_conditioning_takes_no_time() -> None:
+def test_conditioning_without_memory_takes_no_time() -> None:
     controller: Any = build("fixed", {})
     for _ in range(30):
         controller.tick(REST, TARGET)

@@ -82,20 +82,20 @@ def least_sum(pull: FloatArray, wrench: FloatArray) -> float | None:
     ("name", "mean", "most"), [("8", 1.0, 1.0), ("10", 1.0, 1.0), ("12", 1.03, 1.25), ("14", 1.03, 1.25)]
 )
 @pytest.mark.parametrize("size", [0.1, 1.0])
-def test_every_wrench_that_can_be_made_is_made_with_little_more_than_the_least_force(
+def test_every_feasible_wrench_is_made_with_nearly_the_least_force(
     name: str, size: float, mean: float, most: float
 ) -> None:
     lines = LAYOUTS[name]
     pull, shared = pulls(lines), layout(lines, paired=False)
     sums = []
     for wrench in wrenches(300, size):
-        least = least_sum(pull, wrench)
+        smallest = least_sum(pull, wrench)
         force, made = shared.share(wrench.tolist())
         assert min(force) >= LEAST * (1.0 - 1e-9)
-        assert made == (least is not None)
-        if least is not None:
+        assert made == (smallest is not None)
+        if smallest is not None:
             np.testing.assert_allclose(np.array(force) @ pull, wrench, rtol=0.0, atol=1e-9)
-            sums.append(sum(force) / least)
+            sums.append(sum(force) / smallest)
     assert len(sums) > 100
     assert np.mean(sums) < mean + 1e-9
     assert max(sums) < most + 1e-9
@@ -133,6 +133,6 @@ def test_which_single_drives_can_be_lost(name: str, survived: int) -> None:
     """Every coordinate still has at least about half of its wrench in both directions."""
     pull = pulls(LAYOUTS[name])
     whole = reaches(pull)
-    least = [float((reaches(np.delete(pull, i, axis=0)) / whole).min()) for i in range(len(pull))]
-    assert sum(share > 0.49 for share in least) == survived
-    assert sum(share < 1e-6 for share in least) == len(pull) - survived
+    smallest = [float((reaches(np.delete(pull, i, axis=0)) / whole).min()) for i in range(len(pull))]
+    assert sum(share > 0.49 for share in smallest) == survived
+    assert sum(share < 1e-6 for share in smallest) == len(pull) - survived

@@ -48,7 +48,7 @@ def test_unknown_step_is_refused_with_the_known_ones() -> None:
 
 
 @pytest.mark.parametrize("step", [name for name in STEPS if name not in {"offset", "drift"}])
-def test_clean_record_is_left_alone(step: str) -> None:
+def test_a_clean_record_is_unchanged(step: str) -> None:
     loops = record(*iron())
     assert clean(loops, [step]) is loops
 
@@ -59,7 +59,7 @@ def test_default_steps_do_not_touch_values_of_short_records() -> None:
     assert set(DEFAULT_STEPS) == {"dedupe", "holes", "ripple", "denoise", "thin"}
 
 
-def test_repeated_samples_go() -> None:
+def test_repeated_samples_are_removed() -> None:
     field, flux, time = iron()
     repeated = [np.repeat(values, 2) for values in (field, flux, time)]
     cleaned = clean(record(*repeated), ["dedupe"])
@@ -67,13 +67,13 @@ def test_repeated_samples_go() -> None:
     assert cleaned.repairs == (f"dedupe: {field.size} repeated samples dropped",)
 
 
-def test_samples_that_stay_in_time_are_kept() -> None:
+def test_constant_samples_at_later_times_are_not_removed() -> None:
     time = np.arange(6.0)
     values = np.array([0.0, 1.0, 1.0, 1.0, 0.0, 0.5])
     assert clean(record(values, values, time), ["dedupe"]).loops[0].n == 6
 
 
-def test_spikes_go_and_tips_stay() -> None:
+def test_spikes_are_removed_and_tips_are_kept() -> None:
     field, flux, time = iron()
     spoiled = flux.copy()
     spoiled[[60, 333, 650]] += [0.3, -0.2, 0.1]
@@ -108,7 +108,7 @@ def test_offsets_of_symmetric_loops_are_found() -> None:
     assert np.max(np.abs(cleaned.loops[0].output - flux)) < 1e-3
 
 
-def test_offset_of_force_is_left_alone() -> None:
+def test_an_offset_of_force_is_not_removed() -> None:
     field, flux, _ = iron()
     loop = Loop("1", field, flux**2)
     loops = Loops((loop,), QUANTITIES["current"], QUANTITIES["force"])
@@ -134,7 +134,7 @@ def test_delay_between_channels_is_found_in_noise(delay: float) -> None:
     assert abs(again) < 0.2
 
 
-def test_no_delay_is_claimed_where_there_is_none() -> None:
+def test_no_delay_is_reported_for_undelayed_records() -> None:
     field, flux, _ = iron(6.0)
     noisy = flux + np.random.default_rng(4).normal(0.0, 2e-3, flux.size)
     assert estimate_delay(record(field, noisy).loops[0]) in {0.0, None}

@@ -35,7 +35,7 @@ def write(path: Path, *series: Series) -> Path:
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("path", sorted(KEPT.iterdir()), ids=lambda path: path.name)
-def test_what_crashes_a_library_is_refused_in_one_line(path: Path) -> None:
+def test_files_that_crash_a_library_are_refused_in_one_line(path: Path) -> None:
     if path.suffix in PACKAGES:
         pytest.importorskip(PACKAGES[path.suffix])
     result = quick("inspect", path, cwd=KEPT)
@@ -104,7 +104,7 @@ def test_a_damaged_mat_file_is_listed_or_refused(mat_files: list[bytes], seed: i
     holds_or_is_refused("run.mat", content, list_channels)
 
 
-def test_sizes_that_a_mat_file_lies_about_are_found_before_memory_is_taken(
+def test_false_sizes_in_a_mat_file_are_found_before_allocation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def part(kind: int, content: bytes) -> bytes:
@@ -132,7 +132,7 @@ def test_hdf5_is_not_led_out_of_the_file_nor_round_in_it(tmp_path: Path) -> None
         group = file.create_group("a")
         group["b"] = group  # a hard link to itself
         group["up"] = h5py.SoftLink("/a/up")
-    assert [one.name for one in list_channels(path)] == ["t_s", "F_N", "I_A"]
+    assert [channel.name for channel in list_channels(path)] == ["t_s", "F_N", "I_A"]
     with h5py.File(path, "a") as file:
         file.create_dataset("huge", shape=(10**15,), chunks=(1024,), dtype="f8")
     with refused("too-large /huge: 1000000000000000"):
@@ -159,7 +159,7 @@ def test_a_workbook_that_would_fill_the_memory_is_refused(
         list_channels(path)
 
 
-def test_times_that_are_none_are_named(tmp_path: Path) -> None:
+def test_missing_times_are_named(tmp_path: Path) -> None:
     times = TIMES.copy()
     times[7] = np.nan
     path = tmp_path / "run.mat"

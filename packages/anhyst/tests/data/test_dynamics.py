@@ -89,7 +89,7 @@ def test_hysteresis_creep_and_lag_are_no_resonance(kind: str) -> None:
         assert find_resonance(loops(50.0 * drive, 1e-5 * output, time, "displacement")) is None
 
 
-def test_resonance_gives_no_verdict() -> None:
+def test_a_resonance_gives_an_unknown_verdict() -> None:
     time = np.arange(0.0, 4.0, 1e-3)
     drive = drive_of("random", time, 35.0, np.random.default_rng(3))
     measured = loops(drive, 1e-5 * resonator(drive, 1e-3, 35.0, 0.02), time, "displacement")
@@ -134,7 +134,7 @@ def test_hysteresis_of_a_coil_is_no_lag(seed: int) -> None:
     assert inspect(measured).verdict.level == "yes"
 
 
-def test_lag_of_a_current_or_a_piezo_is_not_looked_for() -> None:
+def test_a_coil_lag_is_not_estimated_for_other_quantities() -> None:
     measured, _ = coil(0, lag=0.03, hysteresis=0.0)
     for drive, answer in (("current", "force"), ("voltage", "displacement")):
         other = Loops(measured.loops, QUANTITIES[drive], QUANTITIES[answer])

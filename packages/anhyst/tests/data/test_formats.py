@@ -77,7 +77,7 @@ def test_an_object_of_matlab_is_named_with_the_way_to_export_it(tmp_path: Path) 
         open_table(path)
 
 
-def test_clocks_that_do_not_fit_are_refused_and_said(tmp_path: Path) -> None:
+def test_incompatible_clocks_are_refused_with_their_reason(tmp_path: Path) -> None:
     mapping = {"Coil/Current": "I_A", "Load cell": "F_N", "Gap": "gap_mm"}
     separate = recordings.control_desk(tmp_path / "apart.mat", begin=5.0)
     with refused("no-common-time Model Root/Gap/Gap: 1.999 s"):
@@ -105,7 +105,7 @@ def test_a_pause_is_not_interpolated_across(tmp_path: Path) -> None:
         read_loops(path)
 
 
-def test_linear_interpolation_is_exact_where_the_signal_is_straight(tmp_path: Path) -> None:
+def test_linear_interpolation_of_straight_signals_is_exact(tmp_path: Path) -> None:
     fine_times, coarse = np.arange(0.0, 1.0, 0.001), np.arange(-0.05, 1.05, 0.01)
     path = write(
         tmp_path / "run.mat",
@@ -133,7 +133,7 @@ EVERY = [suffix for suffix in WRITERS if suffix != ".hdf5"]
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("suffix", EVERY)
-def test_what_is_written_is_read_back_bit_for_bit(suffix: str, tmp_path: Path) -> None:
+def test_written_files_are_read_back_bit_for_bit(suffix: str, tmp_path: Path) -> None:
     needs(suffix)
     special = FORCE.copy()
     special[:4] = -0.0, 5e-324, 1.7e308, 1.0 / 3.0
@@ -200,7 +200,7 @@ def test_mdf_opens_in_asammdf_with_units_and_groups(tmp_path: Path) -> None:
     source = recordings.control_desk(tmp_path / "run.mat")
     convert(source, tmp_path / "run.mf4")
     with asammdf.MDF(tmp_path / "run.mf4") as file:
-        groups = [one.channel_group.acq_name for one in file.groups]
+        groups = [group.channel_group.acq_name for group in file.groups]
         current, gap = file.get("Coil/Current"), file.get("Gap")
     assert groups == ["Model Root/Coil/Current", "Model Root/Load cell", "Model Root/Gap"]
     assert (current.unit, gap.unit) == ("A", "mm")

@@ -43,7 +43,7 @@ def changed(loop: Loop, drive: FloatArray, answer: FloatArray) -> Loops:
     return loopset(Loop("1", drive, answer, loop.schedule, None, loop.history))
 
 
-def test_figures_are_those_of_the_record() -> None:
+def test_inspect_reports_the_values_of_the_record() -> None:
     found = inspect(loopset(magnet(3e-4, noise=0.02), magnet(6e-4, noise=0.02)))
     assert found.schedule_values == (3e-4, 6e-4)
     first = found.loops[0]
@@ -98,7 +98,7 @@ def test_one_gap_only_is_reported() -> None:
     assert "only one gap: the dependence on it cannot be identified" in found.warnings
 
 
-def test_a_loop_whose_gap_moves_is_judged_like_others() -> None:
+def test_loops_with_a_moving_gap_are_checked_like_others() -> None:
     moving = replace(magnet(noise=0.02), schedule=np.linspace(3e-4, 3.2e-4, 1000))
     assert inspect(loopset(moving)).schedule_values == ()
     with refused("force-negative"):
@@ -131,7 +131,7 @@ def test_small_loops_do_not_decide_whether_columns_or_signs_are_wrong(seed: int,
     assert not any("swapped" in text for text in inspect(measured).warnings)
 
 
-def test_saturated_and_tared_magnets_are_not_taken_for_swapped() -> None:
+def test_saturated_and_tared_magnets_are_not_reported_as_swapped() -> None:
     loop = magnet(noise=0.02)
     saturated = 100.0 * np.tanh(2.5 * np.sqrt(np.maximum(loop.output, 0.0) / 40.0)) ** 2
     assert not any("swapped" in text for text in inspect(changed(loop, loop.input, saturated)).warnings)

@@ -62,7 +62,7 @@ def test_core_gaps_are_a_family_over_the_gap(measurements: Path) -> None:
     assert shut.width > narrow.width > wide.width
 
 
-def test_gadolinium_takes_its_temperature_from_the_file_name(measurements: Path) -> None:
+def test_the_temperature_of_gadolinium_comes_from_the_file_name(measurements: Path) -> None:
     files = sorted((measurements / "gadolinium_temperature").glob("gd_T*.csv"))
     loops = read_loops(files, file_name="gd_T{T_C}C")
     assert loops.schedule_values == (-38.0, -25.0, -15.0, -5.0, 5.0, 15.0)

@@ -41,7 +41,7 @@ def write_magnet(path: Path, gap: float, current: FloatArray, play: float = 0.1)
     write(path, "I_A,F_N", current, force_of(current, gap, play))
 
 
-def test_scale_and_flip_are_applied_noted_and_kept(tmp_path: Path) -> None:
+def test_scale_and_flip_are_applied_noted_and_saved(tmp_path: Path) -> None:
     current = cycles()
     force = force_of(current, 5e-4)
     path = write(tmp_path / "a.csv", "CH1 (V),CH2 (mV)", current / 10.0, -force / 50.0)
@@ -65,7 +65,7 @@ def test_scale_and_flip_are_applied_noted_and_kept(tmp_path: Path) -> None:
     assert np.array_equal(read_loops(path).loops[0].output, loops.loops[0].output)
 
 
-def test_table_of_a_rig_takes_the_same_options() -> None:
+def test_the_table_of_a_rig_accepts_the_same_options() -> None:
     texts = {"columns": "CH1=I_A", "scale": "CH1=10", "flip": "F_N", "drop": "invalid"}
     assert IdentifyTable.model_validate(texts).read_options() == ReadOptions.from_text(**texts)
 
@@ -79,7 +79,7 @@ def test_volts_need_a_scale_to_be_a_force(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mark", ["NaN", "-inf", "∞", "OL", "Over", "--", "#N/A", "", "9.91e37"])
-def test_invalid_samples_are_left_out_and_counted(tmp_path: Path, mark: str) -> None:
+def test_invalid_samples_are_skipped_and_counted(tmp_path: Path, mark: str) -> None:
     current = cycles()
     fields = [f"{value:.6f}" for value in force_of(current, 5e-4)]
     fields[100:104] = [mark] * 4
@@ -127,7 +127,7 @@ def test_gaps_of_names(names: list[str], gaps: list[float]) -> None:
     assert [1e3 * gap for gap in found.values()] == pytest.approx(gaps)
 
 
-def test_gap_column_goes_before_names(tmp_path: Path) -> None:
+def test_a_gap_column_has_priority_over_file_names(tmp_path: Path) -> None:
     for number, gap in enumerate((3.1e-4, 4.2e-4)):
         current = cycles()
         columns = current, force_of(current, gap), np.full_like(current, gap)
@@ -172,7 +172,7 @@ def noisy_gap(gap: FloatArray, scatter: float) -> FloatArray:
 def test_plateaus_of_a_noisy_gap_are_gaps(tmp_path: Path, gaps: list[float], scatter: float) -> None:
     current = np.tile(cycles(), len(gaps))
     gap = np.repeat(gaps, PHASE.size)
-    force = np.concatenate([force_of(cycles(), one) for one in gaps])
+    force = np.concatenate([force_of(cycles(), gap) for gap in gaps])
     time = 1e-3 * np.arange(gap.size, dtype=np.float64)
     header = "t_s,I_A,F_N,gap_m"
     loops = read_loops(write(tmp_path / "a.csv", header, time, current, force, noisy_gap(gap, scatter)))

@@ -119,7 +119,7 @@ def follow(bench: Bench, path: Path) -> Loops | None:
 
 
 @pytest.mark.parametrize("seed", range(100))
-def test_proposal_gives_the_truth_or_a_question(seed: int, tmp_path: Path) -> None:
+def test_a_proposal_is_right_or_asks_a_question(seed: int, tmp_path: Path) -> None:
     bench = bench_of(seed)
     loops = follow(bench, bench.write(tmp_path / "loops.csv"))
     if loops is None:
@@ -159,7 +159,7 @@ def test_word_of_another_unit_is_doubted(tmp_path: Path) -> None:
     assert 'Kraft [V]=F_N" --scale "Kraft [V]=N_PER_V"' in in_commands(caught.value)
 
 
-def test_names_with_commas_quotes_and_equals_signs_are_kept_by_the_provenance() -> None:
+def test_the_provenance_preserves_names_with_commas_quotes_and_equals_signs() -> None:
     columns = {"Current, coil (A)": "I_A", 'F "z", N': "F_N", "a=b": "t_s", '"q"': "", 'x "y"': "x_m"}
     options = ReadOptions(columns=columns, flip=("F, z",), scale={"a, b": "2"})
     texts = {name.removeprefix("read_"): str(v) for name, v in options.as_settings().items()}

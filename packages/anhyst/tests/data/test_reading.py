@@ -30,7 +30,7 @@ def file_of(folder: Path, name: str, header: str, *blocks: list[str]) -> Path:
     return path
 
 
-def test_gaps_in_one_file_become_loops_of_their_own(tmp_path: Path) -> None:
+def test_each_gap_in_a_file_becomes_a_loop(tmp_path: Path) -> None:
     path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4), rows_of(20, 0.3), rows_of(5, 0.6))
     loops = read_loops(path)
     assert loops.schedule_values == (0.0003, 0.0004, 0.0006)
@@ -81,7 +81,7 @@ def test_files_with_records_of_one_gap_are_loops_named_after_them(tmp_path: Path
     assert loops.schedule_values == (0.0004, 0.0005)
 
 
-def test_labels_that_come_again_in_another_file_are_named_after_it(tmp_path: Path) -> None:
+def test_repeated_labels_in_another_file_include_its_name(tmp_path: Path) -> None:
     def labelled(slope: float) -> list[str]:
         return [f"{label},{row}" for label in "ab" for row in rows_of(slope + ord(label), 0.4)]
 
@@ -113,7 +113,7 @@ def test_one_label_with_other_data_and_no_gap_is_refused(tmp_path: Path) -> None
         read_loops(tmp_path)
 
 
-def test_same_data_twice_is_taken_once(tmp_path: Path) -> None:
+def test_duplicate_data_is_used_once(tmp_path: Path) -> None:
     one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
     two = file_of(tmp_path, "b.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
     loops = read_loops([one, two])
@@ -135,7 +135,7 @@ def test_files_of_other_quantities_do_not_join(tmp_path: Path) -> None:
         read_loops([one, two])
 
 
-def test_a_gap_that_moves_stays_one_loop(tmp_path: Path) -> None:
+def test_a_moving_gap_gives_one_loop(tmp_path: Path) -> None:
     rows = [f"{k * 0.1},{i},{i * i},{0.3 + 0.001 * k}" for k, i in enumerate(UP_AND_BACK * 3)]
     loops = read_loops(file_of(tmp_path, "a.csv", "t_s,I_A,F_N,gap_mm", rows))
     assert len(loops) == 1
@@ -144,14 +144,14 @@ def test_a_gap_that_moves_stays_one_loop(tmp_path: Path) -> None:
         loops.by_schedule()
 
 
-def test_a_gap_that_comes_again_needs_a_label(tmp_path: Path) -> None:
+def test_a_repeated_gap_needs_a_label(tmp_path: Path) -> None:
     blocks = [rows_of(10, 0.4), rows_of(9, 0.5), rows_of(8, 0.4)]
     path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", *blocks)
     with refused("value-again loop: line 28; 0.0004"):
         read_loops(path)
 
 
-def test_temperature_schedules_where_it_is_constant_only(tmp_path: Path) -> None:
+def test_only_a_constant_temperature_is_a_schedule(tmp_path: Path) -> None:
     steady = file_of(tmp_path, "a.csv", "H_A_per_m,B_T,T_C", rows_of(1, 20))
     assert read_loops(steady).schedule_values == (20.0,)
     logged = [f"{row},{20 + 0.01 * k}" for k, row in enumerate(rows_of(1))]
@@ -179,7 +179,7 @@ def test_schedule_none_ignores_the_gap(tmp_path: Path) -> None:
     assert loops.by_schedule() == {0.0: list(loops.loops)}
 
 
-def test_history_is_stated_proposed_and_noted(tmp_path: Path) -> None:
+def test_a_history_is_given_or_proposed_with_a_note(tmp_path: Path) -> None:
     path = file_of(tmp_path, "a.csv", "I_A,F_N", rows_of())
     stated = read_loops(path, history="conditioned:0,2,0")
     assert stated.loops[0].history == History("conditioned", (0.0, 2.0, 0.0))
@@ -208,7 +208,7 @@ def test_virgin_rise_is_reported_from_a_settled_cycle(tmp_path: Path) -> None:
         assert read_loops(path).loops[0].history.kind == kind
 
 
-def test_sidecar_beside_the_file_is_used(tmp_path: Path) -> None:
+def test_a_settings_file_next_to_the_data_is_used(tmp_path: Path) -> None:
     path = file_of(tmp_path, "raw.csv", "drive,U_V,run", rows_of(1, "a"), rows_of(2, "b"))
     (tmp_path / "raw.toml").write_text(
         'loop = "run"\n[columns]\ndrive = "I_mA"\nU_V = "psi_Wb"\n'

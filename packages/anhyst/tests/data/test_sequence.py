@@ -39,14 +39,14 @@ def loops(
     return found
 
 
-def test_a_loop_on_the_branch_of_a_larger_one_goes_on_from_it() -> None:
+def test_a_loop_on_the_branch_of_a_larger_one_continues_its_history() -> None:
     first, second, third = add_earlier_loops(loops(remembered=True))
     assert first.history == SETTLED
     assert second.history == History("settled", (0.0, 3.0, 0.0))
     assert third.history.turning_points == (0.0, 3.0, 0.0, 0.0, 1.2, 0.0)
 
 
-def test_what_was_run_at_another_gap_was_before_too() -> None:
+def test_loops_at_another_gap_are_part_of_the_history() -> None:
     near_gap = loops(remembered=True, gap=3e-4)
     far_gap = loops(remembered=True, gap=4e-4, clock=100.0)
     separate, together = (
@@ -61,13 +61,13 @@ def test_what_was_run_at_another_gap_was_before_too() -> None:
     assert History.parse(str(second)) == second
 
 
-def test_a_loop_off_the_branch_of_a_larger_one_is_taken_to_be_alone() -> None:
+def test_a_loop_off_the_branch_of_a_larger_one_has_its_own_history() -> None:
     alone = loops(remembered=False)
     assert add_earlier_loops(alone) == alone
 
 
 @pytest.mark.parametrize("change", ["no clock", "overlapping clocks", "stated", "smaller first"])
-def test_nothing_is_taken_to_have_been_before_where_the_order_does_not_show_it(change: str) -> None:
+def test_without_a_clear_order_no_earlier_loops_are_assumed(change: str) -> None:
     measured = loops(remembered=True)
     if change == "no clock":
         measured = [replace(loop, time=None) for loop in measured]
@@ -81,7 +81,7 @@ def test_nothing_is_taken_to_have_been_before_where_the_order_does_not_show_it(c
     assert add_earlier_loops(measured) == measured
 
 
-def test_what_was_before_a_settled_loop_counts_for_an_iron_that_remembers_it() -> None:
+def test_earlier_loops_matter_only_for_iron_with_return_point_memory() -> None:
     drive = np.concatenate([np.linspace(0.0, 1.2, 60), np.linspace(1.2, 0.0, 60)])
     inside = History("settled", (0.0, 3.0, 0.0))
     numbers = {"play-cells": NUMBERS, "effective-field": {"M_s": 4e5, "a": 40.0, "k": 20.0, "c": 0.2}}

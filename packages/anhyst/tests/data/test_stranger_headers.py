@@ -140,21 +140,21 @@ def steps(*gaps: float, ramp: int = 0, scatter: float = 0.0) -> list[FloatArray]
 
 @pytest.mark.parametrize("scatter", [0.0, 4e-4])
 @pytest.mark.parametrize("ramp", [25, 150])
-def test_ramp_between_gaps_is_left_out(tmp_path: Path, ramp: int, scatter: float) -> None:
+def test_a_ramp_between_gaps_is_skipped(tmp_path: Path, ramp: int, scatter: float) -> None:
     columns = steps(0.4, 0.6, 0.9, ramp=ramp, scatter=scatter)
     loops = read_loops(write(tmp_path / "a.csv", "t_s;I_A;F_N;gap_mm", *columns))
     assert loops.schedule_values == pytest.approx((4e-4, 6e-4, 9e-4), abs=1e-6)
     assert any("samples between them left out" in note for note in loops.notes)
 
 
-def test_wrong_gap_is_not_left_out_as_a_ramp(tmp_path: Path) -> None:
+def test_a_wrong_gap_is_not_skipped_as_a_ramp(tmp_path: Path) -> None:
     columns = steps(0.4, 0.6, 0.9)
     columns[3][20] = -0.4
     with refused("negative-gap gap_m: -0.0004 m"):
         read_loops(write(tmp_path / "a.csv", "t_s;I_A;F_N;gap_mm", *columns))
 
 
-def test_gap_that_returns_is_a_loop_of_its_own(tmp_path: Path) -> None:
+def test_a_gap_that_returns_starts_a_new_loop(tmp_path: Path) -> None:
     path = write(tmp_path / "a.csv", "t_s;I_A;F_N;gap_mm", *steps(0.4, 0.6, 0.4))
     assert [loop.schedule_value for loop in read_loops(path).loops] == [4e-4, 6e-4, 4e-4]
 

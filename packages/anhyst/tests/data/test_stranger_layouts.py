@@ -139,7 +139,7 @@ def check(loops: Loops, gaps_mm: Sequence[float], said: str) -> None:
 
 
 @pytest.mark.parametrize("name", READ)
-def test_layout_is_read_right_and_says_what_is_left_out(name: str, tmp_path: Path) -> None:
+def test_a_layout_is_read_correctly_and_notes_skipped_parts(name: str, tmp_path: Path) -> None:
     content, gaps_mm, options, note = READ[name]
     path = tmp_path / "record.csv"
     path.write_text(content)
@@ -209,14 +209,14 @@ def test_groups_at_several_gaps_are_refused_and_one_may_be_chosen(tmp_path: Path
     check(read_loops(path, columns=chosen), [], "gap_0.7mm/F")
 
 
-def test_heads_of_several_files_give_their_gaps_and_a_readme_is_left_out(tmp_path: Path) -> None:
+def test_gaps_come_from_file_headers_and_a_readme_is_skipped(tmp_path: Path) -> None:
     for name, gap in (("a", 0.4), ("b", 0.7)):
         (tmp_path / f"{name}.csv").write_text(text(f"# gap = {gap} mm", "I_A;F_N", rows(gap)))
     (tmp_path / "readme.txt").write_text("Two loops of the valve.\nSmith\n")
     check(read_loops(tmp_path), [0.4, 0.7], "readme.txt: is left out")
 
 
-def test_a_clock_that_is_put_back_goes_on(tmp_path: Path) -> None:
+def test_a_clock_set_back_by_an_hour_continues(tmp_path: Path) -> None:
     lines = [
         f"2025-10-26T0{2 if n < 30 else 1}:{59 if n < 30 else 0:02}:{(30 + n) % 60:02}"
         f"+0{2 if n < 30 else 0}:00;{row}"

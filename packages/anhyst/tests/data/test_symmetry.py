@@ -92,7 +92,7 @@ def test_centred_force_has_no_bias() -> None:
     assert inspect(measured).notes == ()
 
 
-def test_output_that_turns_back_along_a_branch_gives_no_verdict() -> None:
+def test_a_non_monotone_branch_gives_an_unknown_verdict() -> None:
     phase = np.linspace(0.0, 4.0 * np.pi, 900)
     delayed = record(np.sin(phase), np.sin(phase - 1.3), ("voltage", "displacement"))
     verdict = inspect(delayed).verdict

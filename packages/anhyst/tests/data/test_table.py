@@ -115,14 +115,14 @@ def test_faults_are_one_line_with_file_and_line(tmp_path: Path, content: str | b
     assert message.isprintable()
 
 
-def test_a_drive_may_be_all_there_is(tmp_path: Path) -> None:
+def test_a_file_may_hold_only_a_drive(tmp_path: Path) -> None:
     path = file_of(tmp_path, "I [A]\n0\n1.5\n2,5\n")
     assert read_columns(path).require("current", "").tolist() == [0.0, 1.5, 2.5]
     with refused("single-column: line 1; 'I [A]'"):
         open_text(path, 2)
 
 
-def test_a_header_may_stand_behind_many_comments(tmp_path: Path) -> None:
+def test_a_header_may_follow_many_comments(tmp_path: Path) -> None:
     table = read_columns(file_of(tmp_path, "# a remark\n" * 10_000 + GOOD))
     assert table.require("current", "I_A").tolist() == [0.0, 1.0, 2.0]
     assert len(table.notes) == 10_000
@@ -147,7 +147,7 @@ def test_time_going_backwards_is_named_with_its_line(tmp_path: Path) -> None:
         table.get("time")
 
 
-def test_text_in_a_column_nobody_needs_is_kept(tmp_path: Path) -> None:
+def test_text_in_an_unused_column_is_kept(tmp_path: Path) -> None:
     path = file_of(tmp_path, 'I_A,remark,x1\n1,,3\n2,"a, b",n/a\n3,c,5\n')
     table = read_columns(path)
     assert table.require("current", "I_A").tolist() == [1.0, 2.0, 3.0]
@@ -230,7 +230,7 @@ def test_long_files_are_read_in_chunks_with_progress(tmp_path: Path) -> None:
     assert np.array_equal(labels.codes, k % 3)
 
 
-def test_fault_far_into_a_long_file_is_found(tmp_path: Path) -> None:
+def test_a_fault_late_in_a_long_file_is_found(tmp_path: Path) -> None:
     path = long_table(tmp_path, 200_000, fault=170_001)
     with refused("text-in-numbers F_N: line 170003; 'oops'"):
         read_columns(path)
@@ -267,7 +267,7 @@ def test_devices_are_written_to_and_not_replaced() -> None:
     assert device.is_char_device()
 
 
-def test_interrupted_writing_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_interrupted_writing_leaves_no_file(tmp_path: Path) -> None:
     def half() -> None:
         with atomic_writer(tmp_path / "model.toml") as file:
             file.write("half of it")
@@ -278,7 +278,7 @@ def test_interrupted_writing_leaves_nothing_behind(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(self: Path, target: Path) -> Path:
         raise OSError(28, "No space left on device")
 

@@ -50,7 +50,7 @@ def test_no_delay_is_claimed_in_records_without_one() -> None:
     assert not any(alarms)
 
 
-def test_delay_is_removed_and_stated_in_seconds() -> None:
+def test_a_delay_is_removed_and_reported_in_seconds() -> None:
     loop = triangles(2e3, 1.0, 0.02, seed=2)
     loops = Loops((loop,), QUANTITIES["field"], QUANTITIES["flux_density"])
     assert inspect(loops).as_dict()["loops"][0]["skew_s"] == pytest.approx(0.02, rel=0.05)
@@ -144,7 +144,7 @@ def test_offset_of_the_input_is_within_its_interval(noise_A: float) -> None:
     assert covered >= 180
 
 
-def test_reversals_of_minor_loops_are_no_rest() -> None:
+def test_reversals_of_minor_loops_are_not_pauses() -> None:
     turns = [0.0, 3.0, 1.0, 2.5, 1.5, 3.0, 0.0, 3.0, 1.2, 3.0, 0.0]
     drive = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in itertools.pairwise(turns)])
     loops = Loops(

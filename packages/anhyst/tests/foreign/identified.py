@@ -16,8 +16,8 @@ def identified_once(factory: pytest.TempPathFactory, name: str) -> Path:
 
     def make(folder: Path) -> None:
         MAGNETS[name].write_loops(folder / "loops.csv")
-        done = quick("identify", "loops.csv", "--out", "model.toml", "--json", cwd=folder)
-        assert done.returncode == 0, done.stderr
-        (folder / "said.json").write_text(done.stdout, encoding="utf-8")
+        completed = quick("identify", "loops.csv", "--out", "model.toml", "--json", cwd=folder)
+        assert completed.returncode == 0, completed.stderr
+        (folder / "said.json").write_text(completed.stdout, encoding="utf-8")
 
     return made_once(factory, f"identified-{name}", make)

@@ -106,7 +106,7 @@ def test_the_voltage_it_asks_for_is_the_one_that_was_applied(
     assert message["deviation"]["rms"] < 0.02 * 1200.0
 
 
-def test_whether_it_is_worth_it_is_said_in_micrometres(place: Path) -> None:
+def test_the_verdict_of_a_piezo_is_in_micrometres(place: Path) -> None:
     completed = quick("inspect", written(place, "loops"), cwd=place)
     assert completed.returncode == 0, completed.stderr
     assert "µm high" in unwrapped(completed.stdout)
@@ -124,7 +124,7 @@ def test_its_inverse_is_compiled_to_a_tenth_of_a_per_cent_of_the_stroke(
     assert accuracy["worst_percent"] <= 0.1
 
 
-def test_one_that_falls_as_the_voltage_rises_is_told_to_flip_a_column(place: Path) -> None:
+def test_an_output_that_falls_with_the_voltage_is_refused_with_flip_as_remedy(place: Path) -> None:
     loops = written(place, "loops-falling", -1.0)
     completed = quick("identify", loops, "--history", "conditioned:0", "--out", "f.toml", cwd=place)
     assert completed.returncode == 2
@@ -132,7 +132,7 @@ def test_one_that_falls_as_the_voltage_rises_is_told_to_flip_a_column(place: Pat
 
 
 @pytest.mark.slow
-def test_strain_of_what_a_field_magnetises_is_even(place: Path) -> None:
+def test_magnetostrictive_strain_is_even_in_the_field(place: Path) -> None:
     field = 20.0 * np.sin(2.0 * np.pi * np.arange(241) / 80.0)
     lagging = 20.0 * np.sin(2.0 * np.pi * np.arange(241) / 80.0 - 0.15)
     rows = [f"{h:.4f},{900.0 * np.tanh(b / 15.0) ** 2:.3f}" for h, b in zip(field, lagging, strict=True)]

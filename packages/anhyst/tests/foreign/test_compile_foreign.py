@@ -116,12 +116,12 @@ REPEATS = {"MnZn ferrite, 4 loops", "MnZn ferrite, hp", "M130", "M130, symmetris
 def test_measured_cores_without_a_jump_compile_and_verify(
     measurements: Path, tmp_path: Path, name: str
 ) -> None:
-    file, options, most = MEASURED[name]
+    file, options, largest = MEASURED[name]
     arguments = (measurements / file, *options, "--out", "model.toml")
     result = quick("identify", *arguments, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "cannot be compiled" not in result.stderr
     result = quick("compile", "model.toml", "--rate", "2e4", "--out", "c", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert worst_percent(tmp_path / "c") < most
+    assert worst_percent(tmp_path / "c") < largest
     check_bits(tmp_path / "c", "host")

@@ -30,9 +30,9 @@ def identified(place: Path, magnet: ForeignMagnet, *options: str) -> tuple[Model
     """Identify a magnet's loops on the command line; return the model and the printed JSON."""
     loops = magnet.write_loops(place / f"{magnet.name}.csv")
     out = place / f"{magnet.name}.toml"
-    done = quick("identify", loops, "--out", out, "--json", *options, cwd=place)
-    assert done.returncode == 0, done.stderr
-    return read_model(out), json.loads(done.stdout)
+    completed = quick("identify", loops, "--out", out, "--json", *options, cwd=place)
+    assert completed.returncode == 0, completed.stderr
+    return read_model(out), json.loads(completed.stdout)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_the_default_can_be_compiled_and_passes_its_acceptance_test(found: Found
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["u", pytest.param("soft", marks=pytest.mark.slow)])
-def test_no_offset_is_invented_where_there_is_none(found: Found, name: str) -> None:
+def test_no_offset_is_reported_for_a_magnet_without_one(found: Found, name: str) -> None:
     """No offset of the current is above 0.02 % of its range; an iron may cause this much."""
     model, reported = found(name)
     assert np.all(np.abs(model.parameters["in_0"]) < 1e-3)
@@ -90,7 +90,7 @@ def test_no_offset_is_invented_where_there_is_none(found: Found, name: str) -> N
 
 
 @pytest.mark.slow
-def test_the_offset_of_the_current_sensor_is_read_at_rest(hard: tuple[Model, Any]) -> None:
+def test_the_offset_of_the_current_sensor_is_found(hard: tuple[Model, Any]) -> None:
     model, reported = hard
     true = MAGNETS["hard"].sensors.current_offset
     assert model.parameters["in_0"] == pytest.approx(true, abs=3e-3)
@@ -116,7 +116,7 @@ def test_an_offset_of_the_force_is_read_before_the_iron_is_magnetised(place: Pat
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_promised_between_the_gaps_is_kept(found: Found, name: str) -> None:
+def test_the_error_at_unseen_gaps_is_within_the_stated_interval(found: Found, name: str) -> None:
     model, reported = found(name)
     assert model.fit is not None
     promised = model.fit.cross_validation
@@ -162,7 +162,7 @@ def test_a_force_that_falls_as_the_current_rises_is_a_negative_result(place: Pat
 
 
 @pytest.mark.slow
-def test_the_report_shows_offsets_and_what_to_expect(place: Path, hard: tuple[Model, Any]) -> None:
+def test_the_report_shows_offsets_and_the_expected_error(place: Path, hard: tuple[Model, Any]) -> None:
     write_model(hard[0], place / "hard.toml")
     assert quick("report", "hard.toml", "--out", "hard.html", cwd=place).returncode == 0
     text = (place / "hard.html").read_text(encoding="utf-8")
@@ -182,7 +182,7 @@ def test_offsets_and_the_expected_error_are_printed(place: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_load_cell_that_nobody_tared_is_found_out(place: Path) -> None:
+def test_an_untared_load_cell_is_detected(place: Path) -> None:
     soft = MAGNETS["soft"]
     untared = replace(soft, name="untared", sensors=replace(soft.sensors, force_offset=4.0))
     model, _ = identified(place, untared, "--law", "effective-field")
@@ -190,7 +190,7 @@ def test_a_load_cell_that_nobody_tared_is_found_out(place: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_gauge_whose_zero_is_anywhere_is_no_obstacle(place: Path, measurements: Path) -> None:
+def test_an_arbitrary_zero_of_the_position_sensor_is_accepted(place: Path, measurements: Path) -> None:
     # A piezo actuator: the displacement starts at -123 um, two and a half times its range.
     loops = measurements / "piezo_flexure" / "model_run.csv"
     out = place / "piezo.toml"

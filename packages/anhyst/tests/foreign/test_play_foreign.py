@@ -21,7 +21,7 @@ MAX_RELATIVE_ERROR = {"u": 0.25, "hard": 0.6, "soft": 1.0}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(MAGNETS))
-def test_one_play_takes_the_whole_loop_away_and_spoils_no_small_cycle(name: str, tmp_path: Path) -> None:
+def test_one_play_removes_the_major_loop_without_harming_small_cycles(name: str, tmp_path: Path) -> None:
     magnet = MAGNETS[name]
     loops = read_loops(magnet.write_loops(tmp_path / "loops.csv"))
     gap = magnet.unseen[0]

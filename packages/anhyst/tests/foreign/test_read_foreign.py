@@ -121,7 +121,7 @@ def test_a_wide_virgin_rise_is_recognised_in_strong_noise(tmp_path: Path, noise:
 @pytest.mark.parametrize("noise", [0.0, 1e-3, 1e-2])
 @pytest.mark.parametrize("name", ["u", "hard", "soft"])
 @pytest.mark.parametrize("ends", [up_and_down_twice, once, both_signs])
-def test_settled_iron_that_starts_at_rest_is_not_taken_for_virgin(
+def test_settled_iron_that_starts_at_zero_is_not_read_as_demagnetised(
     tmp_path: Path, name: str, noise: float, ends: Callable[[float], tuple[float, ...]]
 ) -> None:
     before = run_in_both_ways if ends is both_signs else run_in
@@ -147,7 +147,7 @@ def test_one_rise_and_one_fall_that_keeps_its_remanence_start_virgin(tmp_path: P
     assert histories(path) == {"demagnetised"}
 
 
-def test_soft_iron_whose_virgin_curve_noise_hides_is_settled(tmp_path: Path) -> None:
+def test_soft_iron_with_an_initial_curve_below_noise_is_read_as_settled(tmp_path: Path) -> None:
     path = write(tmp_path / "soft.csv", records("soft", up_and_down_twice, noise=1e-3))
     found = inspected(path)
     assert {loop["history"] for loop in found["loops"]} == {"settled"}
@@ -187,7 +187,7 @@ def test_removing_the_drift_of_a_record_without_any_changes_nothing(tmp_path: Pa
     assert inspected(path, "--clean", "drift")["repairs"] == []
 
 
-def test_a_drift_that_cannot_be_judged_is_left_and_said_so(tmp_path: Path) -> None:
+def test_a_drift_that_cannot_be_estimated_is_kept_and_reported(tmp_path: Path) -> None:
     path = write(tmp_path / "once.csv", records("hard", once, drift=0.02))
     found = inspected(path, "--clean", "drift", "--history", "demagnetised")
     assert found["repairs"] == []
@@ -221,7 +221,7 @@ def test_a_constant_column_reports_loops_apart(tmp_path: Path) -> None:
     assert any("column 'I_max_A' distinguishes the loops" in text for text in found["notes"])
 
 
-def test_a_column_that_says_what_the_gap_says_is_no_label(tmp_path: Path) -> None:
+def test_a_column_that_repeats_the_gap_is_not_a_label(tmp_path: Path) -> None:
     path = tmp_path / "loops.csv"
     loops = [loop for loop in records("hard", once, run_in) if loop[0].startswith("8")]
     lines = ["shim,I_A,F_N,gap_m"]
@@ -329,14 +329,14 @@ def delayed(values: FloatArray, samples: float) -> FloatArray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["u", "hard", "soft"])
-def test_no_delay_is_claimed_where_a_foreign_magnet_has_none(tmp_path: Path, name: str) -> None:
+def test_no_delay_is_reported_for_undelayed_foreign_magnets(tmp_path: Path, name: str) -> None:
     found = inspected(MAGNETS[name].write_loops(tmp_path / "loops.csv"))
     assert not any(loop["skew_samples"] for loop in found["loops"])
     assert not any("lags" in text for text in found["warnings"])
 
 
 @pytest.mark.parametrize("delay", [1.0, 2.0, 3.0])
-def test_a_delay_is_found_beside_a_knee(tmp_path: Path, delay: float) -> None:
+def test_a_delay_is_found_despite_saturation(tmp_path: Path, delay: float) -> None:
     loops = records("u", up_and_down_twice)
     late = [(label, gap, current, delayed(force, delay)) for label, gap, current, force in loops]
     found = inspected(write(tmp_path / "late.csv", late))
@@ -397,7 +397,7 @@ def test_a_fault_below_the_lines_of_a_logger_is_named_by_its_line(tmp_path: Path
     assert says(complaint, "not-finite: log.csv; line 41; F_N")
 
 
-def test_a_header_far_below_is_found(tmp_path: Path) -> None:
+def test_a_header_after_a_long_preamble_is_found(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(logged("I_A;F_N;gap_mm", preamble="Device: XY\n" * 10_000))
     assert inspected(tmp_path / "log.csv")["loops"][0]["input_high_A"] == 8.0
 
@@ -433,7 +433,7 @@ def test_a_negative_current_is_judged_as_a_positive_one(tmp_path: Path) -> None:
     assert minus["verdict"] == plus["verdict"]
 
 
-def test_samples_that_share_a_stamp_of_a_coarse_clock_are_kept(tmp_path: Path) -> None:
+def test_samples_with_equal_times_of_a_coarse_clock_are_kept(tmp_path: Path) -> None:
     lines = logged("I_A;F_N;gap_mm", preamble="").splitlines()
     stamped = [f"{0.01 * (row // 5):.2f};{line}" for row, line in enumerate(lines)]
     (tmp_path / "coarse.csv").write_text("\n".join(["t_s;" + lines[0], *stamped[1:]]) + "\n")

@@ -41,9 +41,7 @@ def loops(step: float, noise: float = 0.0) -> Loops:
 
 
 @pytest.mark.parametrize(("step", "left"), [(2.0, 4), (10.0, 3), (30.0, 2)])
-def test_thresholds_finer_than_the_samples_and_lost_in_noise_are_taken_as_free(
-    step: float, left: int
-) -> None:
+def test_unresolved_thresholds_are_set_to_zero(step: float, left: int) -> None:
     coarse = loops(step, noise=0.5)
     assert field_step_after_reversal(model(), coarse) == pytest.approx(step)
     found = cell_weights(free_unresolved_cells(model(), coarse))
@@ -52,7 +50,7 @@ def test_thresholds_finer_than_the_samples_and_lost_in_noise_are_taken_as_free(
     assert found.weights[0, 0] == pytest.approx(CELLS.weights[: 5 - left].sum())
 
 
-def test_what_the_width_of_a_loop_shows_stays_pinned() -> None:
+def test_resolved_thresholds_stay_pinned() -> None:
     """With samples 30 A/m apart and this noise, the cell of 4 A/m is not resolved, that of 12 A/m
     is."""
     found = cell_weights(free_unresolved_cells(model(), loops(30.0, noise=0.05)))
@@ -61,7 +59,7 @@ def test_what_the_width_of_a_loop_shows_stays_pinned() -> None:
     assert free_unresolved_cells(model(), exact).cells is CELLS
 
 
-def test_where_all_is_resolved_the_model_is_the_very_same() -> None:
+def test_a_fully_resolved_model_is_unchanged() -> None:
     own = model()
     assert free_unresolved_cells(own, loops(2.0)) is own
 
@@ -72,7 +70,7 @@ def test_something_pinned_always_stays() -> None:
     assert free_unresolved_cells(own, loops(150.0)) is own
 
 
-def test_a_law_without_cells_is_left_alone() -> None:
+def test_a_law_without_cells_is_unchanged() -> None:
     iron = {"M_s": 4e5, "a": 30.0, "k": 20.0, "c": 0.2, "c_H": 1.0, "c_out": 1.0}
     own = Model("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
     assert free_unresolved_cells(own, loops(2.0)) is own

@@ -61,7 +61,7 @@ def one_after_another(loopset: Loops, drift: float = 0.0) -> Loops:
 def predicted(model: Model, loopset: Loops) -> FloatArray:
     """Return the modelled output of all loops."""
     return np.concatenate(
-        [model.predict(one.input, one.schedule, one.time, one.history).output for one in loopset.loops]
+        [model.predict(loop.input, loop.schedule, loop.time, loop.history).output for loop in loopset.loops]
     )
 
 
@@ -86,7 +86,7 @@ def somewhere(loops: Loops, shape: Shape) -> tuple[CoordinateSpace, FloatArray]:
 
 
 @pytest.mark.parametrize("shape", ["tanh", "langevin"])
-def test_derivatives_are_those_of_the_deviations_without_a_drift(shape: Shape) -> None:
+def test_derivatives_agree_with_differences_without_drift(shape: Shape) -> None:
     loops = one_after_another(loops_of(cells_magnet(), samples=40), drift=0.01)
     space, theta = somewhere(loops, shape)
     objective = Objective(space)
@@ -107,17 +107,17 @@ def test_derivatives_are_those_of_the_deviations_without_a_drift(shape: Shape) -
 def test_a_long_record_in_pieces_is_the_record(history: str) -> None:
     space, theta = somewhere(loops_of(cells_magnet(), history, samples=90), "tanh")
     whole = space.records
-    pieces = tuple(piece for one in whole.loops for piece in one.pieces(7))
+    pieces = tuple(piece for loop in whole.loops for piece in loop.pieces(7))
     assert len(pieces) > 10 * len(whole.loops)
     cut = replace(space, records=replace(whole, loops=pieces))
-    for one, other in zip(
+    for equation, other in zip(
         Objective(space).normal_equations(theta), Objective(cut).normal_equations(theta), strict=True
     ):
-        assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()
+        assert np.abs(equation - other).max() < 1e-9 * np.abs(equation).max()
 
 
 @pytest.mark.slow
-def test_loops_of_play_cells_are_found_again() -> None:
+def test_play_cells_are_identified_from_their_own_loops() -> None:
     truth = cells_magnet()
     loops = noisy(loops_of(truth), NOISE, 1)
     model = identify(loops, gap_map="reluctance").model
@@ -128,7 +128,7 @@ def test_loops_of_play_cells_are_found_again() -> None:
 
 
 @pytest.mark.parametrize("law", ["play-cells", "effective-field"])
-def test_what_was_run_at_another_gap_counts_in_a_fit_as_in_a_prediction(law: str) -> None:
+def test_fit_and_prediction_use_the_same_history_at_other_gaps(law: str) -> None:
     loops = loops_of(cells_magnet(), samples=40)
     cells, kind = (CellKernel("tanh", 2), "settled") if law == "play-cells" else (None, "conditioned")
     space, _ = somewhere(loops, "tanh")
@@ -152,8 +152,8 @@ def test_what_was_run_at_another_gap_counts_in_a_fit_as_in_a_prediction(law: str
     assert np.abs(outputs[0] - outputs[1]).max() > 1e-3 * np.ptp(outputs[1])
 
 
-def test_a_past_at_a_gap_that_is_left_out_lies_between_its_neighbours() -> None:
-    past = InputHistory(np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0])).renumbered([0, 2, 3])
+def test_a_history_at_a_withheld_gap_is_interpolated() -> None:
+    past = InputHistory(np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0])).with_renumbered_gaps([0, 2, 3])
     assert past.gap_position.tolist() == [0.0, 0.5, 1.0]
 
 
@@ -168,7 +168,7 @@ def test_a_drift_of_the_sensor_is_no_force() -> None:
 
 
 @pytest.mark.slow
-def test_a_law_of_jiles_and_atherton_is_kept_for_its_own_loops() -> None:
+def test_loops_of_jiles_atherton_give_a_jiles_atherton_law() -> None:
     loops = noisy(loops_of(magnet("reluctance")), NOISE, 1)
     assert identify(loops).model.law == "effective-field"
 

@@ -57,7 +57,7 @@ def reason(result: IdentifyResult) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", "flux_linkage"])
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
-def test_auto_finds_the_map_that_made_the_loops(gap_map: GapMap, output: str) -> None:
+def test_auto_finds_the_true_gap_map(gap_map: GapMap, output: str) -> None:
     loops = loops_of(magnet(gap_map, output), noise=NOISE, samples=60)
     result = identify(loops)
     assert result.model.gap_map == gap_map
@@ -70,7 +70,7 @@ def test_auto_finds_the_map_that_made_the_loops(gap_map: GapMap, output: str) ->
 
 
 @pytest.mark.slow
-def test_a_left_out_error_is_that_of_a_fit_without_that_gap() -> None:
+def test_a_withheld_error_is_that_of_a_fit_without_that_gap() -> None:
     loops = loops_of(magnet("scaling"), noise=NOISE, samples=60)
     law = "effective-field"
     reported = fit_of(identify(loops, law=law, gap_map="reluctance")).left_out["reluctance"]
@@ -78,10 +78,10 @@ def test_a_left_out_error_is_that_of_a_fit_without_that_gap() -> None:
     for gap in GAPS[1:-1]:
         others = identify(loops.without(gap), law=law, gap_map="reluctance")
         seen = loops.at(gap)
-        off = np.concatenate(predicted(others.model, seen)) - np.concatenate(
+        error = np.concatenate(predicted(others.model, seen)) - np.concatenate(
             [loop.output for loop in seen.loops]
         )
-        missed.append(float(np.mean(np.abs(off))) / largest(loops))
+        missed.append(float(np.mean(np.abs(error))) / largest(loops))
     assert reported == pytest.approx(np.mean(missed), rel=0.02)
 
 
@@ -104,16 +104,16 @@ def test_one_gap_makes_a_model_of_that_gap_and_a_warning() -> None:
     assert fit_of(result).rms == pytest.approx(NOISE * largest(loops), rel=0.15)
 
 
-def test_two_gaps_prove_nothing_and_that_is_said() -> None:
+def test_with_two_gaps_the_gap_map_is_reported_as_a_guess() -> None:
     loops = loops_of(magnet(gaps=GAPS[1:3]), noise=NOISE)
     result = identify(loops)
     assert result.model.gap_map == "reluctance"
     assert any("none can be withheld" in text for text in result.warnings)
     assert any("a guess" in text for text in result.warnings)
     assert fit_of(result).left_out == {}
-    wanted = identify(loops, law="effective-field", gap_map="scaling")
-    assert wanted.model.gap_map == "scaling"
-    assert any("none can be withheld" in text for text in wanted.warnings)
+    expected = identify(loops, law="effective-field", gap_map="scaling")
+    assert expected.model.gap_map == "scaling"
+    assert any("none can be withheld" in text for text in expected.warnings)
 
 
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance", "free"])
@@ -189,7 +189,9 @@ def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", pytest.param("flux_linkage", marks=pytest.mark.slow)])
-def test_a_map_that_bends_between_the_gaps_is_not_taken(output: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_map_that_bends_between_the_gaps_is_not_selected(
+    output: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It fits every measured gap, so withheld gaps alone would select it."""
     loops = loops_of(magnet("reluctance", output), noise=0.1 * NOISE, samples=60)
 
@@ -252,7 +254,7 @@ def roughness(coordinates: FloatArray) -> float:
     return float(np.sum(np.diff(coordinates) ** 2))
 
 
-def test_ties_make_what_the_loops_leave_open_run_smoothly() -> None:
+def test_undetermined_parameters_vary_smoothly_over_the_gap() -> None:
     """One noisy loop per gap, far from saturation, determines little; the penalty costs almost
     nothing."""
     truth = magnet("scaling")
@@ -302,7 +304,7 @@ def test_provenance_reports_the_settings(tmp_path: Path) -> None:
 def bent_loops() -> Loops:
     """Return loops that no law can fit exactly."""
     loops = loops_of(core(), samples=40)
-    bent = [replace(one, output=0.4 * np.tanh(one.output / 0.2)) for one in loops.loops]
+    bent = [replace(loop, output=0.4 * np.tanh(loop.output / 0.2)) for loop in loops.loops]
     return loops.with_loops(bent)
 
 
@@ -318,16 +320,16 @@ def test_identify_drops_a_candidate_that_fails_and_names_it(monkeypatch: pytest.
 
     monkeypatch.setattr(cell_search.CellSearch, "_fit_candidate", break_one)
     candidates = fit_of(identify(bent_loops())).candidates
-    (failed,) = (one for one in candidates if one.note.startswith("dropped"))
+    (failed,) = (candidate for candidate in candidates if candidate.note.startswith("dropped"))
     assert failed.law == "play-cells, 1 population"
     assert failed.text() == f"{failed.law}, none (dropped: the magnetisation may jump)"
-    assert "play-cells-langevin, 1 population" in {one.law for one in candidates}
+    assert "play-cells-langevin, 1 population" in {candidate.law for candidate in candidates}
 
 
 def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    finish, tried = model_selection._finish, list[FoundModel]()
+    finish, tried = model_selection._finish_fit, list[FoundModel]()
 
     def fail_once(run: SearchRun, loops: Loops, found: FoundModel) -> tuple[FoundModel, str]:
         tried.append(found)
@@ -335,11 +337,11 @@ def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
             raise np.linalg.LinAlgError("singular matrix")
         return finish(run, loops, found)
 
-    monkeypatch.setattr(model_selection, "_finish", fail_once)
+    monkeypatch.setattr(model_selection, "_finish_fit", fail_once)
     loops = bent_loops()
     candidates = fit_of(identify(loops)).candidates
-    assert [one.note for one in candidates].count("chosen") == 1
-    assert sum(one.note == "dropped: singular matrix" for one in candidates) == 1
+    assert [candidate.note for candidate in candidates].count("chosen") == 1
+    assert sum(candidate.note == "dropped: singular matrix" for candidate in candidates) == 1
 
     tried.clear()
     listed = fit_of(identify(loops_of(core(), samples=40))).candidates
@@ -348,7 +350,7 @@ def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
     def fail(*_: object) -> None:
         raise InputError("no answer", code="sample-refused")
 
-    monkeypatch.setattr(model_selection, "_finish", fail)
+    monkeypatch.setattr(model_selection, "_finish_fit", fail)
     with refused("sample-refused"):  # every candidate failed
         identify(loops)
 

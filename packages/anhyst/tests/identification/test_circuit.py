@@ -43,32 +43,32 @@ def found(gap_map: str) -> IdentifyResult:
 
 
 @pytest.mark.slow
-def test_it_follows_what_the_simpler_maps_cannot() -> None:
+def test_the_circuit_map_fits_loops_that_simpler_maps_cannot() -> None:
     ours = worst(loops(), found("circuit").fitted)
     assert ours < 2e-3
     assert ours < 0.1 * min(worst(loops(), found(name).fitted) for name in ("scaling", "reluctance"))
 
 
-def test_the_iron_is_the_same_at_every_gap_so_that_the_gap_may_move() -> None:
+def test_the_iron_does_not_depend_on_the_gap() -> None:
     model = found("circuit").model
     assert set(model.varying) == {"rho", "c_out", "in_0", "out_0"}
     assert not set(model.varying) & {spec.name for spec in PARAMETERS}
     assert not model.needs_fixed_gap
     assert min(np.atleast_1d(model.parameters["rho"])) >= 0.0
     moving = np.linspace(GAPS[0], GAPS[-1], 50)
-    wanted = np.linspace(2.0, 40.0, 50)
-    answer = model.invert(wanted, moving, history="demagnetised")
+    expected = np.linspace(2.0, 40.0, 50)
+    answer = model.invert(expected, moving, history="demagnetised")
     back = model.predict(answer.drive, moving, history="demagnetised")
-    assert np.allclose(back.output, wanted, atol=1e-6)
+    assert np.allclose(back.output, expected, atol=1e-6)
 
 
-def test_a_gap_left_out_is_reported() -> None:
+def test_the_withheld_error_is_reported() -> None:
     fit = found("circuit").model.fit
     assert fit is not None
     assert 0.0 < fit.left_out["circuit"] < 5e-3
 
 
-def test_offsets_can_be_held() -> None:
+def test_offsets_can_be_fixed_at_zero() -> None:
     model = identify(loops(), law="effective-field", gap_map="circuit", offsets=False).model
     assert not np.any(model.parameters["in_0"])
     assert not np.any(model.parameters["out_0"])
@@ -82,7 +82,7 @@ def test_the_file_keeps_it(tmp_path: Path) -> None:
     assert dict(again.parameters) == dict(model.parameters)
 
 
-def test_it_is_refused_where_it_means_nothing() -> None:
+def test_the_circuit_map_is_refused_with_incompatible_options() -> None:
     with refused("choices-together"):
         identify(loops(), gap_map="circuit", search="paper")
     with refused("choices-together"):

@@ -34,7 +34,7 @@ def halves(folder: Path) -> tuple[Model, Loop, int]:
 
 
 @pytest.mark.slow
-def test_the_other_half_is_inverted_to_half_of_what_the_authors_reach(measurements: Path) -> None:
+def test_the_inverse_of_unseen_data_has_half_the_error_of_the_authors(measurements: Path) -> None:
     model, whole, half = halves(measurements)
     asked = model.invert(whole.output, time=whole.time).drive
     slope = np.ptp(whole.output[half:]) / np.ptp(whole.input[half:])
@@ -46,9 +46,9 @@ def test_its_slow_drift_is_creep(measurements: Path) -> None:
     model, whole, half = halves(measurements)
     assert model.dynamics is not None
     assert 0.005 < sum(model.dynamics.shares) < 0.03
-    off = (model.predict(whole.input, time=whole.time).output - whole.output)[half:]
-    assert abs(off.mean()) < 0.1e-6  # 0.21 um without creep
-    assert float(np.std(off)) < 0.22e-6
+    error = (model.predict(whole.input, time=whole.time).output - whole.output)[half:]
+    assert abs(error.mean()) < 0.1e-6  # 0.21 um without creep
+    assert float(np.std(error)) < 0.22e-6
 
 
 def test_at_one_rate_no_lag_beyond_a_sample_is_believed(measurements: Path) -> None:

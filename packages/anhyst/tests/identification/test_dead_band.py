@@ -51,7 +51,7 @@ def test_a_model_has_a_dead_band_that_costs_no_more_than_it_may(name: str) -> No
 
 
 @pytest.mark.slow
-def test_the_model_reports_how_wide_it_is_and_what_it_costs() -> None:
+def test_the_model_reports_width_and_cost_of_the_dead_band() -> None:
     given, without = (found("electromagnet", dead_band=wanted) for wanted in (True, False))
     reported = str(given.model.provenance.settings["dead_band"])
     assert reported.startswith(f"r_d = {part_of_pinning(given):g}*k")
@@ -71,7 +71,7 @@ def test_loops_of_a_law_without_dead_band_allow_none(law: str) -> None:
 
 
 @pytest.mark.parametrize("history", ["settled", "demagnetised"])
-def test_a_dead_band_that_is_there_is_fitted_to_the_end(history: str) -> None:
+def test_a_true_dead_band_is_fitted_exactly(history: str) -> None:
     """Loops of a law with the widest tried dead band give its exact parameters."""
     plain = magnet(in_0=0.0, out_0=0.0)
     pinning = plain.parameters["k"]

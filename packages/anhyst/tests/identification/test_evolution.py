@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anhyst.identification.paper_parameters import Variables, run_simplex
-from anhyst.identification.paper_search import EvolutionStrategy, reflected
+from anhyst.identification.paper_search import EvolutionStrategy, reflect_into_bounds
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 
@@ -63,7 +63,7 @@ def test_same_seed_gives_the_same_generations() -> None:
             one.tell(sphere(one.ask()))
 
 
-def test_asking_twice_gives_the_same_generation() -> None:
+def test_repeated_calls_of_ask_give_the_same_generation() -> None:
     found = strategy(3)
     found.tell(sphere(found.ask()))
     np.testing.assert_array_equal(found.ask(), found.ask())
@@ -83,7 +83,7 @@ def test_step_sizes_adapt_to_each_variable() -> None:
     assert flat > 3.0 * middle > 9.0 * steep
 
 
-def test_step_sizes_shrink_near_an_optimum_and_not_where_all_is_equal() -> None:
+def test_step_sizes_shrink_near_an_optimum_but_not_on_a_plateau() -> None:
     near, flat = strategy(3), strategy(3)
     for _ in range(40):
         near.tell(sphere(near.ask()))
@@ -101,7 +101,7 @@ def test_children_stay_within_bounds() -> None:
     assert found.best_cost < -31.9
 
 
-def test_what_has_no_cost_has_no_children() -> None:
+def test_candidates_without_a_finite_cost_have_no_offspring() -> None:
     found = strategy(2)
     x = found.ask()
     costs = np.where(x[:, 0] > 0.0, sphere(x), np.where(x[:, 1] > 0.0, np.nan, np.inf))
@@ -110,10 +110,10 @@ def test_what_has_no_cost_has_no_children() -> None:
     assert np.isfinite(found.best_cost)
 
 
-def test_reflection_folds_as_often_as_it_takes() -> None:
+def test_reflection_folds_distant_values_into_the_bounds() -> None:
     values = np.array([0.3, -0.2, 1.1, 2.4, -3.3])
     expected = [0.3, 0.2, 0.9, 0.4, 0.7]
-    np.testing.assert_allclose(reflected(values, np.zeros(5), np.ones(5)), expected)
+    np.testing.assert_allclose(reflect_into_bounds(values, np.zeros(5), np.ones(5)), expected)
 
 
 def test_a_simplex_begun_at_a_bound_turns_inward() -> None:
@@ -126,6 +126,8 @@ def test_a_simplex_begun_at_a_bound_turns_inward() -> None:
     ("high", "parents", "children", "reported"),
     [(0.0, 3, 20, "range-reversed"), (1.0, 20, 20, "too-few-children"), (1.0, 0, 20, "too-few-children")],
 )
-def test_refuses_what_cannot_evolve(high: float, parents: int, children: int, reported: str) -> None:
+def test_unusable_population_sizes_are_refused(
+    high: float, parents: int, children: int, reported: str
+) -> None:
     with refused(reported):
         EvolutionStrategy(np.zeros(2), np.full(2, high), 1, parents, children)

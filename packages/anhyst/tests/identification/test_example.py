@@ -42,11 +42,11 @@ def fit_of(result: IdentifyResult) -> FitFigures:
 
 
 def mean_error(model: Model, truth: Loops) -> float:
-    off = [
+    error = [
         np.abs(output - loop.output)
         for output, loop in zip(predicted(model, truth), truth.loops, strict=True)
     ]
-    return float(np.mean(np.concatenate(off))) / largest(truth)
+    return float(np.mean(np.concatenate(error))) / largest(truth)
 
 
 def best_single_valued(truth: Loops) -> float:
@@ -60,7 +60,7 @@ def best_single_valued(truth: Loops) -> float:
     return float(np.mean(np.concatenate(off))) / largest(truth)
 
 
-def test_auto_takes_reluctance_and_says_why(chosen: IdentifyResult) -> None:
+def test_auto_selects_reluctance_and_gives_the_reason(chosen: IdentifyResult) -> None:
     assert chosen.model.gap_map == "reluctance"
     left_out = fit_of(chosen).left_out
     assert set(left_out) == {"scaling", "reluctance", "circuit"}
@@ -96,16 +96,16 @@ def test_the_closed_gap_can_be_computed(chosen: IdentifyResult) -> None:
     assert np.isfinite(force).all()
 
 
-def test_the_model_predicts_what_was_fitted(chosen: IdentifyResult, loops: Loops) -> None:
+def test_the_model_predicts_the_fitted_outputs(chosen: IdentifyResult, loops: Loops) -> None:
     for one, other in zip(predicted(chosen.model, loops), chosen.fitted, strict=True):
         assert np.abs(one - other).max() < 1e-8 * largest(loops)
 
 
 @pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.campaign)])
-def test_every_seed_ends_there(chosen: IdentifyResult, loops: Loops, seed: int) -> None:
+def test_every_seed_gives_the_same_residual(chosen: IdentifyResult, loops: Loops, seed: int) -> None:
     other = identify(loops, law=chosen.model.law, gap_map="reluctance", seed=seed)
     assert fit_of(other).rms == pytest.approx(fit_of(chosen).rms, rel=0.01)
 
 
-def test_the_chosen_map_takes_few_evaluations(chosen: IdentifyResult) -> None:
+def test_the_selected_map_needs_few_evaluations(chosen: IdentifyResult) -> None:
     assert chosen.evaluations < 300

@@ -51,7 +51,7 @@ def test_a_loop_that_begins_demagnetised_shows_it(kind: HistoryKind, guessed: bo
     assert has_no_initial_curve(loops(model(0.0), kind)) is guessed
 
 
-def test_a_law_of_jiles_and_atherton_that_hardly_moves_fails_like_any_other() -> None:
+def test_a_nearly_immobile_jiles_atherton_law_fails_normally() -> None:
     """With a pinning of a thousand curve widths, the law keeps its whole initial magnetisation."""
     quantities = QUANTITIES["current"], QUANTITIES["force"]
     numbers = {"M_s": 1e6, "a": 1000.0, "c": 0.5, "alpha": 0.0, "c_H": 4000.0, "c_out": 200.0}

@@ -58,7 +58,7 @@ def test_the_ferrite_is_fitted_to_the_optimum_of_the_law(ferrite: Loops, seed: i
 def test_no_law_fits_the_ferrite_worse_with_offsets(ferrite: Loops) -> None:
     """Only required offsets are fitted, which may cost a little."""
     held, found = (
-        {one.law: one.rms for one in fit_of(identify(ferrite, offsets=offsets)).candidates}
+        {candidate.law: candidate.rms for candidate in fit_of(identify(ferrite, offsets=offsets)).candidates}
         for offsets in (False, True)
     )
     compared = held.keys() & found.keys()
@@ -82,7 +82,7 @@ def test_the_gapped_core_is_fitted_by_reluctance(gapped_core: Loops) -> None:
     assert rho[0] < rho[1] < rho[2]
 
 
-def test_auto_takes_a_gap_in_series_for_the_gapped_core(gapped_core: Loops) -> None:
+def test_auto_selects_a_series_gap_for_the_gapped_core(gapped_core: Loops) -> None:
     result = identify(gapped_core)
     assert result.model.gap_map in {"reluctance", "circuit"}
     left_out = fit_of(result).left_out

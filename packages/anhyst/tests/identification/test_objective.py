@@ -65,7 +65,7 @@ def with_dead_band(space: CoordinateSpace, part: float) -> CoordinateSpace:
 @pytest.mark.parametrize("dead_band", [0.0, 0.2])
 @pytest.mark.parametrize("history", HISTORIES)
 @pytest.mark.parametrize("name", CASES)
-def test_analytic_derivatives_are_those_of_the_deviations(name: str, history: str, dead_band: float) -> None:
+def test_analytic_derivatives_agree_with_differences(name: str, history: str, dead_band: float) -> None:
     truth, gap_map = CASES[name]
     plain = space_of(truth, gap_map, loops_of(truth, history, samples=40))
     space = with_dead_band(plain, dead_band)
@@ -129,7 +129,7 @@ def test_coordinates_and_parameters_are_one_to_one(name: str) -> None:
 
 
 @pytest.mark.parametrize("gap_map", ["none", "scaling", "reluctance", "free"])
-def test_each_map_shares_what_it_says(gap_map: GapMap) -> None:
+def test_each_gap_map_shares_its_documented_parameters(gap_map: GapMap) -> None:
     truth = magnet("reluctance" if gap_map != "none" else "none")
     space = space_of(truth, gap_map, loops_of(truth, samples=20))
     for name in PARAMETER_NAMES:
@@ -167,7 +167,7 @@ def criterion(loops: Loops, outputs: tuple[FloatArray, ...], weights: str) -> fl
 
 
 @pytest.mark.parametrize("weights", WEIGHTINGS)
-def test_weights_do_what_they_say(weights: str) -> None:
+def test_weights_have_their_documented_effect(weights: str) -> None:
     loops = pair(1.3)
     space = space_of(core(), "none", loops, weights)
     objective = Objective(space)
@@ -182,7 +182,7 @@ def sets_at(space: CoordinateSpace, theta: FloatArray) -> list[ParameterSet]:
     return [local for local, _ in space.unpack(theta)]
 
 
-def test_each_weighting_fits_best_by_its_own_criterion() -> None:
+def test_each_weighting_minimises_its_own_criterion() -> None:
     loops = pair(1.3)
     ends = {w: identify(loops, law="effective-field", weights=w, offsets=False).fitted for w in WEIGHTINGS}
     for weights in WEIGHTINGS:
@@ -223,12 +223,12 @@ def test_thinning_keeps_the_fit() -> None:
 def test_loops_are_never_thicker_after_thinning() -> None:
     records = make_fit_records(loops_of(core(), samples=50))
     assert all(
-        np.array_equal(one.input, other.input)
-        for one, other in zip(records.thinned(400).loops, records.loops, strict=True)
+        np.array_equal(loop.input, other.input)
+        for loop, other in zip(records.thinned(400).loops, records.loops, strict=True)
     )
 
 
-def test_parameters_without_an_answer_cost_more_than_any_fit() -> None:
+def test_parameters_without_a_solution_cost_more_than_any_fit() -> None:
     truth = core()
     space = space_of(truth, "none", loops_of(truth))
     objective = Objective(space)
@@ -267,8 +267,8 @@ def test_the_screening_ranks_as_the_objective_does(biased: bool) -> None:
     exact = []
     for kappa, c, omega, scale, in_0, size, lift in np.vstack([sets, gain, out_0]).T:
         local = form.make_set([kappa, c, omega, scale, size, in_0, lift])
-        off = (objective.outputs([local]) - objective.measured) * objective.weights
-        exact.append(float(off @ off))
+        error = (objective.outputs([local]) - objective.measured) * objective.weights
+        exact.append(float(error @ error))
     usable = np.isfinite(cost)
     assert usable.sum() > 50
     best = np.argsort(np.array(exact)[usable])[:8]
@@ -285,7 +285,7 @@ def test_starts_differ_and_come_from_the_seed() -> None:
     assert len({local.kappa for local in first}) == 3
 
 
-def test_memory_counts_the_samples_that_go_together() -> None:
+def test_the_correlation_length_counts_correlated_samples() -> None:
     rng = np.random.default_rng(0)
     white = rng.standard_normal(4000)
     assert correlation_length(white) == pytest.approx(1.0, abs=0.3)

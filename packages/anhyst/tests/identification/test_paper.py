@@ -127,11 +127,11 @@ def test_free_sets_scatter_along_the_redundancy(free: SearchState) -> None:
     assert max(k) > 1.5 * min(k)
 
 
-def test_where_only_c_h_varies_freezing_the_others_costs_nothing(reduced: list[SearchState]) -> None:
+def test_if_only_c_h_varies_freezing_the_others_costs_nothing(reduced: list[SearchState]) -> None:
     assert max(stand.cost for stand in reduced[1:]) < 1e-5
 
 
-def test_where_only_c_h_varies_it_is_the_last_one_left(reduced: list[SearchState]) -> None:
+def test_if_only_c_h_varies_it_is_the_last_free_parameter(reduced: list[SearchState]) -> None:
     assert [len(stand.varying) for stand in reduced] == [7, 6, 5, 4, 3, 2, 1]
     assert reduced[-1].varying == ("c_H",)
 
@@ -142,13 +142,13 @@ def test_c_h_is_found_up_to_one_common_factor(truth: Model, reduced: list[Search
     np.testing.assert_allclose(ratio / ratio[0], 1.0, rtol=1e-4)
 
 
-def test_what_is_frozen_is_the_same_at_every_gap(reduced: list[SearchState]) -> None:
+def test_frozen_parameters_are_equal_at_every_gap(reduced: list[SearchState]) -> None:
     for stand in reduced[1:]:
         for name in set(SEVEN_NAMES) - set(stand.varying):
             assert len({one[name] for one in stand.sets}) == 1
 
 
-def test_a_parameter_can_be_kept_to_the_last(two_gaps: Loops) -> None:
+def test_a_parameter_can_be_excluded_from_freezing(two_gaps: Loops) -> None:
     found = search_paper(run_of(two_gaps), two_gaps, "reluctance", LEAST)
     assert len(found.steps) == 6
     assert all("alpha" not in step.candidates for step in found.steps)
@@ -192,7 +192,7 @@ def whole(two_gaps: Loops) -> Outcome:
 
 
 @pytest.mark.parametrize("stage", [5, *(pytest.param(one, marks=pytest.mark.slow) for one in (1, 20))])
-def test_a_killed_run_goes_on_to_the_same_result(
+def test_a_killed_run_resumes_to_the_same_result(
     stage: int, two_gaps: Loops, whole: Outcome, tmp_path: Path
 ) -> None:
     kept = tmp_path / "checkpoint"
@@ -210,7 +210,7 @@ def test_a_killed_run_goes_on_to_the_same_result(
     assert found.steps == whole.steps
 
 
-def test_same_seed_gives_the_same_model_and_another_seed_another(two_gaps: Loops) -> None:
+def test_equal_seeds_give_equal_models_and_other_seeds_others(two_gaps: Loops) -> None:
     def found(seed: int) -> tuple[Values, ...]:
         run = run_of(two_gaps)
         run.seed = seed
@@ -229,7 +229,7 @@ def test_progress_ends_at_the_total_it_promised(two_gaps: Loops) -> None:
 
 
 @pytest.mark.parametrize(("stage", "frozen"), [(4, 0), (16, 1)])
-def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: Loops) -> None:
+def test_ctrl_c_returns_the_best_result_so_far(stage: int, frozen: int, two_gaps: Loops) -> None:
     run = run_of(two_gaps, progress=stopper(stage))
     found = search_paper(run, two_gaps, "auto", LEAST)
     assert found.is_interrupted
@@ -238,7 +238,7 @@ def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: Loops
     assert len(found.model.varying) == 7 - frozen
 
 
-def test_ctrl_c_before_every_gap_has_a_set_leaves_nothing(two_gaps: Loops) -> None:
+def test_ctrl_c_before_every_gap_is_fitted_gives_no_result(two_gaps: Loops) -> None:
     run = run_of(two_gaps, progress=stopper(1))
     with pytest.raises(KeyboardInterrupt):
         search_paper(run, two_gaps, "auto", LEAST)
@@ -274,7 +274,7 @@ def test_a_measured_field_and_flux_density_leave_five() -> None:
     assert mean_deviation(make_fit_records(loops), np.concatenate(modelled)) < 2e-3
 
 
-def test_refuses_to_keep_what_is_known(two_gaps: Loops) -> None:
+def test_a_known_parameter_cannot_be_kept_variable(two_gaps: Loops) -> None:
     by_field = Loops(two_gaps.loops, core().input, two_gaps.output, two_gaps.schedule)
     with refused("choices-together: c_H"):
         search_paper(run_of(by_field), by_field, "scaling")
@@ -309,7 +309,7 @@ def test_the_acceptance_test_reports_which_gaps_fail_with_splines(quick: Identif
     assert bool(check.failing) == (not check.passed)
 
 
-def test_one_gauge_leaves_the_law_as_it_was() -> None:
+def test_a_common_gauge_does_not_change_the_law() -> None:
     other = SET | {"M_s": 9e5, "a": 2e3, "k": 1e3, "c_H": 3e4, "c_out": 90.0}
     moved = move_to_one_gauge([SET, other], SEVEN_NAMES, power=2)
     assert len({one["M_s"] for one in moved}) == 1
@@ -320,7 +320,7 @@ def test_one_gauge_leaves_the_law_as_it_was() -> None:
             assert getattr(new, name) == pytest.approx(getattr(old, name), rel=1e-12)
 
 
-def test_one_gauge_leaves_alone_what_measurements_fix() -> None:
+def test_a_common_gauge_keeps_parameters_fixed_by_measurements() -> None:
     plain = SET | {"c_H": 1.0, "c_out": 1.0}
     moved = move_to_one_gauge([plain], ("M_s", "a", "alpha", "k", "c"), power=1)[0]
     for name, value in plain.items():
@@ -338,7 +338,7 @@ def test_coordinates_and_parameters_agree(loops: Loops, records: FitRecords) -> 
     back = variables.to_parameters(variables.to_coordinates(SET))
     for name, value in SET.items():
         assert float(back[name]) == pytest.approx(value, rel=1e-12)
-    assert variables.only(["c_H", "k"]).names == ("k", "c_H")
+    assert variables.restrict_to(["c_H", "k"]).names == ("k", "c_H")
 
 
 def test_batch_and_exact_law_cost_the_same(loops: Loops, records: FitRecords) -> None:
@@ -355,7 +355,7 @@ def test_batch_and_exact_law_cost_the_same(loops: Loops, records: FitRecords) ->
     assert criterion.evaluations == 2 * count
 
 
-def test_what_the_law_cannot_do_costs_a_fortune(loops: Loops, records: FitRecords) -> None:
+def test_unsolvable_parameters_have_a_very_large_cost(loops: Loops, records: FitRecords) -> None:
     form = make_response_form(loops.input, loops.output, "effective-field")
     criterion = Criterion(form, records.at_gap(0))
     impossible = SET | {"k": 1e-9}

@@ -86,7 +86,7 @@ def test_loops_are_fast_that_are_faster_in_cycles_and_in_the_input() -> None:
     assert 45.0 < speeds.fastest_rate < 55.0
 
 
-def test_smaller_loops_and_loops_without_time_are_not_fast_ones() -> None:
+def test_smaller_or_untimed_loops_are_not_classified_as_fast() -> None:
     loops = measured()
     slow = [loop for loop in loops.loops if loop.label == "0.5 Hz"]
     inner = [replace(one, label="inner", input=0.2 * one.input, output=0.04 * one.output)
@@ -94,7 +94,7 @@ def test_smaller_loops_and_loops_without_time_are_not_fast_ones() -> None:
     steady = [replace(one, time=0.2 * one.time) for one in inner if one.time is not None]
     assert group_by_speed(loops.with_loops([*slow, *inner])) is None
     assert group_by_speed(loops.with_loops([*slow, *steady])) is None
-    assert group_by_speed(loops.with_loops(replace(one, time=None) for one in loops.loops)) is None
+    assert group_by_speed(loops.with_loops(replace(loop, time=None) for loop in loops.loops)) is None
 
 
 CARRIED = History.parse("conditioned:4,0")
@@ -135,7 +135,7 @@ def test_fast_loops_carry_the_history_of_slow_ones(tmp_path: Path) -> None:
     assert sum("eddy currents" in note for note in read.notes) == len(GAPS)
 
 
-def test_stated_history_is_not_replaced_by_that_of_slow_loops(tmp_path: Path) -> None:
+def test_a_given_history_is_not_replaced_by_that_of_slow_loops(tmp_path: Path) -> None:
     read = read_loops(file_of(session(20.0), tmp_path), history="demagnetised")
     assert {loop.history for loop in read.loops} == {DEMAGNETISED}
 
@@ -144,9 +144,9 @@ def test_fast_loops_that_began_demagnetised_stay_so(tmp_path: Path) -> None:
     """The slow loops then begin on the initial curve as well."""
     virgin = replace(truth(2.0), parameters=dict(truth(2.0).parameters) | {"k_1": 300.0})
     loops = session(20.0).with_loops(
-        replace(one, output=virgin.predict(one.input, one.schedule_value, one.time,
+        replace(loop, output=virgin.predict(loop.input, loop.schedule_value, loop.time,
                                            DEMAGNETISED).output)
-        for one in session(20.0).loops
+        for loop in session(20.0).loops
     )  # fmt: skip
     read = read_loops(file_of(loops, tmp_path))
     assert {loop.history for loop in read.loops} == {DEMAGNETISED}
@@ -156,15 +156,15 @@ def test_fast_loops_that_began_demagnetised_stay_so(tmp_path: Path) -> None:
 def test_carried_history_halves_the_error_of_fast_loops(tmp_path: Path) -> None:
     read = read_loops(file_of(session(20.0), tmp_path))
     blamed = read.with_loops(
-        replace(one, history=DEMAGNETISED) if one.label == "20 Hz" else one for one in read.loops
+        replace(loop, history=DEMAGNETISED) if loop.label == "20 Hz" else loop for loop in read.loops
     )
     errors = []
     for loops in (read, blamed):
         result = found(loops)
-        off = [np.sqrt(np.mean((made - one.output) ** 2))
-               for made, one in zip(result.fitted, loops.loops, strict=True)
-               if one.label == "20 Hz"]  # fmt: skip
-        errors.append(max(off))
+        error = [np.sqrt(np.mean((made - loop.output) ** 2))
+               for made, loop in zip(result.fitted, loops.loops, strict=True)
+               if loop.label == "20 Hz"]  # fmt: skip
+        errors.append(max(error))
     assert errors[0] < 0.5 * errors[1]
 
 
@@ -174,9 +174,9 @@ def test_a_clock_of_few_digits_will_do(digits: int) -> None:
     """With a resolution of 1 ms, a cycle of 20 ms has twenty different times for two hundred
     samples."""
     coarse = measured().with_loops(
-        replace(one, time=np.floor(one.time * 10.0**digits) / 10.0**digits)
-        for one in measured().loops
-        if one.time is not None
+        replace(loop, time=np.floor(loop.time * 10.0**digits) / 10.0**digits)
+        for loop in measured().loops
+        if loop.time is not None
     )
     loops = spread_equal_times(coarse)
     assert loops.repairs
@@ -192,15 +192,15 @@ def test_a_clock_of_few_digits_will_do(digits: int) -> None:
     assert missed(end.model, 20.0, 3.9e-4) < 0.02
 
 
-def test_inspecting_tells_from_which_rate_on_solid_iron_answers_late() -> None:
+def test_inspect_reports_the_rate_above_which_eddy_currents_matter() -> None:
     assert describe_rate(measured()).startswith("rate matters")
     assert describe_rate(measured(gamma=0.0)).startswith("rate does not matter")
-    slow = measured().with_loops(one for one in measured().loops if one.label == "5 Hz")
+    slow = measured().with_loops(loop for loop in measured().loops if loop.label == "5 Hz")
     assert describe_rate(slow) == ""
 
 
 @pytest.mark.slow
-def test_what_was_fitted_at_three_speeds_holds_between_them_at_a_gap_between() -> None:
+def test_a_fit_at_three_speeds_predicts_other_speeds_and_gaps() -> None:
     result = found(measured())
     model, gap = result.model, 3.9e-4
     assert model.layers is not None
@@ -233,7 +233,7 @@ def test_sheets_measured_at_three_speeds_get_no_layers() -> None:
     assert end.model is still
 
 
-def test_layers_are_found_from_one_fast_speed_by_gaps_left_out() -> None:
+def test_layers_are_selected_from_one_fast_speed_by_withheld_gaps() -> None:
     loops = measured()
     some = loops.with_loops(loop for loop in loops.loops if loop.label != "5 Hz")
     speeds = group_by_speed(some)
@@ -254,7 +254,7 @@ def test_the_truth_itself_is_matched_from_its_static_part(rate: float) -> None:
     assert missed(end.model, rate, 3.9e-4) < 0.02
 
 
-def test_a_coupling_that_jumps_alone_becomes_the_reluctance_that_is_the_same_at_rest() -> None:
+def test_a_coupling_that_would_jump_becomes_an_equivalent_reluctance() -> None:
     loops, still = measured(), truth(gamma=0.0)
     by = 0.998  # the iron alone would jump
     iron = {name: IRON[name] / by for name in ("M_0", "M_1")}

@@ -98,7 +98,7 @@ def test_the_law_of_1986_is_found_too(truth: Model, history: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gap_map", ["none", "scaling"])
-def test_both_laws_find_the_same_where_nothing_is_reversible(gap_map: GapMap) -> None:
+def test_both_laws_are_identified_equally_without_a_reversible_part(gap_map: GapMap) -> None:
     truth = magnet(gap_map, c=0.0, gaps=GAPS[:2])
     loops = loops_of(truth, "demagnetised", samples=48)
     laws: tuple[str, ...] = ("effective-field", "jiles-atherton-1986")
@@ -134,7 +134,7 @@ def test_cores_of_every_kind_are_found(
 
 @pytest.mark.first(2)
 @pytest.mark.parametrize("name", ["closed core", "force, reluctance", "flux density, scaling"])
-def test_noise_is_what_remains(name: str) -> None:
+def test_the_residual_equals_the_noise(name: str) -> None:
     truth = TRUTHS[name]
     loops = loops_of(truth, noise=NOISE, seed=3)
     result = identify(loops, gap_map=wanted_map(truth), dead_band=False)  # the truth has none either
@@ -165,8 +165,8 @@ def scores(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
             loops, law="effective-field", gap_map=wanted_map(truth), dead_band=False
         )  # the truth has none
         reported = uncertainty_of(result)
-        off = np.array(reported.values) - np.array(truths_in_order(truth))
-        rows.append(off / np.array(reported.std))
+        error = np.array(reported.values) - np.array(truths_in_order(truth))
+        rows.append(error / np.array(reported.std))
     return np.array(rows)
 
 
@@ -177,14 +177,14 @@ def uncertainty_of(result: IdentifyResult) -> Uncertainty:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["closed core", "force, two gaps"])
-def test_the_truth_lies_within_the_uncertainty_stated(name: str) -> None:
+def test_the_truth_lies_within_the_reported_uncertainty(name: str) -> None:
     assert np.mean(np.abs(scores(name)) > 3.0) < 0.03
     assert np.abs(scores(name)).max() < 4.5
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["closed core", pytest.param("force, two gaps", marks=pytest.mark.slow)])
-def test_the_uncertainty_stated_is_not_too_large_either(name: str) -> None:
+def test_the_reported_uncertainty_is_not_too_large(name: str) -> None:
     spread = np.sqrt(np.mean(scores(name) ** 2, axis=0))
     assert spread.min() > 0.5
     assert spread.max() < 1.6
@@ -198,7 +198,7 @@ def test_uncertainty_grows_with_the_noise_and_shrinks_with_samples() -> None:
     assert many.std[0] == pytest.approx(few.std[0] / 4.0, rel=0.35)
 
 
-def test_what_loops_leave_open_is_said() -> None:
+def test_parameters_that_loops_do_not_determine_are_reported() -> None:
     reported = uncertainty_of(identify(loops_of(magnet(), noise=NOISE), gap_map="reluctance"))
     assert any("not separable" in text for text in reported.statements)
     assert any("air core" in text for text in reported.statements)
@@ -226,7 +226,7 @@ def test_offsets_are_found(in_0: float, out_0: float) -> None:
     assert found["out_0"] == pytest.approx(out_0, abs=1e-7)
 
 
-def test_offsets_are_zero_where_they_are_not_wanted() -> None:
+def test_offsets_are_zero_if_they_are_disabled() -> None:
     loops = loops_of(core(in_0=2.0, out_0=0.02))
     held = identify(loops, law="effective-field", offsets=False)
     assert held.model.parameters["in_0"] == held.model.parameters["out_0"] == 0.0
@@ -243,17 +243,17 @@ def test_the_slope_of_the_air_core_hardly_matters_for_a_force() -> None:
     assert worst(loops, identify(loops).fitted) < 2e-4
 
 
-def test_figures_of_the_fit_are_those_of_the_fitted_loops() -> None:
+def test_fit_metrics_agree_with_the_fitted_loops() -> None:
     result = identify(loops_of(magnet(), noise=NOISE), gap_map="reluctance")
     fit = result.model.fit
     assert fit is not None
-    off = [out - loop.output for out, loop in zip(result.fitted, result.loops.loops, strict=True)]
-    whole = np.concatenate(off)
+    error = [out - loop.output for out, loop in zip(result.fitted, result.loops.loops, strict=True)]
+    whole = np.concatenate(error)
     assert fit.rms == pytest.approx(float(np.sqrt(np.mean(whole**2))))
     assert fit.mean_abs == pytest.approx(float(np.mean(np.abs(whole))))
     assert fit.worst == float(np.abs(whole).max())
     assert fit.largest_output == largest(result.loops)
-    for row, one, loop in zip(fit.loops, off, result.loops.loops, strict=True):
+    for row, one, loop in zip(fit.loops, error, result.loops.loops, strict=True):
         assert (row.label, row.schedule, row.samples) == (loop.label, loop.schedule_value, loop.n)
         assert row.rms == pytest.approx(float(np.sqrt(np.mean(one**2))))
 
@@ -273,7 +273,7 @@ def fit_alone(loops: Loops, gap_map: GapMap) -> FoundModel:
 
 @pytest.mark.parametrize("history", HISTORIES)
 @pytest.mark.parametrize("gap_map", ["none", "scaling", "reluctance", "free"])
-def test_the_model_predicts_what_was_fitted(gap_map: GapMap, history: str) -> None:
+def test_the_model_predicts_the_fitted_outputs(gap_map: GapMap, history: str) -> None:
     """The fit uses gauge-free equations of its own."""
     source: GapMap = "reluctance" if gap_map == "free" else gap_map
     loops = loops_of(magnet(source, gaps=GAPS[:2]), history, noise=NOISE, samples=48)
@@ -305,7 +305,7 @@ def test_fitted_loops_keep_the_order_of_the_set(history: str) -> None:
     assert worst(shuffled, result.fitted) < 1e-8
 
 
-def test_a_creeping_inner_loop_is_settled_in_the_figures_too() -> None:
+def test_fit_metrics_use_settled_inner_loops() -> None:
     """Steep, wide loops need hundreds of simple repetitions to close."""
     truth = core(M_s=1e6, a=157.0, k=509.0, c=0.15, alpha=3.3e-4, in_0=0.0, out_0=0.0)
     loops = loops_of(truth)

@@ -90,7 +90,7 @@ def test_five_seeds_reach_the_same_optimum(loops: Loops) -> None:
     assert np.abs(rho - rho[0]).max() < 1e-3 * rho.max()
 
 
-def test_stages_done_are_not_done_again(tmp_path: Path, loops: Loops) -> None:
+def test_completed_stages_are_not_repeated(tmp_path: Path, loops: Loops) -> None:
     checkpoint = tmp_path / "run.json"
     first = run_of(loops, checkpoint)
     made = first.stage("one", lambda: {"x": [0.1, float(np.pi), 1e-300], "n": 3})
@@ -115,9 +115,7 @@ def test_stages_done_are_not_done_again(tmp_path: Path, loops: Loops) -> None:
     ],
     ids=lambda change: str(next(iter(change))),
 )
-def test_another_setting_does_not_go_on_from_there(
-    loops: Loops, tmp_path: Path, change: dict[str, Any]
-) -> None:
+def test_a_changed_setting_starts_a_new_search(loops: Loops, tmp_path: Path, change: dict[str, Any]) -> None:
     checkpoint = tmp_path / "run.json"
     run_of(loops, checkpoint).stage("one", lambda: 1)
     assert is_resumed(loops, checkpoint)
@@ -125,9 +123,7 @@ def test_another_setting_does_not_go_on_from_there(
 
 
 @pytest.mark.parametrize("history", ["demagnetised", "conditioned:0,1.9,0"])
-def test_other_data_or_another_past_do_not_go_on_from_there(
-    loops: Loops, tmp_path: Path, history: str
-) -> None:
+def test_changed_data_or_history_start_a_new_search(loops: Loops, tmp_path: Path, history: str) -> None:
     checkpoint = tmp_path / "run.json"
     for others in (noisy(loops, NOISE, 9), loops.at(GAPS[:2]), loops.with_history(history)):
         run_of(loops, checkpoint).stage("one", lambda: 1)
@@ -147,7 +143,7 @@ def test_a_damaged_checkpoint_is_ignored(loops: Loops, tmp_path: Path, rubbish: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", [40, 410])
-def test_ctrl_c_leaves_the_best_so_far(samples: int) -> None:
+def test_ctrl_c_returns_the_best_model_so_far(samples: int) -> None:
     loops = loops_of(magnet(), noise=NOISE, samples=samples)
     early = identify(loops, progress=Killer(3))
     assert early.interrupted
@@ -167,12 +163,14 @@ def test_ctrl_c_leaves_the_best_so_far(samples: int) -> None:
     assert late.model.fit.rms < 1.1 * NOISE * largest(loops)
 
 
-def test_ctrl_c_before_there_is_a_model_goes_on_as_ctrl_c(loops: Loops) -> None:
+def test_ctrl_c_before_the_first_model_is_passed_on(loops: Loops) -> None:
     with pytest.raises(KeyboardInterrupt):
         identify(loops, progress=Killer(1))
 
 
-def test_ctrl_c_inside_a_stage_leaves_the_best_so_far(loops: Loops, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_inside_a_stage_returns_the_best_model_so_far(
+    loops: Loops, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def interrupted(*_: object) -> float:
         raise KeyboardInterrupt
 
@@ -193,7 +191,7 @@ def test_progress_counts_up_to_its_total(loops: Loops) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gaps", [1, 4])
-def test_progress_comes_to_its_total_where_laws_are_compared(gaps: int) -> None:
+def test_progress_reaches_its_total_when_laws_are_compared(gaps: int) -> None:
     progress = Killer()
     iron = magnet("reluctance") if gaps > 1 else core()
     identify(loops_of(iron, noise=NOISE, samples=40), progress=progress)

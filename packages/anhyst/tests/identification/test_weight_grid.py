@@ -141,14 +141,14 @@ def trial(name: str, noise: float) -> Trial:
 
 @pytest.mark.parametrize("noise", [1e-3, 1e-2])
 @pytest.mark.parametrize("name", ACTUATORS)
-def test_identify_is_not_worse_than_a_plain_preisach_operator(name: str, noise: float) -> None:
+def test_identify_is_not_worse_than_a_preisach_grid(name: str, noise: float) -> None:
     found = trial(name, noise)
     assert found.own[0] <= TOLERANCE * found.plain[0]
     assert found.own[1] <= TOLERANCE * found.plain[1]
 
 
 @pytest.mark.parametrize("name", ACTUATORS)
-def test_identify_predicts_another_record_to_half_of_a_plain_operator(name: str) -> None:
+def test_identify_halves_the_error_of_a_preisach_grid_on_another_record(name: str) -> None:
     found = trial(name, 1e-3)
     assert found.own[1] <= 0.5 * found.plain[1]
 

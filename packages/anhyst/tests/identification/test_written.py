@@ -43,17 +43,17 @@ def written(result: IdentifyResult, place: Path) -> Model:
     """Save and read a result, and check that every reported figure is that of the file."""
     model = read_model(result.save(place / "model.toml"))
     outputs = predicted(model, result.loops)
-    off = [one - loop.output for one, loop in zip(outputs, result.loops.loops, strict=True)]
+    error = [output - loop.output for output, loop in zip(outputs, result.loops.loops, strict=True)]
     fit = fit_of(model)
-    for deviation, row in zip(off, fit.loops, strict=True):
+    for deviation, row in zip(error, fit.loops, strict=True):
         assert row.rms == exactly(np.sqrt(np.mean(deviation**2)))
         assert row.worst == exactly(np.abs(deviation).max())
-    rms = float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
+    rms = float(np.sqrt(np.mean(np.concatenate(error) ** 2)))
     assert fit.rms == exactly(rms)
-    for one in fit.candidates:
-        if one.note == CHOSEN:
-            assert one.rms is not None
-            assert one.rms * largest_output(result.loops) == exactly(rms)
+    for candidate in fit.candidates:
+        if candidate.note == CHOSEN:
+            assert candidate.rms is not None
+            assert candidate.rms * largest_output(result.loops) == exactly(rms)
     assert fit == fit_of(result.model)
     return model
 
@@ -65,7 +65,7 @@ CASES += [("jiles-atherton-1986", "none", history) for history in HISTORIES]
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("law", "gap_map", "history"), CASES)
-def test_every_figure_is_that_of_the_written_model(
+def test_every_reported_metric_is_that_of_the_written_model(
     law: str, gap_map: str, history: str, tmp_path: Path
 ) -> None:
     """No model fits these loops exactly: their iron differs and the force sensor is noisy."""
@@ -115,31 +115,31 @@ def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
     assert run.deviation is not None
     assert run.history == str(loop.history)
     assert run.deviation.rms == pytest.approx(fit_of(model).rms, rel=1e-9)
-    chosen = [one.rms for one in fit_of(model).candidates if one.note == CHOSEN]
+    chosen = [candidate.rms for candidate in fit_of(model).candidates if candidate.note == CHOSEN]
     assert chosen == [pytest.approx(run.deviation.rms / run.deviation.largest, rel=1e-9)]
 
 
 @pytest.mark.slow
-def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(dipole: IdentifyResult) -> None:
+def test_with_one_loop_withheld_blocks_of_samples_select_the_law(dipole: IdentifyResult) -> None:
     """The simplest law is not selected if another has a third of its residual; descents are long."""
     loops, truth = accelerator(), accelerator_magnet()
     model = dipole.model
     assert model.law == "play-cells"
-    left = {one.law: one.left_out for one in fit_of(model).candidates}
+    left = {candidate.law: candidate.left_out for candidate in fit_of(model).candidates}
     assert left["effective-field"] is not None
     assert min(one for one in left.values() if one is not None) < left["effective-field"] / 3.0
     before, largest = str(loops.loops[0].history), largest_output(loops)
     assert fit_of(model).rms < 0.001 * largest  # 0.0026 in the flat valley before it
     for turns in ([8.0, 165.0, 80.0, 165.0, 8.0], [8.0, 120.0, 8.0], [8.0, 60.0, 8.0, 165.0]):
         drive = path(turns, 120)
-        off = (model.predict(drive, history=before).output
+        error = (model.predict(drive, history=before).output
                - truth.predict(drive, history=before).output)  # fmt: skip
-        assert np.sqrt(np.mean(off**2)) < 0.002 * largest
-        assert np.abs(off).max() < 0.02 * largest
+        assert np.sqrt(np.mean(error**2)) < 0.002 * largest
+        assert np.abs(error).max() < 0.02 * largest
 
 
 @pytest.mark.slow
-def test_how_much_one_loop_leaves_open_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_uncertainty_of_a_single_loop_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """One loop of a ring with pinning as strong as the drive barely determines inner loops."""
     monkeypatch.setattr(candidates, "MAX_POPULATIONS", 1)
     parameters = {"M_0": 3e4, "a_0": 150.0, "M_1": 1e6, "a_1": 150.0, "k_1": 250.0, "s_1": 2.7}
@@ -153,9 +153,9 @@ def test_how_much_one_loop_leaves_open_is_said(monkeypatch: pytest.MonkeyPatch) 
     (said,) = (text for text in result.warnings if "differ by" in text)
     apart = float(said.split("differ by ")[1].split(" %")[0]) / 100.0
     turns = path([-340.0, 100.0, -50.0, 250.0, 0.0, 150.0, -200.0], 200)
-    off = (result.model.predict(turns, history=before).output
+    error = (result.model.predict(turns, history=before).output
            - truth.predict(turns, history=before).output)  # fmt: skip
-    missed = float(np.sqrt(np.mean(off**2))) / largest_output(result.loops)
+    missed = float(np.sqrt(np.mean(error**2))) / largest_output(result.loops)
     assert missed < apart < 10.0 * missed
 
 
@@ -222,7 +222,7 @@ def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
     assert run.deviation.rms == pytest.approx(fit_of(model).rms, rel=1e-9)
 
 
-def test_what_could_not_be_left_out_is_absent() -> None:
+def test_a_missing_withheld_error_is_absent() -> None:
     one, fold = ModelCandidate("free", frozenset()), frozenset({1})
     nothing = Refit(np.inf, {1: WithheldError(np.inf, (np.inf,))})
     contest = CandidateComparison([one], {}, {fold: {one: nothing}}, [1])
@@ -230,7 +230,7 @@ def test_what_could_not_be_left_out_is_absent() -> None:
 
 
 @pytest.mark.parametrize(("fitted", "populations"), [(0.3, 2), (0.9, 1)])
-def test_what_follows_loop_and_blocks_far_better_waits_for_no_certainty(
+def test_a_much_better_candidate_is_selected_despite_a_large_standard_error(
     fitted: float, populations: int
 ) -> None:
     """One block with a large gain makes the standard error of the difference large."""
@@ -254,7 +254,7 @@ def test_what_follows_loop_and_blocks_far_better_waits_for_no_certainty(
     assert chosen.cells.population_count == populations
 
 
-def test_a_model_that_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+def test_an_unreadable_model_is_not_written(tmp_path: Path) -> None:
     place = tmp_path / "model.toml"
     good = core()
     good.save(place)

@@ -39,7 +39,7 @@ def test_solution_satisfies_the_equation() -> None:
             assert state.x + omega * step.m == pytest.approx(r, abs=4e-15 * (abs(omega) + 40.0))
 
 
-def test_solution_lies_in_the_bracket_known_beforehand() -> None:
+def test_the_solution_lies_in_the_initial_bracket() -> None:
     law = EffectiveField(0.5, 0.3)
     state = law.step(law.step(DEMAGNETISED, 3.0).state, 1.0).state
     for omega in (-2.5, 0.8):
@@ -50,14 +50,14 @@ def test_solution_lies_in_the_bracket_known_beforehand() -> None:
             assert low - 1e-12 <= travel <= high + 1e-12
 
 
-def test_same_drive_again_changes_nothing() -> None:
+def test_a_repeated_drive_changes_nothing() -> None:
     candidate = IRON.solve_forward(DEMAGNETISED, 350.0)
     again = IRON.solve_forward(candidate.state, 350.0)
     assert again.b == pytest.approx(candidate.b, rel=1e-14)
     assert solve(IRON.operator, DEMAGNETISED, 0.5, 0.0).state == DEMAGNETISED
 
 
-def test_solving_leaves_the_state_alone_and_committing_takes_what_was_applied() -> None:
+def test_solving_keeps_the_state_and_committing_uses_the_applied_drive() -> None:
     state = IRON.forward([400.0, 100.0])[2]
     demanded = IRON.solve_inverse(state, 1.2)
     limited = min(demanded.drive, 150.0)
@@ -137,7 +137,7 @@ def test_jumps_are_reported_beforehand() -> None:
     assert may_jump(law, -3.0)
 
 
-def test_set_whose_reversible_part_jumps_is_refused() -> None:
+def test_parameters_with_a_reversible_jump_are_refused() -> None:
     law = EffectiveField(0.5, 0.5)
     refuse(law, -5.99)
     with refused("reversible-part-jumps alpha"):

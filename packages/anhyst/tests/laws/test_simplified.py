@@ -39,7 +39,7 @@ def test_bounded_state_outside_its_bounds_is_refused() -> None:
         LAW.check_state(LawState(0.0, 1.01 * 60.0 * 500.0, 0.0))
 
 
-def test_flux_density_that_stands_still_keeps_the_state() -> None:
+def test_a_constant_flux_density_keeps_the_state() -> None:
     h, u = LAW.inverse([0.2, 0.2, 0.2])
     assert np.all(h == h[0])
     assert np.all(u == u[0])

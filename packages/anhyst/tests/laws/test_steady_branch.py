@@ -32,7 +32,7 @@ def test_branch_matches_quadrature(kappa: float) -> None:
 
 
 @pytest.mark.parametrize("kappa", [0.05, 1.0, 40.0])
-def test_branch_is_continuous_where_its_forms_meet(kappa: float) -> None:
+def test_the_branch_is_continuous_between_its_forms(kappa: float) -> None:
     branch = steady_branch(kappa)
     for edge in (-30.0, -29.5, 0.0, 29.5, 30.0):
         below, above = np.nextafter(edge, -np.inf), np.nextafter(edge, np.inf)

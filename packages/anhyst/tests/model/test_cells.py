@@ -61,7 +61,7 @@ def test_the_cells_of_populations_are_the_same_model() -> None:
     np.testing.assert_array_equal(other, one)
 
 
-def test_the_state_is_as_long_as_there_are_cells() -> None:
+def test_the_state_has_one_value_per_cell() -> None:
     assert model().predict(DRIVE).state.size == 3
     stepper = model().stepper()
     outputs = [stepper.commit(float(drive)) for drive in DRIVE[:60]]

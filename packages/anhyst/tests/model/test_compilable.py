@@ -33,13 +33,13 @@ def drive_rises(model: Model, gap: float) -> bool:
 
 @pytest.mark.parametrize("c", [0.0, 0.15, 0.7])
 @pytest.mark.parametrize("alpha", [-0.02, 0.0045, 0.0055, 0.0065, 0.008, 0.02])
-def test_a_jump_is_where_the_drive_falls_as_the_flux_rises(alpha: float, c: float) -> None:
+def test_a_jump_occurs_if_the_drive_falls_with_rising_flux(alpha: float, c: float) -> None:
     model = replace(magnet("reluctance", alpha=alpha, c=c), output=QUANTITIES["flux_density"])
     model = replace(model, parameters=dict(model.parameters) | {"c_out": 1.0, "out_0": 0.0})
     for gap in AT[::8]:
-        least = float(least_slope(model, np.array([gap]))[0])
-        if abs(least) > 0.01:
-            assert drive_rises(model, gap) == (least > 0.0), (gap, least)
+        smallest = float(least_slope(model, np.array([gap]))[0])
+        if abs(smallest) > 0.01:
+            assert drive_rises(model, gap) == (smallest > 0.0), (gap, smallest)
     assert (find_compile_obstacle(model) is None) == bool((least_slope(model, AT) > 0.001).all())
 
 
@@ -49,18 +49,18 @@ def test_a_coupling_that_outweighs_the_gap_without_a_jump_is_no_obstacle() -> No
     assert find_compile_obstacle(model) is None
 
 
-def test_a_jump_at_the_smallest_gaps_is_reported_with_the_range_that_is_left() -> None:
+def test_a_jump_at_the_smallest_gaps_is_reported_with_the_usable_range() -> None:
     model = magnet("reluctance", alpha=0.0055)
-    said = find_compile_obstacle(model)
-    assert said is not None
-    assert "it jumps at a gap of 0.0003 to 0.000337 m" in said
-    assert "limit the gap in the model's [valid]" in said
+    message = find_compile_obstacle(model)
+    assert message is not None
+    assert "it jumps at a gap of 0.0003 to 0.000337 m" in message
+    assert "limit the gap in the model's [valid]" in message
     assert model.valid is not None
     beyond = replace(model.valid, schedule=(0.00036, GAPS[-1]))
     assert find_compile_obstacle(replace(model, valid=beyond)) is None
 
 
-def test_what_else_cannot_be_compiled_is_reported_with_the_switch_that_helps() -> None:
+def test_other_obstacles_to_compiling_are_reported_with_the_option_that_helps() -> None:
     assert "--gap-map scaling or reluctance" in str(find_compile_obstacle(magnet("free")))
     late = magnet("none", gamma=0.5)
     assert (
@@ -74,6 +74,6 @@ def test_what_else_cannot_be_compiled_is_reported_with_the_switch_that_helps() -
     assert "--law effective-field" in str(find_compile_obstacle(old))
 
 
-def test_a_closed_core_that_jumps_is_reported_so() -> None:
+def test_a_jump_of_a_closed_core_is_reported() -> None:
     model = replace(magnet("none", alpha=0.01), valid=ValidRange((0.0, 2.0), (0.0, 200.0)))
     assert "predict and invert follow the jumps" in str(find_compile_obstacle(model))

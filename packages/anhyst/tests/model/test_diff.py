@@ -55,7 +55,7 @@ def test_a_scale_of_the_force_differs_most_at_the_largest_drive_and_smallest_gap
     assert result.worst == worst.worst
 
 
-def test_loops_are_compared_where_both_are_valid() -> None:
+def test_models_are_compared_on_their_common_valid_range() -> None:
     narrow = replace(with_parameters(k=330.0), valid=ValidRange((0.0, 1.2), (0.0, 50.0), (0.4e-3, 0.9e-3)))
     result = diff(MODEL, narrow)
     assert result.drive == (0.0, 1.2)
@@ -63,7 +63,7 @@ def test_loops_are_compared_where_both_are_valid() -> None:
     assert {change.name for change in result.settings} == {"valid I", "valid F", "valid schedule"}
 
 
-def test_models_that_share_no_range_are_compared_in_parameters_only() -> None:
+def test_models_without_a_common_range_are_compared_by_parameters_only() -> None:
     far = replace(MODEL, valid=ValidRange((3.0, 4.0), (0.0, 50.0)))
     result = diff(MODEL, far)
     assert result.loops == ()

@@ -30,13 +30,13 @@ DRIVE = 60.0 - 60.0 * np.cos(2.0 * np.pi * 0.5 * (TIME - TIME[0]))
 
 
 @pytest.mark.parametrize("history", ["demagnetised", "conditioned:0,100,0", "settled"])
-def test_the_inverse_with_creep_gives_the_drive_back_on_an_uneven_clock(history: str) -> None:
+def test_the_inverse_with_creep_returns_the_drive_on_an_uneven_clock(history: str) -> None:
     found = STACK.predict(DRIVE, time=TIME, history=history)
     back = STACK.invert(found.output, time=TIME, history=history)
     assert back.drive == pytest.approx(DRIVE, abs=1e-6)
 
 
-def test_a_held_drive_creeps_to_the_sum_of_the_shares() -> None:
+def test_a_constant_drive_creeps_to_the_sum_of_the_creep_terms() -> None:
     time = np.arange(0.0, 40.0, 0.02)
     drive = np.full(time.size, 100.0)
     still = replace(STACK, dynamics=None).predict(drive).output - 1e-6
@@ -69,12 +69,12 @@ def test_the_file_keeps_it(tmp_path: Path) -> None:
     assert read_model(tmp_path / "m.toml") == model
 
 
-def test_without_time_it_says_what_is_missing() -> None:
+def test_a_missing_time_is_reported() -> None:
     with refused("time-missing"):
         STACK.predict(DRIVE)
 
 
-def test_a_run_faster_than_what_was_seen_is_flagged() -> None:
+def test_a_run_faster_than_the_fitted_data_is_flagged() -> None:
     model = replace(STACK, dynamics=replace(STACK.dynamics or Dynamics(), fastest=0.5))
     slow = model.predict(DRIVE, time=TIME)
     fast = model.predict(DRIVE, time=TIME / 10.0)

@@ -279,7 +279,7 @@ def test_comments_and_order_are_free(tmp_path: Path) -> None:
     assert read_model(path) == COMPLETE
 
 
-def test_a_quantity_of_ones_own_can_schedule(tmp_path: Path) -> None:
+def test_a_user_defined_quantity_can_be_the_schedule(tmp_path: Path) -> None:
     load = Quantity("load", "load", "Pa")
     model = replace(COMPLETE, schedule=load)
     write_model(model, tmp_path / "model.toml")

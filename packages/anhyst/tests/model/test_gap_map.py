@@ -42,12 +42,12 @@ def test_curve_stays_between_neighbouring_nodes(curve: Curve, interval: int, par
 
 
 @given(curves())
-def test_curve_meets_its_nodes_exactly(curve: Curve) -> None:
+def test_the_curve_passes_through_its_nodes_exactly(curve: Curve) -> None:
     assert np.array_equal(curve(curve.nodes), curve.values)
 
 
 @given(curves(), st.floats(-2e-4, 2e-3))
-def test_fixed_gap_gives_what_a_moving_gap_gives(curve: Curve, at: float) -> None:
+def test_a_fixed_gap_agrees_with_a_moving_gap(curve: Curve, at: float) -> None:
     try:
         moving = curve(np.array([at, curve.nodes[0]]))[0]
     except InputError:
@@ -77,7 +77,7 @@ def test_one_node_is_a_constant() -> None:
 
 
 @pytest.mark.parametrize("name", COORDINATES)
-def test_curve_goes_on_straight_beyond_the_last_node(name: str) -> None:
+def test_the_curve_is_linear_beyond_the_last_node(name: str) -> None:
     curve = Curve(name, GAPS, np.array([4.0, 3.0, 2.0, 1.5]), COORDINATES[name])
     h = 1e-6
     inside, node, outside = curve(GAPS[-1] + np.array([-h, 0.0, h]))

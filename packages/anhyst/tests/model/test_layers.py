@@ -40,13 +40,13 @@ def test_a_written_model_predicts_as_before_bit_for_bit(tmp_path: Path) -> None:
     assert np.array_equal(first, second)
 
 
-def test_slow_drives_give_the_force_at_rest_and_fast_ones_do_not() -> None:
+def test_slow_drives_give_the_quasi_static_force_and_fast_ones_do_not() -> None:
     still = SOLID.at_rest.predict(DRIVE).output
     assert np.abs(SOLID.predict(DRIVE, time=SLOW).output - still).max() < 1e-4 * still.max()
     assert np.abs(SOLID.predict(DRIVE, time=FAST).output - still).max() > 0.05 * still.max()
 
 
-def test_the_inverse_gives_the_drive_back() -> None:
+def test_the_inverse_returns_the_drive() -> None:
     force = SOLID.predict(DRIVE, time=FAST).output
     assert SOLID.invert(force, time=FAST).drive == pytest.approx(DRIVE, abs=1e-6)
 
@@ -69,7 +69,7 @@ def test_time_is_asked_for_and_a_faster_record_is_noted() -> None:
 def test_a_difference_in_layers_is_a_difference() -> None:
     assert diff(SOLID, SOLID).same
     other = replace(SOLID, layers=Layers(2, 0.1, 0.25))
-    assert [one.name for one in diff(SOLID, other).settings] == ["layers"]
+    assert [setting.name for setting in diff(SOLID, other).settings] == ["layers"]
 
 
 @pytest.mark.parametrize(

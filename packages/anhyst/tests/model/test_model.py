@@ -159,13 +159,13 @@ def test_eddy_currents_widen_a_fast_loop_and_not_a_slow_one() -> None:
     assert apart(0.01) > 10.0 * apart(1.0) > 0.0
 
 
-def test_gap_of_no_consequence_may_be_left_out() -> None:
+def test_a_gap_without_effect_may_be_omitted() -> None:
     model = magnet("none")
     drive = up_and_down(1.0)
     assert np.array_equal(model.predict(drive).output, model.predict(drive, 0.5e-3).output)
 
 
-def test_free_map_starts_again_where_the_gap_steps() -> None:
+def test_a_free_map_starts_anew_after_a_gap_step() -> None:
     model = magnet("free")
     drive = up_and_down(1.0)
     gap = np.repeat([0.3e-3, 0.5e-3], drive.size)
@@ -175,7 +175,7 @@ def test_free_map_starts_again_where_the_gap_steps() -> None:
     assert any("starts with the history again" in warning for warning in both.warnings)
 
 
-def test_free_map_refuses_a_gap_that_moves() -> None:
+def test_a_free_map_refuses_a_moving_gap() -> None:
     time, drive, gap = wave()
     with refused("schedule-moves: sample 1; c_H"):
         magnet("free").predict(drive, gap, time)
@@ -213,7 +213,7 @@ def test_computed_values_outside_the_valid_range_are_flagged() -> None:
     assert not back.invert([0.0, 20.0], GAPS[-1]).valid[1]  # needs 0.5 A
 
 
-def test_demand_below_what_any_drive_gives_is_flagged() -> None:
+def test_a_demand_below_the_least_output_is_flagged() -> None:
     result = magnet(out_0=0.5).invert([1.0, 0.2, 1.0], 0.4e-3)
     assert result.valid.tolist() == [True, False, True]
     assert result.flux_density[1] == 0.0
@@ -221,7 +221,7 @@ def test_demand_below_what_any_drive_gives_is_flagged() -> None:
     assert "demand an output that is too low for every drive (first: sample 1, 0.2 N)" in result.warnings[0]
 
 
-def test_settling_an_open_record_is_said() -> None:
+def test_settling_an_open_record_is_reported() -> None:
     result = magnet().predict(np.linspace(0.0, 2.0, 50), 0.4e-3, history="settled")
     assert any("does not end where it starts" in warning for warning in result.warnings)
 
@@ -280,13 +280,13 @@ def test_parameters_the_core_refuses_are_bad_input() -> None:
         magnet(k=1e9).predict([0.0], 3e-4)
 
 
-def test_both_laws_agree_where_nothing_is_reversible() -> None:
+def test_both_laws_agree_without_a_reversible_part() -> None:
     models = [replace(magnet("none", c=0.0), law=law) for law in ("effective-field", "jiles-atherton-1986")]
     one, other = (model.predict(up_and_down(2.0, 400)).output for model in models)
     assert np.abs(one - other).max() < 1e-4 * one.max()
 
 
-def test_parameters_at_a_node_are_those_of_the_node() -> None:
+def test_parameters_at_a_node_equal_the_node_values() -> None:
     at = magnet().parameters_at(GAPS[1])
     assert at["rho"] == 0.0053
     assert at["c_H"] == 9000.0
@@ -301,7 +301,7 @@ def test_models_compare_and_pickle_by_value() -> None:
 
 
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance", "free"])
-def test_model_whose_force_rises_as_the_gap_closes_is_accepted(gap_map: GapMap) -> None:
+def test_a_model_with_force_rising_as_the_gap_closes_is_accepted(gap_map: GapMap) -> None:
     check = magnet(gap_map, in_0=0.0).check_over_gap()
     assert check is not None
     assert check.passed, check.text("A")
@@ -309,7 +309,7 @@ def test_model_whose_force_rises_as_the_gap_closes_is_accepted(gap_map: GapMap) 
 
 
 @pytest.mark.parametrize("law", ["effective-field", "play-cells"])
-def test_turning_points_at_another_gap_are_those_of_a_drive_that_went_there(law: str) -> None:
+def test_turning_points_at_another_gap_follow_the_drive_at_that_gap(law: str) -> None:
     """At a large gap, no current reaches the flux that the iron had at a small gap."""
     cells: dict[str, Parameter] = {"M_0": 2e5, "a_0": 400.0, "M_1": 1e6, "a_1": 400.0, "k_1": 300.0,
                                    "s_1": 2.0}  # fmt: skip

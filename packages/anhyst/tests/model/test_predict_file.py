@@ -49,7 +49,7 @@ def write(path: Path, header: str, *columns: FloatArray | list[str]) -> Path:
     return path
 
 
-def test_columns_are_repeated_and_the_answer_added(tmp_path: Path) -> None:
+def test_columns_are_copied_and_the_output_is_added(tmp_path: Path) -> None:
     drive = write(tmp_path / "drive.csv", "I [mA],gap_mm,note", 1e3 * CYCLE, 0.4 + 0 * CYCLE, ["x"] * 59)
     summary = predict(MODEL, drive, tmp_path / "force.csv")
     table = read(tmp_path / "force.csv")
@@ -62,7 +62,7 @@ def test_columns_are_repeated_and_the_answer_added(tmp_path: Path) -> None:
     assert (summary.column, summary.unit, summary.history) == ("F_N", "N", "demagnetised")
 
 
-def test_inverse_of_a_file_gives_the_drive_back(tmp_path: Path) -> None:
+def test_the_inverse_of_a_file_returns_the_drive(tmp_path: Path) -> None:
     gap = 0.4 + 0.1 * np.sin(np.arange(59.0))
     drive = write(tmp_path / "drive.csv", "I_A,gap_mm", CYCLE, gap)
     predict(MODEL, drive, tmp_path / "force.csv")
@@ -72,7 +72,7 @@ def test_inverse_of_a_file_gives_the_drive_back(tmp_path: Path) -> None:
     assert np.abs(numbers(table["I_model_A"]) - CYCLE).max() < 1e-6
 
 
-def test_every_labelled_loop_is_a_run_of_its_own(tmp_path: Path) -> None:
+def test_every_labelled_loop_is_a_separate_run(tmp_path: Path) -> None:
     two = np.concatenate([CYCLE, 0.5 * CYCLE])
     label = ["major"] * 59 + ["inner"] * 59
     drive = write(tmp_path / "drive.csv", "I_A,gap_m,loop", two, 4e-4 + 0 * two, label)
@@ -83,7 +83,7 @@ def test_every_labelled_loop_is_a_run_of_its_own(tmp_path: Path) -> None:
     assert np.array_equal(force, np.concatenate(alone))
 
 
-def test_rows_of_a_loop_need_not_stand_together(tmp_path: Path) -> None:
+def test_rows_of_a_loop_need_not_be_adjacent(tmp_path: Path) -> None:
     two = np.stack([CYCLE, 0.5 * CYCLE], axis=1).ravel()
     drive = write(tmp_path / "d.csv", "I_A,gap_m,loop", two, 4e-4 + 0 * two, ["a", "b"] * CYCLE.size)
     predict(MODEL, drive, tmp_path / "f.csv")
@@ -100,7 +100,7 @@ def test_a_label_at_two_gaps_is_two_runs(tmp_path: Path) -> None:
     assert np.array_equal(force, np.concatenate(alone))
 
 
-def test_a_gap_that_steps_within_one_run_keeps_the_state(tmp_path: Path) -> None:
+def test_a_gap_step_within_a_run_keeps_the_state(tmp_path: Path) -> None:
     two, gap = np.tile(CYCLE, 2), np.repeat([3e-4, 5e-4], CYCLE.size)
     drive = write(tmp_path / "drive.csv", "I_A,gap_m", two, gap)
     assert predict(MODEL, drive, tmp_path / "force.csv").runs == 1
@@ -122,9 +122,7 @@ def test_settled_cycles_at_several_gaps_settle_by_themselves(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("seen", [True, False])
-def test_cycles_that_a_file_shows_one_within_the_other_remember_those_before(
-    tmp_path: Path, seen: bool
-) -> None:
+def test_nested_cycles_of_a_file_continue_the_history(tmp_path: Path, seen: bool) -> None:
     """Times and measured force show the order; a file without them does not."""
     iron: dict[str, Parameter] = {"M_0": 2e5, "a_0": 400.0, "M_1": 1e6, "a_1": 400.0}
     iron |= {"k_1": 3000.0, "s_1": 2.0}
@@ -142,13 +140,13 @@ def test_cycles_that_a_file_shows_one_within_the_other_remember_those_before(
     rows += [0.01 * np.arange(force.size), force] if seen else []
     drive = write(tmp_path / "d.csv", "I_A,gap_m,loop" + ",t_s,F_N" * seen, *rows)
     summary = predict(model, drive, tmp_path / "f.csv")
-    off = numbers(read(tmp_path / "f.csv")["F_model_N" if seen else "F_N"]) - force
-    assert bool(np.abs(off).max() < 1e-9 * force.max()) is seen
-    assert bool(np.abs(off).max() > 1e-3 * force.max()) is not seen
+    error = numbers(read(tmp_path / "f.csv")["F_model_N" if seen else "F_N"]) - force
+    assert bool(np.abs(error).max() < 1e-9 * force.max()) is seen
+    assert bool(np.abs(error).max() > 1e-3 * force.max()) is not seen
     assert any("within larger loops" in text for text in summary.warnings) is seen
 
 
-def test_a_measured_output_is_kept_and_compared(tmp_path: Path) -> None:
+def test_a_measured_output_is_copied_and_compared(tmp_path: Path) -> None:
     force = MODEL.predict(CYCLE, 4e-4).output
     drive = write(tmp_path / "d.csv", "I_A,F_N,gap_m", CYCLE, force + 0.5, 4e-4 + 0 * CYCLE)
     summary = predict(MODEL, drive, tmp_path / "f.csv")

@@ -70,7 +70,7 @@ def test_default_options_leave_no_trace() -> None:
     assert ReadOptions.from_text(**plain).columns == {"a=b": "I_A", "c": ""}
 
 
-def test_files_may_have_moved_beside_the_model(tmp_path: Path) -> None:
+def test_source_files_are_also_found_next_to_the_model(tmp_path: Path) -> None:
     options = ReadOptions.from_text(columns="X=I_A")
     path = measured(tmp_path)
     loops = options.read([path])
@@ -92,7 +92,7 @@ def test_files_that_have_changed_are_refused(tmp_path: Path) -> None:
         read_sources(model)
 
 
-def test_a_model_without_sources_says_so(tmp_path: Path) -> None:
+def test_a_model_without_sources_is_reported(tmp_path: Path) -> None:
     options = ReadOptions.from_text(columns="X=I_A")
     model = model_of(options.read([measured(tmp_path)]), options)
     with refused("no-provenance provenance"):

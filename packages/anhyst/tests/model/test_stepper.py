@@ -85,7 +85,7 @@ def test_state_handed_out_is_a_copy() -> None:
     assert stepper.state.any()
 
 
-def test_gap_is_remembered_until_it_is_given_again() -> None:
+def test_the_last_gap_is_used_until_a_new_one_is_given() -> None:
     stepper = magnet().stepper(0.4e-3)
     stepper.commit(1.0, 0.5e-3)
     assert stepper.schedule == 0.5e-3
@@ -101,7 +101,7 @@ def test_demand_outside_the_valid_range_is_flagged() -> None:
     assert below.flux_density == below.output == 0.0
 
 
-def test_refused_commit_leaves_the_state() -> None:
+def test_a_refused_commit_keeps_the_state() -> None:
     stepper = magnet().stepper(0.4e-3)
     stepper.commit(1.0)
     before = stepper.state

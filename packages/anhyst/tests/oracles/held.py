@@ -48,9 +48,9 @@ class OracleAmplifier:
 
     def tick(self, reference: float) -> float:
         """Advance by a tick and accept the next reference; return the current, A."""
-        most = self._numbers["most"]
+        largest = self._numbers["most"]
         missing = self._reference - self._numbers["zero"] - self.current
-        change = min(max(self._numbers["share"] * missing, -most), most)
+        change = min(max(self._numbers["share"] * missing, -largest), largest)
         self.current = max(self.current + change, self._numbers["low"])
         self._reference = self._converter(reference)
         return self.current

@@ -49,8 +49,8 @@ class SolidIron:
             def in_sheets(density: float) -> float:
                 if self.laminated == 0.0:
                     return 0.0
-                most = abs(density) / MU_0 + 1.0
-                return float(brentq(lambda h: self._density(sheets, h) - density, -most, most,  # noqa: B023
+                largest = abs(density) / MU_0 + 1.0
+                return float(brentq(lambda h: self._density(sheets, h) - density, -largest, largest,  # noqa: B023
                                     xtol=1e-11))  # fmt: skip
 
             def left(middle: float) -> float:
@@ -62,7 +62,7 @@ class SolidIron:
             middle = float(brentq(left, -reach, reach, xtol=1e-11))
             field, section = fluxes(middle)
             sheets = self.iron.moved(sheets, in_sheets(float(section[0])))
-            states = [self.iron.moved(one, float(h)) for one, h in zip(states, field, strict=True)]
+            states = [self.iron.moved(state, float(h)) for state, h in zip(states, field, strict=True)]
             before, found[sample] = section, section[0]
         return found
 

@@ -81,9 +81,9 @@ class PlayCells:
         off = missing(start)
         if off == 0.0:
             return state
-        least = 1.0 + w * self.steepest
-        if least > 0.0:
-            end = start - off / min(1.0, least)
+        smallest = 1.0 + w * self.steepest
+        if smallest > 0.0:
+            end = start - off / min(1.0, smallest)
             end -= np.copysign(1e-12 * (abs(start) + abs(end) + abs(r) + self.cells.saturation * abs(w)), off)
         else:
             way = abs(off) + 2.0 * abs(w) * self.cells.saturation

@@ -103,8 +103,8 @@ def random_cells(rng: np.random.Generator, shape: Shape) -> CellWeights:
 def _cells(rng: np.random.Generator, shape: Shape, *, jumping: bool) -> Sample | None:
     cells = random_cells(rng, shape)
     steepest = make_iron(cells, 0.0).steepest
-    least = 1.0 if shape == "tanh" else 1.0 / 3.0
-    reversible = float(cells.weights[0] @ (least / cells.widths))
+    smallest = 1.0 if shape == "tanh" else 1.0 / 3.0
+    reversible = float(cells.weights[0] @ (smallest / cells.widths))
     if jumping:
         coupling = rng.uniform(1.05, 6.0)
     else:

@@ -153,7 +153,7 @@ def test_explicit_form_has_its_order_on_a_smooth_rise(scheme: Scheme, order: flo
     assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.35)
 
 
-def test_explicit_form_diverges_where_the_implicit_one_does_not() -> None:
+def test_the_explicit_form_diverges_and_the_implicit_one_does_not() -> None:
     demand = np.concatenate([[0.0], SHEET.forward(sine(400.0, 12, cycles=2))[0]])
     with np.errstate(all="ignore"):
         explicit = FORM.inverse(demand, "euler")

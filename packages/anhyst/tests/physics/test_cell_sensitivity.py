@@ -43,7 +43,7 @@ def follow(numbers: FloatArray, shape: Shape, centres: FloatArray | None) -> Flo
 
 @pytest.mark.parametrize("centres", [None, np.array([0.0, 70.0, 30.0])], ids=["odd", "centred"])
 @pytest.mark.parametrize("shape", ["tanh", "langevin"])
-def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape, centres: FloatArray | None) -> None:
+def test_derivatives_of_a_path_agree_with_differences(shape: Shape, centres: FloatArray | None) -> None:
     numbers = np.concatenate([NUMBERS, [OMEGA, DRIVE]])
     core = operator(numbers, shape, centres)
     by = population_tangents(pinned(numbers))
@@ -66,10 +66,10 @@ def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape, centre
             ends.append(follow(moved, shape, centres))
         difference = (ends[0] - ends[1]) / (2e-6 * numbers[place])
         for found, expected in zip((x_t, m_t), difference, strict=True):
-            off = np.abs(found[:, place] - expected)
+            error = np.abs(found[:, place] - expected)
             # At a sample where a cell starts to move, the left and right derivatives differ.
-            assert np.quantile(off, 0.97) < 2e-6 * np.abs(expected).max(), place
-            assert off.max() < 2e-2 * np.abs(expected).max(), place
+            assert np.quantile(error, 0.97) < 2e-6 * np.abs(expected).max(), place
+            assert error.max() < 2e-2 * np.abs(expected).max(), place
 
 
 def test_drives_that_begin_in_one_call_are_as_if_each_were_alone() -> None:

@@ -79,11 +79,11 @@ def test_a_demand_too_slow_for_single_codes_loses_nothing(gap_map: GapMap, play:
     """Ramps of 100,000 steps up and down, each step a fraction of a 16-bit code."""
     high = largest_force(gap_map, play)
     up = np.linspace(0.1 * high, 0.5 * high, 100_000)
-    wanted = np.concatenate([nested(high), up, up[::-1]])
-    drive = FixedTwin(compiled("full", gap_map, play)).run(wanted, WIDE)
-    at = np.full(wanted.size, WIDE)
+    expected = np.concatenate([nested(high), up, up[::-1]])
+    drive = FixedTwin(compiled("full", gap_map, play)).run(expected, WIDE)
+    at = np.full(expected.size, WIDE)
     force = magnet(gap_map, play).predict(drive, at, history="demagnetised").output
-    assert np.abs(force - wanted).max() < PROMISED * largest_force(gap_map, play, GAPS[0])
+    assert np.abs(force - expected).max() < PROMISED * largest_force(gap_map, play, GAPS[0])
 
 
 @pytest.mark.parametrize("play", [0.0, 4.0])
@@ -92,12 +92,12 @@ def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
     top = float(model.predict([0.0, 150.0], history="demagnetised").output[-1])
     limits = DemandLimits((-top, top), (-150.0, 150.0))
     block = build_block(model, "full", Scales(1.1 * top, 160.0, 0.0, 0.0), limits)
-    wanted = np.concatenate(
+    expected = np.concatenate(
         [reversals(-0.95 * top, 0.95 * top, 150, 7), np.tile([0.95 * top, -0.95 * top], 50)]
     )
-    drive = FixedTwin(block).run(wanted)
+    drive = FixedTwin(block).run(expected)
     flux_density = model.predict(drive, history="demagnetised").output
-    assert np.abs(flux_density - wanted).max() < PROMISED * top
+    assert np.abs(flux_density - expected).max() < PROMISED * top
 
 
 @pytest.mark.parametrize("io", ["q15", "q31"])
@@ -140,7 +140,7 @@ def test_limited_current_leads_to_the_force_it_can_give() -> None:
     assert expected == pytest.approx(force, abs=PROMISED * wide)
 
 
-def test_below_the_residual_force_the_current_takes_the_flux_away() -> None:
+def test_below_the_residual_force_the_current_removes_the_flux() -> None:
     """A demand of at most the force without flux removes the flux from the iron."""
     twin, model = FixedTwin(compiled("full")), magnet()
     history = [twin.run([60.0], [WIDE])[0], twin.solve(0.2 * RESIDUAL, WIDE)]
@@ -171,14 +171,14 @@ def test_every_kind_of_iron_is_inverted(a: float, kappa: float, c: float) -> Non
         model, "full", scales, DemandLimits((0.0, high), (-1.3, 1.3)), TableSizes(iterations=10)
     )
     first = RESIDUAL + 0.05 * (low - RESIDUAL)
-    wanted = np.concatenate(
+    expected = np.concatenate(
         [reversals(first, 0.95 * low, 60, 1), np.tile([0.95 * low, first], 60), jumps(low)[400:800]]
     )
-    wanted = np.maximum(wanted, first)
-    at = gap_of("anywhere", wanted.size)
-    drive = FixedTwin(block).run(wanted, at)
+    expected = np.maximum(expected, first)
+    at = gap_of("anywhere", expected.size)
+    drive = FixedTwin(block).run(expected, at)
     force = model.predict(drive, at, history="demagnetised").output
-    assert np.abs(force - wanted).max() < PROMISED * high
+    assert np.abs(force - expected).max() < PROMISED * high
 
 
 def test_a_current_too_strong_for_the_tables_is_refused() -> None:
@@ -188,7 +188,7 @@ def test_a_current_too_strong_for_the_tables_is_refused() -> None:
         build_block(replace(magnet(), parameters=changed), "full", scales, limits)
 
 
-def test_the_strongest_current_that_is_taken_gives_a_sound_block() -> None:
+def test_the_largest_accepted_current_gives_a_valid_block() -> None:
     changed = dict(magnet().parameters) | {"k": 200.0, "a": 50.0}
     model = replace(magnet(), parameters=changed)
     scales, limits = ranges("reluctance")

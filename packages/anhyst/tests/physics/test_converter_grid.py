@@ -79,7 +79,7 @@ def test_a_commit_along_the_tangents_is_as_good_as_a_searched_one(play: float, b
 
 @pytest.mark.parametrize("play", [0.0, 40.0])
 @pytest.mark.parametrize("bits", [12, 16])
-def test_a_standing_demand_on_a_converters_grid_moves_nothing(play: float, bits: int) -> None:
+def test_a_constant_demand_with_converter_rounding_keeps_the_state(play: float, bits: int) -> None:
     block = compiled("full", "reluctance", play)
     core = FixedCompensator("full", block.words)
     step = 1 << (32 - bits)

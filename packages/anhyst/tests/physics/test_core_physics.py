@@ -92,7 +92,7 @@ def test_noise_erases_hysteresis_and_the_play_keeps_it() -> None:
             assert low < after[0][-1] / start[0][-1] < high
 
 
-def test_set_whose_reversible_part_jumps_is_refused() -> None:
+def test_parameters_with_a_reversible_jump_are_refused() -> None:
     core_iron = _core.Iron(1e6, 100.0, 100.0, 0.5, 7e-4)
     record = core.run(core_iron, "forward", [10.0])
     assert "reversible part would jump" in _core.status_text(record.status)

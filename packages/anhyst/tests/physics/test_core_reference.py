@@ -89,7 +89,7 @@ def test_langevin_of_the_core_agrees_with_the_reference() -> None:
 
 
 @pytest.mark.parametrize("size", [0.05, 1.0, 4.0])
-def test_core_settles_where_repeating_the_cycle_leads(size: float) -> None:
+def test_settling_agrees_with_repeating_the_cycle(size: float) -> None:
     for iron, amplitude in random_cases(20, seed=74):
         drive, zero = sine(size * amplitude, 16), np.zeros(16)
         compiled = core.core_of(iron)

@@ -56,8 +56,8 @@ def test_settled_loop_area_is_positive(samples: int, kind: str) -> None:
         drive = sine(case.amplitude, samples)
         b, h, _ = case.iron.forward(drive, state=settle(case.iron, drive))
         # The area of a loop within the play is zero except for rounding.
-        least = -1e-14 * case.amplitude * np.max(np.abs(b)) if kind == "play" else 0.0
-        assert polygon_area(h, b) > least, case
+        smallest = -1e-14 * case.amplitude * np.max(np.abs(b)) if kind == "play" else 0.0
+        assert polygon_area(h, b) > smallest, case
 
 
 @pytest.mark.parametrize("law", LAWS)

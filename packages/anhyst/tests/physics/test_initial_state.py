@@ -80,7 +80,7 @@ def test_a_memory_at_random_costs_the_full_law_more(bench: Bench) -> None:
 @pytest.mark.first(1)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("low", "high"), [(0.05, 0.95), (0.3, 0.7), (0.45, 0.55)])
-def test_after_conditioning_nothing_is_left_of_a_wrong_start(
+def test_conditioning_removes_a_wrong_initial_state(
     bench: Bench, kind: Kind, low: float, high: float
 ) -> None:
     for at_random in (False, True):
@@ -89,7 +89,7 @@ def test_after_conditioning_nothing_is_left_of_a_wrong_start(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_law_has_an_initial_value_where_loops_are_not_full(bench: Bench, kind: Kind) -> None:
+def test_every_law_depends_on_its_initial_state_on_minor_loops(bench: Bench, kind: Kind) -> None:
     outcome = bench.outcome(kind, 0.3, 0.7)
     assert outcome.largest > 3.0 * bench.module.NEAR[0]
     assert bench.cycles(outcome) > 0.0
@@ -102,7 +102,7 @@ def test_the_simplified_law_forgets_no_later_than_the_full_one(bench: Bench, low
     assert bench.cycles(simple) <= bench.cycles(full)
 
 
-def test_only_the_full_law_then_meets_the_demand(bench: Bench) -> None:
+def test_only_the_full_law_meets_the_demand_after_settling(bench: Bench) -> None:
     full = bench.outcome("full", 0.05, 0.95)
     simple = bench.outcome("simplified", 0.05, 0.95)
     assert full.settled < 0.002

@@ -54,13 +54,13 @@ def test_without_an_eddy_field_layers_are_the_iron_itself(family: str, laminated
 
 @pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.parametrize("laminated", [0.0, 0.3])
-def test_the_core_gives_what_shooting_gives(count: int, laminated: float) -> None:
+def test_the_core_agrees_with_a_shooting_method(count: int, laminated: float) -> None:
     drive = wander(np.random.default_rng(count), 60, 2500.0)
     made, state = solid("cells", count, 0.2, laminated)
     rho, eddy = 1e-3, 1500.0
     found = made.forward(drive, np.full(60, rho), np.full(60, eddy), state)[0]
-    wanted = SolidIron(PlayCells(weights(), 0.0), count, 0.2, laminated).forward(drive, rho, eddy)
-    assert np.abs(found - wanted).max() < 1e-8
+    expected = SolidIron(PlayCells(weights(), 0.0), count, 0.2, laminated).forward(drive, rho, eddy)
+    assert np.abs(found - expected).max() < 1e-8
     plain = iron("cells").forward(drive, np.full(60, rho), np.zeros(60), np.zeros(13))[0]
     assert np.abs(found - plain).max() > 0.05
 
@@ -87,7 +87,7 @@ def test_many_layers_of_linear_iron_are_a_slab(part: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_no_path_gives_back_more_than_it_has_taken(seed: int) -> None:
+def test_no_path_returns_more_energy_than_it_received(seed: int) -> None:
     rng = np.random.default_rng(seed)
     family = ("cells", "langevin")[seed % 2]
     made, state = solid(family, int(rng.integers(2, 9)), rng.uniform(0.05, 0.6), rng.uniform(0, 0.8))
@@ -100,7 +100,7 @@ def test_no_path_gives_back_more_than_it_has_taken(seed: int) -> None:
 
 
 @pytest.mark.parametrize("family", NUMBERS)
-def test_the_inverse_gives_the_drive_back_while_the_gap_moves(family: str) -> None:
+def test_the_inverse_returns_the_drive_with_a_moving_gap(family: str) -> None:
     rng = np.random.default_rng(5)
     made, state = solid(family, 3, 0.1, 0.2)
     drive, eddy = wander(rng, 400, 4000.0), np.full(400, 800.0)

@@ -106,7 +106,7 @@ def test_path_cut_differently_gives_the_same_end(law: LawName, play: bool) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize("jumping", [False, True])
-def test_coarse_record_meets_the_fine_one_at_its_own_samples(jumping: bool) -> None:
+def test_a_coarse_record_agrees_with_a_fine_one_at_its_samples(jumping: bool) -> None:
     for case in random_cases(25, seed=24, jumping=jumping):
         corners = case.amplitude * np.array([0.3, 1.0, -0.2, -1.0, -0.1, 0.6, 1.0, 0.2])
         starts = np.concatenate([[0.0], corners[:-1]])
@@ -125,7 +125,7 @@ def test_jumps_at_eight_samples_a_loop_reach_both_saturations() -> None:
         assert b[9] == pytest.approx(top) == pytest.approx(-b[13])
 
 
-def test_jump_goes_to_the_first_solution_in_the_direction_of_travel() -> None:
+def test_a_jump_ends_at_the_first_solution_in_the_direction_of_travel() -> None:
     for number, case in enumerate(random_cases(30, seed=26, jumping=True)):
         iron = case.iron
         law = iron.operator

@@ -52,7 +52,7 @@ def test_core_agrees_with_direct_sums(shape: Shape) -> None:
 
 @pytest.mark.slow
 @shapes
-def test_jumps_are_those_of_direct_sums(shape: Shape) -> None:
+def test_jumps_agree_with_direct_sums(shape: Shape) -> None:
     jumped = 0
     for seed in range(6):
         rng = np.random.default_rng(100 + seed)
@@ -71,7 +71,7 @@ def test_jumps_are_those_of_direct_sums(shape: Shape) -> None:
     assert jumped > 1
 
 
-def test_set_whose_reversible_part_jumps_is_refused() -> None:
+def test_parameters_with_a_reversible_jump_are_refused() -> None:
     refused = sheet(alpha=2e-3)  # 1 - alpha*M_0/a_0 < 0
     zero = np.zeros(1)
     status = refused.core.forward(np.array([10.0]), zero, zero, refused.demagnetised)[3]
@@ -80,12 +80,12 @@ def test_set_whose_reversible_part_jumps_is_refused() -> None:
 
 
 @every_cells
-def test_a_larger_extreme_wipes_the_smaller_ones_out(law: str) -> None:
-    for one in samples(law, 30, seed=201):
-        amplitude = one.amplitude
+def test_a_larger_extreme_erases_smaller_ones(law: str) -> None:
+    for sample in samples(law, 30, seed=201):
+        amplitude = sample.amplitude
         short = amplitude * np.array([1.0, -0.9, 0.8])
         long = amplitude * np.array([1.0, -0.9, 0.5, -0.4, 0.3, -0.2, 0.6, 0.8])
-        ends = [one.forward(path)[2] for path in (short, long)]
+        ends = [sample.forward(path)[2] for path in (short, long)]
         np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-10 * amplitude)
 
 
@@ -148,7 +148,7 @@ def test_any_state_becomes_a_valid_one(shape: Shape) -> None:
         assert one.core.flux_of(after) == pytest.approx(b[0], abs=1e-9 * MU_0 * one.saturation)
 
 
-def test_a_valid_state_is_taken_as_it_is() -> None:
+def test_a_valid_state_is_accepted_unchanged() -> None:
     one = sheet()
     for number in range(20):
         state = one.forward(random_walk(300.0, 9, number))[2]

@@ -22,7 +22,7 @@ from .sets import random_cases, random_walk, sine
     ],
 )
 @pytest.mark.parametrize("play", [False, True])
-def test_inverse_of_forward_gives_the_field_back(
+def test_the_inverse_of_the_forward_law_returns_the_field(
     law: LawName, step: StepKind, count: int, play: bool
 ) -> None:
     for case in random_cases(count, seed=31, law=law, step=step, play=play):
@@ -35,7 +35,7 @@ def test_inverse_of_forward_gives_the_field_back(
 
 
 @pytest.mark.slow
-def test_inverse_of_forward_gives_the_field_back_through_jumps() -> None:
+def test_the_inverse_of_the_forward_law_returns_the_field_through_jumps() -> None:
     for number, case in enumerate(random_cases(60, seed=32, jumping=True)):
         drive = random_walk(case.amplitude, 24, number)
         b, _, _ = case.iron.forward(drive)
@@ -44,7 +44,7 @@ def test_inverse_of_forward_gives_the_field_back_through_jumps() -> None:
 
 
 @pytest.mark.slow
-def test_forward_of_inverse_gives_the_flux_density_back_without_jumps() -> None:
+def test_the_forward_law_of_the_inverse_returns_the_flux_density_without_jumps() -> None:
     for number, case in enumerate(random_cases(100, seed=33)):
         top = MU_0 * case.iron.m_s
         demand = random_walk(1.2 * top, 12, number)

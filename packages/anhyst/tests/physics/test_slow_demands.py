@@ -22,7 +22,7 @@ def test_a_ramp_of_a_hundred_thousand_ticks_is_as_good_as_a_short_one(play: floa
 
 
 @pytest.mark.parametrize("kind", ["full", "simplified"])
-def test_a_standing_demand_moves_nothing(kind: Kind) -> None:
+def test_a_constant_demand_changes_nothing(kind: Kind) -> None:
     twin = FixedTwin(compiled(kind), "q31")
     half = 0.5 * largest_force("reluctance")
     there = np.concatenate([np.linspace(0.1, 1.3, 100), np.linspace(1.3, 1.0, 50), [1.0, 1.0]])

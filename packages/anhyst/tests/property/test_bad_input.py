@@ -162,7 +162,7 @@ def test_any_bytes_are_loops_or_a_refusal(content: bytes) -> None:
 @pytest.mark.slow
 @settings(max_examples=300)
 @given(damaged(TABLE))
-def test_damaged_loops_are_looked_at_or_refused(content: bytes) -> None:
+def test_damaged_loops_are_inspected_or_refused(content: bytes) -> None:
     holds_or_is_refused("loops.csv", content, look)
 
 
@@ -175,7 +175,7 @@ def test_damaged_loops_are_cleaned_or_refused(content: bytes) -> None:
 @settings(max_examples=200)
 @given(odd_numbers())
 @example(b"I_A,F_N\n0.0,0.0\n5e-324,0.0\n0.0,0.0")
-def test_odd_numbers_are_looked_at_or_refused(content: bytes) -> None:
+def test_unusual_numbers_are_inspected_or_refused(content: bytes) -> None:
     holds_or_is_refused("loops.csv", content, look)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +15,7 @@ from anhyst.compensate.builder import build_block
 from anhyst.compensate.force_controller import FixedTwin
 from anhyst.model.parameters import GapMap
 from anhyst.support.block_words import Scales
-from tests.actuators import GAPS, compiled, largest_force, magnet, ring
+from tests.actuators import GAPS, SIZES, compiled, largest_force, magnet, ring
 
 ONE = 2**30
 WORDS = st.one_of(
@@ -49,7 +51,7 @@ def check_memory(block: Block, core: FixedCompensator) -> None:
 
 @settings(max_examples=100)
 @given(KINDS, PLAYS, MAPS, STEPS)
-def test_any_words_leave_a_memory_within_its_bounds(
+def test_any_inputs_keep_the_memory_within_its_bounds(
     kind: Kind, play: float, gap_map: GapMap, steps: list[tuple[bool, int, int, int]]
 ) -> None:
     """Solve any demand, then commit the solution or any other current, at any gap."""
@@ -93,7 +95,7 @@ def test_any_memory_leads_back_into_bounds(
 
 @settings(max_examples=150)
 @given(KINDS, WORDS, WORDS)
-def test_flags_show_what_was_limited(kind: Kind, demand: int, gap: int) -> None:
+def test_flags_report_every_limit(kind: Kind, demand: int, gap: int) -> None:
     block = block_of(kind, 0.0)
     core = FixedCompensator(kind, block.words)
     current = core.solve_q31(demand, gap)
@@ -129,11 +131,15 @@ def test_the_same_history_gives_the_same_bits(kind: Kind, steps: list[tuple[int,
 
 @settings(max_examples=60)
 @given(KINDS, HISTORIES, WORDS)
-def test_what_was_solved_before_hardly_moves_a_commit(
+def test_an_earlier_solve_barely_changes_a_commit(
     kind: Kind, steps: list[tuple[int, int]], demand: int
 ) -> None:
-    """The solved path reaches the same state within the accuracy of tables and tangents."""
-    block = block_of(kind, 0.0)
+    """The solved path reaches the same state within the accuracy of tables and tangents.
+
+    A current that drops to zero in one tick needs up to 8 iterations; the compiler selects enough.
+    """
+    sizes = replace(SIZES, iterations=10)
+    block = compiled(kind, "reluctance", 0.0, sizes)
     one, two = FixedCompensator(kind, block.words), FixedCompensator(kind, block.words)
     for current, gap in steps:
         one.commit_q31(current, gap)

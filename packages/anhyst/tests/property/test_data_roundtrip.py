@@ -49,7 +49,7 @@ def test_any_text_is_a_header_or_a_problem(text: str) -> None:
 
 
 @given(st.sampled_from(sorted(QUANTITIES)))
-def test_si_header_names_its_own_quantity(name: str) -> None:
+def test_an_si_header_gives_its_quantity(name: str) -> None:
     header = parse_header(QUANTITIES[name].column)
     assert header.quantity == QUANTITIES[name]
     assert header.unit is not None
@@ -122,7 +122,7 @@ def test_loops_survive_a_file(drive: str, answer: str, samples: int, seed: int) 
 
 
 @given(hnp.arrays(np.float64, st.integers(1, 50), elements=st.floats(-100, 100)), st.floats(0, 50))
-def test_between_turning_points_the_signal_goes_one_way(values: np.ndarray, limit: float) -> None:
+def test_the_signal_is_monotone_between_turning_points(values: np.ndarray, limit: float) -> None:
     turns = find_turning_points(values, limit)
     assert turns[0] == 0
     assert turns[-1] == values.size - 1 or values.size == 1

@@ -91,7 +91,7 @@ def space_of(form: ResponseForm, gap_map: GapMap, count: int) -> CoordinateSpace
         FitRecord(
             str(gap),
             gap,
-            InputHistory.at(np.empty(0), gap),
+            InputHistory.at_one_gap(np.empty(0), gap),
             PATH,
             PATH,
             is_cycle=False,
@@ -172,8 +172,8 @@ def test_a_reluctance_model_gives_the_fitted_outputs(
 def test_a_lift_moves_only_along_the_redundancy(sets: list[ParameterSet]) -> None:
     sets = reluctance_scales([replace(sets[0], omega=-1.5), sets[1]])
     model = check_same_outputs(sets, "reluctance", "effective-field", ("current", "force"))
-    least = min(*np.atleast_1d(model.parameters["rho"]), model.interpolate_parameter("rho", 0.0)[0])
-    assert 0.0 <= least < 1e-9
+    smallest = min(*np.atleast_1d(model.parameters["rho"]), model.interpolate_parameter("rho", 0.0)[0])
+    assert 0.0 <= smallest < 1e-9
     alpha = model.parameters["alpha"]
     assert isinstance(alpha, float)
     assert 0.0 < alpha < 1.0

@@ -43,8 +43,8 @@ SETS = {"one loop": alone, "nested loops": nested, "records over the gap": over_
 def left_by(records: list[Residual], offs: list[FloatArray]) -> list[Residual]:
     """Records with these residuals of a model; the measurement contains the noise."""
     return [
-        Residual(one.drive, one.measured - off, off, one.gap, one.is_cycle)
-        for one, off in zip(records, offs, strict=True)
+        Residual(record.drive, record.measured - off, off, record.gap, record.is_cycle)
+        for record, off in zip(records, offs, strict=True)
     ]
 
 
@@ -63,7 +63,7 @@ def test_noise_is_called_noise(kind: str, with_last: float) -> None:
     alarms, tries = 0, 400 if with_last == 0.0 else 60
     for trial in range(tries):
         records = SETS[kind](lengths[trial % len(lengths)])
-        offs = [NOISE * filtered(rng, one.drive.size, with_last) for one in records]
+        offs = [NOISE * filtered(rng, record.drive.size, with_last) for record in records]
         alarms += not analyse_residual(left_by(records, offs), 1.0).is_noise
     assert alarms < 0.02 * tries
 
@@ -119,14 +119,14 @@ def test_a_shape_of_twice_the_noise_is_named(name: str, kind: str, size: float, 
     right = 0
     for trial in range(tries):
         records = SETS[kind](150 if trial % 2 else 400)
-        whole = sum(one.drive.size for one in records)
+        whole = sum(record.drive.size for record in records)
         gaps = rng.permutation([1.0, -0.4, -0.9])
         shapes, before = [], 0
         for one in records:
             shapes.append(_shape(name, one, gaps, before, whole))
             before += one.drive.size
         rms = np.sqrt(np.mean(np.concatenate(shapes) ** 2))
-        offs = [NOISE * (rng.standard_normal(one.size) + size * one / rms) for one in shapes]
+        offs = [NOISE * (rng.standard_normal(shape.size) + size * shape / rms) for shape in shapes]
         left = analyse_residual(left_by(records, offs), 1.0)
         right += bool(left.shapes) and left.shapes[0][0] == name
         assert left.beyond_noise == pytest.approx(NOISE * size, rel=0.25)

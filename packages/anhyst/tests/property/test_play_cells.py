@@ -56,7 +56,7 @@ def test_core_and_direct_sums_agree_from_any_state(data: st.DataObject) -> None:
 
 
 @given(st.data())
-def test_a_demand_gives_the_field_that_made_it(data: st.DataObject) -> None:
+def test_the_inverse_of_a_path_returns_the_field(data: st.DataObject) -> None:
     cells = data.draw(any_cells())
     path = data.draw(any_path(cells))
     alpha = min(data.draw(st.floats(-2.0, 0.9)) / make_iron(cells, 0.0).steepest, 0.9)

@@ -61,9 +61,7 @@ def drives(model: Model, demand: FloatArray, gap: float) -> FloatArray:
 
 @settings(max_examples=40)
 @given(MAPS, REACHES, SEEDS, PLACES)
-def test_the_same_model_with_another_limit_goes_on_as_if_nothing_had_happened(
-    gap_map: GapMap, reach: float, seed: int, gap: float
-) -> None:
+def test_a_swap_of_limits_alone_causes_no_step(gap_map: GapMap, reach: float, seed: int, gap: float) -> None:
     model = magnet(gap_map, PLAY)
     here, there = block_of(gap_map, model, 1.0), block_of(gap_map, model, reach)
     demand = path(gap_map, seed)
@@ -73,7 +71,7 @@ def test_the_same_model_with_another_limit_goes_on_as_if_nothing_had_happened(
 
 @settings(max_examples=25)
 @given(MAPS, FACTORS, REACHES, SEEDS, PLACES)
-def test_another_model_moves_the_current_by_less_than_the_two_are_ever_apart(
+def test_a_swap_of_models_steps_the_current_by_less_than_their_difference(
     gap_map: GapMap, factors: tuple[float, ...], reach: float, seed: int, gap: float
 ) -> None:
     """The limit is the largest difference of both laws in double precision over the whole path."""
@@ -88,14 +86,14 @@ def test_another_model_moves_the_current_by_less_than_the_two_are_ever_apart(
     demand = path(gap_map, seed)
     on = np.append(demand, cycle(gap_map))
     difference = np.abs(drives(model, on, gap) - drives(other, on, gap)).max()
-    most = difference / here.scales.current + ACCURACY
-    assert jump(here, there, demand, gap) < most
-    assert jump(there, here, demand, gap) < most
+    largest = difference / here.scales.current + ACCURACY
+    assert jump(here, there, demand, gap) < largest
+    assert jump(there, here, demand, gap) < largest
 
 
 @settings(max_examples=40)
 @given(st.tuples(*[st.floats(0.85, 1.15)] * 3), st.floats(-3.0, 1.0), SEEDS, PLACES)
-def test_another_straight_law_moves_it_by_less_than_the_two_are_ever_apart(
+def test_a_swap_of_simplified_laws_steps_the_current_by_less_than_their_difference(
     factors: tuple[float, ...], offset: float, seed: int, gap: float
 ) -> None:
     """Changed rate, width and flux coefficient, and another offset, which belongs to a fit."""
@@ -113,9 +111,9 @@ def test_another_straight_law_moves_it_by_less_than_the_two_are_ever_apart(
         build_block(model, "simplified", scales, limits, SIZES, closed_form=each) for each in (law, other)
     )
     demand = path("reluctance", seed)
-    most = apart(here, there, np.append(demand, cycle("reluctance")), gap) + ACCURACY
-    assert jump(here, there, demand, gap) < most
-    assert jump(there, here, demand, gap) < most
+    largest = apart(here, there, np.append(demand, cycle("reluctance")), gap) + ACCURACY
+    assert jump(here, there, demand, gap) < largest
+    assert jump(there, here, demand, gap) < largest
 
 
 @pytest.mark.parametrize("kind", ["full", "simplified"])

@@ -14,7 +14,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA_NAME, Dynamics
 from anhyst.model.schema import Uncertainty
 from anhyst.reports.sections_fit import rate_corner, section_rate
-from anhyst.reports.subject import Evidence, ModelSubject
+from anhyst.reports.subject import Measurements, ModelSubject
 from anhyst.support.page import PageTable, Picture, Text
 from tests.identification.test_rate import measured, truth
 
@@ -27,10 +27,10 @@ def known(gamma: float) -> Model:
 
 def about(model: Model, loops: Loops) -> ModelSubject:
     fitted = tuple(
-        model.predict(one.input, one.schedule, one.time, one.history).output for one in loops.loops
+        model.predict(loop.input, loop.schedule, loop.time, loop.history).output for loop in loops.loops
     )
-    evidence = Evidence(loops, fitted, None, assess_loops(loops), (), ())
-    return ModelSubject(model, None, Acceptance(None, None), evidence)
+    measurements = Measurements(loops, fitted, None, assess_loops(loops), (), ())
+    return ModelSubject(model, None, Acceptance(None, None), measurements)
 
 
 def test_each_speed_has_a_row_and_the_corner_its_interval() -> None:
@@ -40,9 +40,9 @@ def test_each_speed_has_a_row_and_the_corner_its_interval() -> None:
     corner = rate_corner(model)
     assert corner is not None
     texts = [str(block) for block in section.blocks if isinstance(block, Text)]
-    assert any(f"{corner:.3g}" in one and f"{corner * 2.718281828**0.1:.3g}" in one for one in texts)
+    assert any(f"{corner:.3g}" in text and f"{corner * 2.718281828**0.1:.3g}" in text for text in texts)
     assert sum(isinstance(block, Picture) for block in section.blocks) == 1
-    assert [len(one.rows) for one in section.blocks if isinstance(one, PageTable)] == [3]
+    assert [len(block.rows) for block in section.blocks if isinstance(block, PageTable)] == [3]
 
 
 def test_the_corner_is_in_inverse_proportion_to_gamma() -> None:

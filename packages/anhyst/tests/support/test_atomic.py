@@ -22,7 +22,7 @@ def test_a_file_appears_only_when_complete(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("failure", [KeyboardInterrupt, MemoryError, ValueError])
-def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path, failure: type[BaseException]) -> None:
+def test_a_failure_leaves_only_the_old_file(tmp_path: Path, failure: type[BaseException]) -> None:
     path = tmp_path / "model.toml"
     path.write_text("old")
 
@@ -37,7 +37,7 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path, failure:
     assert os.listdir(tmp_path) == ["model.toml"]
 
 
-def test_a_full_disk_is_said_in_one_line() -> None:
+def test_a_full_disk_is_reported_in_one_line() -> None:
     if not Path("/dev/full").exists():
         pytest.skip("this system has no /dev/full to play a full disk")
 
@@ -70,7 +70,7 @@ def test_probing_changes_nothing(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["model.toml"]
 
 
-def test_a_link_and_the_file_mode_are_kept(tmp_path: Path) -> None:
+def test_symbolic_links_and_file_modes_are_kept(tmp_path: Path) -> None:
     real, link = tmp_path / "real.toml", tmp_path / "link.toml"
     real.write_text("old")
     real.chmod(0o640)

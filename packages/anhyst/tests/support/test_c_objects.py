@@ -46,7 +46,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
     return Bench(folder)
 
 
-def test_what_was_compiled_is_linked_and_its_warnings_are_said_again(bench: Bench) -> None:
+def test_cached_objects_are_linked_and_their_warnings_repeated(bench: Bench) -> None:
     code, message = bench.answer()
     assert (code, sorted(bench.compiled)) == (3, ["main.c", "part.c"])
     assert "unused" in message
@@ -54,7 +54,7 @@ def test_what_was_compiled_is_linked_and_its_warnings_are_said_again(bench: Benc
     assert bench.compiled == []
 
 
-def test_another_header_macro_or_option_is_compiled_anew(bench: Bench) -> None:
+def test_a_changed_header_macro_or_option_is_recompiled(bench: Bench) -> None:
     bench.answer()
     (bench.folder / "part.h").write_text("#define ANSWER 5\nint part(void);\n")
     assert bench.answer()[0] == 5

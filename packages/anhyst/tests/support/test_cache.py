@@ -76,7 +76,7 @@ def test_other_sources_and_another_kind_are_other_inputs(monkeypatch: pytest.Mon
         cached_result("words", compute, HERE)
 
 
-def test_half_a_file_is_computed_anew() -> None:
+def test_a_truncated_cache_file_is_recomputed() -> None:
     cached_result("words", lambda: "first", HERE)
     (place,) = cache_folder("words").iterdir()
     place.write_bytes(place.read_bytes()[:-3])
@@ -95,7 +95,7 @@ def test_a_bit_that_fell_over_is_never_a_result(place_of_bit: int) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="files have no owner here")
-def test_what_others_may_put_there_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cache_files_of_other_users_are_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     cached_result("words", lambda: "first", HERE)
     monkeypatch.setattr(os, "getuid", lambda: -1)
     with pytest.raises(Computed):
@@ -118,7 +118,7 @@ def test_without_a_place_it_is_computed_each_time(tmp_path: Path) -> None:
     assert cached_result("words", lambda: "second", HERE) == "second"
 
 
-def test_nobody_else_can_write_there_and_what_was_used_last_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cache_is_private_and_keeps_recent_results(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_CACHED_RESULTS", 3)
     for number in range(5):
         cached_result("numbers", lambda number=number: number, number)  # type: ignore[misc]
@@ -127,6 +127,6 @@ def test_nobody_else_can_write_there_and_what_was_used_last_stays(monkeypatch: p
     assert len(list(folder.iterdir())) == 3
 
 
-def test_what_has_no_contents_to_compare_is_refused() -> None:
+def test_arguments_without_comparable_contents_are_refused() -> None:
     with pytest.raises(TypeError):
         cached_result("words", compute, object())

@@ -69,7 +69,7 @@ def slowly(shared: Shared, number: int) -> tuple[int, int, int]:
 
 
 @pytest.mark.slow
-def test_a_lost_worker_loses_no_work_and_what_tasks_share_travels_once(
+def test_a_lost_worker_loses_no_work_and_shared_data_is_sent_once(
     cluster: tuple[str, list[subprocess.Popen[bytes]]],
 ) -> None:
     address, workers = cluster
@@ -96,7 +96,7 @@ def one_over(number: int) -> float:
     return 1.0 / number
 
 
-def test_a_scheduler_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unreachable_scheduler_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("anhyst.support.jobs.SCHEDULER_TIMEOUT_S", 0.3)
     with refused("no-scheduler: 127.0.0.1; :1:"):  # noqa: SIM117
         with use_scheduler("tcp://127.0.0.1:1"):

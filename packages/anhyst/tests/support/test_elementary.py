@@ -17,9 +17,9 @@ def test_a_sine_in_turns_is_that_of_the_angle() -> None:
     assert sine([0.25, 0.5, 0.75, 1e6]).tolist() == [1.0, 0.0, -1.0, 0.0]
 
 
-def test_a_low_pass_passes_what_the_exponential_leaves() -> None:
+def test_the_first_order_share_is_one_minus_the_exponential() -> None:
     times = np.logspace(-18.0, 3.0, 500)
-    found = [first_order_share(one) for one in times.tolist()]
+    found = [first_order_share(time) for time in times.tolist()]
     assert found == pytest.approx((-np.expm1(-times)).tolist(), rel=2e-15)
     assert (first_order_share(0.0), first_order_share(math.inf)) == (0.0, 1.0)
 

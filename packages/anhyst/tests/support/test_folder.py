@@ -19,7 +19,9 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("replace", "expected"), [(True, NEW), (False, {**OLD, **NEW})])
-def test_what_is_done_appears_in_its_place(tmp_path: Path, replace: bool, expected: dict[str, str]) -> None:
+def test_a_finished_folder_appears_at_its_final_path(
+    tmp_path: Path, replace: bool, expected: dict[str, str]
+) -> None:
     write_files(tmp_path / "out", OLD)
     with atomic_folder(tmp_path / "out", replace=replace) as draft:
         write_files(draft, NEW)
@@ -35,7 +37,7 @@ def interrupted(out: Path, replace: bool) -> None:
 
 @pytest.mark.parametrize("there", [True, False])
 @pytest.mark.parametrize("replace", [True, False])
-def test_after_a_failure_nothing_else_stands_there(tmp_path: Path, there: bool, replace: bool) -> None:
+def test_a_failure_leaves_the_folder_unchanged(tmp_path: Path, there: bool, replace: bool) -> None:
     if there:
         write_files(tmp_path / "out", OLD)
     with pytest.raises(KeyboardInterrupt):
@@ -44,7 +46,7 @@ def test_after_a_failure_nothing_else_stands_there(tmp_path: Path, there: bool, 
     assert (tmp_path / "out").exists() == there
 
 
-def test_files_that_were_moved_already_go_again_where_a_later_one_cannot(tmp_path: Path) -> None:
+def test_a_failed_move_reverts_earlier_moves(tmp_path: Path) -> None:
     write_files(tmp_path / "out", {"z/in_the_way": "a file below a folder of that name"})
     with refused("cannot-be-written EISDIR"), atomic_folder(tmp_path / "out") as draft:
         write_files(draft, {"a/first.txt": "new", "z": "a file of the same name as a folder"})
@@ -58,7 +60,7 @@ def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
         pass
 
 
-def test_json_has_null_for_what_is_no_finite_number() -> None:
+def test_json_has_null_for_non_finite_numbers() -> None:
     assert json_text({"a": [1.5, float("inf")], "b": ({"c": float("nan")},)}) == (
         '{\n  "a": [\n    1.5,\n    null\n  ],\n  "b": [\n    {\n      "c": null\n    }\n  ]\n}\n'
     )

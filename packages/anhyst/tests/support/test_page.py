@@ -64,7 +64,7 @@ def test_displacements_are_reported_in_micrometres_and_gaps_in_millimetres() -> 
     assert quantity_scale(QUANTITIES["gap"], [123e-6]).unit == "mm"
 
 
-def test_what_is_not_reported_is_a_dash() -> None:
+def test_a_missing_value_is_a_dash() -> None:
     assert choose_scale("N", [None]).format_with_unit(None) == "–"
     assert format_percent(None) == "–"
 

@@ -30,7 +30,7 @@ def test_a_file_name_that_is_no_text_is_still_written() -> None:
     assert tomllib.loads(f"path = {toml_value(chr(0xDC80) + '.csv')}") == {"path": "?.csv"}
 
 
-def test_toml_has_no_none() -> None:
+def test_none_cannot_be_written_to_toml() -> None:
     with pytest.raises(TypeError, match="NoneType"):
         toml_value(None)
 

@@ -99,7 +99,7 @@ def test_kelvin_becomes_degrees_celsius() -> None:
     assert header.unit.value_to_si(273.15) == 0.0
 
 
-def test_unit_row_goes_with_a_bare_name() -> None:
+def test_a_unit_row_completes_a_bare_name() -> None:
     header = parse_header("gap", "mm")
     assert header.problem is None
     assert header.unit == UNITS["mm"]
@@ -145,7 +145,7 @@ def test_unit_of_another_kind_is_a_problem() -> None:
         ("z_hat", "z_hat", "1"),
     ],
 )
-def test_other_names_are_quantities_of_their_own(text: str, name: str, unit: str) -> None:
+def test_unknown_names_become_new_quantities(text: str, name: str, unit: str) -> None:
     header = parse_header(text)
     assert header.quantity is not None
     assert (header.quantity.name, header.quantity.unit) == (name, unit)
@@ -165,7 +165,7 @@ def test_millimetres_become_the_nearest_float() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "text"), [("gap", 3e-4, "gap 0.3 mm"), ("temperature", -15.0, "temperature -15 °C")]
 )
-def test_values_are_shown_as_people_say_them(name: str, value: float, text: str) -> None:
+def test_values_are_shown_with_readable_units(name: str, value: float, text: str) -> None:
     assert QUANTITIES[name].show(value) == text
 
 

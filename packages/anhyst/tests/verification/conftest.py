@@ -37,8 +37,8 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
         if kind == "solid":
             model = folder / "solid.toml"
             magnet(LAYERS["two"]).save(model)
-        wanted = "simplified" if kind == "simplified" else "full"
-        compile_model(model, folder / "out", CompileRequest(wanted, io, RATE, name=NAME))  # type: ignore[arg-type]
+        expected = "simplified" if kind == "simplified" else "full"
+        compile_model(model, folder / "out", CompileRequest(expected, io, RATE, name=NAME))  # type: ignore[arg-type]
 
     def give(kind: str, io: str) -> Path:
         name = f"compiled-{kind}-{io}"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Long runs and faults of a compiled compensator, of whatever law: docs/reliability.md states what
-   is done here and how often. Signals are codes of 16 bits; limits are those of the block. */
+/* Long runs and faults of a compiled compensator of any law; docs/reliability.md states the number
+ * of runs. Signals are 16-bit codes; limits are those of the block. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
@@ -10,8 +10,8 @@
 #include "check.h"
 
 enum { WORDS = MAGNET_PARAMETERS_WORDS, LAST = 32767, SETTLE = 2000, HELD = 300 };
-enum { STEP = 16 };                /* of the converter, codes: what claims of currents allow */
-enum { MOVED_AT_REST = 4 * STEP }; /* codes of the current */
+enum { STEP = 16 };                /* rounding of the converter, codes; tolerance of currents */
+enum { MOVED_AT_REST = 4 * STEP }; /* tolerance, codes of the current */
 
 static const int16_t *const words = magnet_parameters;
 static int16_t faulty[WORDS];
@@ -45,7 +45,7 @@ static int is_within(const int16_t *block, int16_t current)
   return current >= block[ANHYST_WORD_CURRENT_LOW] && current <= block[ANHYST_WORD_CURRENT_HIGH];
 }
 
-/* A tick with a converter of 12 bits; the current. */
+/* Runs one tick with a 12-bit converter; returns the current. */
 static int16_t tick(anhyst_compensator *c, int16_t demand, int16_t gap)
 {
   const int16_t current = anhyst_compensator_solve_q15(c, demand, gap);
@@ -54,7 +54,7 @@ static int16_t tick(anhyst_compensator *c, int16_t demand, int16_t gap)
   return current;
 }
 
-/* Small steps and jumps of demand and gap, currents that flow as they were wanted and others. */
+/* Applies small steps and jumps of demand and gap, and commits the solved or other currents. */
 static int16_t anything(anhyst_compensator *c)
 {
   static int16_t demand;
@@ -72,8 +72,8 @@ static int16_t anything(anhyst_compensator *c)
   return current;
 }
 
-/* Up to the highest demand, down to the lowest and to a place between: afterwards the iron knows
-   nothing of what was before. */
+/* Demands the highest, the lowest and a middle force; then the state no longer depends on the
+ * history. */
 static void wipe(anhyst_compensator *c)
 {
   const int32_t length = anhyst_conditioning_length(c);
@@ -86,10 +86,11 @@ static void wipe(anhyst_compensator *c)
   }
 }
 
-/* Holds a demand after a rise or a descent, first without noise until eddy currents have died away,
-   then while demand and gap move by up to four codes. Returns
-   how far the current at the middle of this noise moves from that before the first of these ticks,
-   at any tick. */
+/* Holds a demand after a rise or a descent: first without noise until eddy currents have decayed,
+ * then with noise of demand and gap of up to four codes.
+ *
+ * Returns the largest change of the current, at the middle of the noise, from its value before it.
+ */
 static double codes_moved_at_rest(double from, long ticks)
 {
   anhyst_compensator c = fresh();
@@ -102,7 +103,7 @@ static double codes_moved_at_rest(double from, long ticks)
   for (int i = 0; i <= HELD; i++) {
     (void)tick(&c, demand_at(from + (0.4 - from) * i / HELD), 16004);
   }
-  for (int i = 0; i < SETTLE; i++) { /* eddy currents die away */
+  for (int i = 0; i < SETTLE; i++) { /* eddy currents decay */
     (void)tick(&c, demand, 16004);
   }
   anhyst_compensator here = c;
@@ -111,12 +112,12 @@ static double codes_moved_at_rest(double from, long ticks)
     const int16_t noisy = (int16_t)(demand + (int16_t)drawn(9) - 4);
     (void)tick(&c, noisy, (int16_t)(16000U + drawn(9)));
     here = c;
-    keep_worst(&worst, abs(anhyst_compensator_solve_q15(&here, demand, 16004) - first));
+    keep_largest(&worst, abs(anhyst_compensator_solve_q15(&here, demand, 16004) - first));
   }
   return worst;
 }
 
-/* Noise must not take the iron to its anhysteretic curve: every law has a dead band. */
+/* Noise must not move the iron to its anhysteretic curve: every law has a dead band. */
 static void noise_at_rest_moves_little(long ticks)
 {
   const double rise = codes_moved_at_rest(0.0, ticks / 2);
@@ -125,8 +126,8 @@ static void noise_at_rest_moves_little(long ticks)
   CHECK_BELOW("codes of the current that noise moves after a descent", descent, MOVED_AT_REST);
 }
 
-/* After any number of ticks a start-up leaves what it leaves of a compensator that has seen
-   nothing, and an inner loop closes. */
+/* After any number of ticks a start-up gives the state of a new compensator, and an inner loop
+ * closes. */
 static void a_long_past_is_wiped_out(long ticks)
 {
   anhyst_compensator old = fresh();
@@ -141,10 +142,10 @@ static void a_long_past_is_wiped_out(long ticks)
   for (int i = 0; i < 400; i++) {
     const int16_t demand = demand_at(0.5 + 0.15 * sin(i * 0.157079632679));
     const int16_t current = tick(&old, demand, 0);
-    keep_worst(&worst, abs(current - tick(&new, demand, 0)));
+    keep_largest(&worst, abs(current - tick(&new, demand, 0)));
     if (i % 40 == 0) {
       static int16_t before;
-      keep_worst(&open, i >= 80 ? abs(current - before) : 0);
+      keep_largest(&open, i >= 80 ? abs(current - before) : 0);
       before = current;
     }
   }
@@ -152,7 +153,8 @@ static void a_long_past_is_wiped_out(long ticks)
   CHECK_BELOW("codes by which an inner loop stays open", open, STEP);
 }
 
-/* The state of the iron and what was solved, a bit at a time; not where the block stands. */
+/* Inverts each bit of the state and of the solved values, one at a time, except the address of the
+ * block. */
 static void any_bit_of_the_state_may_turn(void)
 {
   const size_t first = offsetof(anhyst_compensator, memory);
@@ -172,13 +174,13 @@ static void any_bit_of_the_state_may_turn(void)
     anhyst_compensator_demagnetise(&c);
     wipe(&c);
     anhyst_compensator there = right;
-    keep_worst(&worst, abs(tick(&c, demand_at(0.5), 0) - tick(&there, demand_at(0.5), 0)));
+    keep_largest(&worst, abs(tick(&c, demand_at(0.5), 0) - tick(&there, demand_at(0.5), 0)));
   }
   CHECK_BELOW("bits of the state that were tried", -tried, -600);
   CHECK_BELOW("codes of the current after a start-up", worst, STEP);
 }
 
-static void seal(int16_t *block)
+static void set_checksum(int16_t *block)
 {
   uint32_t sum = 0xFFFFFFFFUL;
   for (int i = 0; i < WORDS; i++) {
@@ -194,8 +196,8 @@ static void seal(int16_t *block)
   block[ANHYST_WORD_CRC + 1] = (int16_t)(uint16_t)(sum >> 16);
 }
 
-/* A block with one bit turned is refused; with its checksum made right again it is refused, or
-   gives currents within its limits, from its start and after a swap in any state, and back. */
+/* Checks blocks with one changed bit: they are refused. With a corrected checksum they are refused
+ * or give currents within their limits, from the start and after a swap in any state, and back. */
 static void any_bit_of_the_block_may_turn(void)
 {
   long refused = 0;
@@ -205,7 +207,7 @@ static void any_bit_of_the_block_may_turn(void)
     memcpy(faulty, words, sizeof faulty);
     faulty[bit / 16] = (int16_t)(faulty[bit / 16] ^ (1 << bit % 16));
     refused += anhyst_block_check(&MAGNET_KERNEL, faulty, WORDS) != ANHYST_OK;
-    seal(faulty);
+    set_checksum(faulty);
     anhyst_compensator c;
     if (anhyst_compensator_init(&c, &MAGNET_KERNEL, faulty, WORDS) != ANHYST_OK) {
       sealed++;

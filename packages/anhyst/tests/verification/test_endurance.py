@@ -41,5 +41,7 @@ def test_neither_time_nor_a_bit_that_turns_leads_astray(
     program = tmp_path / "endurance"
     command = ["gcc", *WARNINGS, *flags, *(f"-I{one}" for one in include)]
     subprocess.run([*command, *map(str, sources), "-lm", "-o", str(program)], check=True)
-    done = subprocess.run([program, str(ticks)], capture_output=True, text=True, check=False, timeout=600)
-    assert done.returncode == 0, done.stdout + done.stderr
+    completed = subprocess.run(
+        [program, str(ticks)], capture_output=True, text=True, check=False, timeout=600
+    )
+    assert completed.returncode == 0, completed.stdout + completed.stderr

@@ -85,10 +85,10 @@ def compile_object(folder: Path, header: str | None) -> bytes:
     command += [f"-I{ROOT / 'core/include'}", f"-I{ROOT / 'core/port'}", "-Wl,-e,every"]
     if header:
         command.append(f'-DANHYST_PORT_HEADER="{header}"')
-    done = subprocess.run(
+    completed = subprocess.run(
         [*command, str(source), "-o", str(image)], capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
+    assert completed.returncode == 0, completed.stderr
     return image.read_bytes()
 
 

@@ -56,8 +56,8 @@ def merged_core(folders: Path) -> dict[str, bytes]:
 
 def test_the_example_links_both_and_gives_their_golden_currents(folders: Path, tmp_path: Path) -> None:
     make = [tool("make"), "-s", "-f", str(EXAMPLE / "Makefile"), f"FOLDERS={folders}"]
-    done = subprocess.run(make, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    completed = subprocess.run(make, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (completed.returncode, completed.stderr) == (0, "")
     vectors = [str(folders / name / "vectors.csv") for name in ("electromagnet", "solenoid")]
     command = [str(tmp_path / "two_magnets"), *vectors]
     message = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -82,7 +82,7 @@ def test_cmake_links_both(folders: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("port", [False, True], ids=["portable", "port header"])
-def test_an_emulated_cortex_m4_gives_the_same(folders: Path, tmp_path: Path, port: bool) -> None:
+def test_an_emulated_cortex_m4_gives_the_same_currents(folders: Path, tmp_path: Path, port: bool) -> None:
     unicorn = pytest.importorskip("unicorn", reason="unicorn: pip install 'anhyst[verify]'")
     core = merged_core(folders)
     for file, content in core.items():

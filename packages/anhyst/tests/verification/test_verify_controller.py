@@ -64,7 +64,7 @@ def plausible(result: TargetResult, folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_cortex_m4_gives_the_bits_of_the_host(folder: Path) -> None:
+def test_cortex_m4_agrees_with_the_host_bit_for_bit(folder: Path) -> None:
     portable, port = ticks_of(verify(folder, "cortex-m4", target_steps=1_000))
     manifest = json.loads((folder / "manifest.json").read_text())
     for result in (portable, port):
@@ -81,14 +81,14 @@ def test_a_dsc_is_estimated_for_the_tick_too(folder: Path) -> None:
     found = verify(folder, "cortex-m0plus", target_steps=2_000)
     (result,) = ticks_of(found)
     plausible(result, folder)
-    cycles = {(each.prices, each.part): each.cycles for each in found.estimates}
+    cycles = {(estimate.prices, estimate.part): estimate.cycles for estimate in found.estimates}
     for part in TICKS:
         at_best, cautious = (cycles[name, f"controller: {part}"] for name in ("at best", "cautious"))
         assert 0 < at_best < cautious
     assert cycles["at best", "controller: tick"] > cycles["at best", "solve"]
 
 
-def test_random_steps_lift_land_and_rest(folder: Path, tmp_path: Path) -> None:
+def test_random_steps_reach_lifting_landing_and_rest(folder: Path, tmp_path: Path) -> None:
     program = build_reference(BuildFolder.create(read_bundle(folder), tmp_path / "w", "controller")).program
     reply = program.run([Asked(START), Asked(RANDOM, steps=10_000)])[-1]
     counts = dict(zip(CONTROLLER_RECORD.sections, (s.count for s in reply.sections), strict=True))
@@ -107,7 +107,7 @@ def test_host_builds_agree_under_sanitizers_too(folder: Path, monkeypatch: pytes
 
 @pytest.mark.slow
 @needs_avr
-def test_avr_gives_the_bits_of_the_host(folder: Path) -> None:
+def test_avr_agrees_with_the_host_bit_for_bit(folder: Path) -> None:
     (result,) = ticks_of(verify(folder, "avr", target_steps=300))
     plausible(result, folder)
     assert result.unit == "cycles"
@@ -115,7 +115,7 @@ def test_avr_gives_the_bits_of_the_host(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.needs("mspdebug")
-def test_msp430_gives_the_bits_of_the_host(folder: Path) -> None:
+def test_msp430_agrees_with_the_host_bit_for_bit(folder: Path) -> None:
     (result,) = ticks_of(verify(folder, "msp430", target_steps=300))
     plausible(result, folder)
     assert result.sizes is not None
@@ -170,7 +170,7 @@ def test_a_fault_on_the_target_is_found_in_the_controller_alone(
 
 
 @pytest.mark.slow
-def test_a_golden_answer_that_is_not_met_is_found(folder: Path, tmp_path: Path) -> None:
+def test_a_wrong_golden_output_is_found(folder: Path, tmp_path: Path) -> None:
     line = (folder / "controller.csv").read_text().splitlines()[801]
     *cells, demand, state, flags = line.split(",")
     wrong = ",".join([*cells, str(int(demand) + 1), state, flags])
@@ -181,7 +181,7 @@ def test_a_golden_answer_that_is_not_met_is_found(folder: Path, tmp_path: Path) 
     assert difference.expected == difference.found + 1
 
 
-def test_a_flight_without_a_column_is_reported(
+def test_golden_vectors_without_a_column_are_reported(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     place = spoiled(folder, "controller.csv", "dropped", "lost", tmp_path / "out")

@@ -102,7 +102,7 @@ def test_a_fault_of_a_single_step_is_found_in_that_step(
 
 
 @pytest.mark.slow
-def test_a_fault_that_does_not_repeat_is_reported_as_such(with_fault: Seed) -> None:
+def test_an_unrepeatable_fault_is_reported_as_such(with_fault: Seed) -> None:
     twist = "  static int32_t calls;\n  demand ^= ++calls == 1500 ? 1 << 29 : 0;"
     wrong = f"{SOLVE}#ifdef __thumb__\n{twist}\n#endif\n"
     folder = with_fault("src/compensator/compensator.c", SOLVE, wrong)

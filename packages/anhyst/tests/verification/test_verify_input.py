@@ -63,7 +63,7 @@ def test_an_unknown_target(compiled: Compile, capsys: pytest.CaptureFixture[str]
     assert says(complaint(capsys, compiled("full", "f32"), "--on", "avr"), "target-not-for-this")
 
 
-def test_a_folder_that_is_not_there_or_not_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_or_foreign_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert says(complaint(capsys, tmp_path / "none"), "no-such-folder")
     assert says(complaint(capsys, tmp_path), "no-manifest")
 

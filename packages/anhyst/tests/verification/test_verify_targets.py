@@ -27,9 +27,9 @@ def plausible(result: TargetResult) -> None:
     for cost in result.costs:
         assert 0 < cost.least <= cost.mean <= cost.most, cost
         assert 0 <= cost.most_at < result.steps
-    most = {cost.part: cost.most for cost in result.costs}
-    parts = most["solve"] + most["commit, other"] + most["pidd2"]
-    assert most["solve"] < most["tick"] <= max(parts, most["solve"] + most["commit, solved"]) * 2
+    largest = {cost.part: cost.most for cost in result.costs}
+    parts = largest["solve"] + largest["commit, other"] + largest["pidd2"]
+    assert largest["solve"] < largest["tick"] <= max(parts, largest["solve"] + largest["commit, solved"]) * 2
     sizes = result.sizes
     assert sizes is not None
     assert sizes.code > 1000
@@ -49,7 +49,7 @@ def plausible(result: TargetResult) -> None:
         pytest.param("simplified", "q15", 1570, 1840, marks=pytest.mark.slow),
     ],
 )
-def test_cortex_m4_gives_the_bits_of_the_host_and_a_grid_costs_no_second_search(
+def test_cortex_m4_agrees_with_the_host_and_converter_rounding_costs_no_second_search(
     compiled: Compile, kind: str, io: str, rounded: int, worst: int
 ) -> None:
     """The limits are the instructions of the worst tick of this magnet plus 10 %."""
@@ -63,13 +63,13 @@ def test_cortex_m4_gives_the_bits_of_the_host_and_a_grid_costs_no_second_search(
         assert result.stack_static >= (result.stack_measured or 0)
     portable, port = found.results
     assert port.costs[0].most < portable.costs[0].most
-    most = {cost.part: cost.most for cost in port.costs}
-    assert most["tick, rounded"] < rounded
-    assert most["tick"] < worst
+    largest = {cost.part: cost.most for cost in port.costs}
+    assert largest["tick, rounded"] < rounded
+    assert largest["tick"] < worst
 
 
 @pytest.mark.slow
-def test_single_precision_has_the_same_bits_with_and_without_a_float_unit(compiled: Compile) -> None:
+def test_single_precision_is_bit_identical_with_and_without_a_floating_point_unit(compiled: Compile) -> None:
     found = agrees(verify(compiled("full", "f32"), "cortex-m4", target_steps=1_000))
     soft, hard = found.results
     assert (soft.build, hard.build) == ("soft float", "hard float")
@@ -91,7 +91,7 @@ def test_the_other_cortex_m_do_too(compiled: Compile, target: str) -> None:
 def test_a_dsc_is_estimated_from_two_lists_of_prices(compiled: Compile) -> None:
     found = agrees(verify(compiled("simplified", "q15"), "cortex-m0plus", target_steps=2_000))
     plausible(found.results[0])
-    cycles = {(each.prices, each.part): each.cycles for each in found.estimates}
+    cycles = {(estimate.prices, estimate.part): estimate.cycles for estimate in found.estimates}
     instructions = found.results[0].cost("tick")
     assert instructions is not None
     for part in PARTS:
@@ -124,7 +124,7 @@ def test_host_builds_agree_under_sanitizers_too(
 @pytest.mark.parametrize(
     ("kind", "io"), [pytest.param(*one, marks=[pytest.mark.slow] * (one[0] != "simplified")) for one in KINDS]
 )
-def test_avr_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -> None:
+def test_avr_agrees_with_the_host_bit_for_bit(compiled: Compile, kind: str, io: str) -> None:
     (result,) = agrees(verify(compiled(kind, io), "avr", target_steps=300)).results
     plausible(result)
     assert result.unit == "cycles"
@@ -132,7 +132,7 @@ def test_avr_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -
 
 @pytest.mark.slow
 @pytest.mark.needs("mspdebug")
-def test_msp430_gives_the_bits_of_the_host(compiled: Compile) -> None:
+def test_msp430_agrees_with_the_host_bit_for_bit(compiled: Compile) -> None:
     (result,) = agrees(verify(compiled("simplified", "q15"), "msp430", target_steps=300)).results
     plausible(result)
     assert result.unit == "cycles"

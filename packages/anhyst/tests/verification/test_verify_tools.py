@@ -128,7 +128,7 @@ def test_a_difference_counts_more_than_a_missing_tool(
 
 
 @pytest.mark.slow
-def test_json_says_what_is_missing(
+def test_json_lists_missing_tools(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     only("cc", at=tmp_path, monkeypatch=monkeypatch)
@@ -149,7 +149,7 @@ def test_without_a_python_package_its_targets_do_not_run_and_the_others_do(
     assert "pip install 'anhyst[verify]'" in json.dumps(found["missing"])
 
 
-def test_where_nothing_can_run_nothing_is_written_and_everything_missing_is_named(
+def test_without_any_tool_verify_writes_nothing_and_names_all_missing_tools(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     only(at=tmp_path, monkeypatch=monkeypatch)

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The compensator in floating point: demanded output (force) in, current out, in the units of the
-   model.
+/* The compensator in floating point: from the demanded output (force) and the gap to the coil
+   current, in the units of the model.
 
-   In each tick, solve once or more, limit and apply the current, then commit the current that was
-   really applied. solve does not change the hysteresis state; commit advances it.
+   In each tick (control period), call solve, limit and apply the current, then commit the current
+   that was really applied. solve does not change the hysteresis state; commit advances it.
 
      flux    = gain(gap)*root(demand - offset(gap))
      field   = law(state, flux)
@@ -11,66 +11,68 @@
 
    Laws, parameter block and algorithm are those of the fixed-point compensator (compensator.h): one
    source text serves every format. A word of a block contains the value of the corresponding
-   fixed-point word without its rounding: a q15 of 16384 is 0.5, a weight of 16384 is 0.25, the
-   exponent of a weight is 0, a "single" is in the first of its two words. Internally, field, flux,
-   demand and current are fractions of full scale.
+   fixed-point word without its rounding: 0.5 for a q15 of 16384, 0.25 for a weight of 16384. The
+   exponent of a weight is 0. A number of the format "single" is in the first of its two words.
+   Internally, field, flux, demand and current are fractions of full scale.
 
    The code uses only + - * / and comparisons, and no library. Results have the same bits on every
    target that rounds to nearest as IEEE 754 defines and does not fuse products into sums
-   (-ffp-contract=off). -ffast-math is rejected. A signal that is NaN counts as its lowest value. An
-   applied current that is not finite leaves the state unchanged. */
+   (-ffp-contract=off). The compiler option -ffast-math causes an error. A demand or a gap that is
+   NaN counts as the lowest value of its range. An applied current that is not finite leaves the
+   hysteresis state unchanged. */
 
 /* State of the Jiles-Atherton law, fractions of full scale. */
 typedef struct {
-  ANHYST_REAL x;     /* field */
+  ANHYST_REAL x;     /* effective field */
   ANHYST_REAL y;     /* irreversible magnetisation */
-  ANHYST_REAL p;     /* play: field that drives the irreversible part */
-  ANHYST_REAL turn;  /* play at the last reversal */
+  ANHYST_REAL p;     /* position of the play: field that drives the irreversible part */
+  ANHYST_REAL turn;  /* position of the play at the last reversal */
   ANHYST_REAL level; /* y at the last reversal */
 } anhyst_full_memory_x;
 
-/* State of the closed form. The remembered path starts at `turn` and extends to `peak`; no path is
-   known if both are equal. */
+/* State of the simplified law. The law follows a path from the flux `turn` to the flux `peak`. If
+   these two are equal, no path is stored. The bounded state u is the hysteresis field relative to
+   its maximum. */
 typedef struct {
   ANHYST_REAL flux;
-  ANHYST_REAL u;     /* bounded state at the peak */
+  ANHYST_REAL u;     /* bounded state u at the peak */
   ANHYST_REAL turn;  /* flux at the start of the path */
   ANHYST_REAL peak;  /* farthest flux of the path */
-  ANHYST_REAL start; /* at the start of the path and in its direction: the bounded state if it is
-                        below 0, otherwise the distance */
+  ANHYST_REAL start; /* in the direction of the path: u at its start if below 0; otherwise the
+                        distance z (closed_form.h) at its start */
 } anhyst_simplified_memory_x;
 
-/* State of the play-cell law. */
+/* State of the play-cell law. Mirrored means: multiplied by -1 if the field falls. */
 typedef struct {
-  ANHYST_REAL x;      /* field */
-  ANHYST_REAL rest;   /* magnetisation of the cells at rest */
-  int32_t active;     /* number of moving cells, negative if the field falls; 0: rest is unknown */
-  int32_t risen;      /* bit i: play i came to rest while the field rose */
-  ANHYST_REAL joined; /* field where the last cell started to move, mirrored if the field falls */
+  ANHYST_REAL x;      /* effective field */
+  ANHYST_REAL rest;   /* sum of the magnetisations of the cells at rest */
+  int32_t active;     /* number of moving cells, < 0 if the field falls; 0: `rest` is unknown */
+  int32_t risen;      /* bit i: cell i came to rest while the field rose */
+  ANHYST_REAL joined; /* field where the last cell started to move, mirrored */
 } anhyst_cells_memory_x;
 
-/* Hysteresis state of the iron. All zeros is the demagnetised state. */
+/* Hysteresis state of the iron. If all members are 0, the iron is demagnetised. */
 typedef union {
   anhyst_full_memory_x full;
   anhyst_simplified_memory_x simplified;
   anhyst_cells_memory_x cells;
 } anhyst_memory_x;
 
-/* What a law knows about a position in addition to the state there. */
+/* Magnetisation and slopes at the end of a trial step, from which the next search starts. */
 typedef struct {
   ANHYST_REAL m;       /* magnetisation */
-  ANHYST_REAL y_slope; /* slope of the irreversible part over the field */
-  ANHYST_REAL m_slope; /* slope of the magnetisation over the field */
-  int16_t direction;   /* 1: the field rises; -1: it falls; 0: it is constant */
+  ANHYST_REAL y_slope; /* d(irreversible part)/d(field) */
+  ANHYST_REAL m_slope; /* d(magnetisation)/d(field) */
+  int16_t direction;   /* direction of the field. 1: it rises; -1: it falls; 0: it is constant */
 } anhyst_full_candidate_x;
 
 typedef struct {
-  ANHYST_REAL joins; /* field where the next cell joins, mirrored if the field falls */
-  ANHYST_REAL flux;  /* air*x + m at the lower end of the segment, divided by 4 */
-  ANHYST_REAL rise;  /* rise of the row over the segment */
-  ANHYST_REAL begin; /* field at the lower end of the segment, mirrored if the field falls */
+  ANHYST_REAL joins; /* field where the next cell starts to move, mirrored */
+  ANHYST_REAL flux;  /* flux at the lower end of the table segment, divided by 4 */
+  ANHYST_REAL rise;  /* rise of the table row within the segment */
+  ANHYST_REAL begin; /* field at the lower end of the segment, mirrored */
   ANHYST_REAL width; /* width of the segment */
-  int32_t segment;   /* index of the block word where the segment starts; 0: no segment is known */
+  int32_t segment;   /* index in the block of the entry at the lower end; 0: unknown */
 } anhyst_cells_candidate_x;
 
 typedef union {
@@ -78,7 +80,7 @@ typedef union {
   anhyst_cells_candidate_x cells;
 } anhyst_candidate_of_x;
 
-/* A trial step: the state after the step, and data for a quick search near it. */
+/* A trial step: the state at its end, and data for a quick search near this state. */
 typedef struct {
   anhyst_memory_x memory;
   anhyst_candidate_of_x of;
@@ -87,13 +89,13 @@ typedef struct {
 /* Coefficients of the current at the gap of this tick. */
 typedef struct {
   ANHYST_REAL bias;
-  ANHYST_REAL flux_arm;  /* negative in the full and play-cell laws only */
-  ANHYST_REAL field_arm; /* > 0 */
+  ANHYST_REAL flux_arm;  /* current for a flux of 1.0; < 0 only with kinds full and cells */
+  ANHYST_REAL field_arm; /* current for a field of 1.0, > 0 */
 } anhyst_arms_x;
 
 struct anhyst_compensator_x;
 
-/* Interface between the compensator and a hysteresis law; see anhyst_kernel of compensator.h. */
+/* A hysteresis law, as a table of functions; see anhyst_kernel of compensator.h. */
 typedef struct anhyst_kernel_x {
   uint16_t kind;
   ANHYST_REAL (*field)(struct anhyst_compensator_x *c);
@@ -122,31 +124,31 @@ typedef struct {
 } anhyst_deeper_x;
 #endif
 
-/* A compensator. For laminated iron: at most 172 bytes in single precision with 32-bit pointers. */
+/* A compensator. For laminated iron, at most 172 bytes in single precision with 32-bit pointers. */
 typedef struct anhyst_compensator_x {
   const anhyst_kernel_x *kernel;
-  const ANHYST_REAL *words;        /* parameter block in use; never written */
-  anhyst_memory_x memory;          /* state after the last commit */
-  ANHYST_REAL plays[ANHYST_CELLS]; /* play-cell law: plays of the cells at rest */
-  anhyst_candidate_x next;         /* trial step; stage states its meaning */
-  anhyst_arms_x arms;              /* at the gap of the last solve or commit */
+  const ANHYST_REAL *words;        /* active parameter block; never written */
+  anhyst_memory_x memory;          /* hysteresis state after the last commit */
+  ANHYST_REAL plays[ANHYST_CELLS]; /* positions of the plays of the cells at rest */
+  anhyst_candidate_x next;         /* trial step; `stage` states its meaning */
+  anhyst_arms_x arms;              /* coefficients at the gap of the last solve or commit */
   ANHYST_REAL per_demand;          /* 1/full scale of the demand */
   ANHYST_REAL per_current;         /* 1/full scale of the current */
-  ANHYST_REAL per_gap;             /* 1/range of the gap; 0: nothing depends on the gap */
-  ANHYST_REAL current;             /* result of the last solve, a fraction */
-  ANHYST_REAL flux;                /* of the last solve */
-  ANHYST_REAL flux_applied;        /* after the last commit */
-  ANHYST_REAL applied;             /* current of the last commit, a fraction */
-  int32_t conditioned;             /* ticks of the start-up sequence that are done */
-  ANHYST_REAL gap;                 /* of the last solve or commit, as given */
-  uint16_t flags;                  /* of the last solve and its commit; see flags.h */
-  uint16_t stage;                  /* of next, see stage.h; unless UNKNOWN, arms match the gap */
+  ANHYST_REAL per_gap;             /* 1/range of the gap; 0: no parameter depends on the gap */
+  ANHYST_REAL current;             /* result of the last solve, fraction of full scale */
+  ANHYST_REAL flux;                /* flux of the last solve */
+  ANHYST_REAL flux_applied;        /* flux after the last commit */
+  ANHYST_REAL applied;             /* current of the last commit, fraction of full scale */
+  int32_t conditioned;             /* number of completed ticks of the conditioning sequence */
+  ANHYST_REAL gap;                 /* gap of the last solve or commit, in the unit of the model */
+  uint16_t flags;                  /* flags of the last solve and its commit, see flags.h */
+  uint16_t stage;                  /* meaning of `next`, see stage.h; if known, `arms` fits `gap` */
 #if ANHYST_MEMORIES > 1
   anhyst_deeper_x deeper[ANHYST_MEMORIES - 1];
 #endif
 } anhyst_compensator_x;
 
-/* As anhyst_compensator_init_sized and anhyst_compensator_init of compensator.h. */
+/* Work as anhyst_compensator_init_sized and anhyst_compensator_init of compensator.h. */
 anhyst_status anhyst_compensator_init_sized_x(anhyst_compensator_x *c, size_t size,
                                               const anhyst_kernel_x *kernel,
                                               const ANHYST_REAL *words, uint32_t capacity);
@@ -161,52 +163,54 @@ static inline anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c,
 /* Sets the state to that of demagnetised iron. */
 void anhyst_compensator_demagnetise_x(anhyst_compensator_x *c);
 
-/* Returns ANHYST_OK if a block is valid and of the kernel's kind, otherwise ANHYST_BAD_PARAMETER.
-   Reads at most capacity words. Must not be called from an ISR. */
+/* Returns ANHYST_OK if a block is valid and has the kind of the kernel, otherwise
+   ANHYST_BAD_PARAMETER. Reads at most `capacity` words. Must not be called from an ISR. */
 anhyst_status anhyst_block_check_x(const anhyst_kernel_x *kernel, const ANHYST_REAL *words,
                                    uint32_t capacity);
 
-/* As anhyst_block_misfit. */
+/* Works as anhyst_block_misfit of compensator.h. */
 uint16_t anhyst_block_misfit_x(const ANHYST_REAL *words, const ANHYST_REAL *scales);
 
-/* As anhyst_compensator_swap. */
+/* Works as anhyst_compensator_swap of compensator.h. */
 void anhyst_compensator_swap_x(anhyst_compensator_x *c, const ANHYST_REAL *words);
 
-/* Returns the current for the demanded output, starting from the present state. Flags and cost are
-   those of anhyst_compensator_solve_q31. A gap that is NaN or out of the range of the block by more
-   than 2^-15 of the range sets ANHYST_GAP_LIMITED. A demand that is NaN sets
-   ANHYST_DEMAND_LIMITED. */
+/* Returns the current for the demanded output, starting from the present hysteresis state. Flags
+   and run time are those of anhyst_compensator_solve_q31, with two additions. A gap that is NaN or
+   out of the range of the block by more than 2^-15 of the range sets ANHYST_GAP_LIMITED. A demand
+   that is NaN sets ANHYST_DEMAND_LIMITED. */
 ANHYST_REAL anhyst_compensator_solve_x(anhyst_compensator_x *c, ANHYST_REAL demand,
                                        ANHYST_REAL gap);
 
-/* Advances the state with the applied current at the actual gap. Flags and cost are those of
-   anhyst_compensator_commit_q31. A current above twice full scale counts as twice full scale. A
-   current that is not finite sets ANHYST_CURRENT_LIMITED and leaves the state unchanged. */
+/* Advances the hysteresis state with the applied current at the actual gap. Flags and run time are
+   those of anhyst_compensator_commit_q31. A current above twice full scale counts as twice full
+   scale. A current that is not finite sets ANHYST_CURRENT_LIMITED and keeps the state. */
 void anhyst_compensator_commit_x(anhyst_compensator_x *c, ANHYST_REAL applied, ANHYST_REAL gap);
 
 /* Returns the output that the model predicts after the last commit. */
 ANHYST_REAL
 anhyst_compensator_output_x(const anhyst_compensator_x *c);
 
-/* Returns the ticks of the conditioning sequence, which brings an unknown state to a known one. */
+/* Returns the length of the conditioning sequence, ticks. The sequence brings the iron from an
+   unknown hysteresis state to a known one. */
 int32_t anhyst_conditioning_length_x(const anhyst_compensator_x *c);
 
 /* Returns the current of the conditioning sequence for tick 0, 1, ...: triangles between the limits
-   of the current; 0 after the end. Apply and commit it like any other current. */
+   of the current; 0 after the end. WARNING: the actuator produces its largest force and may move;
+   secure the load first. Apply and commit the current like any other current. */
 ANHYST_REAL anhyst_conditioning_x(const anhyst_compensator_x *c, int32_t tick);
 
-/* As anhyst_conditioning_step of compensator.h. */
+/* Works as anhyst_conditioning_step of compensator.h. */
 ANHYST_REAL anhyst_conditioning_step_x(anhyst_compensator_x *c);
 
-/* As anhyst_compensator_follows. Returns 0 for a measured current that is NaN. */
+/* Works as anhyst_compensator_follows of compensator.h. Returns 0 for a measured current of NaN. */
 int anhyst_compensator_follows_x(const anhyst_compensator_x *c, ANHYST_REAL measured,
                                  ANHYST_REAL tolerance);
 
-/* As anhyst_compensator_commit_after. */
+/* Works as anhyst_compensator_commit_after of compensator.h. */
 void anhyst_compensator_commit_after_x(anhyst_compensator_x *c, ANHYST_REAL applied,
                                        ANHYST_REAL gap, uint16_t ticks);
 
-/* As anhyst_saved_memory. */
+/* The stored hysteresis state, as anhyst_saved_memory of compensator.h. */
 typedef struct {
   anhyst_memory_x memory;
   ANHYST_REAL plays[ANHYST_CELLS];
@@ -230,9 +234,9 @@ typedef union {
   uint16_t word[ANHYST_WORDS_OF(anhyst_saved_content_x)];
 } anhyst_saved_memory_x;
 
-/* As anhyst_compensator_save. */
+/* Works as anhyst_compensator_save of compensator.h. */
 void anhyst_compensator_save_x(const anhyst_compensator_x *c, anhyst_saved_memory_x *to);
 
-/* As anhyst_compensator_restore. */
+/* Works as anhyst_compensator_restore of compensator.h. */
 anhyst_status anhyst_compensator_restore_x(anhyst_compensator_x *c,
                                            const anhyst_saved_memory_x *from);

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* (forward[0] + forward[1]/z + forward[2]/z^2)/(1 + back[0]/z + back[1]/z^2) */
+/* transfer function (forward[0] + forward[1]/z + forward[2]/z^2)/(1 + back[0]/z + back[1]/z^2) */
 typedef struct {
   ANHYST_REAL forward[3];
   ANHYST_REAL back[2];
 } anhyst_biquad_x;
 
-/* Zero is rest. */
+/* State of a filter; all members are 0 at standstill. */
 typedef struct {
   ANHYST_REAL delayed[2];
 } anhyst_biquad_state_x;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Conversion of a position to the gap of a magnet: offset + factor*position. */
+/* Gap of a magnet from a position: offset + factor*position. */
 typedef struct {
   ANHYST_REAL offset;
   ANHYST_REAL factor; /* -1, or 1 for the second magnet of a pair */
@@ -9,6 +9,6 @@ typedef struct {
 /* Conversion of positions and demands to the integers of levitation.h. */
 typedef struct {
   anhyst_gap_line_x gap[ANHYST_POSITION_MAGNETS];
-  ANHYST_REAL position; /* full scale, > 0 */
-  ANHYST_REAL demand;   /* full scale, > 0 */
+  ANHYST_REAL position; /* full scale of the position, > 0 */
+  ANHYST_REAL demand;   /* full scale of the demand, > 0 */
 } anhyst_position_units_x;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* As much of the interface of S-functions as a component uses, so that one runs without Simulink.
+/* The part of the S-function interface that the components use, so that they run without Simulink.
  */
 #ifndef SIMSTRUC_H
 #define SIMSTRUC_H

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Loads a library for 64-bit Windows into a process of Linux and steps the FMU 2.0 in it: arguments
-   are the library, the token, the step, and the reference of an output; rows of the first two
-   inputs in, a row of the output out. */
+/* Loads a 64-bit Windows library into a Linux process and steps the FMU 2.0 in it.
+ *
+ * Arguments: library, token, step size, reference of an output. Standard input holds rows of the
+ * first two inputs; each step prints a row with the output. */
 #define _GNU_SOURCE
 #include <math.h>
 #include <stdint.h>
@@ -12,7 +13,7 @@
 
 #define WINDOWS __attribute__((ms_abi))
 
-/* What the library takes from Windows, in its calling convention. */
+/* Functions that the library imports from Windows, with the Windows calling convention. */
 static WINDOWS void *its_calloc(size_t n, size_t size) { return calloc(n, size); }
 static WINDOWS void *its_malloc(size_t size) { return malloc(size); }
 static WINDOWS void its_free(void *place) { free(place); }
@@ -39,7 +40,7 @@ static const struct {
     {"sqrt", (uintptr_t)its_sqrt},
 };
 
-static unsigned char *base; /* of the loaded image */
+static unsigned char *base; /* image base */
 
 static void leave(const char *why, const char *what)
 {
@@ -61,7 +62,7 @@ static uint64_t address(const unsigned char *at)
   return value;
 }
 
-/* Copy head and sections to where they belong; return the optional header. */
+/* Copies headers and sections to their addresses; returns the optional header. */
 static const unsigned char *place_sections(const unsigned char *file)
 {
   const unsigned char *head = file + word(file + 0x3c);

@@ -11,7 +11,7 @@ from enum import IntEnum
 from typing import ClassVar, NamedTuple, Self
 
 VERSION = 4
-PAYLOAD_MOST = 240
+MAX_PAYLOAD_BYTES = 240
 PLANT_MAGIC = 0x616E6879
 
 
@@ -21,7 +21,7 @@ class Reason(IntEnum):
     NONE = 0
     VERSION = 1  # different protocol version; detail: the controller's version
     TYPE = 2  # unknown request
-    LENGTH = 3  # wrong length of the payload; detail: its length
+    LENGTH = 3  # wrong length of the payload; detail: length of the payload
     # the sequence number is older than the last one; detail: 1 if a request with this number was answered, otherwise 0
     OLD = 4
     STATE = 5  # not allowed in this state; detail: the state
@@ -29,10 +29,10 @@ class Reason(IntEnum):
     ORDER = 7  # block data without block_begin or with a wrong offset; detail: the expected offset
     CHECKSUM = 8  # the received block does not have the announced checksum
     BLOCK = 9  # the block is invalid, or has a different kind or layout
-    GENERATION = 10  # the block has a different generation; detail: its generation
+    GENERATION = 10  # the block has a different generation; detail: generation of the block
     SESSION = 11  # no session is open: send hello first
     CURRENT = 12  # current still flows; repeat the request at zero current
-    # the block has different full scales, gaps, rate or units; detail: the first word that differs
+    # the block has different full scales, gaps, rate or units; detail: number of the first word that differs
     SCALE = 13
     NOT_KEPT = 14  # the board has no non-volatile memory, or writing failed
 
@@ -50,10 +50,11 @@ class Setting(IntEnum):
     # ticks without a new request after which the link counts as lost; limited by the board
     HEARTBEAT_TICKS = 0
     DEMAND_SLEW = 1  # largest change of the demand per tick, q31
-    COMPENSATION = 2  # 1: the compensator; 0: a constant force-current ratio
+    # 1: the compensator calculates the current; 0: a constant ratio of current to demand
+    COMPENSATION = 2
     RATIO = 3  # constant ratio of current to demand, q30
     FOLLOW = 4  # current that updates the hysteresis state. 0: commanded; 1: measured
-    # 0: built-in gains; 1: built-in gains times gain_p to gain_dd, read when this setting is written
+    # 0: built-in gains; 1: built-in gains times gain_p to gain_dd, which are read when this setting is written
     GAINS = 5
     GAIN_P = 6  # factor of the built-in proportional gain, q30
     GAIN_I = 7  # factor of the built-in integral gain, q30
@@ -68,12 +69,12 @@ class Setting(IntEnum):
 
 
 class SettingRange(NamedTuple):
-    """What a setting may be."""
+    """Range and default value of a setting."""
 
     low: int
     high: int
     start: int
-    start_ms: int  # the same of a setting in ticks, else 0
+    start_ms: int  # default of a setting in ticks, ms; otherwise 0
     while_running: bool
 
 
@@ -140,13 +141,13 @@ class PlantRecord:
         cls.FIXED = struct.Struct(form)
 
     def pack(self) -> bytes:
-        """Return the record with its check."""
+        """Return the bytes of the record, with its check word."""
         body = self.FIXED.pack(*vars(self).values())
         return body + struct.pack("<I", _check(body))
 
     @classmethod
     def unpack(cls, record: bytes) -> Self:
-        """Return what the record says; ValueError where length or check are wrong."""
+        """Return the record in these bytes; raise ValueError if length or check word are wrong."""
         body = record[:-4]
         if len(body) != cls.FIXED.size or record[-4:] != struct.pack("<I", _check(body)):
             raise ValueError(f"{cls.__name__}: not a record of the plant's bus")
@@ -178,12 +179,12 @@ class HeartbeatRequest(Message, code=0x02, answer=0x82, form="<"):
 
 @dataclass(frozen=True)
 class DemandRequest(Message, code=0x03, answer=0x82, form="<i"):
-    """The demanded force, valid from the next tick on.
+    """Sets the demanded force, valid from the next tick on.
 
-    No effect outside the state run and on a position controller.
+    It has an effect only in the state RUN of a force controller.
     """
 
-    force: int  # q31 of the full-scale force
+    force: int  # demanded force, q31 of the full scale
 
 
 @dataclass(frozen=True)
@@ -193,21 +194,21 @@ class CommandRequest(Message, code=0x04, answer=0x83, form="<H"):
     Detail of the answer: the new state.
     """
 
-    command: int  # one of command
+    command: int  # number of the command
 
 
 @dataclass(frozen=True)
 class SettingReadRequest(Message, code=0x05, answer=0x85, form="<H"):
     """Requests a setting."""
 
-    setting: int  # one of setting
+    setting: int  # number of the setting
 
 
 @dataclass(frozen=True)
 class SettingWriteRequest(Message, code=0x06, answer=0x85, form="<Hi"):
     """Changes a setting, valid from the next tick on."""
 
-    setting: int  # one of setting
+    setting: int  # number of the setting
     value: int
 
 
@@ -217,12 +218,12 @@ class BlockBeginRequest(Message, code=0x07, answer=0x83, form="<HHI"):
 
     words: int  # length of the block
     generation: int  # generation of the block
-    checksum: int  # CRC-32 of all its words, low byte first
+    checksum: int  # CRC-32 of all words of the block, low byte first
 
 
 @dataclass(frozen=True)
 class BlockDataRequest(Message, code=0x08, answer=0x83, form="<H", tail="h"):
-    """The next words of the block.
+    """Sends the next words of the block.
 
     Detail of the answer: the next offset.
     """
@@ -252,28 +253,28 @@ class BlockReadRequest(Message, code=0x0A, answer=0x86, form="<HH"):
 
 @dataclass(frozen=True)
 class TargetRequest(Message, code=0x0E, answer=0x82, form="<i"):
-    """The target position, valid from the next tick on; before a lift, the first target.
+    """Sets the target position, valid from the next tick on; before a lift, the first target.
 
     A position outside the range is rejected, and a force controller rejects every target.
     """
 
-    position: int  # q31 of the position controller's full scale
+    position: int  # target position, q31 of the controller's full scale
 
 
 @dataclass(frozen=True)
 class KeepRequest(Message, code=0x0F, answer=0x83, form="<"):
     """Stores the active block for the next start, if the board has non-volatile memory.
 
-    Allowed only in idle or ready at zero current, because the board may stop its ticks for seconds.
+    Allowed only in IDLE or READY at zero current, because the board may stop its ticks for seconds.
     Detail: the generation of the block.
     """
 
 
 @dataclass(frozen=True)
 class XcpRequest(Message, code=0x10, answer=0x89, form="<", tail="B"):
-    """An XCP command; an empty frame requests only samples.
+    """Contains an XCP command; an empty frame requests only samples.
 
-    Only the command of an unlocked master counts as a heartbeat, not the frame.
+    Only a command of an unlocked master counts as a heartbeat, not the frame itself.
     """
 
     command: tuple[int, ...]
@@ -281,7 +282,7 @@ class XcpRequest(Message, code=0x10, answer=0x89, form="<", tail="B"):
 
 @dataclass(frozen=True)
 class InfoAnswer(Message, code=0x81, form="<HHHHHHHIIHH"):
-    """Identification of the controller."""
+    """Identifies the controller."""
 
     version: int  # protocol version
     firmware: int  # version of the firmware: 256*major + minor
@@ -292,17 +293,17 @@ class InfoAnswer(Message, code=0x81, form="<HHHHHHHIIHH"):
     ramp: int  # time from full current to zero in the safe state, ms
     model: int  # first 32 bits of the model's hash
     rate: int  # ticks per second
-    body: int  # controlled quantity, one of body
-    magnets: int  # number of magnets: 1, or an opposing pair
+    body: int  # number of the controlled quantity (body)
+    magnets: int  # number of magnets; 2: an opposing pair
 
 
 @dataclass(frozen=True)
 class StatusAnswer(Message, code=0x82, form="<BBHiiiiiHHHHHiiiiI"):
-    """State and signals of the tick in the header."""
+    """Contains state and signals of the tick whose number is in the header."""
 
-    state: int  # one of state
-    fault: int  # latched reason, one of fault
-    flags: int  # bits of flag
+    state: int  # number of the state
+    fault: int  # number of the latched fault
+    flags: int  # flags, one bit each
     demand: int  # active demand, q31
     force: int  # measured force, q30
     gap: int  # measured gap, q30
@@ -312,7 +313,7 @@ class StatusAnswer(Message, code=0x82, form="<BBHiiiiiHHHHHiiiiI"):
     bad_frames: int  # damaged frames, modulo 65536
     lost_frames: int  # missing sequence numbers, modulo 65536
     missed_ticks: int  # missed ticks since power-on, modulo 65536
-    phase: int  # one of phase
+    phase: int  # number of the phase
     position: int  # last plausible position, q31
     reference: int  # reference position, q31
     current_2: int  # measured current of the second magnet, q30
@@ -325,7 +326,7 @@ class AckAnswer(Message, code=0x83, form="<HH"):
     """The request was executed."""
 
     request: int  # type of the request
-    detail: int  # see the request
+    detail: int  # detail that the request describes
 
 
 @dataclass(frozen=True)
@@ -333,21 +334,21 @@ class NakAnswer(Message, code=0x84, form="<HHH"):
     """The request was rejected and had no effect."""
 
     request: int  # type of the request
-    reason: int  # one of reason
-    detail: int  # see the reason
+    reason: int  # number of the reason
+    detail: int  # detail that the reason describes
 
 
 @dataclass(frozen=True)
 class SettingAnswer(Message, code=0x85, form="<Hi"):
-    """The value of a setting."""
+    """Contains the value of a setting."""
 
-    setting: int  # one of setting
+    setting: int  # number of the setting
     value: int
 
 
 @dataclass(frozen=True)
 class BlockWordsAnswer(Message, code=0x86, form="<H", tail="h"):
-    """Words of the active block."""
+    """Contains words of the active block."""
 
     offset: int  # offset of the first word
     words: tuple[int, ...]
@@ -355,7 +356,10 @@ class BlockWordsAnswer(Message, code=0x86, form="<H", tail="h"):
 
 @dataclass(frozen=True)
 class XcpPacketsAnswer(Message, code=0x89, form="<", tail="B"):
-    """The answer to the command, then events and samples; each packet follows its length."""
+    """Contains the answer to the command, then events and samples.
+
+    The length of each packet precedes it.
+    """
 
     packets: tuple[int, ...]
 
@@ -364,13 +368,13 @@ class XcpPacketsAnswer(Message, code=0x89, form="<", tail="B"):
 class PlantSample(PlantRecord, form="<IiiiiiI"):
     """Plant to controller: the sensor readings at the beginning of a tick."""
 
-    tick: int  # counts from 1
-    gap: int  # q30: 0 is the low end of the model's gaps, 1.0 the high one
-    force: int  # q30 of the full-scale force
-    position: int  # q31 of the position controller's full scale
+    tick: int  # number of the tick, from 1 on
+    gap: int  # gap, q30: 0 is the smallest gap of the model, 1.0 the largest
+    force: int  # force, q30 of the full scale
+    position: int  # position, q31 of the controller's full scale
     current: int  # current of the first magnet, q30 of full scale
     current_2: int  # current of the second magnet, q30 of full scale
-    status: int  # bits of PORT_... in port/port.h
+    status: int  # status bits PORT_... of port/port.h
 
 
 @dataclass(frozen=True)
@@ -380,12 +384,12 @@ class PlantDrive(PlantRecord, form="<IiiIIiiii"):
     tick: int  # tick of the sample from which the record was computed
     drive: int  # commanded current of the first magnet, q31 of full scale
     drive_2: int  # commanded current of the second magnet, q31 of full scale
-    state: int  # state + 256*fault
-    mode: int  # flags + 65536*phase
+    state: int  # number of the state + 256*(reason of the fault)
+    mode: int  # bit mask of the flags + 65536*phase
     demand: int  # active demand, q31 of the full-scale force
     reference: int  # reference position, q31 of the controller's full scale
-    flux: int  # flux of the first magnet's model after the commit, q30
-    expected: int  # force of this model, q31
+    flux: int  # flux of the first magnet after the commit, as its model predicts, q30
+    expected: int  # force of the first magnet, as its model predicts, q31
 
 
 ANSWERS: dict[int, type[Message]] = {

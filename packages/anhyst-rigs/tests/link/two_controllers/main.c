@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Two controllers on one chip, the Cortex-M3 of an Arm MPS2 (AN385) as QEMU models it: their links
-   are UART0 and UART1. For each a tick passes with every byte that arrives on its own line, so that
-   what it answers does not depend on when the bytes arrive, nor on the other one. Its magnet
-   follows the current at once. */
+/* Two controllers on one chip, the Cortex-M3 of an Arm MPS2 (AN385) as QEMU models it.
+ *
+ * The links are UART0 and UART1. Each controller runs one tick per byte received on its UART. Its
+ * answers therefore depend neither on the time of arrival nor on the other controller. The
+ * simulated magnet follows the current without delay. */
 #include <stdint.h>
 
 #include "lockstep.h"
@@ -17,7 +18,7 @@
 #define UART_TX_FULL 1U
 #define UART_RX_FULL 2U
 #define UART_BOTH_ENABLE 3U
-#define UART_FASTEST 16U
+#define UART_MIN_DIVIDER 16U
 
 typedef struct {
   app firmware;
@@ -100,7 +101,7 @@ static void start(controller *c, uint32_t uart)
                             .keep = keep};
   c->port = port;
   c->uart = uart;
-  UART_DIVIDER(uart) = UART_FASTEST;
+  UART_DIVIDER(uart) = UART_MIN_DIVIDER;
   UART_CONTROL(uart) = UART_BOTH_ENABLE;
   app_start(&c->firmware, &c->body, &lockstep_board, &c->port);
 }
