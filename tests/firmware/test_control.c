@@ -248,7 +248,7 @@ static void a_change_while_there_was_no_sample_is_judged_by_its_time(void)
   bench.sample.status = 0;
   bench.sample.gap += PORT_ONE / 100 * 2; /* in three ticks; one allows PORT_ONE/100 */
   bench_ticks(1);
-  CHECK(states()->state == ANHYST_STATE_RUN && states()->age == 0);
+  CHECK(states()->state == ANHYST_STATE_RUN && states()->sample_age == 0);
 }
 
 static void two_implausible_samples_are_bridged_by_the_last_plausible_one(void)
