@@ -64,12 +64,12 @@ typedef struct {
   uint16_t deviating_ticks[ANHYST_WRENCH_DRIVES];      /* consecutive ticks with a deviation */
   ANHYST_REAL reference_offset[ANHYST_WRENCH_AXES];    /* reference minus target, for each axis */
   ANHYST_REAL last_reading[ANHYST_AXES_HEADS];         /* last accepted reading of each head */
-  uint16_t doubt_count[ANHYST_AXES_HEADS];             /* weighted count of suspect readings of each head */
-  uint16_t valid_heads;    /* bit mask of the heads that had a valid reading */
-  uint16_t lost_heads;     /* bit mask of the lost heads */
-  uint16_t last_lost_head; /* index of the last lost head */
-  uint16_t landing_ticks;  /* number of ticks since the landing started */
-  uint16_t flight_state;   /* value of anhyst_axes_state */
+  uint16_t doubt_count[ANHYST_AXES_HEADS]; /* count of suspect readings, a jump counts more */
+  uint16_t valid_heads;                    /* bit mask of the heads that had a valid reading */
+  uint16_t lost_heads;                     /* bit mask of the lost heads */
+  uint16_t last_lost_head;                 /* index of the last lost head */
+  uint16_t landing_ticks;                  /* number of ticks since the landing started */
+  uint16_t flight_state;                   /* value of anhyst_axes_state */
 } anhyst_axes_x;
 
 /* Starts at standstill. Returns ANHYST_OK, or ANHYST_BAD_PARAMETER if the settings are not valid.
