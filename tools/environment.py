@@ -21,13 +21,13 @@ ROOT = Path(__file__).resolve().parents[1]
 BIN = ROOT / ".venv" / "bin"
 PIP = [str(BIN / "python"), "-m", "pip", "--disable-pip-version-check"]
 
-# Taken from PyPI, so that every machine builds with the same ones.
+# These tools are installed from PyPI, so that every machine builds with the same versions.
 BUILD_TOOLS = ["cmake", "ninja"]
 
 PARTS = ("anhyst", "anhyst-rigs", "anhyst-exchange")
 """Folders of packages/. Each part depends only on parts before it."""
 
-# What `make demo` runs, and the page it points to; further extras come with `make test`.
+# Extras that `make demo` needs, and the page that it mentions. `make test` adds further extras.
 DEMO_EXTRAS = ["anhyst[verify]", "anhyst-rigs[link,live]"]
 
 ZIG_AS_CPP = """#!/bin/sh
@@ -35,7 +35,7 @@ exec "{python}" -m ziglang c++ "$@"
 """
 
 
-def missing() -> str:
+def find_missing_requirement() -> str:
     """Return what the machine lacks, with the remedy; an empty string if nothing is missing."""
     if sys.version_info < (3, 11):  # noqa: UP036 - run before the right Python is chosen
         found = ".".join(map(str, sys.version_info[:3]))
@@ -52,7 +52,7 @@ def missing() -> str:
     return ""
 
 
-def settings(folder: Path) -> dict[str, Any]:
+def read_project(folder: Path) -> dict[str, Any]:
     """Return the contents of a folder's pyproject.toml."""
     import tomllib
 
@@ -61,63 +61,64 @@ def settings(folder: Path) -> dict[str, Any]:
 
 def requirements(listed: list[str]) -> list[str]:
     """Return requirements, with extras of this repository replaced by what they require."""
-    found = []
-    for one in listed:
-        if inner := re.fullmatch(r"(anhyst[a-z-]*)\[(.*)\]", one):
-            extras = settings(ROOT / "packages" / inner[1])["project"]["optional-dependencies"]
-            found += [needed for name in inner[2].split(",") for needed in extras[name]]
-        elif not one.startswith("anhyst"):
-            found.append(one)
-    return found
+    expanded = []
+    for part in listed:
+        if nested_extras := re.fullmatch(r"(anhyst[a-z-]*)\[(.*)\]", part):
+            extras = read_project(ROOT / "packages" / nested_extras[1])["project"]["optional-dependencies"]
+            expanded += [requirement for name in nested_extras[2].split(",") for requirement in extras[name]]
+        elif not part.startswith("anhyst"):
+            expanded.append(part)
+    return expanded
 
 
-def step(what: str, work: Callable[[], None]) -> None:
-    """Print the name of a step, run it, and print its duration."""
-    print(f"make: {what} ...", end="", flush=True)
-    began = time.monotonic()
+def run_step(name: str, action: Callable[[], None]) -> None:
+    """Print the name of a step, run the step, and print its duration."""
+    print(f"make: {name} ...", end="", flush=True)
+    start_time = time.monotonic()
     try:
-        work()
+        action()
     except BaseException:
         print(flush=True)
         raise
-    print(f" {time.monotonic() - began:.0f} s", flush=True)
+    print(f" {time.monotonic() - start_time:.0f} s", flush=True)
 
 
-def own_index() -> bool:
-    """Whether pip uses a package index other than PyPI. uv does not read that setting."""
+def uses_other_index() -> bool:
+    """Whether pip uses a package index other than PyPI. uv does not read that setting of pip."""
     listed = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=False)
     return bool(re.search(r"index[-_]url|no[-_]index", listed.stdout))
 
 
-def create() -> None:
+def create_environment() -> None:
     """Create .venv, and install uv if possible: it needs a tenth of pip's time."""
     subprocess.run([sys.executable, "-m", "venv", str(BIN.parent)], check=True)
-    if not own_index():
-        # Without a wheel for this machine uv would be compiled, for minutes.
-        wanted = ["--quiet", "--only-binary", ":all:", "uv"]
-        subprocess.run([*PIP, "install", *wanted], capture_output=True, check=False)
+    if not uses_other_index():
+        # Without a wheel of uv for this machine, pip would compile it for minutes.
+        build_packages = ["--quiet", "--only-binary", ":all:", "uv"]
+        subprocess.run([*PIP, "install", *build_packages], capture_output=True, check=False)
 
 
-def install(packages: list[str]) -> None:
+def install_packages(packages: list[str]) -> None:
     """Install packages into .venv with uv, or with pip if uv fails."""
     uv = [str(BIN / "uv"), "pip", "install", "--quiet", "--python", str(BIN / "python")]
     if (BIN / "uv").exists():
         if subprocess.run([*uv, *packages], capture_output=True, check=False).returncode == 0:
             return
         print(" (with pip)", end="", flush=True)
-    # Python compiles what is imported; all of it at once takes longer than the downloads.
+    # Python compiles a module when it is imported. Compiling all modules here takes longer than the
+    # downloads.
     subprocess.run([*PIP, "install", "--quiet", "--no-compile", *packages], check=True)
 
 
-def prepare() -> None:
+def prepare_environment() -> None:
     """Create .venv and install the packages. Without a C++ compiler, zig compiles the binding."""
-    step("1 of 3: .venv; nothing is installed outside this folder", create)
-    parts = [settings(ROOT / "packages" / part) for part in PARTS]
+    run_step("1 of 3: .venv; nothing is installed outside this folder", create_environment)
+    parts = [read_project(ROOT / "packages" / part) for part in PARTS]
     wanted = [one for part in parts for one in part["build-system"]["requires"]]
     wanted += [one for part in parts for one in part["project"]["dependencies"]] + DEMO_EXTRAS
     packages = list(dict.fromkeys([*requirements(wanted), *BUILD_TOOLS]))
     names = ", ".join(re.split(r"[=<>]", package)[0] for package in packages)
-    step(f"2 of 3: what builds and runs anhyst: {names}", lambda: install(packages))
+    run_step(f"2 of 3: what builds and runs anhyst: {names}", lambda: install_packages(packages))
     if not any(map(shutil.which, ("c++", "g++", "clang++"))):
         compiler = BIN / "c++"
         compiler.write_text(ZIG_AS_CPP.format(python=BIN / "python"), encoding="utf-8")
@@ -125,30 +126,30 @@ def prepare() -> None:
 
 
 def install_package() -> None:
-    """Compile the core and install the parts without their dependencies, which are there."""
-    env = dict(os.environ, PATH=f"{BIN}:{os.environ['PATH']}")
+    """Compile the core and install the parts; their dependencies are installed already."""
+    variables = dict(os.environ, PATH=f"{BIN}:{os.environ['PATH']}")
     if (BIN / "c++").exists():
-        env["CXX"] = str(BIN / "c++")
+        variables["CXX"] = str(BIN / "c++")
     wanted = ["--quiet", "--no-deps", "--no-build-isolation"]
     wanted += [word for part in PARTS for word in ("--editable", str(ROOT / "packages" / part))]
-    subprocess.run([*PIP, "install", *wanted], check=True, env=env)
+    subprocess.run([*PIP, "install", *wanted], check=True, env=variables)
 
 
 def main() -> int:
     """Run the step that the arguments select; return the exit code."""
-    problem = missing()
+    problem = find_missing_requirement()
     if problem:
         print(f"make: {problem}", file=sys.stderr)
         return 2
     try:
         if sys.argv[1:2] == ["--group"]:
             name = sys.argv[2]
-            group = settings(ROOT)["dependency-groups"][name]
-            step(f"what '{name}' needs", lambda: install(requirements(group)))
+            group = read_project(ROOT)["dependency-groups"][name]
+            run_step(f"what '{name}' needs", lambda: install_packages(requirements(group)))
         elif sys.argv[1:2] == ["--package"]:
-            step("3 of 3: compile the core, install anhyst into .venv", install_package)
+            run_step("3 of 3: compile the core, install anhyst into .venv", install_package)
         else:
-            prepare()
+            prepare_environment()
     except subprocess.CalledProcessError as error:
         return error.returncode or 1
     return 0

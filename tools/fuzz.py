@@ -30,7 +30,7 @@ from anhyst_rigs.link.firmware import actuator_defines
 ROOT = Path(__file__).resolve().parents[1]
 VARIANTS = ("full", "simplified")
 XCP_RUNS = ("xcp-1", "xcp-2")
-"""Runs with XCP commands alone, each with its own seed."""
+"""Runs with only XCP commands, each with its own seed."""
 
 TICK_RATE_HZ = 100.0
 """Ticks per second. The rate is low, so that the heartbeat of 0.1 s is only a few ticks of a
@@ -38,7 +38,8 @@ script."""
 
 COMPILER_FLAGS = [
     *("-std=c99", "-O2", "-g", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
-    # Comparisons need not be traced: the harness makes valid frames itself. Twice as fast.
+    # Comparisons need not be traced, because the harness makes valid frames itself. This doubles
+    # the speed.
     "-fno-sanitize-coverage=trace-cmp,trace-div,trace-gep",
 ]
 NAME = "magnet"
@@ -82,7 +83,7 @@ def build_harness(run_name: str, folder: Path, clang: str) -> Path:
     ]
     program = folder / f"fuzz-{run_name}"
     include = (ROOT / "firmware", compiled / "include", ROOT / "core" / "include", compiled)
-    options = [f"-I{place}" for place in include]
+    options = [f"-I{folder_path}" for folder_path in include]
     options += [f"-D{key}={value}" for key, value in actuator_defines(NAME).items()]
     options += ["-DFUZZ_XCP"] if is_xcp_only else []
     subprocess.run([clang, *COMPILER_FLAGS, *options, *map(str, sources), "-o", str(program)], check=True)
@@ -90,7 +91,7 @@ def build_harness(run_name: str, folder: Path, clang: str) -> Path:
 
 
 def start_run(run_name: str, program: Path, runs: int, seed: int) -> subprocess.Popen[str]:
-    """Start a run with an empty corpus."""
+    """Start a run of the fuzzer with an empty corpus."""
     corpus = program.with_name(f"corpus-{run_name}")
     shutil.rmtree(corpus, ignore_errors=True)
     corpus.mkdir()
@@ -124,8 +125,8 @@ def run_in_parallel(run_names: tuple[str, str], runs: int, seed: int, folder: Pa
     """Build and run two programs, each with half of the inputs; return the number of failures."""
     programs = {run_name: build_harness(run_name, folder, clang) for run_name in run_names}
     running = {
-        kind: start_run(kind, programs[kind], runs // 2, seed + number)
-        for number, kind in enumerate(run_names)
+        run_label: start_run(run_label, programs[run_label], runs // 2, seed + number)
+        for number, run_label in enumerate(run_names)
     }
     failures = 0
     for kind, process in running.items():

@@ -53,11 +53,11 @@ def make_good_files(folder: Path) -> dict[str, list[bytes]]:
     for suffix in (".mat", ".mf4", ".tdms", ".h5", ".parquet"):
         paths_by_suffix[suffix] = [folder / f"good{suffix}"]
         WRITERS[suffix](paths_by_suffix[suffix][0], groups[:1] if suffix == ".parquet" else groups)
-    for make in (
+    for write_format in (
         recordings.with_time, recordings.time_series, recordings.matlab_73,
         recordings.control_desk, recordings.object_in_v5,
     ):  # fmt: skip
-        paths_by_suffix[".mat"].append(make(folder / f"{make.__name__}.mat"))
+        paths_by_suffix[".mat"].append(write_format(folder / f"{write_format.__name__}.mat"))
     rows = zip(times.tolist(), current.tolist(), force.tolist(), strict=True)
     table = [["t", "I", "F"], ["s", "A", "N"], *map(list, rows)]
     paths_by_suffix[".xlsx"] = [recordings.workbook(folder / "good.xlsx", table)]
@@ -67,8 +67,8 @@ def make_good_files(folder: Path) -> dict[str, list[bytes]]:
     return contents
 
 
-def damage(content: bytes, generator: random.Random) -> bytes:
-    """Damage a file at one to eight positions; half of the positions are in the first 2048 bytes."""
+def damage_content(content: bytes, generator: random.Random) -> bytes:
+    """Damage a file at one to eight positions. Half of the positions are in the first 2048 bytes."""
     data = bytearray(content)
     for _ in range(generator.choice((1, 1, 1, 2, 4, 8))):
         if not data:
@@ -97,13 +97,18 @@ def damage(content: bytes, generator: random.Random) -> bytes:
 
 def damage_archive(content: bytes, generator: random.Random) -> bytes:
     """Damage one member of a zip file; the archive itself stays valid."""
-    packed = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(packed, "w") as new:
-        chosen = generator.choice(old.namelist())
-        for name in old.namelist():
-            member = old.read(name)
-            new.writestr(name, damage(member, generator) if name == chosen else member)
-    return packed.getvalue()
+    damaged_bytes = io.BytesIO()
+    with (
+        zipfile.ZipFile(io.BytesIO(content)) as source_archive,
+        zipfile.ZipFile(damaged_bytes, "w") as damaged_archive,
+    ):
+        damaged_name = generator.choice(source_archive.namelist())
+        for name in source_archive.namelist():
+            member = source_archive.read(name)
+            damaged_archive.writestr(
+                name, damage_content(member, generator) if name == damaged_name else member
+            )
+    return damaged_bytes.getvalue()
 
 
 def make_damaged_file(suffix: str, seeds: list[bytes], number: int) -> bytes:
@@ -112,11 +117,11 @@ def make_damaged_file(suffix: str, seeds: list[bytes], number: int) -> bytes:
     content = generator.choice(seeds)
     if suffix == ".xlsx" and generator.random() < 0.7:
         return damage_archive(content, generator)
-    return damage(content, generator)
+    return damage_content(content, generator)
 
 
 def try_file(path: Path) -> str:
-    """Read the channels of a file; return the result as a word."""
+    """Read the channels of a file; return the result as one word."""
     try:
         list_channels(path)
     except InputError as refusal:
@@ -136,7 +141,7 @@ def run_batch(suffix: str, seeds: list[bytes], numbers: range, folder: Path) -> 
     child = os.fork()
     if child == 0:
         sys.stderr = (folder / "faults.txt").open("a", encoding="utf-8")
-        for stream in (1, 2):  # libraries print what they do not understand
+        for stream in (1, 2):  # libraries print warnings about data that they cannot read
             os.dup2(sys.stderr.fileno(), stream)
         for number in numbers:
             limit_resources(MIN_CPU_TIME_S, 0)
@@ -170,13 +175,15 @@ def main() -> int:
             results = (options.out / "said").read_text().split("\n")[:-1]
             counts.update(f"{suffix} {result}" for result in results)
             failed_indices = [
-                n for n, result in enumerate(results) if result not in {"read", "refused", "too large"}
+                result_index
+                for result_index, result in enumerate(results)
+                if result not in {"read", "refused", "too large"}
             ]
             for index in failed_indices:
                 saved_file = options.out / f"wrong-{first + index}{suffix}"
                 saved_file.write_bytes(make_damaged_file(suffix, files, first + index))
             failures += len(failed_indices)
-            if completed < FILES_PER_PROCESS:  # the process died of the next one
+            if completed < FILES_PER_PROCESS:  # the next file crashed the process
                 saved_file = options.out / f"crash-{first + completed}{suffix}"
                 saved_file.write_bytes(make_damaged_file(suffix, files, first + completed))
                 result = try_file(saved_file)

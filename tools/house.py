@@ -58,13 +58,12 @@ BUDGETS = {
     **{"C core": 14_000, "C rigs": 10_000, "C parts": 7_500},
     **{"changelog": 600, "architecture": 1_800},
 }
-"""The targets of the limits."""
+"""Targets of the metrics."""
 ROUNDING_STEPS = {"files": 10, "code": 500, **dict.fromkeys(PARTS, 100)}
-"""Limits of numbers that change with every commit are rounded up to a multiple of this step."""
 ROUNDING_STEPS |= {"C core": 100, "C rigs": 100, "C parts": 100, "changelog": 100, "architecture": 100}
-"""What changes with every commit is recorded rounded up to these."""
+"""Metrics that change with every commit are recorded as multiples of these steps, rounded up."""
 
-Graph = dict[str, set[str]]
+ImportGraph = dict[str, set[str]]
 
 
 def count_metrics() -> dict[str, int]:
@@ -74,8 +73,8 @@ def count_metrics() -> dict[str, int]:
     trees = {name: ast.parse(text) for name, text in texts.items()}
     modules = find_imports(trees)
     packages = {name for name, path in files.items() if path.name == "__init__.py"}
-    folders = _merge(modules, lambda name: name if name in packages else name.rpartition(".")[0])
-    rooms = _merge(modules, lambda name: ".".join(name.split(".")[:2]))
+    folders = _merge_groups(modules, lambda name: name if name in packages else name.rpartition(".")[0])
+    rooms = _merge_groups(modules, lambda name: ".".join(name.split(".")[:2]))
     return {
         "rooms": len(rooms),
         "pairs": sum(map(len, rooms.values())),
@@ -107,25 +106,29 @@ def measure_walks() -> dict[str, int]:
     They are measured in a separate process, so that nothing is cached from an earlier run.
     """
     command = [sys.executable, "-m", "tools.walks"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    measured: dict[str, dict[str, int]] = json.loads(done.stdout)
-    return {f"{way}, {what}": n for way, each in measured.items() for what, n in each.items()}
+    completed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    measured: dict[str, dict[str, int]] = json.loads(completed.stdout)
+    return {
+        f"{walk_name}, {what}": count for walk_name, each in measured.items() for what, count in each.items()
+    }
 
 
-def find_imports(trees: Mapping[str, ast.Module], *, include_top_packages: bool = False) -> Graph:
+def find_imports(trees: Mapping[str, ast.Module], *, include_top_packages: bool = False) -> ImportGraph:
     """Return the modules that each module imports, with or without the top packages."""
     return {
         name: {
-            one for one in _find_targets(tree, trees) if one != name and (include_top_packages or "." in one)
+            one
+            for one in _find_imported_modules(tree, trees)
+            if one != name and (include_top_packages or "." in one)
         }
         for name, tree in trees.items()
         if include_top_packages or "." in name
     }
 
 
-def count_upward_imports(graph: Graph) -> int:
+def count_upward_imports(graph: ImportGraph) -> int:
     """Return the number of imports from a part into a part that depends on it."""
-    rank = {part.replace("-", "_"): at for at, part in enumerate(PARTS)}
+    rank = {part.replace("-", "_"): part_index for part_index, part in enumerate(PARTS)}
     return sum(
         rank[target.split(".")[0]] > rank[name.split(".")[0]]
         for name, targets in graph.items()
@@ -133,10 +136,13 @@ def count_upward_imports(graph: Graph) -> int:
     )
 
 
-def find_cycles(graph: Graph) -> list[set[str]]:
-    """Return the groups of names that reach each other."""
+def find_cycles(graph: ImportGraph) -> list[set[str]]:
+    """Return the groups of names that reach each other in the graph of imports."""
     reachable = {name: _find_reachable(graph, name) for name in graph}
-    groups = {frozenset(other for other in reachable[name] if name in reachable[other]) for name in graph}
+    groups = {
+        frozenset(other_name for other_name in reachable[name] if name in reachable[other_name])
+        for name in graph
+    }
     return [set(group) for group in groups if len(group) > 1]
 
 
@@ -163,9 +169,9 @@ def main() -> int:
     limits: dict[str, int] = json.loads(RECORD.read_text("utf-8"))
     rounded = round_up(metrics)
     for name, value in metrics.items():
-        rise = f"   exceeds the limit {limits[name]:,}" if rounded[name] > limits[name] else ""
+        increase = f"   exceeds the limit {limits[name]:,}" if rounded[name] > limits[name] else ""
         excess = f"   budget {BUDGETS[name]:,}" if value > BUDGETS.get(name, value) else ""
-        print(f"{DESCRIPTIONS[name]:78}{value:8,}{excess}{rise}")
+        print(f"{DESCRIPTIONS[name]:78}{value:8,}{excess}{increase}")
     limits = {name: min(value, limits[name]) for name, value in rounded.items()}
     RECORD.write_text(json.dumps(limits, indent=2) + "\n", "utf-8")
     PAGE.write_text(TABLE.sub(rf"\g<1>{format_table(metrics)}\g<2>", PAGE.read_text("utf-8")), "utf-8")
@@ -177,29 +183,31 @@ def _module_name(path: Path, source: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def _find_targets(tree: ast.Module, known: Iterable[str]) -> Iterator[str]:
+def _find_imported_modules(tree: ast.Module, project_modules: Iterable[str]) -> Iterator[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if alias.name in known)
-        elif isinstance(node, ast.ImportFrom) and node.module and node.module in known:
+            yield from (alias.name for alias in node.names if alias.name in project_modules)
+        elif isinstance(node, ast.ImportFrom) and node.module and node.module in project_modules:
             for alias in node.names:
-                full = f"{node.module}.{alias.name}"
-                yield full if full in known else node.module
+                full_name = f"{node.module}.{alias.name}"
+                yield full_name if full_name in project_modules else node.module
 
 
-def _merge(graph: Graph, group_of: Callable[[str], str]) -> Graph:
-    merged: Graph = {}
+def _merge_groups(graph: ImportGraph, group_of: Callable[[str], str]) -> ImportGraph:
+    merged: ImportGraph = {}
     for name, targets in graph.items():
-        merged.setdefault(group_of(name), set()).update({group_of(one) for one in targets} - {group_of(name)})
+        merged.setdefault(group_of(name), set()).update(
+            {group_of(name_of_member) for name_of_member in targets} - {group_of(name)}
+        )
     return merged
 
 
-def _find_reachable(graph: Graph, start: str) -> set[str]:
-    visited, waiting = {start}, [start]
-    while waiting:
-        unvisited = graph.get(waiting.pop(), set()) - visited
+def _find_reachable(graph: ImportGraph, start: str) -> set[str]:
+    visited, pending_names = {start}, [start]
+    while pending_names:
+        unvisited = graph.get(pending_names.pop(), set()) - visited
         visited |= unvisited
-        waiting += unvisited
+        pending_names += unvisited
     return visited
 
 
@@ -226,7 +234,9 @@ def _count_kind_tests(tree: ast.Module) -> int:
         elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("anhyst_rigs.kinds."):
             count += any(alias.name != "RigKind" for alias in node.names)
         elif isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance":
-            names = {one.id for one in ast.walk(node.args[1]) if isinstance(one, ast.Name)}
+            names = {
+                class_node.id for class_node in ast.walk(node.args[1]) if isinstance(class_node, ast.Name)
+            }
             count += bool(names & _CLASSES_OF_ONE_KIND)
     return count
 
@@ -243,9 +253,9 @@ def _count_code_lines(text: str, tree: ast.Module) -> int:
     return len(lines)
 
 
-def _count_c_lines(*places: Path) -> int:
+def _count_c_lines(*folders: Path) -> int:
     """Return the number of lines of C and C++ in folders, without the headers of the FMI standard."""
-    sources = (path for place in places for path in place.rglob("*") if path.suffix in {".c", ".h", ".cpp"})
+    sources = (path for place in folders for path in place.rglob("*") if path.suffix in {".c", ".h", ".cpp"})
     project_files = (path for path in sources if path.parent.name != "fmi")
     return sum(len(path.read_text("utf-8").splitlines()) for path in project_files)
 

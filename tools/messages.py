@@ -271,8 +271,8 @@ def _placeholder_of(node: ast.expr) -> str:
 
 
 def _combine(parts: Iterable[list[str]]) -> list[str]:
-    limited = [part if len(part) <= MAX_WORDINGS_OF_PART else [PLACEHOLDER] for part in parts]
-    return ["".join(texts) for texts in itertools.product(*limited)]
+    limited_texts = [part if len(part) <= MAX_WORDINGS_OF_PART else [PLACEHOLDER] for part in parts]
+    return ["".join(texts) for texts in itertools.product(*limited_texts)]
 
 
 if __name__ == "__main__":

@@ -27,11 +27,11 @@ ROOT = Path(__file__).resolve().parents[1]
 RECORD = ROOT / "tools" / "plain_english.json"
 SKIPPED_FOLDERS = {"third_party", "fmi", "truths", "uplot", "kept_models"}
 LOWEST_LIMITS = {"sentences": 15, "names": 2}
-"""Percent below which the record does not fall: a clear text still has false hits."""
+"""Lowest limits in the record, percent: a clear text still has false hits."""
 MAX_WORDS = 30
 """Maximum number of words in a sentence."""
 MIN_WORDS = 3
-"""Minimum number of words in a sentence that is checked."""
+"""Minimum number of words in a checked sentence."""
 MIN_MESSAGE_WORDS = 5
 """Minimum number of words in a string literal that counts as a message."""
 

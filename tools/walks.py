@@ -1,9 +1,9 @@
 """Trace which files process a model on its way to C, and a rig file on its way to a recording.
 
-``make house`` runs both jobs under a profiler. The trace records the file of each function when it
-is first called with the traced object, or with an object that was made from it. Consecutive calls
-in one file count as one visit. A *return* is a visit to a file that was left before. The fewer
-files and returns, the easier it is to read the code from start to end.
+``make house`` runs both jobs under a profiler. The trace records the file of each function when the
+function is first called with the traced object, or with an object that was made from it.
+Consecutive calls in one file count as one visit. A *return* is a visit to a file that was left
+before. Code with fewer files and returns is easier to read from start to end.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from pathlib import Path
 from types import CodeType, FrameType
 
 ROOT = Path(__file__).resolve().parents[1]
-MODEL = ROOT / "packages" / "anhyst" / "tests" / "kept_models" / "electromagnet.toml"
-RIG = ROOT / "examples" / "bearing" / "rig.toml"
+MODEL_FILE = ROOT / "packages" / "anhyst" / "tests" / "kept_models" / "electromagnet.toml"
+RIG_FILE = ROOT / "examples" / "bearing" / "rig.toml"
 
 
 class FileTrace:
@@ -28,8 +28,8 @@ class FileTrace:
         self.visited_files: list[str] = []
         self._entered_functions: set[CodeType] = set()
 
-    def trace(self, job: Callable[[], object]) -> dict[str, int]:
-        """Run a job; return the number of files and of returns."""
+    def trace_job(self, job: Callable[[], object]) -> dict[str, int]:
+        """Run a job; return the number of files that it visits and of returns to a file."""
         sys.setprofile(self._record_call)
         try:
             job()
@@ -60,7 +60,7 @@ def trace_model_to_c() -> dict[str, int]:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "c"
         file_trace = FileTrace("anhyst.model", "anhyst.compensate", "anhyst.compilation")
-        return file_trace.trace(lambda: anhyst.compile(MODEL, out, rate=20_000.0))
+        return file_trace.trace_job(lambda: anhyst.compile(MODEL_FILE, out, rate=20_000.0))
 
 
 def trace_rig_to_recording() -> dict[str, int]:
@@ -72,14 +72,14 @@ def trace_rig_to_recording() -> dict[str, int]:
     from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 
     def job() -> None:
-        rig, controller = read_files(RIG, None)
-        ready = check_inputs(rig, controller)
+        rig, controller = read_files(RIG_FILE, None)
+        prepared_rig = check_inputs(rig, controller)
         variant = controller.settings.compensation.variant
-        setup = make_setups(ready.rig, controller, ready.identify_magnet(), (variant,))[variant]
-        steps, *_ = plan_recorded_run(ready.rig, setup.controller)
+        setup = make_setups(prepared_rig.rig, controller, prepared_rig.identify_magnet(), (variant,))[variant]
+        steps, *_ = plan_recorded_run(prepared_rig.rig, setup.controller)
         assert levitation_fault(setup, SimulatedLoop(setup).run(steps), steps) is None
 
-    return FileTrace("anhyst_rigs").trace(job)
+    return FileTrace("anhyst_rigs").trace_job(job)
 
 
 if __name__ == "__main__":

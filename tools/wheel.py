@@ -25,36 +25,37 @@ from tools.environment import PARTS
 ROOT = Path(__file__).resolve().parents[1]
 DIST = ROOT / "dist"
 TUTORIAL = ROOT / "docs" / "tutorial.md"
-OTHERS = PARTS[1:]
-"""The parts without anything that is compiled."""
-ALONE = 6
-"""The last step of the tutorial that needs the part anhyst alone."""
+PURE_PYTHON_PARTS = PARTS[1:]
+"""The parts that contain no compiled code."""
+LAST_STEP_WITH_ANHYST_ALONE = 6
+"""The last step of the tutorial that needs only the part anhyst."""
 
 MACHINES = ("x86_64", "aarch64")
-GLIBC = (2, 17)
-"""Of 2012, as in manylinux2014."""
+MIN_GLIBC = (2, 17)
+"""Oldest supported glibc, of 2012, as in manylinux2014."""
 
-_STABLE = (3, 12)
-"""From here on the stable ABI has what nanobind needs."""
-_BLOCK = re.compile(r"^(<!-- not run\b[^>]*-->\s*)?^```(sh|python)\n(.*?)^```$", re.M | re.S)
-
-
-def tag(version: tuple[int, int], machine: str) -> str:
-    """Return what a wheel built by a version of CPython is for: interpreter, ABI, platform."""
-    platform = f"manylinux_{GLIBC[0]}_{GLIBC[1]}_{machine}"
-    if version >= _STABLE:
-        return f"cp{_STABLE[0]}{_STABLE[1]}-abi3-{platform}"
-    own = f"cp{version[0]}{version[1]}"
-    return f"{own}-{own}-{platform}"
+_FIRST_STABLE_ABI = (3, 12)
+"""First version of Python whose stable ABI contains the functions that nanobind needs."""
+_CODE_BLOCK = re.compile(r"^(<!-- not run\b[^>]*-->\s*)?^```(sh|python)\n(.*?)^```$", re.M | re.S)
 
 
-def build(python: Path, machine: str, dist: Path) -> Path:
-    """Build the wheel of a Python for a machine.
+def wheel_tag(version: tuple[int, int], machine: str) -> str:
+    """Return the compatibility tag of a wheel: interpreter, ABI and platform."""
+    platform = f"manylinux_{MIN_GLIBC[0]}_{MIN_GLIBC[1]}_{machine}"
+    if version >= _FIRST_STABLE_ABI:
+        return f"cp{_FIRST_STABLE_ABI[0]}{_FIRST_STABLE_ABI[1]}-abi3-{platform}"
+    interpreter_tag = f"cp{version[0]}{version[1]}"
+    return f"{interpreter_tag}-{interpreter_tag}-{platform}"
+
+
+def build_wheel(python: Path, machine: str, dist: Path) -> Path:
+    """Build the wheel for a version of Python and a machine.
 
     Parameters
     ----------
     python : Path
-        Of this machine; one that is not this one gets what it builds with in a place of its own.
+        A Python of this machine. If it is not the running one, its build tools are installed into a
+        separate folder.
     machine : str
         One of :data:`MACHINES`.
     dist : Path
@@ -65,13 +66,13 @@ def build(python: Path, machine: str, dist: Path) -> Path:
     Path
         The wheel.
     """
-    version = version_of(python)
+    version = python_version(python)
     zig = f"{sys.executable} -m ziglang"
-    target = f"-target {machine}-linux-gnu.{GLIBC[0]}.{GLIBC[1]}"
-    wanted = tag(version, machine)
+    target = f"-target {machine}-linux-gnu.{MIN_GLIBC[0]}.{MIN_GLIBC[1]}"
+    tag_text = wheel_tag(version, machine)
     settings = {
-        "build-dir": str(ROOT / "build" / f"wheel-{wanted}"),
-        "env._PYTHON_HOST_PLATFORM": wanted.split("-")[2],
+        "build-dir": str(ROOT / "build" / f"wheel-{tag_text}"),
+        "env._PYTHON_HOST_PLATFORM": tag_text.split("-")[2],
         "env.SETUPTOOLS_EXT_SUFFIX": f".cpython-{version[0]}{version[1]}-{machine}-linux-gnu.so",
         "cmake.define.CMAKE_SYSTEM_NAME": "Linux",
         "cmake.define.CMAKE_SYSTEM_PROCESSOR": machine,
@@ -86,111 +87,114 @@ def build(python: Path, machine: str, dist: Path) -> Path:
         [*pip, "--no-deps", *options, "--wheel-dir", str(dist), str(ROOT / "packages" / "anhyst")],
         variables={
             "CC": f"{zig} cc {target}",
-            # Without symbols from the first check on: zig keeps a C++ library for each way.
+            # Without symbols from the first check on: zig keeps a C++ library for each set of
+            # options.
             "CXX": f"{zig} c++ {target} -s",
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         },
     )
-    (wheel,) = dist.glob(f"anhyst-*-{wanted}.whl")
+    (wheel,) = dist.glob(f"anhyst-*-{tag_text}.whl")
     return wheel
 
 
 def build_others(dist: Path) -> list[Path]:
-    """Build the wheels of the other parts into a folder; return them."""
+    """Build the wheels of the other parts into a folder; return the wheels."""
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "wheel"]
-    folders = [str(ROOT / "packages" / part) for part in OTHERS]
+    folders = [str(ROOT / "packages" / part) for part in PURE_PYTHON_PARTS]
     run(
         [*pip, "--no-build-isolation", "--no-deps", "--wheel-dir", str(dist), *folders],
         variables={"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"},
     )
-    return [next(dist.glob(f"{part.replace('-', '_')}-*.whl")) for part in OTHERS]
+    return [next(dist.glob(f"{part.replace('-', '_')}-*.whl")) for part in PURE_PYTHON_PARTS]
 
 
-def check(wheel: Path) -> None:
-    """Hold a wheel to what its name promises: the glibc, and the stable ABI.
+def check_wheel(wheel: Path) -> None:
+    """Check that a wheel needs no newer glibc, and only the stable ABI, as its name promises.
 
     Raises
     ------
     RuntimeError
-        It needs more.
+        If the wheel needs more than its name promises.
     """
     platform = wheel.stem.split("-")[4]
-    said = run([sys.executable, "-m", "auditwheel", "show", str(wheel)])
-    if f'platform tag: "{platform}"' not in " ".join(said.split()):
-        raise RuntimeError(f"{wheel.name}: {said}")
+    report = run([sys.executable, "-m", "auditwheel", "show", str(wheel)])
+    if f'platform tag: "{platform}"' not in " ".join(report.split()):
+        raise RuntimeError(f"{wheel.name}: {report}")
     if "-abi3-" in wheel.name:
         run([sys.executable, "-m", "abi3audit", "--strict", str(wheel)])
 
 
 def empty_environment(python: Path, wheel: Path, folder: Path) -> Path:
-    """Install a wheel, and what it depends on, where nothing else is; return the Python there."""
+    """Install a wheel and its dependencies into a new environment; return its Python."""
     run([str(python), "-m", "venv", str(folder)])
-    inside = folder / "bin" / "python"
-    install(inside, [wheel])
-    return inside
+    environment_python = folder / "bin" / "python"
+    install(environment_python, [wheel])
+    return environment_python
 
 
 def install(python: Path, wheels: Sequence[Path]) -> None:
-    """Install wheels, and what they depend on, into the environment of a Python."""
-    # Of what they depend on, most is never imported here: not compiling it takes half of the time.
+    """Install wheels and their dependencies into the environment of a Python."""
+    # Most modules of the dependencies are never imported here. Not compiling them halves the time.
     run([str(python), "-m", "pip", "--quiet", "install", "--no-compile", *map(str, wheels)])
 
 
-def megabytes(python: Path) -> float:
-    """Return what the packages in the environment of a Python take, without pip."""
+def installed_megabytes(python: Path) -> float:
+    """Return the size of the packages in the environment of a Python, without pip, MB."""
     (packages,) = (python.parents[1] / "lib").glob("python*/site-packages")
     files = (path for path in packages.rglob("*") if path.is_file() and not path.is_symlink())
-    own = (path for path in files if path.relative_to(packages).parts[0] not in {"pip", "setuptools"})
-    return sum(path.stat().st_size for path in own) / 1e6
+    own_files = (path for path in files if path.relative_to(packages).parts[0] not in {"pip", "setuptools"})
+    return sum(path.stat().st_size for path in own_files) / 1e6
 
 
-def up_to_step(page: str, last: int) -> str:
-    """Return a page up to a step, which its headings number."""
-    return page.partition(f"\n## {last + 1}. ")[0]
+def page_up_to_step(page: str, last_step: int) -> str:
+    """Return a page up to the end of a numbered step."""
+    return page.partition(f"\n## {last_step + 1}. ")[0]
 
 
-def run_page(page: str, python: Path, place: Path) -> int:
-    """Run a page's blocks of shell and Python in their order, in a folder.
+def run_page(page: str, python: Path, working_folder: Path) -> int:
+    """Run the shell and Python blocks of a page in their order, in a folder.
 
     Parameters
     ----------
     page : str
-        Markdown.
+        The page, in Markdown.
     python : Path
-        Of the environment whose ``anhyst`` they run.
+        The Python of the environment whose ``anhyst`` the blocks run.
     place : Path
-        Where they read and write.
+        The working folder of the blocks.
 
     Returns
     -------
     int
-        Blocks run.
+        Number of blocks that were run.
 
     Raises
     ------
     RuntimeError
-        One of them fails.
+        If a block fails.
     """
-    blocks = [(language, code) for shown, language, code in _BLOCK.findall(page) if not shown]
+    blocks = [
+        (language, code) for printed_code, language, code in _CODE_BLOCK.findall(page) if not printed_code
+    ]
     for language, code in blocks:
         if language == "sh":
             command = ["bash", "-e", "-o", "pipefail", "-c", code]
         else:
             command = [str(python), "-c", code]
-        run(command, place, {"PATH": f"{python.parent}{os.pathsep}{os.defpath}"})
+        run(command, working_folder, {"PATH": f"{python.parent}{os.pathsep}{os.defpath}"})
     return len(blocks)
 
 
 def run(command: Sequence[str], cwd: Path | None = None, variables: Mapping[str, str] | None = None) -> str:
-    """Run a command without this environment's own variables of Python; return what it prints.
+    """Run a command without the Python variables of this environment; return its output.
 
     Raises
     ------
     RuntimeError
-        It fails.
+        If the command fails.
     """
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    done = subprocess.run(
+    completed = subprocess.run(
         command,
         cwd=cwd,
         capture_output=True,
@@ -198,23 +202,23 @@ def run(command: Sequence[str], cwd: Path | None = None, variables: Mapping[str,
         check=False,
         env=environment | {"MPLBACKEND": "agg"} | dict(variables or {}),
     )
-    if done.returncode:
-        said = (done.stdout + done.stderr).splitlines()
-        raise RuntimeError("\n".join([" ".join(command), *said[-40:]]))
-    return done.stdout
+    if completed.returncode:
+        output_text = (completed.stdout + completed.stderr).splitlines()
+        raise RuntimeError("\n".join([" ".join(command), *output_text[-40:]]))
+    return completed.stdout
 
 
-def version_of(python: Path) -> tuple[int, int]:
-    """Return the version of a Python."""
-    said = run([str(python), "-c", "import sys; print(*sys.version_info[:2])"])
-    major, minor = map(int, said.split())
+def python_version(python: Path) -> tuple[int, int]:
+    """Return the major and minor version of a Python."""
+    output_text = run([str(python), "-c", "import sys; print(*sys.version_info[:2])"])
+    major, minor = map(int, output_text.split())
     return major, minor
 
 
 def try_tutorial(python: Path, others: Sequence[Path], folder: Path, say: Callable[[str], None]) -> None:
-    """Run the first steps of the tutorial with anhyst alone, then all with the other wheels."""
+    """Run the first steps of the tutorial with anhyst alone, then all steps with all wheels."""
     page = TUTORIAL.read_text(encoding="utf-8")
-    for name, steps in (("alone", up_to_step(page, ALONE)), ("all", page)):
+    for name, steps in (("alone", page_up_to_step(page, LAST_STEP_WITH_ANHYST_ALONE)), ("all", page)):
         place = folder / name
         place.mkdir()
         count = run_page(steps, python, place)
@@ -224,31 +228,31 @@ def try_tutorial(python: Path, others: Sequence[Path], folder: Path, say: Callab
 
 
 def main() -> int:
-    """Build for each Python named, then try each; return the exit code."""
+    """Build wheels for each Python that the arguments name, then test them; return the exit code."""
     pythons = [Path(name) for name in sys.argv[1:]] or [Path(sys.executable)]
-    begun = time.monotonic()
+    start_time = time.monotonic()
 
     def say(what: str) -> None:
-        print(f"wheel: {time.monotonic() - begun:.0f} s: {what}", flush=True)
+        print(f"wheel: {time.monotonic() - start_time:.0f} s: {what}", flush=True)
 
     wheels: dict[str, Path] = {}
     try:
         for python in pythons:
             for machine in MACHINES:
-                wanted = tag(version_of(python), machine)
-                if wanted not in wheels:
-                    wheels[wanted] = build(python, machine, DIST)
-                    check(wheels[wanted])
-                    say(f"{wheels[wanted].name}: built and checked")
+                tag_text = wheel_tag(python_version(python), machine)
+                if tag_text not in wheels:
+                    wheels[tag_text] = build_wheel(python, machine, DIST)
+                    check_wheel(wheels[tag_text])
+                    say(f"{wheels[tag_text].name}: built and checked")
         others = build_others(DIST)
         say(f"{', '.join(wheel.name for wheel in others)}: built")
         for python in pythons:
-            wheel = wheels[tag(version_of(python), os.uname().machine)]
+            wheel = wheels[wheel_tag(python_version(python), os.uname().machine)]
             with tempfile.TemporaryDirectory(prefix="anhyst-") as name:
-                inside = empty_environment(python, wheel, Path(name) / "environment")
-                say(f"{wheel.name}: installed into an empty environment of {python}")
-                say(f"{megabytes(inside):.0f} MB with what it depends on")
-                try_tutorial(inside, others, Path(name), say)
+                environment_python = empty_environment(python, wheel, Path(name) / "environment")
+                say(f"{wheel.name}: is installed into a new environment of {python}")
+                say(f"{installed_megabytes(environment_python):.0f} MB with what it depends on")
+                try_tutorial(environment_python, others, Path(name), say)
     except RuntimeError as error:
         print(f"wheel: {error}", file=sys.stderr)
         return 1

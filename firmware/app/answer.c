@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Answers each request of the link with one function. Data of the control task are accessed between
-   port_lock and port_unlock; these sections are short. */
+/* Answers each request of the link with one function. Data of the control task are accessed only
+   between port_lock and port_unlock, and only for a short time. */
 #include "app/request.h"
 
 #include <stddef.h>
@@ -22,7 +22,7 @@ static void put_nak(answer *to, uint16_t request, uint16_t reason, uint16_t deta
   link_put_nak(to->payload, &nak);
 }
 
-/* Answers with an acknowledgement if the reason is NONE, otherwise with a refusal. */
+/* Answers with an acknowledgement if the reason is NONE, otherwise with a refusal (NAK). */
 static void put_result(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
 {
   if (reason == LINK_REASON_NONE) {
@@ -45,12 +45,12 @@ static void put_status(app *a, answer *to)
   status.fault = (uint8_t)states->fault;
   status.flags = control->flags;
   app_body_status(control->body, &status);
-  status.missed_ticks = control->missed;
-  status.cycles = a->cycles;
+  status.missed_ticks = control->missed_ticks;
+  status.cycles = a->max_tick_cycles;
   port_unlock(a->port);
-  status.generation = app_word_in_force(a, ANHYST_WORD_GENERATION);
-  status.bad_frames = a->session.receiver.bad;
-  status.lost_frames = a->session.lost;
+  status.generation = app_active_word(a, ANHYST_WORD_GENERATION);
+  status.bad_frames = a->session.receiver.discarded_frames;
+  status.lost_frames = a->session.lost_requests;
   to->type = LINK_TYPE_STATUS;
   to->length = LINK_SIZE_STATUS;
   link_put_status(to->payload, &status);
@@ -79,11 +79,11 @@ static void on_hello(app *a, const uint8_t *p, answer *to)
   info.firmware = board->firmware;
   info.kind = board->kernel->kind;
   info.layout = ANHYST_BLOCK_LAYOUT;
-  info.generation = app_word_in_force(a, ANHYST_WORD_GENERATION);
+  info.generation = app_active_word(a, ANHYST_WORD_GENERATION);
   info.capacity = ANHYST_BLOCK_MOST_WORDS;
   info.ramp = board->limits->ramp_ms;
-  info.model = app_word_in_force(a, ANHYST_WORD_MODEL) |
-               ((uint32_t)app_word_in_force(a, ANHYST_WORD_MODEL + 1) << 16);
+  info.model = app_active_word(a, ANHYST_WORD_MODEL) |
+               ((uint32_t)app_active_word(a, ANHYST_WORD_MODEL + 1) << 16);
   info.rate = board->rate;
   info.body = board->plan != NULL ? LINK_BODY_POSITION : LINK_BODY_FORCE;
   info.magnets = app_body_compensator(a->control.body, 1) != NULL ? 2U : 1U;
@@ -100,12 +100,14 @@ static void on_heartbeat(app *a, const uint8_t *p, answer *to)
 
 static void on_demand(app *a, const uint8_t *p, answer *to)
 {
-  put_status_or_nak(a, to, LINK_TYPE_DEMAND, app_aim(a, LINK_BODY_FORCE, link_get_demand(p)));
+  put_status_or_nak(a, to, LINK_TYPE_DEMAND,
+                    app_set_reference(a, LINK_BODY_FORCE, link_get_demand(p)));
 }
 
 static void on_target(app *a, const uint8_t *p, answer *to)
 {
-  put_status_or_nak(a, to, LINK_TYPE_TARGET, app_aim(a, LINK_BODY_POSITION, link_get_target(p)));
+  put_status_or_nak(a, to, LINK_TYPE_TARGET,
+                    app_set_reference(a, LINK_BODY_POSITION, link_get_target(p)));
 }
 
 static void on_command(app *a, const uint8_t *p, answer *to)
@@ -164,8 +166,8 @@ static void on_block_swap(app *a, const uint8_t *p, answer *to)
 
 static void on_block_read(app *a, const uint8_t *p, answer *to)
 {
-  const uint16_t max_words = (LINK_PAYLOAD_MOST - LINK_SIZE_BLOCK_WORDS) / 2;
-  const uint16_t length = app_word_in_force(a, ANHYST_WORD_LENGTH);
+  const uint16_t max_words = (LINK_MAX_PAYLOAD - LINK_SIZE_BLOCK_WORDS) / 2;
+  const uint16_t length = app_active_word(a, ANHYST_WORD_LENGTH);
   link_block_read read;
   link_get_block_read(&read, p);
   if (read.words == 0U || read.words > max_words || read.offset >= length ||
@@ -176,7 +178,7 @@ static void on_block_read(app *a, const uint8_t *p, answer *to)
   link_put_block_words(to->payload, read.offset);
   uint8_t *at = to->payload + LINK_SIZE_BLOCK_WORDS;
   for (uint16_t i = 0; i < read.words; i++, at += 2) {
-    link_put_u16(at, app_word_in_force(a, (uint16_t)(read.offset + i)));
+    link_put_u16(at, app_active_word(a, (uint16_t)(read.offset + i)));
   }
   to->type = LINK_TYPE_BLOCK_WORDS;
   to->length = (uint8_t)(LINK_SIZE_BLOCK_WORDS + 2U * read.words);
@@ -200,7 +202,7 @@ static void on_store_block(app *a, const uint8_t *p, answer *to)
     const uint16_t length = (uint16_t)words[ANHYST_WORD_LENGTH];
     const int is_stored = a->port->keep(a->port->context, words, length);
     put_result(to, LINK_TYPE_KEEP, is_stored ? LINK_REASON_NONE : LINK_REASON_NOT_KEPT,
-               app_word_in_force(a, ANHYST_WORD_GENERATION));
+               app_active_word(a, ANHYST_WORD_GENERATION));
   }
 }
 
@@ -225,7 +227,7 @@ static const request_kind kinds[] = {
     {LINK_TYPE_KEEP, LINK_SIZE_KEEP, on_store_block},
 };
 
-/* Requires complete words, at least one. */
+/* Requires complete words, and at least one word. */
 static void on_block_data(app *a, const link_frame *request, answer *to)
 {
   const uint8_t *p = request->payload;
@@ -235,7 +237,7 @@ static void on_block_data(app *a, const link_frame *request, answer *to)
   } else {
     const uint16_t reason = app_download_words(&a->download, link_get_block_data(p),
                                                p + LINK_SIZE_BLOCK_DATA, (uint16_t)(tail / 2U));
-    put_result(to, LINK_TYPE_BLOCK_DATA, reason, a->download.received);
+    put_result(to, LINK_TYPE_BLOCK_DATA, reason, a->download.received_words);
   }
 }
 

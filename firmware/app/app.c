@@ -6,17 +6,17 @@
 static void session_start(app_session *session)
 {
   link_receiver_start(&session->receiver);
-  session->sending = session->answer;
-  session->check = 0;
-  session->window = 0;
+  session->next_byte = session->answer;
+  session->request_crc = 0;
+  session->answered_mask = 0;
   session->chunk_count = 0;
-  session->chunk_at = 0;
+  session->chunk_index = 0;
   session->answer_count = 0;
-  session->sending_count = 0;
-  session->last = 0;
-  session->number = 0;
-  session->open = 0;
-  session->lost = 0;
+  session->unsent_count = 0;
+  session->last_sequence = 0;
+  session->session_number = 0;
+  session->is_open = 0;
+  session->lost_requests = 0;
 }
 
 void app_start(app *a, app_body *body, const app_board *board, const struct port *port)
@@ -31,7 +31,7 @@ void app_start(app *a, app_body *body, const app_board *board, const struct port
   }
   app_download_start(&a->download);
   xcp_start(&a->carried, a);
-  a->cycles = 0;
+  a->max_tick_cycles = 0;
 }
 
 void app_tick(app *a)
@@ -61,12 +61,12 @@ void app_tick(app *a)
   xcp_tick(&a->carried);
 }
 
-/* Relation of a request to the requests before it. */
+/* Relation of a request to earlier requests. */
 enum {
-  SEQUENCE_NEW,       /* must be performed */
-  SEQUENCE_REPEATED,  /* repetition of the last request: the same bytes are sent again */
+  SEQUENCE_NEW,       /* new: must be performed */
+  SEQUENCE_REPEATED,  /* repetition of the last request: the same answer is sent again */
   SEQUENCE_OLD,       /* overtaken by newer requests: refused */
-  SEQUENCE_UNCHANGED, /* a hello that opens no session: answered, sequence unchanged */
+  SEQUENCE_UNCHANGED, /* a hello that opens no session: answered; the sequence is unchanged */
   SEQUENCE_NO_SESSION
 };
 
@@ -79,50 +79,51 @@ static int classify_hello(app_session *session, const link_frame *request)
     return SEQUENCE_UNCHANGED;
   }
   link_get_hello(&hello, request->payload);
-  if (hello.version != LINK_VERSION || (session->open != 0U && hello.session == session->number)) {
+  if (hello.version != LINK_VERSION ||
+      (session->is_open != 0U && hello.session == session->session_number)) {
     return SEQUENCE_UNCHANGED;
   }
-  session->open = 1;
-  session->number = hello.session;
-  session->window = 1;
-  session->last = request->sequence;
-  session->check = request->check;
+  session->is_open = 1;
+  session->session_number = hello.session;
+  session->answered_mask = 1;
+  session->last_sequence = request->sequence;
+  session->request_crc = request->crc;
   return SEQUENCE_NEW;
 }
 
 /* Classifies a request by its sequence number. A PC numbers its requests one after the other; an
-   equal frame is a repetition. Numbers 1..127 ahead are new. All others were overtaken: performing
-   such a request now would undo a later one. */
+   equal frame is a repetition. Requests 1..127 ahead of the last are new. All others were
+   overtaken: performing such a request now would undo a later one. */
 static int classify_request(app_session *session, const link_frame *request)
 {
-  const uint16_t ahead = (uint16_t)(request->sequence - session->last) & 0xFFU;
-  if (session->open != 0U && ahead == 0U && request->check == session->check) {
+  const uint16_t ahead = (uint16_t)(request->sequence - session->last_sequence) & 0xFFU;
+  if (session->is_open != 0U && ahead == 0U && request->crc == session->request_crc) {
     return SEQUENCE_REPEATED;
   }
   if (request->type == LINK_TYPE_HELLO) {
     return classify_hello(session, request);
   }
-  if (session->open == 0U) {
+  if (session->is_open == 0U) {
     return SEQUENCE_NO_SESSION;
   }
   if (ahead == 0U || ahead > 127U) {
     return SEQUENCE_OLD;
   }
-  session->window = (ahead < 32U ? session->window << ahead : 0U) | 1U;
-  session->lost = (uint16_t)(session->lost + ahead - 1U);
-  session->last = request->sequence;
-  session->check = request->check;
+  session->answered_mask = (ahead < 32U ? session->answered_mask << ahead : 0U) | 1U;
+  session->lost_requests = (uint16_t)(session->lost_requests + ahead - 1U);
+  session->last_sequence = request->sequence;
+  session->request_crc = request->crc;
   return SEQUENCE_NEW;
 }
 
-/* Whether a request before the last one was answered. The window covers the last 32 numbers. */
+/* Whether a request before the last one was answered. The record covers the last 32 numbers. */
 static int was_answered(const app_session *session, uint8_t sequence)
 {
-  const uint16_t behind = (uint16_t)(session->last - sequence) & 0xFFU;
-  return behind < 32U && ((session->window >> behind) & 1U) != 0U;
+  const uint16_t behind = (uint16_t)(session->last_sequence - sequence) & 0xFFU;
+  return behind < 32U && ((session->answered_mask >> behind) & 1U) != 0U;
 }
 
-/* Refuses a request. The answer goes to the buffer for answers that are not repeated. */
+/* Refuses a request. The refusal goes to the buffer for answers that are not repeated. */
 static void refuse_request(app *a, const link_frame *request, uint16_t reason, uint16_t detail)
 {
   uint8_t payload[LINK_SIZE_NAK];
@@ -130,30 +131,30 @@ static void refuse_request(app *a, const link_frame *request, uint16_t reason, u
   const link_frame frame = {
       LINK_VERSION, LINK_TYPE_NAK, request->sequence, LINK_SIZE_NAK, app_last_tick(a), payload, 0};
   link_put_nak(payload, &nak);
-  a->session.sending = a->session.unrepeated;
-  a->session.sending_count = link_encode(a->session.unrepeated, &frame);
+  a->session.next_byte = a->session.unrepeated;
+  a->session.unsent_count = link_encode(a->session.unrepeated, &frame);
 }
 
 /* Performs a request and encodes its answer into one of the two buffers. */
 static void answer_request(app *a, const link_frame *request, uint8_t *wire)
 {
-  uint8_t payload[LINK_PAYLOAD_MOST];
+  uint8_t payload[LINK_MAX_PAYLOAD];
   link_frame frame = {LINK_VERSION, 0, request->sequence, 0, 0, payload, 0};
   frame.type = app_answer(a, request, payload, &frame.length);
   frame.tick = app_last_tick(a);
-  a->session.sending_count = link_encode(wire, &frame);
-  a->session.sending = wire;
+  a->session.unsent_count = link_encode(wire, &frame);
+  a->session.next_byte = wire;
 }
 
-/* Performs a new request. Only new requests count as heartbeat: a repetition may be an echo of the
-   line. XCP packets do not count because their master may only measure. */
+/* Performs a new request. Only new requests count as a heartbeat, because a repetition may be an
+   echo of the line. XCP packets do not count, because an XCP master may only measure. */
 static void answer_new_request(app *a, const link_frame *request)
 {
   if (request->type != (uint8_t)LINK_TYPE_XCP) {
-    app_alive(a);
+    app_restart_heartbeat(a);
   }
   answer_request(a, request, a->session.answer);
-  a->session.answer_count = a->session.sending_count;
+  a->session.answer_count = a->session.unsent_count;
 }
 
 /* Answers a valid frame of any type. */
@@ -169,8 +170,8 @@ static void handle_request(app *a, const link_frame *request)
     answer_new_request(a, request);
     break;
   case SEQUENCE_REPEATED:
-    session->sending = session->answer;
-    session->sending_count = session->answer_count;
+    session->next_byte = session->answer;
+    session->unsent_count = session->answer_count;
     break;
   case SEQUENCE_OLD:
     refuse_request(a, request, LINK_REASON_OLD, was_answered(session, request->sequence) ? 1 : 0);
@@ -188,13 +189,13 @@ static void handle_request(app *a, const link_frame *request)
 static int send_pending_bytes(app *a)
 {
   app_session *session = &a->session;
-  if (session->sending_count > 0U) {
+  if (session->unsent_count > 0U) {
     const uint16_t sent =
-        a->port->link_write(a->port->context, session->sending, session->sending_count);
-    session->sending += sent;
-    session->sending_count = (uint16_t)(session->sending_count - sent);
+        a->port->link_write(a->port->context, session->next_byte, session->unsent_count);
+    session->next_byte += sent;
+    session->unsent_count = (uint16_t)(session->unsent_count - sent);
   }
-  return session->sending_count == 0U;
+  return session->unsent_count == 0U;
 }
 
 void app_poll(app *a)
@@ -204,13 +205,13 @@ void app_poll(app *a)
   if (!send_pending_bytes(a)) {
     return;
   }
-  if (session->chunk_at == session->chunk_count) {
-    session->chunk_at = 0;
+  if (session->chunk_index == session->chunk_count) {
+    session->chunk_index = 0;
     session->chunk_count =
         a->port->link_read(a->port->context, session->chunk, (uint16_t)sizeof session->chunk);
   }
-  while (session->chunk_at < session->chunk_count) {
-    if (link_receive(&session->receiver, session->chunk[session->chunk_at++], &request)) {
+  while (session->chunk_index < session->chunk_count) {
+    if (link_receive(&session->receiver, session->chunk[session->chunk_index++], &request)) {
       handle_request(a, &request);
       if (!send_pending_bytes(a)) {
         return;

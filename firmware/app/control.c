@@ -7,14 +7,14 @@ void app_control_start(app_control *control, app_body *body, const app_board *bo
 {
   control->body = body;
   control->tick = 0;
-  control->silent = 0;
+  control->silent_ticks = 0;
   control->flags = ANHYST_CURRENT_ZERO;
-  control->missed = 0;
+  control->missed_ticks = 0;
   app_body_start(body, board);
 }
 
-/* Returns the ticks since the last one, usually 1. Leaves init at the first tick; an invalid
-   built-in block then causes a fault. */
+/* Returns the number of ticks since the last one, usually 1. Leaves the state INIT at the first
+   tick; an invalid built-in block then causes a fault. */
 static uint32_t update_tick(app_control *control, const app_limits *limits, uint32_t tick)
 {
   uint32_t ticks = tick - control->tick;
@@ -32,11 +32,11 @@ static uint32_t update_tick(app_control *control, const app_limits *limits, uint
   if (ticks == 0U) {
     ticks = 1U;
   }
-  control->missed = (uint16_t)(control->missed + (ticks - 1U));
+  control->missed_ticks = (uint16_t)(control->missed_ticks + (ticks - 1U));
   return ticks;
 }
 
-/* Enters the fault state for the first hardware fault that the port reports. */
+/* Enters the state FAULT for the first hardware fault that the port reports. */
 static void check_hardware(app_control *control, uint32_t status)
 {
   static const struct {
@@ -57,13 +57,15 @@ static void check_hardware(app_control *control, uint32_t status)
   }
 }
 
-/* Monitors the heartbeat. A silent PC is a fault only while current may flow. */
+/* Monitors the heartbeat. A PC without requests is a fault only while current may flow. */
 static void check_heartbeat(app_control *control, const int32_t *settings, uint32_t ticks)
 {
   const anhyst_supervisor *states = app_body_states(control->body);
   const int is_current_allowed = states->state == ANHYST_STATE_RUN || states->conditioning != 0U;
-  control->silent = control->silent > UINT32_MAX - ticks ? UINT32_MAX : control->silent + ticks;
-  if (is_current_allowed && control->silent > (uint32_t)settings[LINK_SETTING_HEARTBEAT_TICKS]) {
+  control->silent_ticks =
+      control->silent_ticks > UINT32_MAX - ticks ? UINT32_MAX : control->silent_ticks + ticks;
+  if (is_current_allowed &&
+      control->silent_ticks > (uint32_t)settings[LINK_SETTING_HEARTBEAT_TICKS]) {
     app_body_fail(control->body, ANHYST_FAULT_LINK_LOST);
   }
 }

@@ -10,8 +10,8 @@ void app_download_start(app_download *download)
   const link_block_begin none = {0, 0, 0};
   download->announced = none;
   download->checksum = 0;
-  download->received = 0;
-  download->pending = 0;
+  download->received_words = 0;
+  download->pending_index = 0;
   download->state = APP_DOWNLOAD_NONE;
   download->has_checksum = 0;
 }
@@ -30,40 +30,40 @@ uint16_t app_download_begin(app_download *download, const link_block_begin *begi
   }
   download->announced = *begin;
   download->checksum = 0;
-  download->received = 0;
-  download->pending = find_pending_buffer(download, in_force);
-  download->state = APP_DOWNLOAD_ARRIVING;
+  download->received_words = 0;
+  download->pending_index = find_pending_buffer(download, in_force);
+  download->state = APP_DOWNLOAD_RECEIVING;
   return LINK_REASON_NONE;
 }
 
 uint16_t app_download_words(app_download *download, uint16_t offset, const uint8_t *bytes,
                             uint16_t count)
 {
-  if (download->state != APP_DOWNLOAD_ARRIVING || offset != download->received ||
-      count > download->announced.words - download->received) {
+  if (download->state != APP_DOWNLOAD_RECEIVING || offset != download->received_words ||
+      count > download->announced.words - download->received_words) {
     return LINK_REASON_ORDER;
   }
-  int16_t *to = download->words[download->pending] + offset;
+  int16_t *to = download->words[download->pending_index] + offset;
   const uint8_t *from = bytes;
   for (uint16_t i = 0; i < count; i++, from += 2) {
     to[i] = link_get_i16(from);
   }
   download->checksum = link_crc32(download->checksum, bytes, (uint16_t)(2U * count));
-  download->received = (uint16_t)(download->received + count);
+  download->received_words = (uint16_t)(download->received_words + count);
   return LINK_REASON_NONE;
 }
 
 uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint16_t at,
                            const uint8_t *bytes, uint16_t count)
 {
-  if (download->state == APP_DOWNLOAD_ARRIVING) {
+  if (download->state == APP_DOWNLOAD_RECEIVING) {
     return LINK_REASON_ORDER;
   }
   if (download->state == APP_DOWNLOAD_NONE) {
     const uint16_t length = in_force != NULL ? (uint16_t)in_force[ANHYST_WORD_LENGTH] : 0U;
-    download->pending = find_pending_buffer(download, in_force);
+    download->pending_index = find_pending_buffer(download, in_force);
     for (uint16_t i = 0; i < (uint16_t)ANHYST_BLOCK_MOST_WORDS; i++) {
-      download->words[download->pending][i] = i < length ? in_force[i] : 0;
+      download->words[download->pending_index][i] = i < length ? in_force[i] : 0;
     }
     download->has_checksum = 0;
     download->state = APP_DOWNLOAD_EDITED;
@@ -72,7 +72,7 @@ uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint
       count > (uint16_t)((uint16_t)ANHYST_BLOCK_MOST_WORDS - at)) {
     return LINK_REASON_VALUE;
   }
-  int16_t *to = download->words[download->pending] + at;
+  int16_t *to = download->words[download->pending_index] + at;
   const uint8_t *from = bytes;
   for (uint16_t i = 0; i < count; i++, from += 2) {
     to[i] = link_get_i16(from);
@@ -95,13 +95,13 @@ static uint32_t add_words_to_crc(uint32_t crc, const int16_t *words, uint16_t co
   return sum;
 }
 
-void app_download_seal(app_download *download)
+void app_download_finish_edit(app_download *download)
 {
-  int16_t *words = download->words[download->pending];
+  int16_t *words = download->words[download->pending_index];
   const uint16_t after_crc = (uint16_t)(ANHYST_WORD_CRC + 2);
   uint16_t length = (uint16_t)words[ANHYST_WORD_LENGTH];
   if (length < (uint16_t)ANHYST_BLOCK_LEAST_WORDS || length > (uint16_t)ANHYST_BLOCK_MOST_WORDS) {
-    length = ANHYST_BLOCK_LEAST_WORDS; /* an invalid length; the check refuses the block */
+    length = ANHYST_BLOCK_LEAST_WORDS; /* invalid length; the check will refuse the block */
   }
   if (download->has_checksum == 0U) {
     uint8_t bytes[4];
@@ -114,15 +114,16 @@ void app_download_seal(app_download *download)
   download->announced.generation = (uint16_t)words[ANHYST_WORD_GENERATION];
   download->announced.checksum = add_words_to_crc(0, words, length);
   download->checksum = download->announced.checksum;
-  download->received = length;
-  download->state = APP_DOWNLOAD_ARRIVING;
+  download->received_words = length;
+  download->state = APP_DOWNLOAD_RECEIVING;
 }
 
 uint16_t app_download_check(const app_download *download, const app_board *board,
                             uint16_t generation, const int16_t **words, uint16_t *detail)
 {
-  const int16_t *block = download->words[download->pending];
-  if (download->state != APP_DOWNLOAD_ARRIVING || download->received != download->announced.words) {
+  const int16_t *block = download->words[download->pending_index];
+  if (download->state != APP_DOWNLOAD_RECEIVING ||
+      download->received_words != download->announced.words) {
     return LINK_REASON_ORDER;
   }
   if (download->checksum != download->announced.checksum) {

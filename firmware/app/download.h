@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Receives a parameter block in pieces and checks it before it is used. There are two buffers: the
-   active block is never written, and a download goes to the other (pending) buffer. */
+/* Receives a parameter block in several parts and checks it before it is used. There are two
+   buffers. The active block is never written; a download goes to the other (pending) buffer. */
 #ifndef ANHYST_FIRMWARE_DOWNLOAD_H
 #define ANHYST_FIRMWARE_DOWNLOAD_H
 
@@ -8,24 +8,24 @@
 #include "link/frames.h"
 
 /* Content of the pending buffer. */
-#define APP_DOWNLOAD_NONE 0U     /* nothing, or the active block */
-#define APP_DOWNLOAD_ARRIVING 1U /* the received part of an announced block */
-#define APP_DOWNLOAD_EDITED 2U   /* a copy of the active block that is changed word by word */
+#define APP_DOWNLOAD_NONE 0U      /* nothing, or a block that is now active */
+#define APP_DOWNLOAD_RECEIVING 1U /* the received words of an announced block */
+#define APP_DOWNLOAD_EDITED 2U    /* a copy of the active block that is changed word by word */
 
 typedef struct {
   link_block_begin announced;
-  uint32_t checksum;     /* CRC-32 of the received words */
-  uint16_t received;     /* number of received words */
-  uint16_t pending;      /* index of the pending buffer */
-  uint16_t state;        /* one of APP_DOWNLOAD_... */
-  uint16_t has_checksum; /* whether an edit wrote the checksum of the block */
+  uint32_t checksum;       /* CRC-32 of the received words */
+  uint16_t received_words; /* number of received words */
+  uint16_t pending_index;  /* index of the pending buffer */
+  uint16_t state;          /* one of APP_DOWNLOAD_... */
+  uint16_t has_checksum;   /* whether an edit wrote the checksum of the block */
   int16_t words[2][ANHYST_BLOCK_MOST_WORDS];
 } app_download;
 
 void app_download_start(app_download *download);
 
-/* Announces a block; in_force: the active block. Returns LINK_REASON_NONE, or _VALUE if it is too
-   short or too long. */
+/* Announces a block. in_force is the active block. Returns LINK_REASON_NONE, or _VALUE if the
+   announced block is too short or too long. */
 uint16_t app_download_begin(app_download *download, const link_block_begin *begin,
                             const int16_t *in_force);
 
@@ -39,9 +39,9 @@ uint16_t app_download_words(app_download *download, uint16_t offset, const uint8
 uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint16_t at,
                            const uint8_t *bytes, uint16_t count);
 
-/* Marks the edited block as received. Its checksum is calculated, unless an edit wrote it; in this
-   case the written checksum is checked later. */
-void app_download_seal(app_download *download);
+/* Marks the edited block as received. Calculates the checksum of the block, unless an edit wrote
+   one; that checksum is checked later. */
+void app_download_finish_edit(app_download *download);
 
 /* Checks the received block. Returns LINK_REASON_NONE, with the block in *words and its length in
    announced.words; or LINK_REASON_ORDER, _CHECKSUM, _BLOCK, _GENERATION, _SCALE (*detail: first

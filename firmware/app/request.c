@@ -3,10 +3,10 @@
 
 #include <stddef.h>
 
-void app_alive(app *a)
+void app_restart_heartbeat(app *a)
 {
   port_lock(a->port);
-  a->control.silent = 0;
+  a->control.silent_ticks = 0;
   port_unlock(a->port);
 }
 
@@ -18,16 +18,16 @@ uint32_t app_last_tick(const app *a)
   return tick;
 }
 
-uint16_t app_word_in_force(const app *a, uint16_t number)
+uint16_t app_active_word(const app *a, uint16_t number)
 {
   const int16_t *words = app_body_compensator(a->control.body, 0)->words;
   return words != NULL ? (uint16_t)words[number] : 0U;
 }
 
-uint16_t app_aim(app *a, uint16_t quantity, int32_t value)
+uint16_t app_set_reference(app *a, uint16_t quantity, int32_t value)
 {
   port_lock(a->port);
-  const uint16_t reason = app_body_aim(a->control.body, quantity, value);
+  const uint16_t reason = app_body_set_reference(a->control.body, quantity, value);
   port_unlock(a->port);
   return reason;
 }
@@ -45,7 +45,7 @@ uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *sta
 {
   port_lock(a->port);
   *state = app_body_states(a->control.body)->state;
-  uint16_t reason = app_setting_obstacle(a->board, number, value, *state == ANHYST_STATE_RUN);
+  uint16_t reason = app_setting_refusal(a->board, number, value, *state == ANHYST_STATE_RUN);
   if (reason == LINK_REASON_NONE) {
     reason = app_body_setting(a->control.body, a->settings, number, value);
   }
@@ -56,8 +56,7 @@ uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *sta
   return reason;
 }
 
-/* Activates a checked block between two ticks. The long check ran before: only this task writes it.
- */
+/* Activates a checked block between two ticks. It is still valid: only this task writes it. */
 static void activate_block(app *a, const int16_t *words)
 {
   anhyst_compensator new_compensator;
@@ -82,12 +81,12 @@ static void activate_block(app *a, const int16_t *words)
 uint16_t app_block_swap(app *a, uint16_t generation, uint16_t *detail)
 {
   const int16_t *words = NULL;
-  *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
+  *detail = app_active_word(a, ANHYST_WORD_GENERATION);
   const uint16_t reason = app_download_check(&a->download, a->board, generation, &words, detail);
   if (reason == LINK_REASON_NONE) {
     activate_block(a, words);
     a->download.state = APP_DOWNLOAD_NONE;
-    *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
+    *detail = app_active_word(a, ANHYST_WORD_GENERATION);
   }
   return reason;
 }
@@ -98,12 +97,13 @@ uint16_t app_block_edit(app *a, uint16_t at, const uint8_t *bytes, uint16_t coun
   return app_download_edit(&a->download, in_force, at, bytes, count);
 }
 
-const int16_t *app_block_edited(const app *a)
+const int16_t *app_edited_block(const app *a)
 {
-  return a->download.state == APP_DOWNLOAD_EDITED ? a->download.words[a->download.pending] : NULL;
+  return a->download.state == APP_DOWNLOAD_EDITED ? a->download.words[a->download.pending_index]
+                                                  : NULL;
 }
 
-void app_block_forget(app *a)
+void app_block_discard_edits(app *a)
 {
   if (a->download.state == APP_DOWNLOAD_EDITED) {
     a->download.state = APP_DOWNLOAD_NONE;
@@ -112,14 +112,14 @@ void app_block_forget(app *a)
 
 uint16_t app_block_swap_edited(app *a, uint16_t *detail)
 {
-  *detail = app_word_in_force(a, ANHYST_WORD_GENERATION);
-  if (a->download.state == APP_DOWNLOAD_ARRIVING) {
+  *detail = app_active_word(a, ANHYST_WORD_GENERATION);
+  if (a->download.state == APP_DOWNLOAD_RECEIVING) {
     return LINK_REASON_ORDER;
   }
   if (a->download.state == APP_DOWNLOAD_NONE) {
     return LINK_REASON_NONE;
   }
-  app_download_seal(&a->download);
+  app_download_finish_edit(&a->download);
   const uint16_t reason = app_block_swap(a, a->download.announced.generation, detail);
   if (reason != LINK_REASON_NONE) {
     a->download.state = APP_DOWNLOAD_EDITED;

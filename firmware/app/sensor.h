@@ -15,24 +15,24 @@ enum {
 };
 
 typedef struct {
-  int32_t value;       /* last plausible value, q30 */
-  int32_t anchor;      /* driven current at the last change of the code, q31 */
-  uint16_t age;        /* ticks since the last plausible value, at most 65535 */
-  uint16_t same_ticks; /* ticks with an equal code, at most 65535 */
-  uint16_t has_moved;  /* whether the current moved enough in this time */
-  uint16_t known;      /* whether there was a plausible value */
+  int32_t value;              /* last plausible value, q30 */
+  int32_t current_at_change;  /* driven current at the last change of the code, q31 */
+  uint16_t missing_ticks;     /* ticks since the last plausible value, at most 65535 */
+  uint16_t unchanged_ticks;   /* ticks with an equal code, at most 65535 */
+  uint16_t has_current_moved; /* whether the current moved enough while the code was equal */
+  uint16_t has_value;         /* whether a plausible value exists */
 } app_sensor;
 
-/* Converts a measured q30 to q31, with saturation. */
+/* Converts a measured value from q30 to q31, with saturation. */
 static inline int32_t app_sensor_q31(int32_t value) { return anhyst_shl_q31(value, 1); }
 
-/* Resets the check: the next value is checked for reserved code and range only. */
+/* Resets the check. The next value is checked only for the reserved code and the range. */
 void app_sensor_start(app_sensor *sensor);
 
-/* Checks the value of a tick, `ticks` ticks after the last one (usually 1, never 0), and keeps it
-   if it is fine or stuck. drive: present driven current, q31. Returns the first error in the order
-   above. The allowed change is the slew times the ticks since the last plausible value; the
-   quotient is truncated. */
+/* Checks the value of a tick, `ticks` ticks after the last one (usually 1, never 0), and stores it
+   if the result is FINE or STUCK. drive is the present driven current, q31. Returns the first error
+   in the order above. The allowed change is `slew` times the ticks since the last plausible value;
+   the quotient is truncated. */
 uint16_t app_sensor_judge(app_sensor *sensor, const app_sensor_limits *limits,
                           int32_t stuck_current, int32_t value, uint32_t ticks, int32_t drive);
 

@@ -4,19 +4,19 @@
 typedef struct {
   int32_t low;
   int32_t high;
-  int32_t start;
-  uint16_t start_ms; /* for a setting in ticks, else 0 */
-  uint16_t while_running;
+  int32_t default_value;
+  uint16_t default_ms; /* default time of a setting in ticks, ms; otherwise 0 */
+  uint16_t is_writable_in_run;
 } setting;
 
 static const setting table[LINK_SETTING_COUNT] = {LINK_SETTING_TABLE};
 
 /* Returns the largest value of a setting. The board limits the times, so that a PC cannot make the
-   firmware ignore a lost link or a wrong current for long. */
-static int32_t maximum(const app_board *board, uint16_t number)
+   firmware ignore a lost link or a wrong current for a long time. */
+static int32_t largest_value(const app_board *board, uint16_t number)
 {
   const int32_t high = table[number].high;
-  if (table[number].start_ms == 0U) {
+  if (table[number].default_ms == 0U) {
     return high;
   }
   const uint32_t limit = app_board_ticks(board, board->limits->heartbeat_ms);
@@ -26,18 +26,20 @@ static int32_t maximum(const app_board *board, uint16_t number)
 void app_settings_start(int32_t *values, const app_board *board)
 {
   for (uint16_t i = 0; i < (uint16_t)LINK_SETTING_COUNT; i++) {
-    values[i] = table[i].start;
-    if (table[i].start_ms > 0U) {
-      values[i] = anhyst_clamp((int32_t)app_board_ticks(board, table[i].start_ms), table[i].low,
-                               maximum(board, i));
+    values[i] = table[i].default_value;
+    if (table[i].default_ms > 0U) {
+      values[i] = anhyst_clamp((int32_t)app_board_ticks(board, table[i].default_ms), table[i].low,
+                               largest_value(board, i));
     }
   }
 }
 
-uint16_t app_setting_obstacle(const app_board *board, uint16_t number, int32_t value, int running)
+uint16_t app_setting_refusal(const app_board *board, uint16_t number, int32_t value, int is_running)
 {
-  if (number >= LINK_SETTING_COUNT || value < table[number].low || value > maximum(board, number)) {
+  if (number >= LINK_SETTING_COUNT || value < table[number].low ||
+      value > largest_value(board, number)) {
     return LINK_REASON_VALUE;
   }
-  return running && table[number].while_running == 0U ? LINK_REASON_STATE : LINK_REASON_NONE;
+  return is_running && table[number].is_writable_in_run == 0U ? LINK_REASON_STATE
+                                                              : LINK_REASON_NONE;
 }

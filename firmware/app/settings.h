@@ -6,12 +6,13 @@
 #include "app/board.h"
 #include "link/frames.h"
 
-/* Fills in the default values. */
+/* Writes the default values. */
 void app_settings_start(int32_t *values, const app_board *board);
 
-/* Returns why a setting cannot have this value now (value, state), or LINK_REASON_NONE. The range
-   is that of the table; a setting in ticks is also limited to heartbeat_ms of the board. running:
-   whether the state is run. */
-uint16_t app_setting_obstacle(const app_board *board, uint16_t number, int32_t value, int running);
+/* Returns the reason why a setting cannot have this value now (value or state), or
+   LINK_REASON_NONE. The range is that of the table; a setting in ticks is also limited to
+   heartbeat_ms of the board. is_running: whether the state is RUN. */
+uint16_t app_setting_refusal(const app_board *board, uint16_t number, int32_t value,
+                             int is_running);
 
 #endif

@@ -5,8 +5,7 @@
 
 #include "anhyst/actuator.h"
 
-/* Initialiser of an app_board; limits and plan come from the board (plan: NULL for a force body).
- */
+/* Initialiser of an app_board; the board supplies limits and plan (plan: NULL for a force body). */
 #define ACTUATOR_BOARD(its_rate, its_limits, its_plan)                                             \
   {                                                                                                \
       .name = ACTUATOR_CALLED,                                                                     \

@@ -21,7 +21,8 @@ void app_body_start(app_body *body, const app_board *board)
   body->flags = 0;
   body->is_ramping = 0;
   body->is_compensated = 1;
-  body->ramp = anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)(ramp_ticks > 0U ? ramp_ticks : 1U), 1);
+  body->ramp_step =
+      anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)(ramp_ticks > 0U ? ramp_ticks : 1U), 1);
   anhyst_supervisor_start(&body->supervisor);
   reset_sensors(body);
   if (anhyst_compensator_init(&body->compensator, board->kernel, board->words,
@@ -43,12 +44,12 @@ void app_body_fail(app_body *body, uint16_t reason)
   anhyst_supervisor_fail(&body->supervisor, reason);
 }
 
-uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
+uint16_t app_body_set_reference(app_body *body, uint16_t quantity, int32_t value)
 {
   if (quantity != (uint16_t)LINK_BODY_FORCE) {
     return LINK_REASON_TYPE;
   }
-  body->target = value; /* the command `run` resets it to 0 */
+  body->target = value; /* the command `run` resets the demand to 0 */
   return LINK_REASON_NONE;
 }
 
@@ -70,7 +71,7 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
   (void)value;
   const int is_gain =
       number >= (uint16_t)LINK_SETTING_GAINS && number <= (uint16_t)LINK_SETTING_GAIN_DD;
-  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* gains of a position controller */
+  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* gains belong to a position controller */
 }
 
 /* Returns the fault reason of this sample, or ANHYST_FAULT_NONE. All sensors are checked, because
@@ -98,7 +99,7 @@ static uint16_t find_fault(app_body *body, const int32_t *settings, const port_s
   return current;
 }
 
-/* Checks the sample: enters the fault state, or advances the self-test. */
+/* Checks the sample. Enters the state FAULT if necessary, or advances the self-test. */
 static void check_sample(app_body *body, const int32_t *settings, const port_sample *sample,
                          uint32_t ticks)
 {
@@ -110,13 +111,13 @@ static void check_sample(app_body *body, const int32_t *settings, const port_sam
     body->flags |= ANHYST_SAMPLE_IMPLAUSIBLE;
   }
   if (fault == ANHYST_FAULT_GAP_STUCK || fault == ANHYST_FAULT_FORCE_STUCK ||
-      app_current_is_certain(fault)) {
+      app_current_is_immediate_fault(fault)) {
     anhyst_supervisor_fail(&body->supervisor, fault);
   }
 }
 
-/* Returns demand*ratio (q31 times q30) as a q31, saturated. Only the upper 16 bits of the ratio
-   count; rounded down, error below 2^-15 of the demand. */
+/* Returns demand*ratio (q31 times q30) as q31, saturated. Only the upper 16 bits of the ratio
+   count. Rounds down; the error is below 2^-15 of the demand. */
 static int32_t multiply_by_ratio(int32_t demand, int32_t ratio)
 {
   return anhyst_shl_q31(anhyst_scale(demand, (int16_t)(ratio >> 16)), 2);
@@ -127,7 +128,7 @@ static uint8_t is_compensated(const int32_t *settings)
   return (settings[LINK_SETTING_COMPENSATION] != 0) ? 1U : 0U;
 }
 
-/* Moves the demand by at most its slew and returns its current at this gap, q31. */
+/* Moves the demand by at most the slew limit and returns the current for it at this gap, q31. */
 static int32_t force_current(app_body *body, const int32_t *settings, int32_t gap)
 {
   const int32_t slew = settings[LINK_SETTING_DEMAND_SLEW];
@@ -152,8 +153,8 @@ static int32_t force_current(app_body *body, const int32_t *settings, int32_t ga
 /* Returns the driven current, moved by at most one ramp step towards another current. */
 static int32_t ramp_towards(const app_body *body, int32_t current)
 {
-  return anhyst_clamp(current, anhyst_sub_q31(body->drive, body->ramp),
-                      anhyst_add_q31(body->drive, body->ramp));
+  return anhyst_clamp(current, anhyst_sub_q31(body->drive, body->ramp_step),
+                      anhyst_add_q31(body->drive, body->ramp_step));
 }
 
 /* Ramps to the current after a change of block or method; later returns it unchanged. */

@@ -6,7 +6,7 @@
 void link_receiver_start(link_receiver *receiver)
 {
   receiver->count = 0;
-  receiver->bad = 0;
+  receiver->discarded_frames = 0;
 }
 
 /* Decodes COBS in place and returns the number of decoded bytes, 0 if the code is invalid. The
@@ -33,11 +33,11 @@ static uint16_t cobs_decode(uint8_t *bytes, uint16_t count)
 /* Parses decoded bytes as a frame. Returns 1 if length and checksum are right. */
 static int parse_frame(const uint8_t *bytes, uint16_t count, link_frame *frame)
 {
-  const uint16_t overhead = LINK_HEAD + LINK_CHECK;
+  const uint16_t overhead = LINK_HEADER_BYTES + LINK_CRC_BYTES;
   if (count < overhead || count - overhead != bytes[3]) {
     return 0;
   }
-  const uint16_t crc_bytes = (uint16_t)(count - LINK_CHECK);
+  const uint16_t crc_bytes = (uint16_t)(count - LINK_CRC_BYTES);
   const uint32_t check = link_get_u32(bytes + crc_bytes);
   if (link_crc32(0, bytes, crc_bytes) != check) {
     return 0;
@@ -47,8 +47,8 @@ static int parse_frame(const uint8_t *bytes, uint16_t count, link_frame *frame)
   frame->sequence = bytes[2];
   frame->length = bytes[3];
   frame->tick = link_get_u32(bytes + 4);
-  frame->payload = bytes + LINK_HEAD;
-  frame->check = check;
+  frame->payload = bytes + LINK_HEADER_BYTES;
+  frame->crc = check;
   return 1;
 }
 
@@ -67,32 +67,32 @@ int link_receive(link_receiver *receiver, uint8_t byte, link_frame *frame)
   const uint16_t count = receiver->count;
   receiver->count = 0;
   if (count == 0) {
-    return 0; /* zeros between frames are allowed; a sender may clear the line with them */
+    return 0; /* zeros between frames are allowed, because a sender may clear the line with them */
   }
   if (count <= capacity &&
       parse_frame(receiver->bytes, cobs_decode(receiver->bytes, count), frame)) {
     return 1;
   }
-  receiver->bad++;
+  receiver->discarded_frames++;
   return 0;
 }
 
 uint16_t link_encode(uint8_t *wire, const link_frame *frame)
 {
-  /* The frame starts at the second byte; the first becomes the first COBS code. */
+  /* The frame starts at the second byte. The first byte becomes the first COBS code. */
   uint8_t *plain = wire + 1;
-  const uint16_t crc_bytes = (uint16_t)(LINK_HEAD + frame->length);
-  const uint16_t count = (uint16_t)(crc_bytes + LINK_CHECK);
+  const uint16_t crc_bytes = (uint16_t)(LINK_HEADER_BYTES + frame->length);
+  const uint16_t count = (uint16_t)(crc_bytes + LINK_CRC_BYTES);
   plain[0] = frame->version;
   plain[1] = frame->type;
   plain[2] = frame->sequence;
   plain[3] = frame->length;
   link_put_u32(plain + 4, frame->tick);
   for (uint16_t i = 0; i < frame->length; i++) {
-    plain[LINK_HEAD + i] = frame->payload[i];
+    plain[LINK_HEADER_BYTES + i] = frame->payload[i];
   }
   link_put_u32(plain + crc_bytes, link_crc32(0, plain, crc_bytes));
-  /* Each zero becomes the distance to the next zero, from the end backwards. */
+  /* Replaces each zero by the distance to the next zero, from the end backwards. */
   uint16_t next = (uint16_t)(count + 1);
   for (uint16_t i = count; i > 0; i--) {
     if (wire[i] == 0) {

@@ -8,7 +8,7 @@
 #include "link/bytes.h"
 
 #define LINK_VERSION 4
-#define LINK_PAYLOAD_MOST 240
+#define LINK_MAX_PAYLOAD 240
 #define LINK_PLANT_MAGIC UINT32_C(0x616E6879)
 
 /* Types of frames. */
@@ -59,7 +59,7 @@ enum {
   LINK_REASON_NONE = 0,
   LINK_REASON_VERSION = 1, /* different protocol version; detail: the controller's version */
   LINK_REASON_TYPE = 2, /* unknown request */
-  LINK_REASON_LENGTH = 3, /* wrong length of the payload; detail: its length */
+  LINK_REASON_LENGTH = 3, /* wrong length of the payload; detail: length of the payload */
   /* the sequence number is older than the last one; detail: 1 if a request with this number was
      answered, otherwise 0 */
   LINK_REASON_OLD = 4,
@@ -69,7 +69,8 @@ enum {
   LINK_REASON_ORDER = 7,
   LINK_REASON_CHECKSUM = 8, /* the received block does not have the announced checksum */
   LINK_REASON_BLOCK = 9, /* the block is invalid, or has a different kind or layout */
-  LINK_REASON_GENERATION = 10, /* the block has a different generation; detail: its generation */
+  /* the block has a different generation; detail: generation of the block */
+  LINK_REASON_GENERATION = 10,
   LINK_REASON_SESSION = 11, /* no session is open: send hello first */
   LINK_REASON_CURRENT = 12, /* current still flows; repeat the request at zero current */
   /* the block has different full scales, gaps, rate or units; detail: number of the first word that
@@ -166,7 +167,7 @@ static inline void link_get_hello(link_hello *m, const uint8_t *p)
 #define LINK_SIZE_HEARTBEAT 0
 
 #define LINK_SIZE_DEMAND 4
-/* force: q31 of the full-scale force */
+/* force: demanded force, q31 of the full scale */
 static inline int32_t link_get_demand(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_COMMAND 2
@@ -192,7 +193,7 @@ static inline void link_get_setting_write(link_setting_write *m, const uint8_t *
 typedef struct {
   uint16_t words; /* length of the block */
   uint16_t generation; /* generation of the block */
-  uint32_t checksum; /* CRC-32 of all its words, low byte first */
+  uint32_t checksum; /* CRC-32 of all words of the block, low byte first */
 } link_block_begin;
 static inline void link_get_block_begin(link_block_begin *m, const uint8_t *p)
 {
@@ -221,7 +222,7 @@ static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
 }
 
 #define LINK_SIZE_TARGET 4
-/* position: q31 of the position controller's full scale */
+/* position: target position, q31 of the controller's full scale */
 static inline int32_t link_get_target(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_KEEP 0
@@ -344,8 +345,8 @@ static inline void link_put_block_words(uint8_t *p, uint16_t offset) { link_put_
 typedef struct {
   uint32_t tick; /* number of the tick, from 1 on */
   int32_t gap; /* gap, q30: 0 is the smallest gap of the model, 1.0 the largest */
-  int32_t force; /* q30 of the full-scale force */
-  int32_t position; /* q31 of the position controller's full scale */
+  int32_t force; /* force, q30 of the full scale */
+  int32_t position; /* position, q31 of the controller's full scale */
   /* current of the first magnet, q30 of full scale; current of the second magnet, q30 of full scale
      */
   int32_t current[2];
@@ -371,8 +372,8 @@ typedef struct {
   /* commanded current of the first magnet, q31 of full scale; commanded current of the second
      magnet, q31 of full scale */
   int32_t drive[2];
-  uint32_t state; /* state + 256*fault */
-  uint32_t mode; /* flags + 65536*phase */
+  uint32_t state; /* number of the state + 256*(reason of the fault) */
+  uint32_t mode; /* bit mask of the flags + 65536*phase */
   int32_t demand; /* active demand, q31 of the full-scale force */
   int32_t reference; /* reference position, q31 of the controller's full scale */
   int32_t flux; /* flux of the first magnet after the commit, as its model predicts, q30 */

@@ -55,8 +55,8 @@ uint16_t app_body_command(app_body *body, uint16_t command)
 }
 
 /* A landing needs amplifiers that follow their commands: one magnet of a pair alone would pull the
-   armature to its side. A current that differs from the driven one may be a sensor fault or an
-   amplifier fault; the worse case is assumed. */
+   armature to its side. If a current differs from the driven current, the sensor or the amplifier
+   may be faulty. The code assumes the worse case, the amplifier. */
 void app_body_fail(app_body *body, uint16_t reason)
 {
   anhyst_levitation_fail(&body->position.levitation, reason,
@@ -65,7 +65,7 @@ void app_body_fail(app_body *body, uint16_t reason)
                              reason != ANHYST_FAULT_BLOCK);
 }
 
-uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
+uint16_t app_body_set_reference(app_body *body, uint16_t quantity, int32_t value)
 {
   const anhyst_levitation_limits *limits = &body->board->plan->limits->levitation;
   if (quantity != (uint16_t)LINK_BODY_POSITION) {
@@ -100,7 +100,7 @@ static anhyst_factor scale_factor(anhyst_factor factor, int32_t share)
   return scaled;
 }
 
-/* Activates the built-in gains, or shares of them, from the next tick on. */
+/* Activates the built-in gains, or fractions of them, from the next tick on. */
 static uint16_t apply_gains(app_body *body, const int32_t *settings, int use_tuned_gains)
 {
   const anhyst_position_settings_q31 *built_in = body->board->plan->settings;
@@ -139,8 +139,8 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
   }
 }
 
-/* Enters the fault state if a measured current is implausible for too long or does not follow the
-   driven current: the true current is then unknown. */
+/* Enters the state FAULT if a measured current is implausible for too long or does not follow the
+   driven current, because the true current is then unknown. */
 static void check_currents(app_body *body, const int32_t *settings, const port_sample *sample,
                            uint32_t ticks)
 {
@@ -148,17 +148,17 @@ static void check_currents(app_body *body, const int32_t *settings, const port_s
   for (uint16_t i = 0; i < body->board->plan->magnets; i++) {
     const uint16_t fault = app_current_judge(&body->current[i], limits, settings,
                                              sample->current[i], ticks, body->answer.current[i]);
-    if (body->current[i].sensor.age > limits->max_implausible_samples ||
-        app_current_is_certain(fault)) {
+    if (body->current[i].sensor.missing_ticks > limits->max_implausible_samples ||
+        app_current_is_immediate_fault(fault)) {
       app_body_fail(body, fault);
     }
   }
 }
 
-/* Whether the position keeps its code although demanded force and current both changed. A levitated
-   armature never does. A fine encoder may keep its code while nothing moves, while only the current
-   of a solid core changes, or while only the demanded force changes (switch to another method).
-   Near its rest the armature is not levitated and may stand still at any current. */
+/* Whether the position keeps its code although demanded force and current both changed. The code of
+   a levitated armature always changes then. A fine encoder may keep its code while nothing moves,
+   while only the current of a solid core changes, or while only the demanded force changes (switch
+   to another method). Near its rest the armature is not levitated and may stand still. */
 static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;

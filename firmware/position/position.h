@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Body of a control task that levitates an armature: position in, currents out. It runs the same
-   controller as anhyst simulate (anhyst/control/position.h), with limits and settings from anhyst
-   compile. anhyst/control/levitation.h describes the phases. */
+/* Position body of a control task: levitates an armature; position in, currents out. It runs the
+   same controller as anhyst simulate (anhyst/control/position.h), with limits and settings from
+   anhyst compile. anhyst/control/levitation.h describes the phases. */
 #ifndef ANHYST_FIRMWARE_POSITION_H
 #define ANHYST_FIRMWARE_POSITION_H
 
@@ -18,9 +18,9 @@ struct app_plan {
 /* Detection of a stuck position: it keeps its code although demanded force and current changed. */
 typedef struct {
   int32_t code;   /* last new code of the position */
-  int32_t demand; /* demanded force at the new code, q31 */
-  int32_t drive;  /* driven current at the new code, q31 */
-  uint32_t ticks; /* ticks since both changed by stuck_demand and stuck_current */
+  int32_t demand; /* demanded force at the last new code, q31 */
+  int32_t drive;  /* driven current at the last new code, q31 */
+  uint32_t ticks; /* ticks since both had changed by stuck_demand and stuck_current */
 } app_stillness;
 
 struct app_body {

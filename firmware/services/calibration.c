@@ -6,9 +6,9 @@ typedef char calibration_shift_keeps_the_sign[((int64_t)-3 >> 1) == -2 ? 1 : -1]
 
 int calibration_is_valid(const calibration *c)
 {
-  return c->mantissa != 0 && c->mantissa >= -CALIBRATION_MANTISSA_MOST &&
-         c->mantissa <= CALIBRATION_MANTISSA_MOST && c->shift >= 0 &&
-         c->shift <= CALIBRATION_SHIFT_MOST && c->low < c->high;
+  return c->mantissa != 0 && c->mantissa >= -CALIBRATION_MAX_MANTISSA &&
+         c->mantissa <= CALIBRATION_MAX_MANTISSA && c->shift >= 0 &&
+         c->shift <= CALIBRATION_MAX_SHIFT && c->low < c->high;
 }
 
 int32_t calibration_value(const calibration *c, int32_t code)

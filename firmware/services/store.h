@@ -18,14 +18,14 @@
 #include <stdint.h>
 
 #define STORE_MAGIC ((uint32_t)0x53594E41) /* "ANYS" */
-#define STORE_EXTRA 4                      /* words of a copy in addition to its set */
+#define STORE_OVERHEAD_WORDS 4             /* words of a copy in addition to the set */
 
 /* Flash access of a board. The functions return 1, or 0 if the flash reported a failure. */
 typedef struct {
   const volatile uint32_t *copy[2]; /* readable addresses of the two copies */
-  uint32_t words;                   /* capacity of each copy in words, at least STORE_EXTRA */
+  uint32_t words;                   /* words per copy, at least STORE_OVERHEAD_WORDS */
   int (*erase)(uint16_t copy);      /* sets all bits of the copy to 1 */
-  int (*program)(uint16_t copy, uint32_t at, uint32_t word); /* writes an erased word */
+  int (*program)(uint16_t copy, uint32_t at, uint32_t word); /* writes a word that was erased */
 } store_flash;
 
 /* Returns the newest stored set and its number of words; a null pointer and 0 if there is none. */

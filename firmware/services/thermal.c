@@ -1,21 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "services/thermal.h"
 
-#define MIN_MANTISSA ((uint32_t)536870912) /* 2^29: smallest mantissa */
+#define MIN_MANTISSA ((uint32_t)536870912) /* smallest mantissa, 2^29 */
 
-/* Returns the square of a current of either sign; at most 2^62. */
-static uint64_t square(int32_t current)
+/* Returns the square of a current of either sign, at most 2^62. */
+static uint64_t squared_size(int32_t current)
 {
   const uint64_t magnitude = current < 0 ? (uint64_t)(-(int64_t)current) : (uint64_t)current;
   return magnitude * magnitude;
 }
 
-int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clears)
+int thermal_prepare(thermal_plan *plan, uint32_t ticks, int32_t trip_current, int32_t clear_current)
 {
-  if (ticks < 2U || clears <= 0 || trips <= clears) {
+  if (ticks < 2U || clear_current <= 0 || trip_current <= clear_current) {
     return 0;
   }
-  /* 2^bits/ticks by long division, until the quotient has 30 bits. */
+  /* Computes 2^bits/ticks by long division, until the quotient has 30 bits. */
   uint32_t quotient = 0;
   uint64_t remainder = 1;
   uint16_t bits = 0;
@@ -30,18 +30,18 @@ int thermal_make(thermal_plan *plan, uint32_t ticks, int32_t trips, int32_t clea
   }
   plan->mantissa = quotient;
   plan->shift = (uint16_t)(bits - 30U);
-  plan->trips = square(trips);
-  plan->clears = square(clears);
+  plan->trip_warmth = squared_size(trip_current);
+  plan->clear_warmth = squared_size(clear_current);
   return 1;
 }
 
 void thermal_start(thermal *t, const thermal_plan *plan)
 {
-  t->warmth = plan->clears;
+  t->warmth = plan->clear_warmth;
   t->tripped = 0;
 }
 
-/* Returns a difference of warmth times the share of one tick. The product is below 2^63. */
+/* Returns the change of warmth in one tick, share*difference. The product is below 2^63. */
 static uint64_t scale_by_share(const thermal_plan *plan, uint64_t difference)
 {
   return ((difference >> 30) * plan->mantissa) >> plan->shift;
@@ -49,18 +49,18 @@ static uint64_t scale_by_share(const thermal_plan *plan, uint64_t difference)
 
 int thermal_tick(thermal *t, const thermal_plan *plan, int32_t current)
 {
-  const uint64_t squared_current = square(current);
+  const uint64_t squared_current = squared_size(current);
   if (squared_current >= t->warmth) {
     t->warmth += scale_by_share(plan, squared_current - t->warmth);
   } else {
     t->warmth -= scale_by_share(plan, t->warmth - squared_current);
   }
-  if (t->warmth > plan->trips) {
+  if (t->warmth > plan->trip_warmth) {
     t->tripped = 1;
-  } else if (t->warmth < plan->clears) {
+  } else if (t->warmth < plan->clear_warmth) {
     t->tripped = 0;
   } else {
-    /* between the limits: no change */
+    /* between the two limits, the result does not change */
   }
   return t->tripped;
 }

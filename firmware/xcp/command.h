@@ -5,13 +5,13 @@
 
 #include "xcp/xcp.h"
 
-#define XCP_ANSWER_HEAD 8U /* bytes of an answer that are cleared before each command */
+#define XCP_CLEARED_ANSWER_BYTES 8U /* bytes of an answer that are set to 0 before each command */
 
 /* A command and its answer. */
 typedef struct {
   const uint8_t *command;
-  uint16_t count;  /* bytes of the command */
-  uint8_t *answer; /* starts with the packet identifier; other bytes of the head are 0 */
+  uint16_t count;  /* bytes of the received command */
+  uint8_t *answer; /* the answer; unused bytes of its head are 0 */
   uint16_t length;
   uint16_t reason; /* LINK_REASON_... if the firmware refused */
 } xcp_request;
@@ -21,7 +21,7 @@ typedef uint8_t xcp_action(xcp_slave *x, xcp_request *r);
 
 typedef struct {
   uint8_t code;
-  uint8_t min_bytes; /* minimum number of bytes */
+  uint8_t min_bytes; /* minimum length of the command, bytes */
   uint8_t needs_key; /* whether the command needs the key */
   xcp_action *act;
 } xcp_command;

@@ -1,41 +1,41 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "xcp/daq.h"
 
-/* Stages of allocation. Each call repeats the present stage or advances to the next one. */
+/* Stages of the allocation. Each call repeats the present stage or advances to the next stage. */
 enum { STAGE_FREE, STAGE_LISTS, STAGE_PARTS, STAGE_ENTRIES };
 
 void xcp_daq_free(xcp_daq *d)
 {
   port_lock(d->port);
   for (uint8_t i = 0; i < (uint8_t)XCP_LISTS; i++) {
-    d->list[i].running = 0;
-    d->list[i].selected = 0;
+    d->list[i].is_running = 0;
+    d->list[i].is_selected = 0;
   }
   port_unlock(d->port);
-  d->stage = STAGE_FREE;
+  d->allocation_stage = STAGE_FREE;
   d->lists = 0;
   d->parts = 0;
   d->entries = 0;
-  d->at_list = 0;
-  d->at_part = 0;
-  d->at_entry = 0;
+  d->next_list = 0;
+  d->next_part = 0;
+  d->next_entry = 0;
 }
 
 void xcp_daq_start(xcp_daq *d)
 {
   xcp_daq_free(d);
   port_lock(d->port);
-  d->lost = 0;
+  d->dropped_samples = 0;
   d->head = 0;
   d->tail = 0;
   port_unlock(d->port);
 }
 
-int xcp_daq_runs(const xcp_daq *d)
+int xcp_daq_is_running(const xcp_daq *d)
 {
   int is_running = 0;
   for (uint8_t i = 0; i < d->lists; i++) {
-    is_running = is_running || d->list[i].running != 0U;
+    is_running = is_running || d->list[i].is_running != 0U;
   }
   return is_running;
 }
@@ -91,8 +91,8 @@ uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t size)
 static uint8_t packet_size(const xcp_daq *d, uint8_t list, uint8_t part)
 {
   const uint8_t number = (uint8_t)(d->list[list].parts.first + part);
-  const uint8_t stamp = part == 0U ? (uint8_t)XCP_DAQ_STAMP : 0U;
-  return (uint8_t)(XCP_DAQ_HEAD + stamp + 4U * d->part[number].count);
+  const uint8_t stamp = part == 0U ? (uint8_t)XCP_DAQ_TIMESTAMP_BYTES : 0U;
+  return (uint8_t)(XCP_DAQ_HEADER_BYTES + stamp + 4U * d->part[number].count);
 }
 
 static void queue_sample(xcp_daq *d, uint8_t number, uint32_t tick, const int32_t *signals)
@@ -103,7 +103,7 @@ static void queue_sample(xcp_daq *d, uint8_t number, uint32_t tick, const int32_
     needed_bytes = (uint16_t)(needed_bytes + 1U + packet_size(d, number, part));
   }
   if (needed_bytes > free_bytes(d)) {
-    d->lost++;
+    d->dropped_samples++;
     return;
   }
   for (uint8_t part = 0; part < list->parts.count; part++) {
@@ -124,61 +124,61 @@ void xcp_daq_tick(xcp_daq *d, uint32_t tick, const int32_t *signals)
 {
   for (uint8_t i = 0; i < d->lists; i++) {
     xcp_list *list = &d->list[i];
-    if (list->running == 0U) {
+    if (list->is_running == 0U) {
       continue;
     }
-    if (list->skip > 0U) {
-      list->skip--;
+    if (list->remaining_ticks > 0U) {
+      list->remaining_ticks--;
     } else {
-      list->skip = (uint8_t)(list->prescaler - 1U);
+      list->remaining_ticks = (uint8_t)(list->prescaler - 1U);
       queue_sample(d, i, tick, signals);
     }
   }
 }
 
-/* Checks that no list runs and that allocation may continue with this stage. */
+/* Checks that no list is running and that the allocation may continue with this stage. */
 static uint8_t check_allocation(xcp_daq *d, uint8_t stage)
 {
-  if (xcp_daq_runs(d)) {
-    return XCP_DAQ_ACTIVE;
+  if (xcp_daq_is_running(d)) {
+    return XCP_ERR_DAQ_ACTIVE;
   }
-  if (d->stage != stage && d->stage + 1U != stage) {
-    return XCP_SEQUENCE;
+  if (d->allocation_stage != stage && d->allocation_stage + 1U != stage) {
+    return XCP_ERR_SEQUENCE;
   }
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 uint8_t xcp_daq_alloc_lists(xcp_daq *d, uint16_t count)
 {
-  if (d->stage != STAGE_FREE || d->lists != 0U) {
-    return XCP_SEQUENCE;
+  if (d->allocation_stage != STAGE_FREE || d->lists != 0U) {
+    return XCP_ERR_SEQUENCE;
   }
   if (count > (uint16_t)XCP_LISTS) {
-    return XCP_NO_ROOM;
+    return XCP_ERR_NO_MEMORY;
   }
   for (uint16_t i = 0; i < count; i++) {
     const xcp_list new_list = {{0, 0}, 1, 0, 0, 0};
     d->list[i] = new_list;
   }
   d->lists = (uint8_t)count;
-  d->stage = STAGE_LISTS;
-  return XCP_FINE;
+  d->allocation_stage = STAGE_LISTS;
+  return XCP_OK;
 }
 
 uint8_t xcp_daq_alloc_parts(xcp_daq *d, uint16_t list, uint8_t count)
 {
   const uint8_t error = check_allocation(d, STAGE_PARTS);
-  if (error != XCP_FINE) {
+  if (error != XCP_OK) {
     return error;
   }
   if (list >= d->lists) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   if (d->list[list].parts.count != 0U) {
-    return XCP_SEQUENCE;
+    return XCP_ERR_SEQUENCE;
   }
   if (count > (uint8_t)XCP_ODTS - d->parts) {
-    return XCP_NO_ROOM;
+    return XCP_ERR_NO_MEMORY;
   }
   d->list[list].parts.first = d->parts;
   d->list[list].parts.count = count;
@@ -187,25 +187,25 @@ uint8_t xcp_daq_alloc_parts(xcp_daq *d, uint16_t list, uint8_t count)
     d->part[d->parts].count = 0;
     d->parts++;
   }
-  d->stage = STAGE_PARTS;
-  return XCP_FINE;
+  d->allocation_stage = STAGE_PARTS;
+  return XCP_OK;
 }
 
 uint8_t xcp_daq_alloc_entries(xcp_daq *d, uint16_t list, uint8_t part, uint8_t count)
 {
   const uint8_t error = check_allocation(d, STAGE_ENTRIES);
-  if (error != XCP_FINE) {
+  if (error != XCP_OK) {
     return error;
   }
   if (list >= d->lists || part >= d->list[list].parts.count) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   xcp_range *entries = &d->part[d->list[list].parts.first + part];
   if (entries->count != 0U) {
-    return XCP_SEQUENCE;
+    return XCP_ERR_SEQUENCE;
   }
   if (count > (uint8_t)XCP_ENTRIES - d->entries) {
-    return XCP_NO_ROOM;
+    return XCP_ERR_NO_MEMORY;
   }
   entries->first = d->entries;
   entries->count = count;
@@ -213,50 +213,50 @@ uint8_t xcp_daq_alloc_entries(xcp_daq *d, uint16_t list, uint8_t part, uint8_t c
     d->signal[d->entries] = XCP_NO_SIGNAL;
     d->entries++;
   }
-  d->stage = STAGE_ENTRIES;
-  return XCP_FINE;
+  d->allocation_stage = STAGE_ENTRIES;
+  return XCP_OK;
 }
 
-uint8_t xcp_daq_point(xcp_daq *d, uint16_t list, uint8_t part, uint8_t entry)
+uint8_t xcp_daq_set_position(xcp_daq *d, uint16_t list, uint8_t part, uint8_t entry)
 {
-  if (xcp_daq_runs(d)) {
-    return XCP_DAQ_ACTIVE;
+  if (xcp_daq_is_running(d)) {
+    return XCP_ERR_DAQ_ACTIVE;
   }
   if (list >= d->lists || part >= d->list[list].parts.count ||
       entry >= d->part[d->list[list].parts.first + part].count) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
-  d->at_list = (uint8_t)list;
-  d->at_part = (uint8_t)(d->list[list].parts.first + part);
-  d->at_entry = entry;
-  return XCP_FINE;
+  d->next_list = (uint8_t)list;
+  d->next_part = (uint8_t)(d->list[list].parts.first + part);
+  d->next_entry = entry;
+  return XCP_OK;
 }
 
 uint8_t xcp_daq_write(xcp_daq *d, uint8_t signal)
 {
-  if (xcp_daq_runs(d)) {
-    return XCP_DAQ_ACTIVE;
+  if (xcp_daq_is_running(d)) {
+    return XCP_ERR_DAQ_ACTIVE;
   }
-  if (d->at_part >= d->parts || d->at_entry >= d->part[d->at_part].count) {
-    return XCP_DAQ_CONFIG;
+  if (d->next_part >= d->parts || d->next_entry >= d->part[d->next_part].count) {
+    return XCP_ERR_DAQ_CONFIG;
   }
-  d->signal[d->part[d->at_part].first + d->at_entry] = signal;
-  d->at_entry++;
-  return XCP_FINE;
+  d->signal[d->part[d->next_part].first + d->next_entry] = signal;
+  d->next_entry++;
+  return XCP_OK;
 }
 
 static void set_running(xcp_daq *d, uint16_t list, uint8_t running)
 {
   port_lock(d->port);
-  d->list[list].skip = 0;
-  d->list[list].running = running;
+  d->list[list].remaining_ticks = 0;
+  d->list[list].is_running = running;
   port_unlock(d->port);
 }
 
 uint8_t xcp_daq_clear(xcp_daq *d, uint16_t list)
 {
   if (list >= d->lists) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   set_running(d, list, 0);
   for (uint8_t i = 0; i < d->list[list].parts.count; i++) {
@@ -265,19 +265,19 @@ uint8_t xcp_daq_clear(xcp_daq *d, uint16_t list)
       d->signal[entries->first + j] = XCP_NO_SIGNAL;
     }
   }
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 uint8_t xcp_daq_set_prescaler(xcp_daq *d, uint16_t list, uint8_t prescaler)
 {
   if (list >= d->lists || prescaler == 0U) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
-  if (d->list[list].running != 0U) {
-    return XCP_DAQ_ACTIVE;
+  if (d->list[list].is_running != 0U) {
+    return XCP_ERR_DAQ_ACTIVE;
   }
   d->list[list].prescaler = prescaler;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 /* Whether a list has packets, and all its entries were written. */
@@ -297,37 +297,37 @@ static int is_complete(const xcp_daq *d, uint16_t list)
 uint8_t xcp_daq_start_stop(xcp_daq *d, uint16_t list, uint8_t mode)
 {
   if (list >= d->lists) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   if (mode > 2U) {
-    return XCP_MODE;
+    return XCP_ERR_MODE;
   }
   if (mode != 0U && !is_complete(d, list)) {
-    return XCP_DAQ_CONFIG;
+    return XCP_ERR_DAQ_CONFIG;
   }
   if (mode == 2U) {
-    d->list[list].selected = 1;
+    d->list[list].is_selected = 1;
   } else {
     set_running(d, list, mode);
   }
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 uint8_t xcp_daq_synchronise(xcp_daq *d, uint8_t mode)
 {
   if (mode > 2U) {
-    return XCP_MODE;
+    return XCP_ERR_MODE;
   }
-  /* One lock, so that all lists start with the same tick. */
+  /* One lock for all lists, so that they start with the same tick. */
   port_lock(d->port);
   for (uint8_t i = 0; i < d->lists; i++) {
     xcp_list *list = &d->list[i];
-    if (mode == 0U || list->selected != 0U) {
-      list->skip = 0;
-      list->running = mode == 1U ? 1U : 0U;
+    if (mode == 0U || list->is_selected != 0U) {
+      list->remaining_ticks = 0;
+      list->is_running = mode == 1U ? 1U : 0U;
     }
-    list->selected = 0;
+    list->is_selected = 0;
   }
   port_unlock(d->port);
-  return XCP_FINE;
+  return XCP_OK;
 }

@@ -6,16 +6,16 @@
 #define ANHYST_XCP_MAP_H
 
 #define XCP_PACKET 136 /* maximum size of a command, an answer and a sample, bytes */
-#define XCP_LISTS 4 /* number of sample lists */
-#define XCP_ODTS 8 /* number of parts of lists */
-#define XCP_ENTRIES 32 /* number of signals in all lists */
+#define XCP_LISTS 4 /* maximum number of sample lists */
+#define XCP_ODTS 8 /* total number of parts (ODTs) of all lists */
+#define XCP_ENTRIES 32 /* total number of signals in all lists */
 #define XCP_QUEUE 4096 /* size of the transmit queue of samples, bytes */
 #define XCP_EVENT "tick" /* name of the event */
 #ifndef XCP_SECRET
 #define XCP_SECRET UINT32_C(0x616E6879) /* initial value of the key for a seed */
 #endif
 
-/* Areas: the upper half of an address. */
+/* Areas. The number of an area is the upper half of an address. */
 enum {
   XCP_AREA_SIGNAL = 1, /* signals of the last tick, 4 bytes each */
   XCP_AREA_SETTING = 2, /* settings, 4 bytes each */

@@ -9,8 +9,8 @@ static uint16_t address_area(uint32_t address) { return (uint16_t)(address >> 16
 
 static uint16_t address_offset(uint32_t address) { return (uint16_t)(address & 0xFFFFU); }
 
-/* Returns the bytes per value of an area. */
-static uint16_t value_width(uint16_t area)
+/* Returns the number of bytes per value of an area. */
+static uint16_t bytes_per_value(uint16_t area)
 {
   switch (area) {
   case XCP_AREA_SIGNAL:
@@ -27,15 +27,15 @@ static uint16_t value_width(uint16_t area)
 static uint8_t read_signal(const xcp_slave *x, uint16_t number, uint32_t *value)
 {
   if (number >= (uint16_t)LINK_SIGNAL_COUNT) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   port_lock(x->firmware->port);
   *value = (uint32_t)x->firmware->signals[number];
   port_unlock(x->firmware->port);
-  return XCP_FINE;
+  return XCP_OK;
 }
 
-/* Whether the body accepts this input: a force or a position. */
+/* Whether the body accepts this input, which is a force or a position. */
 static int accepts_input(const xcp_slave *x, uint16_t number)
 {
   const int levitates = x->firmware->board->plan != NULL;
@@ -45,42 +45,42 @@ static int accepts_input(const xcp_slave *x, uint16_t number)
 static uint8_t read_input(const xcp_slave *x, uint16_t number, uint32_t *value)
 {
   if (number >= (uint16_t)XCP_INPUT_COUNT) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   if (number == (uint16_t)XCP_INPUT_COMMAND) {
     *value = ANHYST_COMMAND_NONE;
-    return XCP_FINE;
+    return XCP_OK;
   }
   if (!accepts_input(x, number)) {
-    return XCP_DENIED;
+    return XCP_ERR_DENIED;
   }
   port_lock(x->firmware->port);
   *value = (uint32_t)app_body_goal(x->firmware->control.body);
   port_unlock(x->firmware->port);
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t read_block_word(const xcp_slave *x, uint16_t number, uint32_t *value)
 {
-  const int16_t *edited = x->page == 1U ? app_block_edited(x->firmware) : NULL;
+  const int16_t *edited = x->page == 1U ? app_edited_block(x->firmware) : NULL;
   const uint16_t length = edited != NULL ? (uint16_t)ANHYST_BLOCK_MOST_WORDS
-                                         : app_word_in_force(x->firmware, ANHYST_WORD_LENGTH);
+                                         : app_active_word(x->firmware, ANHYST_WORD_LENGTH);
   if (number >= length) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
-  *value = edited != NULL ? (uint16_t)edited[number] : app_word_in_force(x->firmware, number);
-  return XCP_FINE;
+  *value = edited != NULL ? (uint16_t)edited[number] : app_active_word(x->firmware, number);
+  return XCP_OK;
 }
 
 static uint8_t read_character(const char *text, uint16_t number, uint32_t *value)
 {
   for (uint16_t i = 0; i <= number; i++) {
     if (text[i] == '\0') {
-      return XCP_RANGE;
+      return XCP_ERR_RANGE;
     }
   }
   *value = (uint8_t)text[number];
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 /* Reads the value with this number in an area. */
@@ -91,10 +91,10 @@ static uint8_t read_value(const xcp_slave *x, uint16_t area, uint16_t number, ui
     return read_signal(x, number, value);
   case XCP_AREA_SETTING:
     if (number >= (uint16_t)LINK_SETTING_COUNT) {
-      return XCP_RANGE;
+      return XCP_ERR_RANGE;
     }
     *value = (uint32_t)x->firmware->settings[number];
-    return XCP_FINE;
+    return XCP_OK;
   case XCP_AREA_INPUT:
     return read_input(x, number, value);
   case XCP_AREA_BLOCK:
@@ -104,24 +104,24 @@ static uint8_t read_value(const xcp_slave *x, uint16_t area, uint16_t number, ui
   case XCP_AREA_EVENT:
     return read_character(XCP_EVENT, number, value);
   default:
-    return XCP_DENIED;
+    return XCP_ERR_DENIED;
   }
 }
 
 uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t count)
 {
   const uint16_t area = address_area(address);
-  const uint16_t width = value_width(area);
+  const uint16_t width = bytes_per_value(area);
   uint32_t value = 0;
   if (count > 0x10000U - address_offset(address)) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   for (uint32_t i = 0; i < count; i++) {
     const uint16_t at = (uint16_t)(address_offset(address) + i);
     const uint16_t byte = at % width;
-    if (i == 0U || byte == 0U) { /* fetched once, so that it is consistent */
+    if (i == 0U || byte == 0U) { /* the value is read only once, so that its bytes are consistent */
       const uint8_t error = read_value(x, area, at / width, &value);
-      if (error != XCP_FINE) {
+      if (error != XCP_OK) {
         return error;
       }
       for (uint16_t shifts = byte; shifts > 0U; shifts--) {
@@ -131,7 +131,7 @@ uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t 
     bytes[i] = (uint8_t)(value & 0xFFU);
     value >>= 8;
   }
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint16_t write_input(xcp_slave *x, uint16_t number, int32_t value)
@@ -140,9 +140,9 @@ static uint16_t write_input(xcp_slave *x, uint16_t number, int32_t value)
   uint16_t state = 0;
   switch (number) {
   case XCP_INPUT_SET_DEMAND:
-    return app_aim(a, LINK_BODY_FORCE, value);
+    return app_set_reference(a, LINK_BODY_FORCE, value);
   case XCP_INPUT_SET_TARGET:
-    return app_aim(a, LINK_BODY_POSITION, value);
+    return app_set_reference(a, LINK_BODY_POSITION, value);
   case XCP_INPUT_COMMAND:
     return value >= 0 && value < (int32_t)ANHYST_COMMAND_COUNT
                ? app_command(a, (uint16_t)value, &state)
@@ -156,13 +156,13 @@ uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t
                   uint16_t *reason)
 {
   const uint16_t area = address_area(address);
-  const uint16_t width = value_width(area);
+  const uint16_t width = bytes_per_value(area);
   const uint16_t number = address_offset(address) / width;
   uint16_t state = 0;
   *reason = LINK_REASON_NONE;
   if (address_offset(address) % width != 0U || count % width != 0U || count == 0U ||
       (width == 4U && count != 4U)) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   switch (area) {
   case XCP_AREA_SETTING:
@@ -173,18 +173,18 @@ uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t
     break;
   case XCP_AREA_BLOCK:
     if (x->page != 1U) {
-      return XCP_WRITE_PROTECTED;
+      return XCP_ERR_WRITE_PROTECTED;
     }
     x->is_swapped = 0;
     *reason = app_block_edit(x->firmware, number, bytes, count / 2U);
     break;
   default:
-    return XCP_WRITE_PROTECTED;
+    return XCP_ERR_WRITE_PROTECTED;
   }
   if (*reason == LINK_REASON_NONE) {
-    return XCP_FINE;
+    return XCP_OK;
   }
-  return *reason == LINK_REASON_VALUE ? XCP_RANGE : XCP_DENIED;
+  return *reason == LINK_REASON_VALUE ? XCP_ERR_RANGE : XCP_ERR_DENIED;
 }
 
 uint8_t xcp_signal_at(uint32_t address)

@@ -5,11 +5,11 @@
 
 #include "xcp/xcp.h"
 
-/* Reads bytes from an address on. Returns XCP_FINE, XCP_RANGE or XCP_DENIED. */
+/* Reads bytes from an address on. Returns XCP_OK, XCP_ERR_RANGE or XCP_ERR_DENIED. */
 uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t count);
 
-/* Writes one value of four bytes, or complete words of page 1. Returns XCP_FINE, XCP_RANGE,
-   XCP_DENIED or XCP_WRITE_PROTECTED. *reason: answer of the firmware, LINK_REASON_... */
+/* Writes one value of four bytes, or complete words of page 1. Returns XCP_OK, XCP_ERR_RANGE,
+   XCP_ERR_DENIED or XCP_ERR_WRITE_PROTECTED. *reason: answer of the firmware, LINK_REASON_... */
 uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t count,
                   uint16_t *reason);
 

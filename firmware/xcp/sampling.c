@@ -10,14 +10,13 @@
 #define DAQ_HAS_PRESCALER 0x02U
 #define DAQ_HAS_STAMP 0x10U
 #define DAQ_OVERLOAD_IS_EVENT 0x80U
-#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* two bytes before a sample */
+#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* the packet number has two bytes before a sample */
 #define STAMP_IS_FIXED_4_BYTES 0x0CU
 #define EVENT_IS_DAQ 0x04U
-#define EVENT_WHOLE 0x80U /* all signals of a sample are of one tick */
-#define LIST_STIM_OR_NO_HEAD 0x23U
+#define EVENT_IS_CONSISTENT 0x80U /* all signals of a sample belong to one tick */
+#define LIST_UNSUPPORTED_MODES 0x23U
 
-/* Returns the tick period as a number up to `max_value` times 10^power ns, rounded to the nearest.
- */
+/* Returns the tick period as a rounded number, at most `max_value`, times 10^power ns. */
 static uint16_t find_tick_period(uint32_t rate, uint16_t max_value, uint8_t *power)
 {
   uint32_t second = 1000000000U;
@@ -38,50 +37,50 @@ static uint8_t on_daq_processor(xcp_slave *x, xcp_request *r)
   link_put_u16(r->answer + 4, 1); /* number of events */
   r->answer[7] = DAQ_RELATIVE_PART_BYTE_LIST;
   r->length = 8;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_daq_resolution(xcp_slave *x, xcp_request *r)
 {
   uint8_t power = 0;
   const uint16_t ticks = find_tick_period(x->firmware->board->rate, UINT16_MAX, &power);
-  r->answer[1] = 4; /* size of an entry: one signal */
+  r->answer[1] = 4; /* size of an entry in bytes: one signal */
   r->answer[2] = 4;
   r->answer[5] = (uint8_t)(STAMP_IS_FIXED_4_BYTES | ((uint8_t)(power << 4)));
   link_put_u16(r->answer + 6, ticks);
   r->length = 8;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_daq_event(xcp_slave *x, xcp_request *r)
 {
   uint8_t power = 0;
   if (link_get_u16(r->command + 2) != 0U) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   const uint16_t cycle = find_tick_period(x->firmware->board->rate, 255, &power);
   x->address = (uint32_t)XCP_AREA_EVENT << 16;
-  r->answer[1] = EVENT_IS_DAQ | EVENT_WHOLE;
+  r->answer[1] = EVENT_IS_DAQ | EVENT_IS_CONSISTENT;
   r->answer[2] = XCP_LISTS;
   r->answer[3] = (uint8_t)(sizeof XCP_EVENT - 1U);
   r->answer[4] = (uint8_t)cycle;
   r->answer[5] = power;
   r->length = 7;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_daq_clock(xcp_slave *x, xcp_request *r)
 {
   link_put_u32(r->answer + 4, app_last_tick(x->firmware));
   r->length = 8;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_daq_free(xcp_slave *x, xcp_request *r)
 {
   (void)r;
   xcp_daq_free(&x->daq);
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_daq_alloc(xcp_slave *x, xcp_request *r)
@@ -101,7 +100,7 @@ static uint8_t on_daq_alloc_entries(xcp_slave *x, xcp_request *r)
 
 static uint8_t on_daq_point(xcp_slave *x, xcp_request *r)
 {
-  return xcp_daq_point(&x->daq, link_get_u16(r->command + 2), r->command[4], r->command[5]);
+  return xcp_daq_set_position(&x->daq, link_get_u16(r->command + 2), r->command[4], r->command[5]);
 }
 
 static uint8_t on_daq_write(xcp_slave *x, xcp_request *r)
@@ -109,7 +108,7 @@ static uint8_t on_daq_write(xcp_slave *x, xcp_request *r)
   const uint8_t signal = xcp_signal_at(link_get_u32(r->command + 4));
   if (r->command[1] != 0xFFU || r->command[2] != 4U || r->command[3] != 0U ||
       signal == XCP_NO_SIGNAL) {
-    return XCP_RANGE; /* only complete signals, no single bits */
+    return XCP_ERR_RANGE; /* an entry is a complete signal, not a single bit */
   }
   return xcp_daq_write(&x->daq, signal);
 }
@@ -121,11 +120,11 @@ static uint8_t on_daq_clear(xcp_slave *x, xcp_request *r)
 
 static uint8_t on_daq_mode(xcp_slave *x, xcp_request *r)
 {
-  if ((r->command[1] & LIST_STIM_OR_NO_HEAD) != 0U) {
-    return XCP_MODE;
+  if ((r->command[1] & LIST_UNSUPPORTED_MODES) != 0U) {
+    return XCP_ERR_MODE;
   }
   if (link_get_u16(r->command + 4) != 0U) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   return xcp_daq_set_prescaler(&x->daq, link_get_u16(r->command + 2), r->command[6]);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "xcp/tunnel.h"
 
-/* Writes the length before a packet that is already in place. Returns the new number of bytes. */
+/* Writes the length byte before a packet that is in place. Returns the new number of bytes. */
 static uint16_t put_length(uint8_t *packets, uint16_t at, uint16_t length)
 {
   uint16_t end = at;
@@ -14,7 +14,7 @@ static uint16_t put_length(uint8_t *packets, uint16_t at, uint16_t length)
 
 uint16_t xcp_tunnel(xcp_slave *x, const uint8_t *command, uint16_t length, uint8_t *packets)
 {
-  const uint16_t size = LINK_PAYLOAD_MOST - 1U;
+  const uint16_t size = LINK_MAX_PAYLOAD - 1U;
   uint16_t count = put_length(packets, 0, xcp_answer(x, command, length, &packets[1]));
   uint16_t last_count;
   do {

@@ -7,11 +7,11 @@
 
 #include "xcp/xcp.h"
 
-#if XCP_PACKET + 1 > LINK_PAYLOAD_MOST
+#if XCP_PACKET + 1 > LINK_MAX_PAYLOAD
 #error "an answer does not fit into a frame"
 #endif
 
-/* Writes up to LINK_PAYLOAD_MOST bytes of packets and returns their number. */
+/* Writes up to LINK_MAX_PAYLOAD bytes of packets and returns their number. */
 uint16_t xcp_tunnel(xcp_slave *x, const uint8_t *command, uint16_t length, uint8_t *packets);
 
 #endif

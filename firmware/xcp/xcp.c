@@ -26,13 +26,13 @@
 #define CHECKSUM_CRC_32 0x09U
 #define KEY_BYTES 4U
 
-void xcp_hang_up(xcp_slave *x)
+void xcp_disconnect(xcp_slave *x)
 {
-  x->connected = 0;
-  x->unlocked = 0;
+  x->is_connected = 0;
+  x->is_unlocked = 0;
   x->has_seed = 0;
   x->page = 0;
-  x->reported = 0;
+  x->reported_losses = 0;
   xcp_daq_start(&x->daq);
 }
 
@@ -43,7 +43,7 @@ void xcp_start(xcp_slave *x, app *firmware)
   x->address = 0;
   x->seed = 0;
   x->is_swapped = 0;
-  xcp_hang_up(x);
+  xcp_disconnect(x);
 }
 
 void xcp_tick(xcp_slave *x)
@@ -54,10 +54,10 @@ void xcp_tick(xcp_slave *x)
 uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t size)
 {
   port_lock(x->firmware->port);
-  const uint16_t lost = x->daq.lost;
+  const uint16_t lost = x->daq.dropped_samples;
   port_unlock(x->firmware->port);
-  if ((lost != x->reported) && (size >= 2U)) {
-    x->reported = lost;
+  if ((lost != x->reported_losses) && (size >= 2U)) {
+    x->reported_losses = lost;
     packet[0] = PACKET_EVENT;
     packet[1] = EVENT_OVERLOAD;
     return 2;
@@ -67,54 +67,54 @@ uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t size)
 
 static uint8_t on_connect(xcp_slave *x, xcp_request *r)
 {
-  xcp_hang_up(x); /* a second connect restarts the session */
-  x->connected = 1;
+  xcp_disconnect(x); /* a second connect restarts the session */
+  x->is_connected = 1;
   r->answer[1] = RESOURCE_CALIBRATION | RESOURCE_DAQ;
   r->answer[2] =
       OPTIONAL_COMM_MODE; /* byte order low first, address unit byte, no block transfer */
   r->answer[3] = XCP_PACKET;
   link_put_u16(r->answer + 4, XCP_PACKET);
-  r->answer[6] = 1; /* versions of protocol and transport */
+  r->answer[6] = 1; /* versions of the protocol and transport layers */
   r->answer[7] = 1;
   r->length = 8;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_disconnect(xcp_slave *x, xcp_request *r)
 {
   (void)r;
-  xcp_hang_up(x);
-  return XCP_FINE;
+  xcp_disconnect(x);
+  return XCP_OK;
 }
 
 static uint8_t protected_resources(const xcp_slave *x)
 {
-  return (uint8_t)(x->unlocked != 0U ? 0U : RESOURCE_CALIBRATION);
+  return (uint8_t)(x->is_unlocked != 0U ? 0U : RESOURCE_CALIBRATION);
 }
 
 static uint8_t on_status(xcp_slave *x, xcp_request *r)
 {
-  r->answer[1] = xcp_daq_runs(&x->daq) ? (uint8_t)STATUS_DAQ_RUNNING : (uint8_t)0;
+  r->answer[1] = xcp_daq_is_running(&x->daq) ? (uint8_t)STATUS_DAQ_RUNNING : (uint8_t)0;
   r->answer[2] = protected_resources(x);
   r->length = 6;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
-/* SYNCH always gets an error packet as answer. It shows that both sides are synchronised again. */
+/* The answer to SYNCH is an error packet. It shows that both sides are synchronised again. */
 static uint8_t on_synch(xcp_slave *x, xcp_request *r)
 {
   (void)x;
   r->answer[0] = PACKET_ERROR;
   r->length = 2;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
-/* No block mode and no interleaved mode. */
+/* There is no block mode and no interleaved mode. */
 static uint8_t on_comm_mode_info(xcp_slave *x, xcp_request *r)
 {
   r->answer[7] = (uint8_t)(x->firmware->board->firmware & 0xFFU);
   r->length = 8;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint32_t text_length(const char *text)
@@ -126,23 +126,23 @@ static uint32_t text_length(const char *text)
   return length;
 }
 
-/* The master reads the name with UPLOAD. Types 0 and 1: text, and file name without extension. */
+/* The master reads the name with UPLOAD. Type 0 is a text, type 1 a file name without extension. */
 static uint8_t on_id(xcp_slave *x, xcp_request *r)
 {
   x->address = (uint32_t)XCP_AREA_NAME << 16;
   link_put_u32(r->answer + 4, r->command[1] <= 1U ? text_length(x->firmware->board->name) : 0U);
   r->length = 8;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_seed(xcp_slave *x, xcp_request *r)
 {
   if (r->command[1] != 0U) {
-    return XCP_SEQUENCE; /* the seed has no second part */
+    return XCP_ERR_SEQUENCE; /* the seed has only one part */
   }
   r->length = 2;
-  if (x->unlocked != 0U || r->command[2] != RESOURCE_CALIBRATION) {
-    return XCP_FINE;
+  if (x->is_unlocked != 0U || r->command[2] != RESOURCE_CALIBRATION) {
+    return XCP_OK;
   }
   uint8_t tick[KEY_BYTES];
   link_put_u32(tick, app_last_tick(x->firmware));
@@ -151,7 +151,7 @@ static uint8_t on_seed(xcp_slave *x, xcp_request *r)
   r->answer[1] = KEY_BYTES;
   link_put_u32(r->answer + 2, x->seed);
   r->length = 2U + KEY_BYTES;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 /* A wrong key ends the connection. */
@@ -159,38 +159,38 @@ static uint8_t on_unlock(xcp_slave *x, xcp_request *r)
 {
   uint8_t seed[KEY_BYTES];
   if (x->has_seed == 0U) {
-    return XCP_SEQUENCE;
+    return XCP_ERR_SEQUENCE;
   }
   x->has_seed = 0;
   link_put_u32(seed, x->seed);
   if (r->command[1] != KEY_BYTES || r->count < 2U + KEY_BYTES ||
       link_get_u32(r->command + 2) != link_crc32(XCP_SECRET, seed, KEY_BYTES)) {
-    xcp_hang_up(x);
-    return XCP_LOCKED;
+    xcp_disconnect(x);
+    return XCP_ERR_LOCKED;
   }
-  x->unlocked = 1;
+  x->is_unlocked = 1;
   r->answer[1] = protected_resources(x);
   r->length = 2;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_address(xcp_slave *x, xcp_request *r)
 {
   if (r->command[3] != 0U) {
-    return XCP_RANGE; /* no address extensions */
+    return XCP_ERR_RANGE; /* there are no address extensions */
   }
   x->address = link_get_u32(r->command + 4);
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_upload(xcp_slave *x, xcp_request *r)
 {
   const uint8_t count = r->command[1];
   if (count == 0U || count > XCP_PACKET - 1U) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   const uint8_t error = xcp_read(x, x->address, r->answer + 1, count);
-  if (error == XCP_FINE) {
+  if (error == XCP_OK) {
     x->address += count;
     r->length = (uint16_t)(count + 1U);
   }
@@ -200,18 +200,18 @@ static uint8_t on_upload(xcp_slave *x, xcp_request *r)
 static uint8_t on_short_upload(xcp_slave *x, xcp_request *r)
 {
   const uint8_t error = on_address(x, r);
-  return error == XCP_FINE ? on_upload(x, r) : error;
+  return error == XCP_OK ? on_upload(x, r) : error;
 }
 
 /* Writes the bytes of the command from index `from` on. */
 static uint8_t download(xcp_slave *x, xcp_request *r, uint16_t from)
 {
   const uint16_t count = r->command[1];
-  uint8_t error = XCP_SYNTAX;
+  uint8_t error = XCP_ERR_SYNTAX;
   if (count <= (uint16_t)(r->count - from)) {
     error = xcp_write(x, x->address, r->command + from, count, &r->reason);
   }
-  if (error == XCP_FINE) {
+  if (error == XCP_OK) {
     x->address += count;
   }
   return error;
@@ -219,11 +219,11 @@ static uint8_t download(xcp_slave *x, xcp_request *r, uint16_t from)
 
 static uint8_t on_download(xcp_slave *x, xcp_request *r) { return download(x, r, 2); }
 
-/* Address and bytes in one command: a demand needs one round trip instead of two. */
+/* Address and bytes are in one command, so that a demand needs one round trip instead of two. */
 static uint8_t on_short_download(xcp_slave *x, xcp_request *r)
 {
   const uint8_t error = on_address(x, r);
-  return error == XCP_FINE ? download(x, r, 8) : error;
+  return error == XCP_OK ? download(x, r, 8) : error;
 }
 
 static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
@@ -232,12 +232,12 @@ static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
   uint8_t bytes[32];
   uint32_t sum = 0;
   if (size == 0U || size > 0x10000U - (x->address & 0xFFFFU)) {
-    return XCP_RANGE;
+    return XCP_ERR_RANGE;
   }
   for (uint32_t at = 0; at < size; at += sizeof bytes) {
     const uint16_t chunk = (uint16_t)(size - at < sizeof bytes ? size - at : sizeof bytes);
     const uint8_t error = xcp_read(x, x->address + at, bytes, chunk);
-    if (error != XCP_FINE) {
+    if (error != XCP_OK) {
       return error;
     }
     sum = link_crc32(sum, bytes, chunk);
@@ -246,26 +246,26 @@ static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
   r->answer[1] = CHECKSUM_CRC_32;
   link_put_u32(r->answer + 4, sum);
   r->length = 8;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_set_page(xcp_slave *x, xcp_request *r)
 {
   uint16_t detail = 0;
   if ((r->command[1] & PAGE_OF_ALL) == 0U && r->command[2] != 0U) {
-    return XCP_SEGMENT;
+    return XCP_ERR_SEGMENT;
   }
   if ((r->command[1] & (PAGE_OF_ECU | PAGE_OF_MASTER)) == 0U) {
-    return XCP_MODE;
+    return XCP_ERR_MODE;
   }
   if (r->command[3] > 1U) {
-    return XCP_PAGE;
+    return XCP_ERR_PAGE;
   }
   if ((r->command[1] & PAGE_OF_ECU) != 0U) {
     if (r->command[3] == 1U) {
       r->reason = app_block_swap_edited(x->firmware, &detail);
       if (r->reason != LINK_REASON_NONE) {
-        return XCP_PAGE;
+        return XCP_ERR_PAGE;
       }
     }
     x->is_swapped = r->command[3];
@@ -273,20 +273,20 @@ static uint8_t on_set_page(xcp_slave *x, xcp_request *r)
   if ((r->command[1] & PAGE_OF_MASTER) != 0U) {
     x->page = r->command[3];
   }
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_page(xcp_slave *x, xcp_request *r)
 {
   if (r->command[2] != 0U) {
-    return XCP_SEGMENT;
+    return XCP_ERR_SEGMENT;
   }
   if (r->command[1] != PAGE_OF_ECU && r->command[1] != PAGE_OF_MASTER) {
-    return XCP_MODE;
+    return XCP_ERR_MODE;
   }
   r->answer[3] = r->command[1] == PAGE_OF_ECU ? x->is_swapped : x->page;
   r->length = 4;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 static uint8_t on_page_info(xcp_slave *x, xcp_request *r)
@@ -294,23 +294,23 @@ static uint8_t on_page_info(xcp_slave *x, xcp_request *r)
   (void)x;
   r->answer[1] = 1; /* number of segments */
   r->length = 3;
-  return XCP_FINE;
+  return XCP_OK;
 }
 
 /* Copies page 0 to page 1; this discards the edits of page 1. */
 static uint8_t on_copy_page(xcp_slave *x, xcp_request *r)
 {
   if (r->command[1] != 0U || r->command[3] != 0U) {
-    return XCP_SEGMENT;
+    return XCP_ERR_SEGMENT;
   }
   if (r->command[4] == 0U) {
-    return XCP_WRITE_PROTECTED;
+    return XCP_ERR_WRITE_PROTECTED;
   }
   if (r->command[2] != 0U || r->command[4] != 1U) {
-    return XCP_PAGE;
+    return XCP_ERR_PAGE;
   }
-  app_block_forget(x->firmware);
-  return XCP_FINE;
+  app_block_discard_edits(x->firmware);
+  return XCP_OK;
 }
 
 static const xcp_command commands[] = {
@@ -331,13 +331,13 @@ static uint8_t perform_command(xcp_slave *x, xcp_request *r)
     }
   }
   if (found == NULL) {
-    return XCP_UNKNOWN;
+    return XCP_ERR_UNKNOWN_COMMAND;
   }
   if (r->count < found->min_bytes || r->count > XCP_PACKET) {
-    return XCP_SYNTAX;
+    return XCP_ERR_SYNTAX;
   }
-  if (found->needs_key != 0U && x->unlocked == 0U) {
-    return XCP_LOCKED;
+  if (found->needs_key != 0U && x->is_unlocked == 0U) {
+    return XCP_ERR_LOCKED;
   }
   return found->act(x, r);
 }
@@ -345,18 +345,18 @@ static uint8_t perform_command(xcp_slave *x, xcp_request *r)
 uint16_t xcp_answer(xcp_slave *x, const uint8_t *command, uint16_t length, uint8_t *answer)
 {
   xcp_request r = {command, length, answer, 1, LINK_REASON_NONE};
-  if (length == 0U || (x->connected == 0U && command[0] != 0xFFU)) {
+  if (length == 0U || (x->is_connected == 0U && command[0] != 0xFFU)) {
     return 0;
   }
-  if (x->unlocked != 0U) {
-    app_alive(x->firmware);
+  if (x->is_unlocked != 0U) {
+    app_restart_heartbeat(x->firmware);
   }
   answer[0] = PACKET_ANSWER;
-  for (uint16_t i = 1; i < XCP_ANSWER_HEAD; i++) {
+  for (uint16_t i = 1; i < XCP_CLEARED_ANSWER_BYTES; i++) {
     answer[i] = 0;
   }
   const uint8_t error = perform_command(x, &r);
-  if (error == XCP_FINE) {
+  if (error == XCP_OK) {
     return r.length;
   }
   answer[0] = PACKET_ERROR;

@@ -25,7 +25,7 @@ void anhyst_axes_drive_init_f32(anhyst_force_controller_f64 *c, anhyst_force_con
   *c = initial;
 }
 
-uint16_t anhyst_axes_word(uint16_t state, uint32_t lost)
+uint16_t anhyst_axes_state_word(uint16_t state, uint32_t lost)
 {
   static const uint16_t phases[] = {ANHYST_PHASE_HOVER, ANHYST_PHASE_DESCEND, ANHYST_PHASE_REST,
                                     ANHYST_PHASE_RISE};

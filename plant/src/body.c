@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define AXES ANHYST_PLANT_AXES
-#define MASK (ANHYST_PLANT_DELAY_MOST - 1U)
+#define DELAY_INDEX_MASK (ANHYST_PLANT_MAX_DELAY - 1U)
 
 /* Resistance of an open circuit divided by that of the winding. */
 #define OPEN_CIRCUIT_RATIO 100.0
@@ -28,7 +28,7 @@ static void lever_arm(const anhyst_plant_line *line, const double *pose, double 
   cross(arm, line->d, result);
 }
 
-/* Returns the displacement along a line. Leaves out the angles of a body that cannot rotate. */
+/* Returns the displacement along a line. Skips the angles if the body cannot rotate. */
 static inline double displacement_along(const anhyst_plant_line *line, const double *pose,
                                         int can_turn)
 {
@@ -41,12 +41,12 @@ static inline double displacement_along(const anhyst_plant_line *line, const dou
   return translation + dot(arm, pose + 3);
 }
 
-double anhyst_plant_moved(const anhyst_plant_line *line, const double pose[AXES])
+double anhyst_plant_displacement(const anhyst_plant_line *line, const double pose[AXES])
 {
   return displacement_along(line, pose, 1);
 }
 
-/* Adds the wrench of a force along a line. Leaves out the moment if the body cannot rotate. */
+/* Adds the wrench of a force along a line. Skips the moment if the body cannot rotate. */
 static inline void add_force_along(const anhyst_plant_line *line, const double *pose, double force,
                                    int can_turn, double wrench[AXES])
 {
@@ -64,7 +64,7 @@ static inline void add_force_along(const anhyst_plant_line *line, const double *
   wrench[2] += (line->d[2] + rotated_d[2]) * force;
 }
 
-/* Solves a*x = b in place. Returns 0 unless all leading minors of the matrix are positive. */
+/* Solves a*x = b in place. Returns 0 if a leading minor of the matrix is not positive. */
 static inline int solve_linear(int n, double a[AXES][AXES], double b[AXES])
 {
   int i;
@@ -95,7 +95,7 @@ static inline int solve_linear(int n, double a[AXES][AXES], double b[AXES])
 }
 
 /* Sets the mass matrix of all six axes about the reference point of the pose. With c the centre of
-   mass: [m, -m[c x]; m[c x], J - m[c x][c x]]. */
+   mass, the matrix is [m, -m[c x]; m[c x], J - m[c x][c x]]. */
 static void mass_matrix(const anhyst_plant_body *body, double m[AXES][AXES])
 {
   const double *c = body->centre;
@@ -157,8 +157,8 @@ static void set_cable_matrix(const anhyst_plant_body *body, anhyst_plant_state *
   }
 }
 
-/* Returns the force of a cable on a free coordinate, per N/m and displacement (N s/m and
-   velocity). */
+/* Returns the force of a cable of 1 N/m on a free coordinate for a displacement. With a velocity
+   instead, it is the damping force of a cable of 1 N s/m. */
 static double cable_force(const anhyst_plant_body *body, const anhyst_plant_state *state, int k,
                           const double *displacement)
 {
@@ -357,11 +357,11 @@ static inline void step_magnet(const anhyst_plant_actuator *actuator,
                              state->coil.density);
 }
 
-/* Forces along the free coordinates without the damping of guide and cable, and the damping. */
+/* Forces along the free coordinates without the damping forces, and damping coefficients. */
 typedef struct {
   double force[AXES];
   double damping[AXES];
-  int is_damped; /* whether any damping is above zero */
+  int is_damped; /* whether a damping coefficient is above zero */
 } axis_forces;
 
 static inline void find_forces(const anhyst_plant_body *body, const anhyst_plant_state *state,
@@ -386,7 +386,7 @@ static inline void find_forces(const anhyst_plant_body *body, const anhyst_plant
     result->is_damped |= damping > 0.0;
     result->force[k] = load_wrench[axis] + state->weight[axis] + state->wrench[axis] -
                        c->stop_stiffness * stop_overlap +
-                       damping * state->frame_velocity[axis]; /* the damper is fixed to the frame */
+                       damping * state->frame_velocity[axis]; /* the damper moves with the frame */
   }
   if (body->cable.stiffness > 0.0) {
     double pose[AXES];
@@ -397,7 +397,7 @@ static inline void find_forces(const anhyst_plant_body *body, const anhyst_plant
   }
 }
 
-/* Advances the velocity by half a sub-step, with the damping at its start. */
+/* Advances the velocity by the first half of a sub-step, with the damping force at its start. */
 static inline void start_half_step(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
                                    const axis_forces *forces)
 {
@@ -434,8 +434,8 @@ static double cable_damping_term(const anhyst_plant_body *body, const anhyst_pla
   return sum;
 }
 
-/* Advances the velocity by the other half, damping at its end: (1+ease*damping)*v =
-   v+ease*force. */
+/* Advances the velocity by the second half, with the damping force at its end: (1 + ease*damping)*v
+   = v + ease*force. */
 static inline void end_half_step(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
                                  const axis_forces *forces)
 {
@@ -451,7 +451,7 @@ static inline void end_half_step(const anhyst_plant_body *body, anhyst_plant_sta
                      cable_damping_term(body, state, k, l);
     }
   }
-  if (forces->is_damped) { /* otherwise the matrix is the identity */
+  if (forces->is_damped) { /* without damping, the matrix is the identity */
     (void)solve_linear(n, matrix, velocity);
   }
   for (k = 0; k < n; k++) {
@@ -459,7 +459,7 @@ static inline void end_half_step(const anhyst_plant_body *body, anhyst_plant_sta
   }
 }
 
-/* Advances by one sub-step. forces: on entry those at its start, on return those at its end. */
+/* Advances by one sub-step. The forces on entry are those at its start, on return at its end. */
 static inline void run_substep(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
                                double seconds, double load_command, axis_forces *forces)
 {
@@ -471,7 +471,7 @@ static inline void run_substep(const anhyst_plant_body *body, anhyst_plant_state
     }
     state->due[state->at] = 0;
   }
-  state->at = (state->at + 1U) & MASK;
+  state->at = (state->at + 1U) & DELAY_INDEX_MASK;
   start_half_step(body, state, n, forces);
   for (j = 0; j < n; j++) {
     const int axis = body->coordinate[j].axis;
@@ -495,8 +495,8 @@ static inline void run_substep(const anhyst_plant_body *body, anhyst_plant_state
   anhyst_plant_sensor_follow(&body->force_sensor, &state->force_sensing, force, state->force);
 }
 
-/* Advances by the sub-steps of one tick. n: the number of free coordinates. The caller passes a
-   single coordinate as a constant, for which the compiler removes the loops. */
+/* Advances by the sub-steps of one tick. n is the number of free coordinates. For a single
+   coordinate the caller passes a constant 1, so that the compiler removes the loops. */
 static inline void run_substeps(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
                                 double load_command)
 {
@@ -512,8 +512,8 @@ static inline void run_substeps(const anhyst_plant_body *body, anhyst_plant_stat
 void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *state,
                           const double *command, double load)
 {
-  const unsigned due = (state->at + (unsigned)body->delay) & MASK;
-  const anhyst_plant_load *drive = &body->load; /* its state controller runs first */
+  const unsigned due = (state->at + (unsigned)body->delay) & DELAY_INDEX_MASK;
+  const anhyst_plant_load *drive = &body->load; /* the load's state controller runs first */
   const double position = read_encoder(body, state);
   const double velocity = (position - state->load_position) / body->tick;
   double load_command;

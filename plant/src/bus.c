@@ -8,7 +8,7 @@
 #define Q30 1073741824.0
 #define Q31 2147483648.0
 
-/* Returns the nearest code, halves upwards; saturates; the sensor's error code for NaN. */
+/* Returns the nearest code (halves upwards), saturated; for NaN, the error code of the sensor. */
 static uint32_t to_code(double value, double one)
 {
   const double place = value * one + 0.5;
@@ -21,13 +21,13 @@ static uint32_t to_code(double value, double one)
   return (uint32_t)(place <= 1.0 - Q31 ? INT32_C(-2147483647) : (int32_t)floor(place));
 }
 
-static int32_t to_signed(uint32_t word)
+static int32_t to_int32(uint32_t word)
 {
   return word < UINT32_C(0x80000000) ? (int32_t)word
                                      : (int32_t)((int64_t)word - INT64_C(0x100000000));
 }
 
-static double to_fraction(uint32_t word) { return (double)to_signed(word) / Q31; }
+static double to_fraction(uint32_t word) { return (double)to_int32(word) / Q31; }
 
 void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
                                 anhyst_loop_answer *answer)

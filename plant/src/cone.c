@@ -3,15 +3,16 @@
 
 #include "anhyst_plant/magnet.h"
 
-#define ITERATIONS 100
-#define TOLERANCE 1e-7 /* of the ampere-turns, A; the last step ends much closer */
+#define MAX_ITERATIONS 100
+#define MMF_TOLERANCE 1e-7 /* limit of the last step of the ampere-turns, A */
 
-void anhyst_plant_cone_at(const anhyst_plant_cone *cone, double gap, anhyst_plant_cone_gap *at)
+void anhyst_plant_evaluate_cone(const anhyst_plant_cone *cone, double gap,
+                                anhyst_plant_cone_gap *at)
 {
   const double width = cone->side + 2.0 * cone->fringe * gap;
   const double dip_depth = cone->depth - gap;
   const double root_term = sqrt(dip_depth * dip_depth + cone->onset * cone->onset);
-  /* The second form loses no digits if the plunger is far outside. */
+  /* The second form avoids cancellation if the plunger is far outside. */
   const double overlap = dip_depth >= 0.0
                              ? 0.5 * (dip_depth + root_term)
                              : 0.5 * cone->onset * cone->onset / (root_term - dip_depth);
@@ -34,16 +35,16 @@ static double cone_flux(const anhyst_plant_cone_gap *at, double mmf, double *slo
   return at->straight * mmf + at->cone * mmf / root;
 }
 
-/* The flux is odd and bends towards the axis of the ampere-turns. Therefore, Newton steps are below
-   the solution after one step, and stay below. A step across zero restarts at zero, because steps
-   on the other side could oscillate. */
+/* The flux is an odd function and bends towards the axis of the ampere-turns. Therefore, Newton
+   steps are below the solution after one step, and stay below. A step across zero restarts at zero,
+   because steps on the other side could oscillate. */
 double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, double near,
                              double *slope)
 {
   double mmf = near;
   double step = HUGE_VAL;
   int i;
-  for (i = 0; i < ITERATIONS && fabs(step) > TOLERANCE; i++) {
+  for (i = 0; i < MAX_ITERATIONS && fabs(step) > MMF_TOLERANCE; i++) {
     const double flux_reached = cone_flux(at, mmf, slope);
     step = (flux - flux_reached) / *slope;
     mmf += step;

@@ -6,7 +6,7 @@ static void step_amplifier(const anhyst_plant_held *held, anhyst_plant_held_stat
 {
   const double error = s->reference - held->zero - s->current;
   const double unlimited =
-      s->current + anhyst_plant_bound(held->share * error, -held->most, held->most);
+      s->current + anhyst_plant_limit_to_range(held->share * error, -held->most, held->most);
   s->current = unlimited > held->low ? unlimited : held->low;
   s->reference = anhyst_plant_convert(reference, held->low, held->high, held->step);
 }
@@ -16,7 +16,7 @@ void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_sta
 {
   double quantity[ANHYST_HELD_SENSORS];
   int i;
-  if (state->begun) { /* the first tick has no previous one */
+  if (state->begun) { /* the first tick has no previous tick */
     step_amplifier(held, state, reference);
   }
   if (held->seconds > 0.0) {

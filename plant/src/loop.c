@@ -4,14 +4,16 @@
 #include <math.h>
 #include <string.h>
 
-#define COUNTS(body) {1, (body)->coordinates, (body)->heads, (body)->magnets}
+#define SIGNAL_COUNTS(body) {1, (body)->coordinates, (body)->heads, (body)->magnets}
 
-#define ROW(name, text, unit, angular, shape, value) {text, unit, angular, ANHYST_EACH_##shape},
-const anhyst_plant_signal_row anhyst_plant_signals[ANHYST_LOOP_SIGNALS] = {ANHYST_LOOP_TABLE(ROW)};
+#define DESCRIBE_SIGNAL(name, text, unit, angular, shape, value)                                   \
+  {text, unit, angular, ANHYST_EACH_##shape},
+const anhyst_plant_signal_row anhyst_plant_signals[ANHYST_LOOP_SIGNALS] = {
+    ANHYST_LOOP_SIGNAL_TABLE(DESCRIBE_SIGNAL)};
 
 int anhyst_plant_signal_count(const anhyst_plant_body *body, anhyst_plant_signal signal)
 {
-  const int counts[] = COUNTS(body);
+  const int counts[] = SIGNAL_COUNTS(body);
   return counts[anhyst_plant_signals[signal].shape];
 }
 
@@ -30,13 +32,13 @@ static double *write_row(const anhyst_plant_loop *loop, const anhyst_loop_sample
 {
   const anhyst_plant_body *body = loop->body;
   const anhyst_plant_state *s = loop->state;
-  const int counts[] = COUNTS(body);
+  const int counts[] = SIGNAL_COUNTS(body);
   int j;
-#define WRITE(name, text, unit, angular, shape, value)                                             \
+#define WRITE_SIGNAL(name, text, unit, angular, shape, value)                                      \
   for (j = 0; j < counts[ANHYST_EACH_##shape]; j++) {                                              \
     *row++ = (value);                                                                              \
   }
-  ANHYST_LOOP_TABLE(WRITE)
+  ANHYST_LOOP_SIGNAL_TABLE(WRITE_SIGNAL)
   return row;
 }
 
@@ -46,16 +48,16 @@ static void make_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   const anhyst_plant_body *body = loop->body;
   const size_t row = i * (size_t)body->coordinates;
   const double *inject = events->inject + row;
-  double *current = loop->room + body->magnets; /* after the commands */
+  double *current = loop->room + body->magnets; /* current readings */
   double *flux = current + body->magnets;
   double *head = flux + body->magnets;
   double *position = head + body->heads;
-  double *last = position + body->magnets + (ptrdiff_t)3 * body->coordinates; /* after the answer */
+  double *last = position + body->magnets + (ptrdiff_t)3 * body->coordinates; /* last readings */
   const uint32_t command = events->command[i];
   int has_failed;
   anhyst_plant_readings readings = {head, current, flux, 0.0};
   double injected[ANHYST_PLANT_AXES] = {0.0};
-  double injected_with_frame[ANHYST_PLANT_AXES] = {0.0}; /* frame plus injected signal */
+  double injected_with_frame[ANHYST_PLANT_AXES] = {0.0}; /* frame position plus disturbance */
   int j;
   anhyst_plant_read(body, loop->state, &readings);
   for (j = 0; j < body->coordinates; j++) {
@@ -66,15 +68,15 @@ static void make_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
                   inject[j];
   }
   for (j = 0; j < body->heads; j++) {
-    head[j] += anhyst_plant_moved(&body->head[j].line, body->head[j].base == ANHYST_PLANT_BODY
-                                                           ? injected_with_frame
-                                                           : injected);
-    has_failed = command & ANHYST_LOOP_HEADS && j >= body->magnets &&
-                 command >> ANHYST_LOOP_FAILS >> (j - body->magnets) & 1U;
-    if (command & ANHYST_LOOP_DROP || (has_failed && command & ANHYST_LOOP_MISSING)) {
+    head[j] += anhyst_plant_displacement(
+        &body->head[j].line,
+        body->head[j].base == ANHYST_PLANT_BODY ? injected_with_frame : injected);
+    has_failed = command & ANHYST_INJECT_HEAD_FAULTS && j >= body->magnets &&
+                 command >> ANHYST_INJECT_FIRST_FAULT_BIT >> (j - body->magnets) & 1U;
+    if (command & ANHYST_INJECT_HEAD_DROPOUT || (has_failed && command & ANHYST_INJECT_HEAD_NAN)) {
       head[j] = (double)NAN;
     } else if (has_failed) {
-      head[j] = command & ANHYST_LOOP_FROZEN ? last[j] : head[j] + ANHYST_LOOP_JUMP;
+      head[j] = command & ANHYST_INJECT_FROZEN_HEAD ? last[j] : head[j] + ANHYST_INJECTED_JUMP_M;
     }
     last[j] = head[j];
   }
@@ -90,7 +92,7 @@ static void make_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   sample->command = command & 0xFFU;
 }
 
-/* Sets the commands of the amplifiers: currents, or voltages of the current controllers. */
+/* Sets the commands of the amplifiers: currents, or voltages from the current controllers. */
 static void set_commands(anhyst_plant_loop *loop, const double *reference, const double *read,
                          double *command)
 {
@@ -101,7 +103,7 @@ static void set_commands(anhyst_plant_loop *loop, const double *reference, const
     if (c->gain > 0.0) {
       const double error = reference[j] - read[j];
       const double unlimited = c->resistance * reference[j] + c->gain * error + c->integral;
-      command[j] = anhyst_plant_bound(unlimited, -c->limit, c->limit);
+      command[j] = anhyst_plant_limit_to_range(unlimited, -c->limit, c->limit);
       if (fabs(unlimited) < c->limit) {
         c->integral += c->reset * error;
       }
@@ -109,16 +111,17 @@ static void set_commands(anhyst_plant_loop *loop, const double *reference, const
   }
 }
 
-/* Sets the failures of the amplifiers from now on. */
+/* Sets the failures of the amplifiers from this tick on. */
 static void set_failures(anhyst_plant_loop *loop, uint32_t command)
 {
   int j;
   for (j = 0; j < loop->body->magnets && j < 16; j++) {
-    const uint32_t has_failed =
-        command & ANHYST_LOOP_HEADS ? 0U : command >> (ANHYST_LOOP_FAILS + j) & 1U;
-    loop->state->actuator[j].failure = has_failed == 0U              ? ANHYST_PLANT_WORKS
-                                       : command & ANHYST_LOOP_SHORT ? ANHYST_PLANT_SHORT
-                                                                     : ANHYST_PLANT_OPEN;
+    const uint32_t has_failed = command & ANHYST_INJECT_HEAD_FAULTS
+                                    ? 0U
+                                    : command >> (ANHYST_INJECT_FIRST_FAULT_BIT + j) & 1U;
+    loop->state->actuator[j].failure = has_failed == 0U                        ? ANHYST_PLANT_WORKS
+                                       : command & ANHYST_INJECT_SHORT_CIRCUIT ? ANHYST_PLANT_SHORT
+                                                                               : ANHYST_PLANT_OPEN;
   }
 }
 
@@ -152,7 +155,7 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
     for (j = 0; events->frame && j < coordinates; j++) {
       const double *now = events->frame + i * coordinates + j;
       const int axis = body->coordinate[j].axis;
-      loop->state->frame[axis] = now[0]; /* prevents accumulated rounding errors */
+      loop->state->frame[axis] = now[0]; /* reset, to prevent accumulated rounding errors */
       loop->state->frame_velocity[axis] = (now[coordinates] - now[0]) / body->tick;
     }
     anhyst_plant_advance(body, loop->state, command, events->load[i]);

@@ -6,54 +6,54 @@
 
 #include "anhyst_plant/sensor.h"
 
-/* Error of the flux density, T: less than 1e-6 of the largest force of a magnet of at least 1 T. */
-#define TOLERANCE 1e-7
-#define ITERATIONS 100
-#define CONE_TOLERANCE 1e-10 /* error of the flux density with a cone, T */
-#define SUBSTEPS 8           /* of a movement with a duration */
+/* Flux density error, T: less than 1e-6 of the maximum force of a magnet of at least 1 T. */
+#define FLUX_DENSITY_TOLERANCE 1e-7
+#define MAX_ITERATIONS 100
+#define CONE_TOLERANCE 1e-10 /* maximum error of the flux density with a cone, T */
+#define MOVEMENT_STEPS 8     /* number of steps of a movement with a duration */
 
 typedef struct {
   double outer;           /* reluctance in series with the iron, 1/H */
-  double share;           /* part of the flux that passes the gaps */
+  double share;           /* fraction of the flux that crosses the gaps */
   double per_area;        /* 1/(area of a gap including fringing), 1/m^2 */
   double fringing_factor; /* 1 - gap*(derivative of the area per metre)/area */
-  double displacement;    /* with a bias: displacement from the middle along the force, m */
+  double displacement;    /* only with a bias: displacement from the middle along the force, m */
   anhyst_plant_cone_gap cone;
 } outer_circuit;
 
-/* The ampere-turns over a cone as a term of the equation of the iron. */
+/* The ampere-turns across a cone, as a term in the equation of the iron. */
 typedef struct {
   const anhyst_plant_cone_gap *at;
-  double area;   /* of the iron, m^2 */
+  double area;   /* cross-section of the iron, m^2 */
   double weight; /* coefficient of the ampere-turns in the equation */
-  double mmf;    /* last solution, A */
+  double mmf;    /* last solved ampere-turns, A */
 } cone_term;
 
 typedef struct {
-  outer_circuit outer; /* of the iron; circuit only */
+  outer_circuit outer; /* reluctances around the iron; circuit only */
   double gap;          /* m */
   double half;         /* half the step, s */
-  double eddies;       /* current of the eddy currents per induced volt, A/V */
-  double psi_start;    /* flux linkage without the terms of the end itself, Wb */
+  double eddies;       /* coefficient of the eddy currents: current per induced voltage, A/V */
+  double psi_start;    /* flux linkage without the terms at the end of the step, Wb */
 } step_end;
 
 typedef struct {
-  anhyst_plant_goal goal;    /* of the iron; circuit only */
-  anhyst_plant_soaked solid; /* of solid iron */
-  double mmf;                /* ampere-turns over a cone, A */
-  double steady;             /* current for the field, A */
-  double current;            /* including the eddy currents, A */
+  anhyst_plant_goal goal;    /* goal of laminated iron; circuit only */
+  anhyst_plant_soaked solid; /* result of solid iron */
+  double mmf;                /* ampere-turns across a cone, A */
+  double steady;             /* current without that of the eddy currents, A */
+  double current;            /* total current including the eddy currents, A */
 } solution;
 
 static inline void find_circuit(const anhyst_plant_circuit *c, double gap, outer_circuit *found)
 {
   found->outer = c->joints;
   found->share = 1.0;
-  found->per_area = 0.0; /* not used with a cone */
+  found->per_area = 0.0; /* zero, because a cone does not use it */
   found->fringing_factor = 1.0;
   found->displacement = c->middle - gap;
   if (c->cone) {
-    anhyst_plant_cone_at(c->cone, gap, &found->cone);
+    anhyst_plant_evaluate_cone(c->cone, gap, &found->cone);
   } else if (c->bias == 0.0) {
     const double area = (c->pole_width + gap) * (c->pole_depth + gap);
     const double permeance = 0.5 * ANHYST_PLANT_MU0 * area / gap;
@@ -93,8 +93,8 @@ static double cone_mmf(void *self, double density, double *slope)
   return term->weight * term->mmf;
 }
 
-/* Solves a*H + b*B = r for field and flux density of the iron, within a tolerance of the flux
-   density. With a cone, its ampere-turns are added with this weight. */
+/* Solves a*H + b*B = r for the field and the flux density of the iron, within a tolerance of the
+   flux density. With a cone, the left side also contains its ampere-turns times `weight`. */
 static inline void solve_iron(const anhyst_plant_circuit *c, const anhyst_plant_coil *coil,
                               const outer_circuit *outer, const anhyst_plant_asked *asked,
                               double weight, double tolerance, solution *found)
@@ -131,8 +131,9 @@ static void move_iron(const anhyst_plant_circuit *c, anhyst_plant_coil *coil, co
 static double flux_linkage(const anhyst_plant_flux_table *t, double current, double gap,
                            double *slope)
 {
-  const double row = anhyst_plant_bound((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
-                     (double)(t->gaps - 1);
+  const double row =
+      anhyst_plant_limit_to_range((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
+      (double)(t->gaps - 1);
   const int above = row >= (double)(t->gaps - 1) ? t->gaps - 2 : (int)row;
   const double row_share = row - (double)above;
   const double step = t->current_high / (double)(t->currents - 1);
@@ -154,7 +155,7 @@ static double solve_linkage(const anhyst_plant_flux_table *t, double gap, double
   double low = -HUGE_VAL;
   double high = HUGE_VAL;
   int i;
-  for (i = 0; i < ITERATIONS; i++) {
+  for (i = 0; i < MAX_ITERATIONS; i++) {
     double slope;
     const double residual = r - flux_linkage(t, current, gap, &slope) - b * current;
     const double next = current + residual / (slope + b);
@@ -175,7 +176,7 @@ static anhyst_plant_row interpolate_row(const anhyst_plant_law *law, double gap)
 {
   const anhyst_plant_flux_table *t = &law->table;
   const double place =
-      anhyst_plant_bound((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
+      anhyst_plant_limit_to_range((gap - t->gap_low) / (t->gap_high - t->gap_low), 0.0, 1.0) *
       (double)(law->row_count - 1);
   const int below = place >= (double)(law->row_count - 1) ? law->row_count - 2 : (int)place;
   const double share = place - (double)below;
@@ -191,8 +192,8 @@ static anhyst_plant_row interpolate_row(const anhyst_plant_law *law, double gap)
   return found;
 }
 
-/* Moves the law to a current; without a solution, its state does not change. The eddy currents use
-   the backward formula of second order, which causes no ringing. */
+/* Moves the law to a current. If there is no solution, its state does not change. The eddy-current
+   term uses the backward difference of second order, which causes no ringing. */
 static void move_law(const anhyst_plant_law *law, anhyst_plant_coil *coil, double gap,
                      double per_second)
 {
@@ -211,8 +212,8 @@ static void move_law(const anhyst_plant_law *law, anhyst_plant_coil *coil, doubl
   coil->force = row.gain * flux * flux + row.offset;
 }
 
-/* Returns the part of the winding's current that the eddy currents take, A per induced volt. */
-static double eddy_share(const anhyst_plant_magnet *magnet)
+/* Returns the part of the winding current that balances the eddy currents, A per induced volt. */
+static double eddy_current_share(const anhyst_plant_magnet *magnet)
 {
   const anhyst_plant_circuit *c = magnet->circuit;
   return c && c->eddy > 0.0
@@ -220,7 +221,7 @@ static double eddy_share(const anhyst_plant_magnet *magnet)
              : 0.0;
 }
 
-/* Returns the total current for the current of the field; equal without eddy currents. */
+/* Returns the total current from the current without eddy currents. */
 static inline double total_current(const anhyst_plant_magnet *magnet, double eddies, double steady,
                                    const anhyst_plant_source *s)
 {
@@ -230,8 +231,8 @@ static inline double total_current(const anhyst_plant_magnet *magnet, double edd
 }
 
 /* Replaces a source whose voltage exceeds the limit by a source of the limit voltage, and returns
-   whether it did. The current is then even farther from the reference, and the limit still
-   applies. */
+   whether it did. The solved current is then even farther from the reference, so that the limit
+   still applies. */
 static inline int limit_source(anhyst_plant_source *s, double current)
 {
   const double voltage = s->gain * (s->reference - current) + s->voltage;
@@ -243,8 +244,8 @@ static inline int limit_source(anhyst_plant_source *s, double current)
   return 1;
 }
 
-/* Solves for iron and current at the end of a step of twice end->half. The flux linkage there is
-   psi_start plus the terms of the end. */
+/* Solves for iron and current at the end of a step, whose length is twice end->half. The flux
+   linkage at the end is end->psi_start plus the terms that depend on the solution. */
 static inline void solve_step_end(const anhyst_plant_magnet *magnet, const anhyst_plant_coil *coil,
                                   const anhyst_plant_source *s, const step_end *end,
                                   solution *found)
@@ -263,7 +264,7 @@ static inline void solve_step_end(const anhyst_plant_magnet *magnet, const anhys
         half * total_resistance * per_field, weight + half * total_resistance * per_density,
         end->psi_start + half * (source_voltage + total_resistance * moved), 0.5 / end->half};
     solve_iron(c, coil, &end->outer, &asked, half * total_resistance / magnet->turns,
-               weight * TOLERANCE, found);
+               weight * FLUX_DENSITY_TOLERANCE, found);
     found->steady = per_field * found->solid.field + per_density * found->solid.density - moved;
     if (c->cone) {
       found->steady += found->mmf / magnet->turns;
@@ -298,7 +299,7 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
   int is_limited;
   end.gap = gap;
   end.half = half;
-  end.eddies = eddy_share(magnet);
+  end.eddies = eddy_current_share(magnet);
   s.voltage += coil->integral;
   start_current = total_current(magnet, end.eddies, coil->steady, &s);
   is_limited = limit_source(&s, start_current);
@@ -353,7 +354,7 @@ void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil
                                           eddy_mmf * density_before,
                                       per_second};
     solution found;
-    solve_iron(c, coil, &outer, &asked, 1.0, b * TOLERANCE, &found);
+    solve_iron(c, coil, &outer, &asked, 1.0, b * FLUX_DENSITY_TOLERANCE, &found);
     move_iron(c, coil, &found);
     coil->steady -= eddy_mmf / magnet->turns * (coil->iron.density - density_before);
     update_force(c, &outer, coil);
@@ -369,10 +370,10 @@ void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_co
                               double current, double gap, double seconds)
 {
   const double start = coil->current;
-  const double step = (current - start) / SUBSTEPS;
-  const double per_second = 1.0 / (seconds / SUBSTEPS);
+  const double step = (current - start) / MOVEMENT_STEPS;
+  const double per_second = 1.0 / (seconds / MOVEMENT_STEPS);
   int n;
-  for (n = 1; n < SUBSTEPS; n++) {
+  for (n = 1; n < MOVEMENT_STEPS; n++) {
     anhyst_plant_coil_lead(magnet, coil, start + n * step, gap, per_second);
   }
   anhyst_plant_coil_lead(magnet, coil, current, gap, per_second);

@@ -5,11 +5,11 @@
 
 #include "anhyst/numeric/elementary.h"
 
-#define MASK (ANHYST_PLANT_DELAY_MOST - 1U)
+#define DELAY_INDEX_MASK (ANHYST_PLANT_MAX_DELAY - 1U)
 
 static uint64_t rotate(uint64_t x, unsigned by) { return (x << by) | (x >> (64U - by)); }
 
-/* Fills the state by splitmix64, which accepts any seed, including 0. */
+/* Fills the state of the generator by splitmix64, which accepts any seed, including 0. */
 void anhyst_plant_noise_start(anhyst_plant_noise *noise, uint64_t seed)
 {
   int i;
@@ -25,7 +25,7 @@ void anhyst_plant_noise_start(anhyst_plant_noise *noise, uint64_t seed)
   noise->spare = 0.0;
 }
 
-static uint64_t next_word(anhyst_plant_noise *noise)
+static uint64_t next_random_word(anhyst_plant_noise *noise)
 {
   uint64_t *w = noise->word;
   const uint64_t found = rotate(w[0] + w[3], 23U) + w[0];
@@ -39,12 +39,12 @@ static uint64_t next_word(anhyst_plant_noise *noise)
   return found;
 }
 
-static double uniform(anhyst_plant_noise *noise) /* in -1..1 */
+static double draw_uniform(anhyst_plant_noise *noise) /* uniformly distributed in -1..1 */
 {
-  return (double)(int64_t)next_word(noise) * 0x1p-63;
+  return (double)(int64_t)next_random_word(noise) * 0x1p-63;
 }
 
-static double normal(anhyst_plant_noise *noise)
+static double draw_normal(anhyst_plant_noise *noise)
 {
   double x;
   double y;
@@ -54,8 +54,8 @@ static double normal(anhyst_plant_noise *noise)
     return noise->spare;
   }
   do {
-    x = uniform(noise);
-    y = uniform(noise);
+    x = draw_uniform(noise);
+    y = draw_uniform(noise);
     square = x * x + y * y;
   } while (square >= 1.0 || square <= 0.0);
   square = sqrt(-2.0 * anhyst_log_f64(square) / square);
@@ -66,7 +66,7 @@ static double normal(anhyst_plant_noise *noise)
 
 double anhyst_plant_convert(double value, double low, double high, double step)
 {
-  const double limited = anhyst_plant_bound(value, low, high);
+  const double limited = anhyst_plant_limit_to_range(value, low, high);
   return step > 0.0 ? low + floor((limited - low) / step + 0.5) * step : limited;
 }
 
@@ -75,7 +75,7 @@ void anhyst_plant_sensor_start(anhyst_plant_sensing *sensing, double value)
   unsigned i;
   sensing->value = value;
   sensing->at = 0;
-  for (i = 0; i < ANHYST_PLANT_DELAY_MOST; i++) {
+  for (i = 0; i < ANHYST_PLANT_MAX_DELAY; i++) {
     sensing->line[i] = value;
   }
 }
@@ -83,7 +83,7 @@ void anhyst_plant_sensor_start(anhyst_plant_sensing *sensing, double value)
 static double output(const anhyst_plant_sensor *sensor, const anhyst_plant_sensing *sensing,
                      double noise)
 {
-  const double value = sensing->line[(sensing->at - (unsigned)sensor->delay) & MASK];
+  const double value = sensing->line[(sensing->at - (unsigned)sensor->delay) & DELAY_INDEX_MASK];
   return anhyst_plant_convert(sensor->gain * value + sensor->offset + noise, sensor->low,
                               sensor->high, sensor->step);
 }
@@ -102,5 +102,5 @@ double anhyst_plant_sensor_take(const anhyst_plant_sensor *sensor, anhyst_plant_
 double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,
                                 const anhyst_plant_sensing *sensing, anhyst_plant_noise *noise)
 {
-  return output(sensor, sensing, sensor->noise > 0.0 ? sensor->noise * normal(noise) : 0.0);
+  return output(sensor, sensing, sensor->noise > 0.0 ? sensor->noise * draw_normal(noise) : 0.0);
 }

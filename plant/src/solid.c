@@ -5,14 +5,14 @@
 #include <stddef.h>
 #include <string.h>
 
-#define VOLUMES ANHYST_PLANT_VOLUMES
+#define VOLUMES ANHYST_PLANT_MAX_VOLUMES
 #define MAX_STEPS 60
 #define MAX_BISECTIONS 12
 /* Flux density tolerance, T: the last step is the first one with smaller changes in all volumes. */
 #define FLUX_TOLERANCE 1e-8
-/* Flux density tolerance of the laminations, T, and a small coefficient for a unique field. */
-#define SHEETS_TOLERANCE 1e-11
-#define SHEETS_FIELD (1e-9 * ANHYST_PLANT_MU0)
+/* Flux density tolerance of the laminations, T, and a small coefficient for a unique solution. */
+#define LAMINATIONS_TOLERANCE 1e-11
+#define LAMINATIONS_FIELD_WEIGHT (1e-9 * ANHYST_PLANT_MU0)
 
 typedef struct {
   const anhyst_plant_iron *iron;
@@ -20,7 +20,7 @@ typedef struct {
   const anhyst_plant_memory *volume;
   const anhyst_plant_memory *sheets;
   const anhyst_plant_asked *asked;
-  double before[VOLUMES]; /* S_j */
+  double before[VOLUMES]; /* mean flux density S_j, T */
 } slab_problem;
 
 typedef struct {
@@ -28,26 +28,26 @@ typedef struct {
   double density[VOLUMES];
   double field_slope[VOLUMES];
   double density_slope[VOLUMES];
-  double flux[VOLUMES];     /* S_j */
-  double residual[VOLUMES]; /* H_j + drag_j*dS_j/dt - H_(j-1) */
+  double flux[VOLUMES];     /* mean flux density S_j, T */
+  double residual[VOLUMES]; /* residual H_j + drag_j*dS_j/dt - H_(j-1), A/m */
   double surface;           /* field at the surface */
-  double sheets_slope;      /* slope of the field of the laminations over the flux */
+  double sheets_slope;      /* slope of the laminations' field over the flux */
 } slab_state;
 
-static double drag_of(const slab_problem *slab, int j)
+static double drag_per_step(const slab_problem *slab, int j)
 {
   return slab->solid->drag[j] * slab->asked->per_second;
 }
 
 /* Solves for the field of the laminations, which carry the whole flux. */
-static void solve_sheets(const slab_problem *slab, double flux, anhyst_plant_soaked *found)
+static void solve_laminations(const slab_problem *slab, double flux, anhyst_plant_soaked *found)
 {
-  anhyst_plant_field(slab->iron, slab->sheets, SHEETS_FIELD, 1.0,
-                     flux + SHEETS_FIELD * slab->sheets->field, SHEETS_TOLERANCE, NULL,
-                     &found->sheets);
+  anhyst_plant_field(slab->iron, slab->sheets, LAMINATIONS_FIELD_WEIGHT, 1.0,
+                     flux + LAMINATIONS_FIELD_WEIGHT * slab->sheets->field, LAMINATIONS_TOLERANCE,
+                     NULL, &found->sheets);
 }
 
-static void evaluate(const slab_problem *slab, anhyst_plant_soaked *found, slab_state *state)
+static void evaluate_slab(const slab_problem *slab, anhyst_plant_soaked *found, slab_state *state)
 {
   const anhyst_plant_solid *solid = slab->solid;
   const anhyst_plant_asked *asked = slab->asked;
@@ -68,25 +68,26 @@ static void evaluate(const slab_problem *slab, anhyst_plant_soaked *found, slab_
   state->sheets_slope = 0.0;
   given -= asked->b * flux;
   if (solid->part < 1.0) {
-    solve_sheets(slab, flux, found);
+    solve_laminations(slab, flux, found);
     state->sheets_slope = found->sheets.field_slope / found->sheets.density_slope;
     given -= asked->a * (1.0 - solid->part) * found->sheets.field;
   }
   state->surface = given / (asked->a * solid->part);
   for (j = 0; j < solid->volumes; j++) {
-    state->residual[j] = state->field[j] + drag_of(slab, j) * (state->flux[j] - slab->before[j]) -
+    state->residual[j] = state->field[j] +
+                         drag_per_step(slab, j) * (state->flux[j] - slab->before[j]) -
                          (j > 0 ? state->field[j - 1] : state->surface);
   }
 }
 
 /* Computes the Newton step of all coordinates: a ladder network, whose response to the outer field
-   is computed from the middle outwards. Returns the largest change of a volume's share. */
+   is computed from the middle outwards. Returns the largest flux change of a volume, T. */
 static double newton_step(const slab_problem *slab, const slab_state *state, double *step)
 {
   const anhyst_plant_solid *solid = slab->solid;
   const anhyst_plant_asked *asked = slab->asked;
   const int last = solid->volumes - 1;
-  double admittance[VOLUMES]; /* of a volume and all deeper ones */
+  double admittance[VOLUMES]; /* sums over a volume and all deeper volumes */
   double source[VOLUMES + 1];
   double admittance_inside = 0.0;
   double outside;
@@ -96,17 +97,17 @@ static double newton_step(const slab_problem *slab, const slab_state *state, dou
   for (j = last; j >= 0; j--) {
     admittance[j] =
         admittance_inside + solid->share[j] * state->density_slope[j] / state->field_slope[j];
-    admittance_inside = admittance[j] / (1.0 + drag_of(slab, j) * admittance[j]);
-    source[j] =
-        source[j + 1] - admittance_inside * (drag_of(slab, j) * source[j + 1] + state->residual[j]);
+    admittance_inside = admittance[j] / (1.0 + drag_per_step(slab, j) * admittance[j]);
+    source[j] = source[j + 1] -
+                admittance_inside * (drag_per_step(slab, j) * source[j + 1] + state->residual[j]);
   }
   outside =
       (asked->a * (1.0 - solid->part) * state->sheets_slope + asked->b) / (asked->a * solid->part);
   outside *= -source[0] / (1.0 + outside * admittance_inside);
   for (j = 0; j <= last; j++) {
     double change;
-    outside -= drag_of(slab, j) * source[j + 1] + state->residual[j];
-    outside /= 1.0 + drag_of(slab, j) * admittance[j];
+    outside -= drag_per_step(slab, j) * source[j + 1] + state->residual[j];
+    outside /= 1.0 + drag_per_step(slab, j) * admittance[j];
     step[j] = outside / state->field_slope[j];
     change = fabs(solid->share[j] * state->density_slope[j] * step[j]);
     max_change = change > max_change ? change : max_change;
@@ -128,8 +129,8 @@ static double directional_slope(const slab_problem *slab, const slab_state *at,
   return sum;
 }
 
-/* Moves along a step: to its end if it is the last one; otherwise halves it until the slope has not
-   reversed to more than half its initial size. */
+/* Moves along a step. If it is the last step, moves to its end. Otherwise, halves the step until
+   the slope has not reversed to more than half its initial size. */
 static void advance(const slab_problem *slab, const double *step, int is_last,
                     anhyst_plant_soaked *found, slab_state *state)
 {
@@ -146,7 +147,7 @@ static void advance(const slab_problem *slab, const double *step, int is_last,
     for (j = 0; j < slab->solid->volumes; j++) {
       found->at[j] = start[j] + part * step[j];
     }
-    evaluate(slab, found, &next);
+    evaluate_slab(slab, found, &next);
     if (is_last || directional_slope(slab, &next, state, &next) <=
                        -0.5 * directional_slope(slab, state, state, &next)) {
       break;
@@ -173,13 +174,13 @@ void anhyst_plant_soak(const anhyst_plant_iron *iron, const anhyst_plant_solid *
     found->at[j] = volume[j].at + volume[j].stride;
   }
   memset(&state, 0, sizeof state);
-  evaluate(&slab, found, &state);
+  evaluate_slab(&slab, found, &state);
   for (i = 0; i < MAX_STEPS && max_change > FLUX_TOLERANCE; i++) {
     max_change = newton_step(&slab, &state, step);
     advance(&slab, step, max_change <= FLUX_TOLERANCE, found, &state);
   }
   if (!(solid->part < 1.0)) {
-    solve_sheets(&slab, state.flux[0], found);
+    solve_laminations(&slab, state.flux[0], found);
   }
   found->density = state.flux[0];
   found->field = solid->part * state.surface + (1.0 - solid->part) * found->sheets.field;

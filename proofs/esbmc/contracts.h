@@ -6,7 +6,7 @@
 
 #include "any.h"
 
-/* Proved in proofs/frama_c/operators.c. */
+/* This contract is proved in proofs/frama_c/operators.c. */
 static inline int32_t proof_scale(int32_t a, int16_t b)
 {
   const int32_t r = nondet_i32();

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Proves the allocation for any net force and any valid idle force. PRODUCT and RATIO prove the two
-   functions that the other proofs replace by their results: both return 0..2^31 - 1. */
+/* Proves the allocation for any net force and any valid idle force. The macros PRODUCT and RATIO
+   select proofs of two functions: both return 0..2^31 - 1. The other proofs replace these functions
+   by any result in this range. */
 #ifndef ALLOCATE
 #define ANHYST_PORT_HEADER "contracts.h"
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Proves the check of a parameter block, for any number of any words: nothing is read beyond them,
    nothing overflows, and a block that passes has the properties that the proofs of the compensators
-   assume. The words are in memory that ends with the last of them. The number of iterations of a
+   assume. The memory ends with the last word. The number of iterations of a
    loop over words or entries depends on the block. Therefore, proofs.toml selects an arbitrary
    iteration at the start of the body and leaves the loop after it. For tables, this is the
    iteration of `watched`, so that the checked properties of any entry are known. */
@@ -14,7 +14,7 @@
 
 static int16_t watched;
 
-#define TURN(i, low, high)                                                                         \
+#define SELECT_ANY_ITERATION(i, low, high)                                                         \
   (i) = watched;                                                                                   \
   ASSUME((i) >= (low) && (i) < (high));
 
@@ -31,7 +31,7 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 static const anhyst_kernel *const kernel = &anhyst_kernel_full;
 
 #ifndef TABLE
-/* Returns any result, because a solver cannot handle its products. */
+/* Returns any result, because a solver cannot handle the products of this function. */
 static int does_current_rise_with_field(const int16_t *words)
 {
   (void)words;
@@ -51,7 +51,7 @@ static inline int is_table_rising(const entry *words, entry first, int32_t entri
 
 #ifdef IN_UNIT
 
-/* Proved in prove_map.c. */
+/* This contract is proved in prove_map.c. */
 static inline int32_t anhyst_ratio(int32_t numerator, int32_t denominator)
 {
   SHOW(numerator >= 0 && numerator < denominator);
@@ -71,7 +71,7 @@ int main(void)
 
 #ifdef TABLE
 
-/* Nothing beyond the words is read from any table that a block names. */
+/* Proves that no table of a block is read beyond the words. */
 int main(void)
 {
   const uint16_t capacity = nondet_u16();

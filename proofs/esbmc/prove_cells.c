@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Proves the kernel of the play-cell law, function by function. PART is the proved function. The
-   functions that it calls are replaced by their proved contracts (proofs.toml), which first show
-   that the call is allowed. A loop whose number of iterations depends on data is proved for one
-   iteration: proofs.toml inserts BEGIN_ITERATION and END_ITERATION, which show an invariant, forget
-   everything except the invariant, and leave the loop. A path is any path that satisfies the
-   invariant `is_path`, on rows of any size that anhyst_block_check accepts. For entries that are
-   read, the properties of that check are assumed. */
+/* Proves the kernel of the play-cell law, function by function. The macro PART names the proved
+   function. The functions that PART calls are replaced by their proved contracts (proofs.toml),
+   which first show that the call is allowed. A loop whose number of iterations depends on data is
+   proved for one iteration: proofs.toml inserts BEGIN_ITERATION and END_ITERATION, which show an
+   invariant, forget everything except the invariant, and leave the loop. A path is any path that
+   satisfies the invariant `is_path`, on rows of any size that anhyst_block_check accepts. The
+   proofs assume that entries have the properties that this check guarantees. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
 #define ONE ANHYST_Q30_ONE
-#define is_inside(a) ((a) >= -ONE && (a) < ONE)
+#define is_in_unit_range(a) ((a) >= -ONE && (a) < ONE)
 
 #define BEGIN_ITERATION(invariant, forget, condition)                                              \
   SHOW(invariant);                                                                                 \
@@ -23,23 +23,23 @@
   break;
 
 #define BISECTION_INVARIANT                                                                        \
-  (segment >= 0 && segment <= end && end <= path->stride - 2 && is_inside(begin))
+  (segment >= 0 && segment <= end && end <= path->stride - 2 && is_in_unit_range(begin))
 #define FORGET_BISECTION                                                                           \
   segment = nondet_i16();                                                                          \
   begin = nondet_i32();                                                                            \
   residual = any_within(-MAX_SHOWN_RESIDUAL, ANHYST_Q31_MAX);                                      \
   end = nondet_i16()
 
-#define HALF (ONE / 2)
+#define HALF_SCALE (ONE / 2)
 /* Largest residual. */
-#define MAX_SHOWN_RESIDUAL (ONE + HALF / 2)
+#define MAX_SHOWN_RESIDUAL (ONE + HALF_SCALE / 2)
 
 #include "compensator/cells.c"
 
 static int16_t block_words[ANHYST_BLOCK_MOST_WORDS]; /* any */
 static int32_t rested[ANHYST_CELLS];                 /* any plays */
 
-/* A block that passed its check. */
+/* Fills the words of a block that passed its check. */
 static void any_block(int16_t *words)
 {
   const int32_t bits = any_within(2, 8);
@@ -62,15 +62,15 @@ static void any_block(int16_t *words)
 }
 
 /* Positions on rows are indexes here, relative to the start of the first row. */
-static int32_t place_of(const cell_path *path, const int16_t *at)
+static int32_t index_on_rows(const cell_path *path, const int16_t *at)
 {
   return (int32_t)(at - path->rows);
 }
 
 /* Returns whether a position is on a row, before its last entry. */
-static int is_on(const cell_path *path, anhyst_table_position table_position, int32_t row)
+static int is_on_row(const cell_path *path, anhyst_table_position table_position, int32_t row)
 {
-  const int32_t segment = place_of(path, table_position.segment) - row * path->stride;
+  const int32_t segment = index_on_rows(path, table_position.segment) - row * path->stride;
   return segment >= 0 && segment <= path->stride - 2 && table_position.fraction >= 0 &&
          table_position.fraction <= 0x7FFF;
 }
@@ -78,15 +78,15 @@ static int is_on(const cell_path *path, anhyst_table_position table_position, in
 static int is_path(const cell_path *path)
 {
   return path->active >= 1 && path->active <= path->cells + 1 && path->prior_active >= 0 &&
-         path->prior_active <= path->cells + 1 && is_inside(path->x) &&
-         is_inside(path->resting_m) && is_inside(path->last_activation) &&
+         path->prior_active <= path->cells + 1 && is_in_unit_range(path->x) &&
+         is_in_unit_range(path->resting_m) && is_in_unit_range(path->last_activation) &&
          (path->mirror == 0 || path->mirror == -1) &&
-         place_of(path, path->row) == (path->active - 1) * path->stride &&
-         is_on(path, path->reversal, 0);
+         index_on_rows(path, path->row) == (path->active - 1) * path->stride &&
+         is_on_row(path, path->reversal, 0);
 }
 
 /* Returns any position on a row that starts here. */
-static anhyst_table_position any_spot(const cell_path *path, const int16_t *row)
+static anhyst_table_position any_row_position(const cell_path *path, const int16_t *row)
 {
   const anhyst_table_position table_position = {row + any_within(0, path->stride - 2),
                                                 any_within(0, 0x7FFF)};
@@ -105,7 +105,7 @@ static cell_path any_path(void)
   path.active = (int16_t)any_within(1, path.cells + 1);
   path.prior_active = (int16_t)any_within(0, path.cells + 1);
   path.row = active_row(&path, path.active);
-  path.reversal = any_spot(&path, path.rows);
+  path.reversal = any_row_position(&path, path.rows);
   path.stopped_on_rise = nondet_i32();
   path.resting_m = any_within(-ONE, ONE - 1);
   path.x = any_within(-ONE, ONE - 1);
@@ -117,11 +117,11 @@ static cell_path any_path(void)
 }
 
 /* Largest target of a current or a flux, divided by 4. */
-#define MAX_TARGET (HALF + HALF / 4)
+#define MAX_TARGET (HALF_SCALE + HALF_SCALE / 4)
 
 static anhyst_arms any_arms(void)
 {
-  const anhyst_arms arms = {any_within(-HALF, HALF),
+  const anhyst_arms arms = {any_within(-HALF_SCALE, HALF_SCALE),
                             (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
   return arms;
@@ -129,7 +129,7 @@ static anhyst_arms any_arms(void)
 
 static int is_target(const equation *eq)
 {
-  const int32_t most = eq->arms == 0 ? HALF / 2 + 1 : MAX_TARGET;
+  const int32_t most = eq->arms == 0 ? HALF_SCALE / 2 + 1 : MAX_TARGET;
   return eq->target >= -most && eq->target <= most;
 }
 
@@ -160,9 +160,9 @@ static inline number row_difference(table_position position, const entry *other)
 #ifdef SPOT_BY_CONTRACT
 static inline table_position locate_field(const cell_path *path, const entry *row, number x)
 {
-  SHOW(is_inside(x));
-  SHOW(place_of(path, row) >= 0 && place_of(path, row) <= path->cells * path->stride);
-  return any_spot(path, row);
+  SHOW(is_in_unit_range(x));
+  SHOW(index_on_rows(path, row) >= 0 && index_on_rows(path, row) <= path->cells * path->stride);
+  return any_row_position(path, row);
 }
 #endif
 
@@ -170,7 +170,7 @@ static inline table_position locate_field(const cell_path *path, const entry *ro
 static inline number residual_at(const equation *eq, number x, number m)
 {
   (void)m;
-  SHOW(is_inside(x) && is_target(eq));
+  SHOW(is_in_unit_range(x) && is_target(eq));
   return any_within(-MAX_SHOWN_RESIDUAL, MAX_SHOWN_RESIDUAL);
 }
 
@@ -218,7 +218,7 @@ static inline int solve_on_segment(const entry *words, const arms_type *arms, nu
                                    candidate *at, number *flux)
 {
   const equation eq = {words[ANHYST_WORD_CELLS_AIR], arms, target};
-  SHOW(is_target(&eq) && is_inside(at->memory.cells.last_activation));
+  SHOW(is_target(&eq) && is_in_unit_range(at->memory.cells.last_activation));
   at->memory.cells.x = any_within(-ONE, ONE - 1);
   *flux = nondet_i32();
   return any_within(NOT_SOLVED, BEYOND_SEGMENT);
@@ -240,7 +240,7 @@ static void store_segment(const entry *words, int segment, number begin, segment
 {
   cell_path path;
   read_row_layout(&path, words);
-  SHOW(is_inside(begin) && is_inside(rest) && width >= 2U && width <= 13U);
+  SHOW(is_in_unit_range(begin) && is_in_unit_range(rest) && width >= 2U && width <= 13U);
   SHOW(segment >= words[ANHYST_WORD_CELLS_ROWS]);
   SHOW(segment <= words[ANHYST_WORD_CELLS_ROWS] + (path.cells + 1) * path.stride - 2);
   at->of.cells.segment = (int16_t)segment;
@@ -252,22 +252,22 @@ static void store_segment(const entry *words, int segment, number begin, segment
 
 /* ---- proofs ---- */
 
-/* The position of a field on a row of any size, and back. */
+/* Proves the position of a field on a row of any size, and the way back from a position. */
 static void prove_rows(void)
 {
   const cell_path path = any_path();
   const int32_t x = any_within(-ONE, ONE - 1);
   const anhyst_table_position table_position = locate_field(&path, path.row, x);
-  SHOW(is_on(&path, table_position, path.active - 1));
+  SHOW(is_on_row(&path, table_position, path.active - 1));
   const segment_grid width = grid_at_field(&path, x);
   const int32_t begin = segment_begin(x, width);
-  SHOW(is_inside(begin) && begin <= x && x - begin < width_of(width));
+  SHOW(is_in_unit_range(begin) && begin <= x && x - begin < width_of(width));
   SHOW(begin + width_of(width) <= ONE && fraction_at(x, begin, width) == table_position.fraction);
   const int16_t segment = (int16_t)any_within(0, path.stride - 2);
-  SHOW(is_inside(field_at_segment(&path, segment)));
+  SHOW(is_in_unit_range(field_at_segment(&path, segment)));
 }
 
-static void prove_part(void)
+static void prove_divide_to_part(void)
 {
   const int32_t d = any_within(1, ANHYST_Q31_MAX);
   const int32_t found = divide_to_fraction(any_within(0, d - 1), d);
@@ -280,7 +280,7 @@ static void prove_residual(void)
   const anhyst_arms arms = any_arms();
   const equation eq = any_equation(&arms);
   const int32_t x = any_within(-ONE, ONE - 1);
-  const anhyst_table_position table_position = any_spot(&path, path.row);
+  const anhyst_table_position table_position = any_row_position(&path, path.row);
   ASSUME(table_position.segment[1] >= table_position.segment[0] &&
          table_position.segment[1] - table_position.segment[0] <= ANHYST_Q15_MAX);
   const int32_t residual = residual_at(&eq, x, row_value(table_position) + path.resting_m);
@@ -290,7 +290,7 @@ static void prove_residual(void)
   SHOW(part >= 0 && part <= 0x8000);
 }
 
-static void prove_joins(void)
+static void prove_join_field(void)
 {
   cell_path path = any_path();
   const int32_t low = any_within(-ONE, ONE - 1);
@@ -300,11 +300,11 @@ static void prove_joins(void)
   ASSUME(cell <= path.cells);
   path.active = cell;
   path.row = active_row(&path, cell);
-  const int32_t with = resting_magnetisation(&path, any_spot(&path, path.row), path.cells);
+  const int32_t with = resting_magnetisation(&path, any_row_position(&path, path.row), path.cells);
   SHOW(with > -ONE && with < ONE);
 }
 
-static void prove_find_left(void)
+static void prove_find_reversal_group(void)
 {
   cell_path path = any_path();
   ASSUME(path.active <= path.cells);
@@ -313,7 +313,7 @@ static void prove_find_left(void)
   SHOW(is_path(&path) && path.prior_active > active && path.active == active);
 }
 
-static void prove_rejoin(void)
+static void prove_rejoin_group(void)
 {
   cell_path path = any_path();
   const anhyst_arms arms = any_arms();
@@ -321,31 +321,31 @@ static void prove_rejoin(void)
   const int32_t low = any_within(-ONE, ONE - 1);
   ASSUME(path.active < path.prior_active);
   const int32_t last = reactivate_group(&path, &eq, low);
-  SHOW(is_path(&path) && is_inside(last));
+  SHOW(is_path(&path) && is_in_unit_range(last));
 }
 
-static void prove_turn(void)
+static void prove_reverse_path(void)
 {
   cell_path path = any_path();
-  reverse_path(&path, any_spot(&path, path.row));
+  reverse_path(&path, any_row_position(&path, path.row));
   SHOW(is_path(&path) && path.active == 1);
 }
 
-static void prove_go(void)
+static void prove_solve_row(void)
 {
   cell_path path = any_path();
   const anhyst_arms arms = any_arms();
   const equation eq = any_equation(&arms);
   const int32_t low = any_within(-ONE, ONE - 1);
   const int32_t high = any_within(low, ONE - 1);
-  solve_row(&path, &eq, any_spot(&path, path.row).segment, low, high);
+  solve_row(&path, &eq, any_row_position(&path, path.row).segment, low, high);
   SHOW(is_path(&path) && path.x >= low && path.x <= high);
 }
 
 static int is_memory(const anhyst_cells_memory *to)
 {
-  return is_inside(to->x) && is_inside(to->resting_m) && to->active >= -ANHYST_CELLS - 1 &&
-         to->active <= ANHYST_CELLS + 1;
+  return is_in_unit_range(to->x) && is_in_unit_range(to->resting_m) &&
+         to->active >= -ANHYST_CELLS - 1 && to->active <= ANHYST_CELLS + 1;
 }
 
 static anhyst_cells_memory any_memory(void)
@@ -358,13 +358,13 @@ static anhyst_cells_memory any_memory(void)
 /* Returns whether a trial step has the properties that a search assumes. */
 static int is_candidate(const anhyst_candidate *at)
 {
-  return is_memory(&at->memory.cells) && is_inside(at->of.cells.next_activation) &&
+  return is_memory(&at->memory.cells) && is_in_unit_range(at->of.cells.next_activation) &&
          at->of.cells.flux >= -ONE && at->of.cells.flux <= ONE && at->of.cells.row_rise >= 0 &&
          at->of.cells.log2_width >= 2U && at->of.cells.log2_width <= 13U;
 }
 
-/* A trial step with a known segment, anywhere on a path. */
-static void prove_slid(void)
+/* Proves a trial step with a known segment, anywhere on a path. */
+static void prove_solve_on_segment(void)
 {
   const cell_path path = any_path();
   const anhyst_arms arms = any_arms();
@@ -391,7 +391,7 @@ static void prove_slid(void)
   SHOW(is_candidate(at));
 }
 
-/* Any memory, flux, current and limits. */
+/* Proves the kernel for any memory, flux, current and limits. */
 static void prove_field(void)
 {
   anhyst_compensator c;
@@ -406,7 +406,7 @@ static void prove_field(void)
   (void)cells_flux_for_current(&c, nondet_i32());
 }
 
-static void prove_keep(void)
+static void prove_store_plays(void)
 {
   (void)any_path();
   const anhyst_cells_memory from = any_memory();

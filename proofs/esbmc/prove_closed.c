@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Proves the code that the closed form and Euler's form share, and Euler's step: from any memory,
-   for any valid words. The step of a path is replaced by any result within -1..1. */
+/* Proves the code that the closed form and Euler's form share, and the step of Euler's form: from
+   any memory, for any valid words. The step of a path is replaced by any result within -1..1. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
-#define WITHIN_ONE(a) ((a) >= -ANHYST_Q30_ONE && (a) <= ANHYST_Q30_ONE)
+#define IS_WITHIN_ONE(a) ((a) >= -ANHYST_Q30_ONE && (a) <= ANHYST_Q30_ONE)
 
 #ifdef EULER
 #include "compensator/euler.c"
@@ -13,15 +13,15 @@
 
 static int32_t stored_path_start(const int16_t *words, int32_t state)
 {
-  SHOW(WITHIN_ONE(state));
+  SHOW(IS_WITHIN_ONE(state));
   return any_within(-ANHYST_Q30_ONE, ANHYST_Q31_MAX);
 }
 
 static int32_t state_at_flux(const int16_t *words, const anhyst_simplified_memory *path,
                              int32_t flux)
 {
-  SHOW(WITHIN_ONE(flux) && WITHIN_ONE(path->start_flux) && WITHIN_ONE(path->peak_flux) &&
-       WITHIN_ONE(path->u) && path->start_state >= -ANHYST_Q30_ONE);
+  SHOW(IS_WITHIN_ONE(flux) && IS_WITHIN_ONE(path->start_flux) && IS_WITHIN_ONE(path->peak_flux) &&
+       IS_WITHIN_ONE(path->u) && path->start_state >= -ANHYST_Q30_ONE);
   SHOW(flux > path->peak_flux && flux > path->start_flux);
   return any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
@@ -29,11 +29,12 @@ static int32_t state_at_flux(const int16_t *words, const anhyst_simplified_memor
 #include "compensator/generic/simplified.h"
 #endif
 
-/* A memory after any step. */
+/* Returns any memory after a step. */
 static int is_memory(const anhyst_simplified_memory *memory)
 {
-  return WITHIN_ONE(memory->flux) && WITHIN_ONE(memory->u) && WITHIN_ONE(memory->start_flux) &&
-         WITHIN_ONE(memory->peak_flux) && memory->start_state >= -ANHYST_Q30_ONE;
+  return IS_WITHIN_ONE(memory->flux) && IS_WITHIN_ONE(memory->u) &&
+         IS_WITHIN_ONE(memory->start_flux) && IS_WITHIN_ONE(memory->peak_flux) &&
+         memory->start_state >= -ANHYST_Q30_ONE;
 }
 
 static anhyst_simplified_memory any_memory(void)
@@ -56,7 +57,7 @@ static inline int32_t anhyst_quotient(int32_t numerator, int32_t denominator)
 #ifdef SLOPE_BY_CONTRACT
 static inline number state_slope(const entry *words, number state)
 {
-  SHOW(WITHIN_ONE(state));
+  SHOW(IS_WITHIN_ONE(state));
   return any_within(0, MAX_STATE_SLOPE);
 }
 #endif
@@ -93,7 +94,7 @@ static void prove_field(void)
   c.words = words;
   c.memory.simplified = any_memory();
   c.flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  SHOW(WITHIN_ONE(simplified_field_for_flux(&c)));
+  SHOW(IS_WITHIN_ONE(simplified_field_for_flux(&c)));
   SHOW(is_memory(&c.next.memory.simplified));
 }
 
@@ -111,11 +112,11 @@ static void prove_flux(void)
   c.arms = arms;
   c.stage = nondet_u16();
   ASSUME(words[ANHYST_WORD_SIMPLE_ITERATIONS] <= 3);
-  SHOW(WITHIN_ONE(simplified_flux_for_current(&c, nondet_i32())));
+  SHOW(IS_WITHIN_ONE(simplified_flux_for_current(&c, nondet_i32())));
   SHOW(is_memory(&c.next.memory.simplified));
 }
 
-static void prove_carry(void)
+static void prove_transfer(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   anhyst_compensator c;
@@ -127,7 +128,7 @@ static void prove_carry(void)
 }
 
 #ifdef EULER
-static void prove_euler(void)
+static void prove_euler_step(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   anhyst_simplified_memory path = any_memory();
@@ -136,7 +137,7 @@ static void prove_euler(void)
   ASSUME(words[ANHYST_WORD_EULER_SUBSTEPS] >= 1 && words[ANHYST_WORD_EULER_SUBSTEPS] <= 16);
   const int32_t flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   ASSUME(flux > path.peak_flux);
-  SHOW(WITHIN_ONE(state_at_flux(words, &path, flux)));
+  SHOW(IS_WITHIN_ONE(state_at_flux(words, &path, flux)));
 }
 #endif
 

@@ -121,7 +121,7 @@ static void prove_swap(void)
   SHOW(c.words == other && c.stage == ANHYST_STAGE_UNKNOWN);
 }
 
-/* Any gap, and any table over the gap in the block. */
+/* Proves the interpolation at any gap, with any table over the gap in the block. */
 static void prove_over_gap(void)
 {
   int16_t words[ANHYST_BLOCK_MOST_WORDS]; /* any */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Proves the kernel of the Jiles-Atherton law, function by function up to the whole step. PART is
-   the proved function. The functions that it calls are replaced by their proved contracts
-   (proofs.toml), which first show that the call is allowed. Words that are read from tables are any
-   that anhyst_block_check accepts. */
+/* Proves the kernel of the Jiles-Atherton law, function by function up to the whole step. The macro
+   PART names the proved function. The functions that PART calls are replaced by their proved
+   contracts (proofs.toml), which first show that the call is allowed. Words from tables have any
+   value that anhyst_block_check accepts. */
 #ifndef RAW_PRODUCTS
 #define ANHYST_PORT_HEADER "contracts.h"
 #endif
@@ -30,19 +30,20 @@
   SHOW(INVARIANT);                                                                                 \
   ASSUME(0);
 
-#define inside(a) ((a) >= -ONE && (a) < ONE)
+#define is_in_unit_range(a) ((a) >= -ONE && (a) < ONE)
 
 /* Range of the iron weight in the search: either sign, or only negative if the control fault
    appears only there. */
 #ifdef AGAINST_THE_AIR
-#define MOST_IRON (-1)
+#define MAX_IRON_WEIGHT (-1)
 #else
-#define MOST_IRON ANHYST_Q15_MAX
+#define MAX_IRON_WEIGHT ANHYST_Q15_MAX
 #endif
 
 #include "compensator/full.c"
 
-/* The tables of a path. The replacement of interpolate() distinguishes them by their addresses. */
+/* Tables that a path uses. The replacement of interpolate() distinguishes them by their
+   addresses. */
 enum { CURVE_AT = ANHYST_BLOCK_LEAST_WORDS, BRANCH_AT, INVERSE_AT };
 static int16_t block_words[INVERSE_AT + 1];
 static const int16_t *const curve_words = block_words + CURVE_AT;
@@ -51,7 +52,7 @@ static const int16_t *const inverse_words = block_words + INVERSE_AT;
 
 static int32_t steepest(uint16_t n) { return ANHYST_Q15_MAX >> (n > 5U ? n - 5U : 0U); }
 
-/* The head of a block that passed its check; no table is read. */
+/* Fills the head of a block that passed its check; no table is read. */
 static void fill_words(int16_t *words)
 {
   words[ANHYST_WORD_FULL_CURVE] = CURVE_AT;
@@ -78,20 +79,20 @@ static anhyst_full_memory any_memory(void)
   return any;
 }
 
-/* Properties of a path after init_path(). */
+/* Whether a path has the properties that init_path() gives it. */
 static int has_begun(const branch_path *path)
 {
-  return inside(path->x) && inside(path->y) && inside(path->p) && path->threshold >= 0 &&
-         path->threshold <= ONE && path->tangent_step >= 0 &&
+  return is_in_unit_range(path->x) && is_in_unit_range(path->y) && is_in_unit_range(path->p) &&
+         path->threshold >= 0 && path->threshold <= ONE && path->tangent_step >= 0 &&
          path->tangent_step <= MAX_TANGENT_STEP;
 }
 
-static int departed(const branch_path *path)
+static int has_departed(const branch_path *path)
 {
-  return inside(path->y_start) && path->offset > -2 * ONE && path->offset < 2 * ONE;
+  return is_in_unit_range(path->y_start) && path->offset > -2 * ONE && path->offset < 2 * ONE;
 }
 
-/* A path after find_y_start(). */
+/* Returns any path after find_y_start(). */
 static branch_path any_path(void)
 {
   branch_path path;
@@ -117,7 +118,7 @@ static branch_path any_path(void)
   path.steepness = (int16_t)any_within(1, ANHYST_Q15_MAX);
   path.reversible = (int16_t)any_within(0, ANHYST_Q15_MAX);
   path.max_evaluations = (int16_t)any_within(2, 16);
-  ASSUME(has_begun(&path) && departed(&path));
+  ASSUME(has_begun(&path) && has_departed(&path));
   return path;
 }
 
@@ -125,8 +126,9 @@ static int is_slope(int32_t slope) { return slope >= 0 && slope <= ANHYST_MAX_SL
 
 static int is_answer(const branch_path *path, const path_point *point)
 {
-  return inside(point->x) && inside(point->p) && point->p >= path->p && point->y >= path->y &&
-         point->y < ONE && inside(point->m) && is_slope(point->y_slope) && is_slope(point->m_slope);
+  return is_in_unit_range(point->x) && is_in_unit_range(point->p) && point->p >= path->p &&
+         point->y >= path->y && point->y < ONE && is_in_unit_range(point->m) &&
+         is_slope(point->y_slope) && is_slope(point->m_slope);
 }
 
 static path_point any_answer(const branch_path *path)
@@ -139,13 +141,14 @@ static path_point any_answer(const branch_path *path)
 
 static int is_equation(const equation *eq)
 {
-  return eq->air > 0 && eq->iron >= -ANHYST_Q15_MAX && inside(eq->target);
+  return eq->air > 0 && eq->iron >= -ANHYST_Q15_MAX && is_in_unit_range(eq->target);
 }
 
 static equation any_equation(void)
 {
   const equation eq = {(int16_t)any_within(1, ANHYST_Q15_MAX),
-                       (int16_t)any_within(-ANHYST_Q15_MAX, MOST_IRON), any_within(-ONE, ONE - 1)};
+                       (int16_t)any_within(-ANHYST_Q15_MAX, MAX_IRON_WEIGHT),
+                       any_within(-ONE, ONE - 1)};
   return eq;
 }
 
@@ -198,7 +201,7 @@ static inline number quotient(number n, number d)
 static number guess_along_curve(const branch_path *path, const equation *eq, number x,
                                 number residual)
 {
-  SHOW(inside(x) && is_equation(eq) && residual > -2 * ONE && residual < 2 * ONE);
+  SHOW(is_in_unit_range(x) && is_equation(eq) && residual > -2 * ONE && residual < 2 * ONE);
   return any_within(-ONE, ONE - 1);
 }
 #endif
@@ -206,7 +209,7 @@ static number guess_along_curve(const branch_path *path, const equation *eq, num
 #ifdef STEPS_BY_CONTRACT
 static inline path_point evaluate_path(const branch_path *path, number x)
 {
-  SHOW(inside(x) && departed(path));
+  SHOW(is_in_unit_range(x) && has_departed(path));
   path_point point = any_answer(path);
   ASSUME(point.x == x);
   return point;
@@ -215,7 +218,7 @@ static inline path_point evaluate_path(const branch_path *path, number x)
 static number guess_after_constant_y(const branch_path *path, const equation *eq, number end,
                                      interval *bracket)
 {
-  SHOW(inside(end) && is_equation(eq) && bracket->low <= end && end <= bracket->high);
+  SHOW(is_in_unit_range(end) && is_equation(eq) && bracket->low <= end && end <= bracket->high);
   if (nondet_i16() != 0) {
     bracket->low = end;
   } else {
@@ -228,14 +231,15 @@ static number guess_after_rejection(const branch_path *path, const equation *eq,
                                     const interval *bracket, number x, number residual,
                                     int was_rejected)
 {
-  SHOW(inside(x) && is_equation(eq) && residual > -2 * ONE && residual < 2 * ONE);
-  SHOW(bracket->low <= bracket->high && inside(bracket->low) && inside(bracket->high));
+  SHOW(is_in_unit_range(x) && is_equation(eq) && residual > -2 * ONE && residual < 2 * ONE);
+  SHOW(bracket->low <= bracket->high && is_in_unit_range(bracket->low) &&
+       is_in_unit_range(bracket->high));
   return any_within(bracket->low, bracket->high);
 }
 
 static inline void follow_tangent(const branch_path *path, number goal, path_point *point)
 {
-  SHOW(inside(goal));
+  SHOW(is_in_unit_range(goal));
   *point = any_answer(path);
 }
 #endif
@@ -244,8 +248,8 @@ static inline void follow_tangent(const branch_path *path, number goal, path_poi
 static int search_path(const branch_path *path, const equation *eq, const equation *limit,
                        path_point *found)
 {
-  SHOW(has_begun(path) && departed(path) && inside(found->x) && found->x >= path->x);
-  SHOW(inside(found->m) && is_slope(found->m_slope) && is_equation(eq));
+  SHOW(has_begun(path) && has_departed(path) && is_in_unit_range(found->x) && found->x >= path->x);
+  SHOW(is_in_unit_range(found->m) && is_slope(found->m_slope) && is_equation(eq));
   SHOW(limit == 0 || is_equation(limit));
   *found = any_answer(path);
   return nondet_i16();
@@ -256,7 +260,8 @@ static int search_path(const branch_path *path, const equation *eq, const equati
 static inline void store_step(compensator *c, const branch_path *path, mirror_type mirror,
                               const path_point *point)
 {
-  SHOW(inside(point->x) && inside(point->y) && inside(point->p) && inside(point->m));
+  SHOW(is_in_unit_range(point->x) && is_in_unit_range(point->y) && is_in_unit_range(point->p) &&
+       is_in_unit_range(point->m));
   SHOW(is_slope(point->y_slope) && is_slope(point->m_slope));
   c->next.memory.full = any_memory();
   c->next.memory.full.x = any_within(-ONE, ONE - 1) * 4;
@@ -276,7 +281,7 @@ static int solve_from_last_step(compensator *c, number target)
 #endif
 
 #ifdef UNIT_BY_CONTRACT
-/* Proved in prove_block.c. */
+/* This contract is proved in prove_block.c. */
 static inline number convert_unit(number a, const entry *old_words, const entry *new_words,
                                   int16_t word)
 {
@@ -289,7 +294,8 @@ static inline number convert_unit(number a, const entry *old_words, const entry 
 static number shift_state(branch_path *path, const entry *words, const old_state *from,
                           number shift, number flux)
 {
-  SHOW(inside(from->x) && inside(from->p) && inside(from->anhysteretic_field));
+  SHOW(is_in_unit_range(from->x) && is_in_unit_range(from->p) &&
+       is_in_unit_range(from->anhysteretic_field));
   SHOW(from->inverse_error > -2 * ONE && from->inverse_error < 2 * ONE && shift >= -2 * ONE &&
        shift <= 2 * ONE);
   path->x = any_within(1 - ONE, ONE - 1);
@@ -301,8 +307,8 @@ static number shift_state(branch_path *path, const entry *words, const old_state
 
 /* ---- proofs ---- */
 
-/* Any entry of any table in the block. */
-static void prove_place(void)
+/* Proves an entry of any table in the block. */
+static void prove_interpolate(void)
 {
   int16_t words[ANHYST_BLOCK_MOST_WORDS]; /* any */
   const int32_t n = any_within(3, 10);
@@ -318,7 +324,7 @@ static void prove_place(void)
   SHOW(rise == words[i + 1] - words[i]);
 }
 
-static void prove_forgotten(void)
+static void prove_decayed_share(void)
 {
   const int32_t decayed = decayed_fraction(any_within(0, ANHYST_Q31_MAX));
   SHOW(decayed >= 0 && decayed <= ONE);
@@ -348,7 +354,7 @@ static void prove_evaluate(void)
   SHOW(is_answer(&path, &point));
 }
 
-static void prove_depart(void)
+static void prove_find_departure(void)
 {
   const anhyst_full_memory from = any_memory();
   const mirror_type mirror = nondet_i16() != 0 ? -1 : 0;
@@ -358,12 +364,12 @@ static void prove_depart(void)
   init_branch_path(&path, block_words, &from, mirror);
   SHOW(has_begun(&path));
   find_y_start(&path, block_words, &from, mirror);
-  SHOW(departed(&path) && path.kappa >= 0 && path.kappa <= ONE);
+  SHOW(has_departed(&path) && path.kappa >= 0 && path.kappa <= ONE);
   find_start_slopes(&path, any_within(0, steepest(path.curve.log2_segments)), &point);
   SHOW(is_slope(point.y_slope) && is_slope(point.m_slope));
 }
 
-static void prove_steps(void)
+static void prove_newton_step(void)
 {
   const branch_path path = any_path();
   path_point point = any_answer(&path);
@@ -376,15 +382,15 @@ static void prove_steps(void)
   SHOW(is_answer(&path, &point));
 }
 
-static void prove_curve(void)
+static void prove_guess_along_curve(void)
 {
   const branch_path path = any_path();
   const equation eq = any_equation();
   const int32_t x = any_within(-ONE, ONE - 1);
-  SHOW(inside(guess_along_curve(&path, &eq, x, any_within(1 - 2 * ONE, 2 * ONE - 1))));
+  SHOW(is_in_unit_range(guess_along_curve(&path, &eq, x, any_within(1 - 2 * ONE, 2 * ONE - 1))));
 }
 
-static void prove_guesses(void)
+static void prove_other_guesses(void)
 {
   const branch_path path = any_path();
   const equation eq = any_equation();
@@ -400,7 +406,7 @@ static void prove_guesses(void)
   SHOW(other >= before.low && other <= before.high);
 }
 
-static void prove_rise(void)
+static void prove_search_path(void)
 {
   const branch_path path = any_path();
   const equation eq = any_equation();
@@ -418,7 +424,7 @@ static int is_memory(const anhyst_full_memory *memory)
          memory->p >= -ANHYST_Q30_ONE && memory->p < ANHYST_Q30_ONE;
 }
 
-static void prove_remember(void)
+static void prove_store_step(void)
 {
   const branch_path path = any_path();
   const path_point point = any_answer(&path);
@@ -429,7 +435,7 @@ static void prove_remember(void)
   SHOW(is_slope(c.next.of.full.y_slope) && is_slope(c.next.of.full.m_slope));
 }
 
-static void prove_carried(void)
+static void prove_shift_state(void)
 {
   branch_path path = any_path();
   const old_state from = {any_within(1 - ONE, ONE - 1), any_within(1 - ONE, ONE - 1),
@@ -437,11 +443,11 @@ static void prove_carried(void)
   fill_words(block_words);
   (void)shift_state(&path, block_words, &from, any_within(-2 * ONE, 2 * ONE),
                     any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
-  SHOW(inside(path.x) && inside(path.y) && inside(path.p));
+  SHOW(is_in_unit_range(path.x) && is_in_unit_range(path.y) && is_in_unit_range(path.p));
   SHOW(path.x - path.p <= path.threshold && path.p - path.x <= path.threshold);
 }
 
-static void prove_carry(void)
+static void prove_transfer_state(void)
 {
   int16_t words[INVERSE_AT + 1];
   fill_words(block_words);
@@ -453,7 +459,7 @@ static void prove_carry(void)
   SHOW(is_memory(&c.memory.full));
 }
 
-/* A compensator before a call of its kernel. */
+/* Returns any compensator before a call of its kernel. */
 static anhyst_compensator any_compensator(void)
 {
   anhyst_compensator c;
@@ -473,7 +479,7 @@ static anhyst_compensator any_compensator(void)
   return c;
 }
 
-static void prove_end(void)
+static void prove_solve_from_last_step(void)
 {
   anhyst_compensator c = any_compensator();
   (void)solve_from_last_step(&c, any_within(-3 * ONE, 3 * ONE));

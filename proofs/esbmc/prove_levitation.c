@@ -12,8 +12,8 @@ static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t positi
   return nondet_i16() != 0;
 }
 
-/* The invariant of a state. A sequence counts at most to its length. */
-static int holds(const anhyst_levitation *l)
+/* The invariant of a state. The counter of a sequence does not exceed its length. */
+static int is_invariant_true(const anhyst_levitation *l)
 {
   const anhyst_supervisor *s = &l->supervisor;
   const int falls = l->phase != ANHYST_PHASE_FALL || (l->tick >= 0 && l->tick <= UINT16_MAX);
@@ -28,9 +28,9 @@ int main(void)
   anhyst_levitation_input input;
   anhyst_levitation levitation;
   ASSUME(anhyst_levitation_check(&limits, &settings) == ANHYST_OK);
-  ASSUME(holds(&levitation));
+  ASSUME(is_invariant_true(&levitation));
   (void)anhyst_levitation_command(&levitation, nondet_u16(), nondet_u16());
-  SHOW(holds(&levitation));
+  SHOW(is_invariant_true(&levitation));
   if (nondet_i16() != 0) {
     anhyst_levitation_fail(&levitation, nondet_u16(), nondet_i16());
     SHOW(levitation.supervisor.state == ANHYST_STATE_FAULT);
@@ -38,14 +38,14 @@ int main(void)
   const uint16_t faulty = levitation.supervisor.state == ANHYST_STATE_FAULT ? 1U : 0U;
   const uint16_t fault = levitation.supervisor.fault;
   anhyst_levitation_tick(&levitation, &limits, &settings, &input);
-  SHOW(holds(&levitation));
+  SHOW(is_invariant_true(&levitation));
   if (faulty != 0U && levitation.supervisor.state == ANHYST_STATE_FAULT) {
-    SHOW(levitation.supervisor.fault == fault); /* the first reason stays */
+    SHOW(levitation.supervisor.fault == fault); /* the first fault reason is kept */
   }
   if ((levitation.flags & ANHYST_SAMPLE_IMPLAUSIBLE) == 0U) {
     SHOW(levitation.position >= limits.low && levitation.position <= limits.high);
   }
   anhyst_levitation_start(&levitation);
-  SHOW(holds(&levitation));
+  SHOW(is_invariant_true(&levitation));
   return 0;
 }

@@ -30,7 +30,7 @@ int main(void)
   const anhyst_pidd2_gains_q31 gains = any_gains();
   anhyst_pidd2_state_q31 state = {any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 1), nondet_i32(),
                                   nondet_i32()};
-#ifdef BESIDE
+#ifdef START_AND_CHANGE
   const anhyst_pidd2_gains_q31 other = any_gains();
   anhyst_pidd2_change_q31(&gains, &other, &state, nondet_i32(), nondet_i32(), nondet_i32());
   show_invariant(&state);

@@ -3,7 +3,7 @@
    compensation, or a change of gains, for any valid limits and settings, any state, any sample, and
    one magnet or two. Levitation, PIDD2 and force controllers are replaced by their proved
    contracts: each call is shown to be allowed, and returns any result. The currents stay within the
-   limits of the board. PART is the proved function. */
+   limits of the board. The macro PART names the proved function. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
@@ -11,7 +11,7 @@
 
 static anhyst_position_limits_q31 limits;
 static anhyst_position_settings_q31 settings;
-static anhyst_position_settings_q31 other; /* with other gains */
+static anhyst_position_settings_q31 other; /* settings with other gains */
 
 static int is_current(int32_t current)
 {
@@ -20,8 +20,8 @@ static int is_current(int32_t current)
 
 /* ---- contracts ---- */
 
-/* Everything except that the range is a multiple of the converter's step, which only round_to_grid
-   needs. */
+/* Whether settings are valid. The range need not be a multiple of the converter's step, because
+   only round_to_grid needs that. */
 static int are_settings_valid(const anhyst_position_limits_q31 *of,
                               const anhyst_position_settings_q31 *to)
 {
@@ -219,7 +219,7 @@ int main(void)
   ASSUME(anhyst_position_init_q31(&c, &limits, &settings, &first,
                                   nondet_i16() != 0 ? &second : NULL) == ANHYST_OK);
   show_state(&c);
-  /* from any state */
+  /* a tick from any state */
   c.levitation.phase = nondet_u16();
   c.state = any_state();
   c.candidate.next = any_state();

@@ -12,7 +12,7 @@
 
 enum { WORDS = ANHYST_BLOCK_MOST_WORDS };
 
-/* Valid words, with the table of the curve anywhere in the block. */
+/* Fills valid words, with the table of the curve anywhere in the block. */
 static void any_words(int16_t *words)
 {
   ASSUME(words[ANHYST_WORD_SIMPLE_RATE] > 0 && words[ANHYST_WORD_SIMPLE_HOLD] > 0);
@@ -56,7 +56,7 @@ static inline int32_t anhyst_table_value(anhyst_table_position table_position)
   return any_within(0, ANHYST_Q15_MAX * 32768);
 }
 
-static void prove_state_of(void)
+static void prove_state_at_distance(void)
 {
   int16_t words[WORDS];
   any_words(words);
@@ -80,7 +80,7 @@ static void prove_step(void)
   SHOW(found >= -ANHYST_Q30_ONE && found <= ANHYST_Q30_ONE);
 }
 
-static void prove_distance_of(void)
+static void prove_distance_at_state(void)
 {
   int16_t words[WORDS];
   any_words(words);

@@ -7,7 +7,7 @@
 
 #include "compensator/lookup.h"
 
-#define MAX_TARGET (ANHYST_Q30_ONE / 8 * 5) /* as in prove_cells.c */
+#define MAX_TARGET (ANHYST_Q30_ONE / 8 * 5) /* the scale of prove_cells.c */
 
 static inline int32_t proof_quotient(int32_t numerator, int32_t denominator)
 {
@@ -31,14 +31,14 @@ static number solve_current(const entry *words, const cells_memory *from, const 
 
 static number flux_of_trial(const entry *words, const candidate *at) { return nondet_i32(); }
 
-/* A block that passed its check. */
+/* Fills the words of a block that passed its check. */
 static void any_block(int16_t *words)
 {
   words[ANHYST_WORD_CELLS_AIR] = (int16_t)any_within(1, ANHYST_Q15_MAX);
   ASSUME(are_solid_layers_valid(words));
 }
 
-/* Any state of the search of a compensator, with any shares and slopes. */
+/* Sets any state of the search of a compensator, with any shares and slopes. */
 static void any_tick(solid_tick *tick, anhyst_compensator *c)
 {
   const int16_t *words = c->words;
@@ -84,7 +84,7 @@ static void prove_surface(void)
   SHOW(load_line_at_surface(&tick).slope >= 0);
 }
 
-static void prove_owed(void)
+static void prove_owed_flux(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   anhyst_compensator c;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Checks the interpolation over the gap, for all neighbours of a valid table and every position
    between them: the result is between the two entries, and nothing overflows. Neighbours differ by
-   at most 32767. The interpolated term depends only on their difference, so that a first entry of 0
-   is sufficient. */
+   at most 32767. The interpolated term depends only on the difference of the neighbours, so that a
+   first entry of 0 is sufficient. */
 #include "compensator/compensator.c"
 
 int main(void)

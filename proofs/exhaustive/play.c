@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Checks the side of the play for every radius that a block can state: at the largest distances
    within the radius, nothing overflows, and the side keeps its sign. A smaller distance has a
-   smaller product. Compiled so that an overflow stops the program. */
+   smaller product. The program is compiled so that an overflow stops it. */
 #include "compensator/play_map.c"
 
 int main(void)

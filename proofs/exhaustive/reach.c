@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Checks the plausible change of an armature's position since the last plausible sample, for every
-   number of ticks: with the largest step whose product is computed, and with the next larger one,
-   whose product is not. A smaller step has a smaller product. Compiled so that an overflow stops
-   the program. */
+/* Checks the allowed change of an armature's position since the last plausible sample, for every
+   number of ticks and two steps. One is the largest step whose product is computed; the other is
+   the next larger step, whose product is not computed. A smaller step has a smaller product. The
+   program is compiled so that an overflow stops it. */
 #include "control/levitation.c"
 #include "control/supervisor.c"
 

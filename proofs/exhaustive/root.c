@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Checks the root of the compensator for every argument, because a solver cannot handle its
-   divisions. Compiled so that undefined behaviour stops the program. Only arguments from 2^29 on
-   are tried: smaller ones are first shifted up to one of these. */
+   divisions. The program is compiled so that undefined behaviour stops it. Only arguments from 2^29
+   on are tried: smaller arguments are first shifted up to this range. */
 #include "compensator/compensator.c"
 
 int main(void)

@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Checks the rows of the play-cell law: the value between two entries, and the difference between
    two rows there, are below 1. Tries every rise and every change of the difference at every
-   position. Both are linear in the entries, so that the extreme entries are sufficient. */
+   position. Value and difference are linear in the entries, so that the extreme entries are
+   sufficient. */
 #include "compensator/cells_fixed.h"
 
-#define MOST ((int32_t)ANHYST_Q15_MAX * 32768)
+#define MAX_VALUE ((int32_t)ANHYST_Q15_MAX * 32768)
 
-static int is_within(int32_t a) { return a >= -MOST && a <= MOST; }
+static int is_within(int32_t a) { return a >= -MAX_VALUE && a <= MAX_VALUE; }
 
-/* Two entries with this rise. */
+/* Checks two entries with this rise. */
 static int value_is_within(int32_t low, int32_t rise, int32_t part)
 {
   const int16_t entries[2] = {(int16_t)low, (int16_t)(low + rise)};
@@ -16,7 +17,8 @@ static int value_is_within(int32_t low, int32_t rise, int32_t part)
   return is_within(anhyst_table_value(table_position));
 }
 
-/* Two rows with a difference at one entry, and a change of the difference up to the next entry. */
+/* Checks two rows with a difference at one entry, and a change of the difference up to the next
+   entry. */
 static int difference_is_within(int32_t low, int32_t change, int32_t part)
 {
   const int32_t half = low / 2; /* no entry exceeds 16 bits */

@@ -5,7 +5,7 @@
    entries depends on the segment, and the proof "full: place in a table" covers it. */
 #include <stdint.h>
 
-/* A lemma, called where it is needed. */
+/* A lemma that other annotations call. */
 /*@ ghost
   /@ requires 0 <= a && 0 <= b <= 8191;
      assigns \nothing;

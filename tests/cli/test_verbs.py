@@ -74,8 +74,8 @@ def test_literals_of_a_signature_are_those_of_the_package() -> None:
         ("compile", "CompensatorKind", StageKind),
         ("fleet", "Kind", Kind),
         ("fleet", "SignalFormat", SignalFormat),
-        ("export", "Of", exporter.ExportedPart),
-        ("export", "Form", exporter.ExportForm),
+        ("export", "ModelComponent", exporter.ExportedPart),
+        ("export", "ExportForm", exporter.ExportForm),
     ):
         assert set(get_args(getattr(VERBS[verb].module, name))) <= set(get_args(words)), verb
     law = VERBS["identify"].docstring.parameters["law"].text

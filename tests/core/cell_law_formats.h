@@ -16,7 +16,7 @@ static double words_f64[1024];
 static inline void fill_real_words(void)
 {
   for (int i = 0; i < 1024; i++) {
-    words_f64[i] = number_of(i);
+    words_f64[i] = word_as_number(i);
     words_f32[i] = (float)words_f64[i];
   }
 }

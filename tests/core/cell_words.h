@@ -13,13 +13,13 @@ enum { CELLS = 3, BITS = 6, OUTER = 32, STRIDE = (2 << BITS) + 2 * OUTER + 1 };
 static const double THRESHOLDS[CELLS + 1] = {0.0, 0.05, 0.11, 0.2};
 static const double WEIGHTS[CELLS + 1] = {0.1, 0.3, 0.35, 0.2};
 static const double WIDTH = 0.2;
-static const double AIR = 0.1; /* h: flux of a field of 1 without iron */
+static const double AIR = 0.1; /* h, the flux of a field of 1 without iron */
 static int16_t words[1024];
 
 static inline double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / WIDTH); }
 
-/* Returns the field of an entry of a row. */
-static inline double field_of(int column)
+/* Returns the field at an entry of a row. */
+static inline double field_at_entry(int column)
 {
   const int middle = STRIDE / 2;
   const double from_middle = (column - middle) / 128.0;
@@ -44,7 +44,7 @@ static inline void fill_cell_words(void)
     words[thresholds + cell] = (int16_t)lround(THRESHOLDS[cell + 1] * 32768.0);
   }
   for (int i = 0; i < STRIDE; i++) {
-    const double x = field_of(i);
+    const double x = field_at_entry(i);
     double sum = 0.0;
     for (int cell = 0; cell <= CELLS; cell++) {
       sum += curve(cell, x - THRESHOLDS[cell]);
@@ -54,7 +54,7 @@ static inline void fill_cell_words(void)
 }
 
 /* Returns the value of a word of the block in floating point. */
-static inline double number_of(int word)
+static inline double word_as_number(int word)
 {
   switch (word) {
   case ANHYST_WORD_CELLS_AIR:

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims: compares a measured value with its limit, and prints both in any case. */
+/* Claims: each compares a measured value with its limit, and prints both in any case. */
 #ifndef TEST_CHECK_H
 #define TEST_CHECK_H
 
@@ -9,11 +9,11 @@
 
 static int failures = 0;
 
-/* Counts a claim that does not hold. In tests of seeded faults, stops at the first one. */
+/* Counts a claim that is not true. In tests of seeded faults, stops at the first of these. */
 static inline void fail(void)
 {
   failures++;
-#ifdef TEST_UP_TO_THE_FIRST
+#ifdef TEST_STOP_AT_FIRST_FAILURE
   exit(1);
 #endif
 }
@@ -42,7 +42,7 @@ static inline void check_below(const char *what, double measured, double limit, 
 }
 
 /* Keeps the largest value; NaN counts as infinite. */
-static inline void keep_worst(double *worst, double value)
+static inline void keep_largest(double *worst, double value)
 {
   if (!(value <= *worst)) {
     *worst = isnan(value) ? (double)INFINITY : value;

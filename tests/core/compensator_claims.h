@@ -1,25 +1,26 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the compensator and of the check of a block, for one number format. Defined before:
-   entry, signal, FORMAT(name), word_of(value, one), HALF_WIDTH. The law is linear and records how
-   it is called. */
+/* Claims about the compensator and the check of a block, for one number format. The including file
+   defines before: entry, signal, FORMAT(name), word_of(value, one), HALF_WIDTH.
+
+   The law is linear and records how it is called. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
 #include "check.h"
 
-#define WORDS 80 /* of the block: a head and five tables of two entries */
+#define WORDS 80 /* words of the block: a head and five tables of two entries */
 
 typedef FORMAT(anhyst_compensator) compensator_type;
 typedef FORMAT(anhyst_kernel) law_type;
 
-/* ---- a law: field = flux ---- */
+/* ---- law for which the field equals the flux ---- */
 
 static int field_calls;
 static int flux_calls;
 static int worst_stage; /* the highest stage in a call of `field` */
 
-static number straight_field(compensator_type *c)
+static number linear_field(compensator_type *c)
 {
   field_calls++;
   worst_stage = c->stage == ANHYST_STAGE_AHEAD ? ANHYST_STAGE_AHEAD : worst_stage;
@@ -27,36 +28,36 @@ static number straight_field(compensator_type *c)
   return c->flux;
 }
 
-/* Arms are 1/4 for the flux and 1/4 for the field. */
-static number straight_flux(compensator_type *c, number current)
+/* The coefficients are 1/4 for the flux and 1/4 for the field. */
+static number linear_flux(compensator_type *c, number current)
 {
   flux_calls++;
   c->next.memory.full.x = 2 * current;
   return 2 * current;
 }
 
-static int straight_valid(const entry *words)
+static int linear_is_valid(const entry *words)
 {
   (void)words;
   return 1;
 }
 
-static void straight_carry(compensator_type *c, const entry *words, number flux)
+static void linear_transfer(compensator_type *c, const entry *words, number flux)
 {
   (void)words;
   c->memory.full.x = flux;
 }
 
 static const law_type straight = {.kind = ANHYST_KIND_FULL,
-                                  .field = straight_field,
-                                  .flux = straight_flux,
-                                  .valid = straight_valid,
-                                  .carry = straight_carry};
+                                  .field = linear_field,
+                                  .flux = linear_flux,
+                                  .valid = linear_is_valid,
+                                  .carry = linear_transfer};
 
 /* ---- its block ---- */
 
 /* CRC-32 of bytes by polynomial division, as in textbooks. */
-static uint32_t crc_of(const entry *words)
+static uint32_t compute_crc(const entry *words)
 {
   uint32_t crc = 0xFFFFFFFFU;
   for (size_t i = 0; i < WORDS; i++) {
@@ -73,9 +74,9 @@ static uint32_t crc_of(const entry *words)
   return ~crc;
 }
 
-static void seal(entry *words)
+static void set_checksum(entry *words)
 {
-  const uint32_t crc = crc_of(words);
+  const uint32_t crc = compute_crc(words);
   words[ANHYST_WORD_CRC] = integer_word(crc & 0xFFFFU);
   words[ANHYST_WORD_CRC + 1] = integer_word(crc >> 16);
 }
@@ -111,10 +112,10 @@ static void make_block(entry *words)
   table(words, ANHYST_WORD_GAP_FLUX_ARM, 70, 0.25, 0.25, 65536.0);
   table(words, ANHYST_WORD_GAP_FIELD_ARM, 72, 0.25, 0.25, 65536.0);
   make_scales(words);
-  seal(words);
+  set_checksum(words);
 }
 
-static void flip(entry *word, unsigned bit)
+static void flip_bit(entry *word, unsigned bit)
 {
   uint64_t bits = 0;
   memcpy(&bits, word, sizeof *word);
@@ -124,9 +125,9 @@ static void flip(entry *word, unsigned bit)
 
 /* ---- claims ---- */
 
-static void every_damaged_bit_is_refused(void)
+static void block_with_a_flipped_bit_is_refused(void)
 {
-  entry words[WORDS]; /* a sanitizer detects a read outside */
+  entry words[WORDS]; /* a sanitizer detects a read beyond the end */
   compensator_type c;
   int accepted = 0;
   make_block(words);
@@ -135,9 +136,9 @@ static void every_damaged_bit_is_refused(void)
   CHECK(FORMAT(anhyst_block_check)(&straight, words, 0) == ANHYST_BAD_PARAMETER);
   for (unsigned i = 0; i < WORDS; i++) {
     for (unsigned bit = 0; bit < 8 * sizeof(entry); bit++) {
-      flip(&words[i], bit);
+      flip_bit(&words[i], bit);
       accepted += FORMAT(anhyst_block_check)(&straight, words, WORDS) == ANHYST_OK;
-      flip(&words[i], bit);
+      flip_bit(&words[i], bit);
     }
   }
   CHECK_BELOW("damaged blocks accepted", accepted, 0);
@@ -148,7 +149,7 @@ static void every_damaged_bit_is_refused(void)
 
 static entry block[WORDS];
 
-static compensator_type started(void)
+static compensator_type start_compensator(void)
 {
   compensator_type c;
   make_block(block);
@@ -156,10 +157,10 @@ static compensator_type started(void)
   return c;
 }
 
-/* Calls of the law in a solve and the commit of its current. */
-static void what_was_solved_is_committed_by_a_copy(void)
+/* Counts the calls of the law in a solve and in the commit of its current. */
+static void commit_of_solved_current_needs_no_search(void)
 {
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   for (int limited = 0; limited <= 1; limited++) {
     const signal demand = limited ? FULL_DEMAND : FULL_DEMAND / 8;
     field_calls = flux_calls = 0;
@@ -180,10 +181,10 @@ static void what_was_solved_is_committed_by_a_copy(void)
   CHECK(flux_calls == 2);
 }
 
-/* Calls in any order, compared with the table of stage.h. */
-static void stages_are_those_of_the_table(void)
+/* Calls the functions in any order, and compares the results with the table of stage.h. */
+static void stages_follow_the_table(void)
 {
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   int stage = ANHYST_STAGE_UNKNOWN;
   uint32_t random = 1;
   int wrong = 0;
@@ -219,7 +220,7 @@ static void stages_are_those_of_the_table(void)
     wrong += c.stage != stage || (c.flags & ANHYST_FLAG_BUSY) != 0U;
   }
   CHECK_BELOW("wrong stages", wrong, 0);
-  CHECK(worst_stage == 0); /* no search of a field starts at an uncommitted step */
+  CHECK(worst_stage == 0); /* a search of a field does not start at an uncommitted step */
 }
 
 static uint16_t flags_of_solve(compensator_type *c, signal demand, signal gap)
@@ -237,25 +238,25 @@ static uint16_t flags_of_commit(compensator_type *c, signal applied, signal gap)
 
 static void signals_out_of_range_raise_flags(void)
 {
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   CHECK(flags_of_solve(&c, FULL_DEMAND / 8, GAP) == 0U);
   CHECK(flags_of_solve(&c, FULL_DEMAND / 8, GAP_LOW) == 0U);
   CHECK(flags_of_solve(&c, FULL_DEMAND / 8, GAP_HIGH) == 0U);
   CHECK(flags_of_solve(&c, FULL_DEMAND / 8, GAP_BELOW) == ANHYST_GAP_LIMITED);
   CHECK((flags_of_solve(&c, FULL_DEMAND, GAP) & ANHYST_DEMAND_LIMITED) != 0U);
   CHECK(flags_of_commit(&c, FULL_CURRENT / 9, GAP) == 0U);
-  CHECK(flags_of_commit(&c, CURRENT_LIMIT, GAP) == 0U); /* the limit itself */
+  CHECK(flags_of_commit(&c, CURRENT_LIMIT, GAP) == 0U); /* exactly at the limit */
   CHECK(flags_of_commit(&c, FULL_CURRENT / 7, GAP) == ANHYST_CURRENT_LIMITED);
   CHECK(flags_of_commit(&c, -(FULL_CURRENT / 7), GAP) == ANHYST_CURRENT_LIMITED);
   CHECK(flags_of_commit(&c, FULL_CURRENT / 9, GAP_BELOW) == ANHYST_GAP_LIMITED);
-  COMMIT(&c, FULL_CURRENT / 9, GAP); /* without a solve: only its own flags */
+  COMMIT(&c, FULL_CURRENT / 9, GAP); /* without a solve, only the flags of the commit */
   CHECK(c.flags == 0U);
   format_claims(&c);
 }
 
 static void conditioning_keeps_the_limits(void)
 {
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   const int32_t length = FORMAT(anhyst_conditioning_length)(&c);
   int wrong = 0;
   CHECK(length == 20);
@@ -271,25 +272,25 @@ static void conditioning_keeps_the_limits(void)
 /* The expected output after a commit is the demand. */
 static void output_is_the_demand(void)
 {
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   double worst = 0.0;
   for (int i = -20; i <= 20; i++) {
     const signal demand = (signal)((double)(FULL_DEMAND) * 0.02 * i);
     const signal current = SOLVE(&c, demand, GAP);
     if ((c.flags & ~ANHYST_UNCOMMITTED) == 0U) {
       COMMIT(&c, current, GAP);
-      keep_worst(&worst, fabs((double)(OUTPUT(&c) - demand)) / (double)(FULL_DEMAND));
+      keep_largest(&worst, fabs((double)(OUTPUT(&c) - demand)) / (double)(FULL_DEMAND));
       FORMAT(anhyst_compensator_swap)(&c, block);
-      keep_worst(&worst, fabs((double)(OUTPUT(&c) - demand)) / (double)(FULL_DEMAND));
+      keep_largest(&worst, fabs((double)(OUTPUT(&c) - demand)) / (double)(FULL_DEMAND));
     }
   }
   CHECK_BELOW("output minus demand, of full scale", worst, 1e-4);
 }
 
 /* Each solve without a commit sets the flag in the next solve, and in no other. */
-static void a_forgotten_commit_is_flagged(void)
+static void missing_commit_is_flagged(void)
 {
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   for (int i = 0; i < 20; i++) {
     const int is_forgotten = i % 3 == 0;
     const signal current = SOLVE(&c, FULL_DEMAND / 8, GAP);
@@ -301,9 +302,9 @@ static void a_forgotten_commit_is_flagged(void)
 }
 
 /* The tick-by-tick start-up gives the same currents, and reports its end. */
-static void conditioning_by_the_tick_is_the_sequence(void)
+static void conditioning_per_tick_gives_the_sequence(void)
 {
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   for (int round = 0; round < 2; round++) {
     for (int32_t tick = 0; tick < 20; tick++) {
       const signal current = SIGNALS(anhyst_conditioning_step)(&c);
@@ -317,9 +318,9 @@ static void conditioning_by_the_tick_is_the_sequence(void)
   }
 }
 
-static void a_current_that_does_not_follow_is_seen(void)
+static void current_mismatch_is_detected(void)
 {
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   COMMIT(&c, FULL_CURRENT / 10, GAP);
   CHECK(SIGNALS(anhyst_compensator_follows)(&c, FULL_CURRENT / 10, FULL_CURRENT / 100));
   CHECK(SIGNALS(anhyst_compensator_follows)(&c, FULL_CURRENT / 11, FULL_CURRENT / 100));
@@ -327,16 +328,16 @@ static void a_current_that_does_not_follow_is_seen(void)
   CHECK(!SIGNALS(anhyst_compensator_follows)(&c, -(FULL_CURRENT / 10), FULL_CURRENT / 100));
 }
 
-/* Iron without layers or a lag needs one commit for missed ticks; with a lag, each tick counts, at
-   most 64. */
-static void missed_ticks_are_made_up_for_where_time_matters(void)
+/* Iron without layers or a lag needs one commit after missed ticks. With a lag, each missed tick
+   needs one, up to 64 commits. */
+static void missed_ticks_are_committed_with_a_lag(void)
 {
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   flux_calls = 0;
   SIGNALS(anhyst_compensator_commit_after)(&c, FULL_CURRENT / 20, GAP, 7);
   CHECK(flux_calls == 1);
   table(block, ANHYST_WORD_GAP_LAG_ARM, 74, 0.1, 0.1, 65536.0);
-  seal(block);
+  set_checksum(block);
   CHECK(FORMAT(anhyst_compensator_init)(&c, &straight, block, WORDS) == ANHYST_OK);
   flux_calls = 0;
   SIGNALS(anhyst_compensator_commit_after)(&c, FULL_CURRENT / 20, GAP, 7);
@@ -349,19 +350,19 @@ static void missed_ticks_are_made_up_for_where_time_matters(void)
   CHECK(flux_calls == 1);
 }
 
-/* A lag requires more current while the flux rises, and none at rest. */
-static void a_lag_costs_current_while_the_flux_moves(void)
+/* A lag requires more current while the flux rises, and no more current at rest. */
+static void lag_needs_current_while_the_flux_changes(void)
 {
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   const double still = (double)SOLVE(&c, FULL_DEMAND / 16, GAP) / (double)(FULL_CURRENT);
   table(block, ANHYST_WORD_GAP_LAG_ARM, 74, 0.1, 0.1, 65536.0);
-  seal(block);
+  set_checksum(block);
   CHECK(FORMAT(anhyst_compensator_init)(&c, &straight, block, WORDS) == ANHYST_OK);
   for (int i = 0; i < 4; i++) {
     const signal current = SOLVE(&c, FULL_DEMAND / 16, GAP);
     const double more = (double)current / (double)(FULL_CURRENT)-still;
     COMMIT(&c, current, GAP);
-    if (i == 0) { /* 0.1 besides 0.25 for the flux and 0.25 for the field */
+    if (i == 0) { /* 0.1 in addition to 0.25 for the flux and 0.25 for the field */
       CHECK_BELOW("current of a lag", fabs(more / still - 0.2), 1e-3);
     } else {
       CHECK_BELOW("current of a lag at rest", fabs(more), 1e-6);
@@ -371,14 +372,14 @@ static void a_lag_costs_current_while_the_flux_moves(void)
 
 /* Restoring a saved state restores output, flux and hysteresis state. Any damage and any other
    block are rejected. */
-static void memory_survives_a_power_cycle(void)
+static void saved_memory_is_restored(void)
 {
   static FORMAT(anhyst_saved_memory) saved;
-  compensator_type c = started();
+  compensator_type c = start_compensator();
   COMMIT(&c, FULL_CURRENT / 10, GAP);
   const signal output = OUTPUT(&c);
   FORMAT(anhyst_compensator_save)(&c, &saved);
-  compensator_type other = started();
+  compensator_type other = start_compensator();
   CHECK(FORMAT(anhyst_compensator_restore)(&other, &saved) == ANHYST_OK);
   CHECK(!(OUTPUT(&other) < output) && !(OUTPUT(&other) > output));
   CHECK(memcmp(&other.memory, &c.memory, sizeof c.memory) == 0);
@@ -393,24 +394,24 @@ static void memory_survives_a_power_cycle(void)
   }
   CHECK_BELOW("damaged memories accepted", accepted, 0);
   block[ANHYST_WORD_MODEL] = 1;
-  seal(block);
+  set_checksum(block);
   CHECK(FORMAT(anhyst_compensator_init)(&other, &straight, block, WORDS) == ANHYST_OK);
   CHECK(FORMAT(anhyst_compensator_restore)(&other, &saved) == ANHYST_BAD_PARAMETER);
 }
 
 int main(void)
 {
-  every_damaged_bit_is_refused();
-  what_was_solved_is_committed_by_a_copy();
-  stages_are_those_of_the_table();
+  block_with_a_flipped_bit_is_refused();
+  commit_of_solved_current_needs_no_search();
+  stages_follow_the_table();
   signals_out_of_range_raise_flags();
   conditioning_keeps_the_limits();
   output_is_the_demand();
-  a_forgotten_commit_is_flagged();
-  conditioning_by_the_tick_is_the_sequence();
-  a_current_that_does_not_follow_is_seen();
-  missed_ticks_are_made_up_for_where_time_matters();
-  a_lag_costs_current_while_the_flux_moves();
-  memory_survives_a_power_cycle();
+  missing_commit_is_flagged();
+  conditioning_per_tick_gives_the_sequence();
+  current_mismatch_is_detected();
+  missed_ticks_are_committed_with_a_lag();
+  lag_needs_current_while_the_flux_changes();
+  saved_memory_is_restored();
   return verdict();
 }

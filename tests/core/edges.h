@@ -10,7 +10,7 @@ enum { EDGE_REACH = 2, EDGE_CENTRES = 65, EDGE_COUNT = EDGE_CENTRES * (2 * EDGE_
 
 /* Returns edge i, 0 <= i < EDGE_COUNT: 0, 2^k or -2^k, plus or minus up to EDGE_REACH. Numbers
    outside 32 bits wrap to the other end, which is also an edge. */
-static inline int32_t edge(int i)
+static inline int32_t edge_number(int i)
 {
   const int centre = i % EDGE_CENTRES;
   const int64_t power = centre == 0 ? 0 : (int64_t)1 << ((centre - 1) / 2);

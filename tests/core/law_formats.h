@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A law in fixed point, f32 and f64 on the same path. Defined before: LAW_FORMATS, one FORMAT(...)
-   for each, with the words of the law. */
+/* A law in fixed point, f32 and f64 on the same path. The including file defines before:
+   LAW_FORMATS, one FORMAT(...) for each, with the words of the law. */
 #ifndef TEST_LAW_FORMATS_H
 #define TEST_LAW_FORMATS_H
 
@@ -13,7 +13,7 @@
 #include "check.h"
 #include "truth.h"
 
-/* The arms of the current at the gap of the tick, weights. */
+/* The coefficients (weights) of the current at the gap of the tick. */
 static int flux_arm = 12000;
 static int field_arm = 16000;
 
@@ -100,7 +100,7 @@ static inline double tick(const format *law, double flux, int has_converter)
 }
 
 /* Moves the iron to a demand on an ascending branch, or on a descending one from above. */
-static inline void approach(const format *law, double flux, int descends)
+static inline void approach_demand(const format *law, double flux, int descends)
 {
   law->start();
   for (int i = 0; i <= 1000; i++) {
@@ -110,7 +110,7 @@ static inline void approach(const format *law, double flux, int descends)
 }
 
 /* Damages one word of the state. */
-static inline void damage(void *state, size_t size, uint64_t *seed)
+static inline void damage_word(void *state, size_t size, uint64_t *seed)
 {
   static const uint32_t PATTERNS[8] = {0x7FC00000U, 0x7F800000U, 0xFF800000U, 0x7FFFFFFFU,
                                        0x80000000U, 0xFFFFFFFFU, 0x4B000000U, 0xFFF00000U};

@@ -19,7 +19,7 @@ typedef struct {
 
 /* Fills a sample. Its iron contains pointers into it, so it must not be copied. Returns 0 if the
    core does not accept the random parameters. */
-static inline int draw_iron(uint64_t *seed, anhyst_step step, int what, sample_iron *out)
+static inline int make_random_iron(uint64_t *seed, anhyst_step step, int what, sample_iron *out)
 {
   const int extreme = (what & EXTREME) != 0;
   const double saturation = log_uniform(seed, 1e4, 2e6);
@@ -50,7 +50,8 @@ static inline int draw_iron(uint64_t *seed, anhyst_step step, int what, sample_i
 }
 
 /* Returns a state after random effective fields from the demagnetised state. */
-static inline anhyst_state_f64 wander(uint64_t *seed, const anhyst_operator_f64 *law, double spread)
+static inline anhyst_state_f64 random_state(uint64_t *seed, const anhyst_operator_f64 *law,
+                                            double spread)
 {
   anhyst_state_f64 state = {0.0, 0.0, 0.0};
   const int steps = (int)(random_bits(seed) % 8);

@@ -25,7 +25,7 @@ static inline anhyst_factor any_factor(void)
   return factor;
 }
 
-static inline void fill(const anhyst_map_q31 *map, int16_t *table, int32_t step)
+static inline void fill_table(const anhyst_map_q31 *map, int16_t *table, int32_t step)
 {
   const int columns = (1 << map->force_segments) + 1;
   const int rows = (1 << map->gap_segments) + 1;
@@ -38,12 +38,12 @@ static inline void fill(const anhyst_map_q31 *map, int16_t *table, int32_t step)
   }
 }
 
-/* Returns a valid table with neighbours along the force that differ by up to a given step. */
+/* Returns a valid table whose neighbours along the force differ by up to a given step. */
 static inline anhyst_map_q31 any_map(int16_t *table, uint16_t n, uint16_t m, int32_t step)
 {
   const anhyst_map_q31 map = {table, n, m};
   do {
-    fill(&map, table, step);
+    fill_table(&map, table, step);
     step -= step / 8;
   } while (anhyst_map_check_q31(&map) != ANHYST_OK);
   return map;

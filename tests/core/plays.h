@@ -12,7 +12,7 @@
 
 enum { FIRST = ANHYST_BLOCK_LEAST_WORDS, MOST_ENTRIES = MOST_COLUMNS * MOST_ROWS };
 
-/* One block in three formats: the same numbers, with a full scale of 1 in floating point. */
+/* One block in three formats, with the same numbers. The full scale is 1 in floating point. */
 typedef struct {
   uint16_t count; /* of words */
   anhyst_map_q31 map;
@@ -24,7 +24,7 @@ typedef struct {
 } any_play;
 
 /* CRC-32 by polynomial division, byte by byte. */
-static inline uint32_t crc_of(uint32_t crc, uint64_t bits, int bytes)
+static inline uint32_t compute_crc(uint32_t crc, uint64_t bits, int bytes)
 {
   for (int i = 0; i < 8 * bytes; i++) {
     const uint32_t low = (uint32_t)(bits >> i) & 1U;
@@ -36,7 +36,7 @@ static inline uint32_t crc_of(uint32_t crc, uint64_t bits, int bytes)
 static inline int is_counted(int i) { return i != ANHYST_WORD_CRC && i != ANHYST_WORD_CRC + 1; }
 
 /* Sets the checksums of the blocks of all formats. */
-static inline void close_play(any_play *play)
+static inline void set_checksums(any_play *play)
 {
   uint32_t fixed = 0xFFFFFFFFU;
   uint32_t single = 0xFFFFFFFFU;
@@ -47,9 +47,9 @@ static inline void close_play(any_play *play)
     memcpy(&bits, &play->single[i], sizeof bits);
     memcpy(&wide, &play->real[i], sizeof wide);
     if (is_counted(i)) {
-      fixed = crc_of(fixed, (uint16_t)play->fixed[i], 2);
-      single = crc_of(single, bits, 4);
-      real = crc_of(real, wide, 8);
+      fixed = compute_crc(fixed, (uint16_t)play->fixed[i], 2);
+      single = compute_crc(single, bits, 4);
+      real = compute_crc(real, wide, 8);
     }
   }
   for (int i = 0; i < 2; i++) {
@@ -67,9 +67,9 @@ static inline void set_word(any_play *play, int word, int32_t value)
   play->single[word] = (float)value;
 }
 
-/* Sets half-widths that a map allows: they change by at most its rise, and stay within the
+/* Sets half-widths that a map allows: they change by at most its rise, and are in the range of the
    format. */
-static inline void fill_halves(const any_play *play, int16_t *halves)
+static inline void fill_half_widths(const any_play *play, int16_t *halves)
 {
   const int16_t *entries = play->map.entries;
   const int columns = (1 << play->map.force_segments) + 1;
@@ -108,7 +108,7 @@ static inline void make_play(any_play *play, uint16_t n, uint16_t m, int32_t ste
   play->map = any_map(play->fixed + FIRST, n, m, step);
   play->half = play->map;
   play->half.entries += entries;
-  fill_halves(play, play->fixed + FIRST + entries);
+  fill_half_widths(play, play->fixed + FIRST + entries);
   set_head(play, n, m, entries);
   const int mantissa = any_within(16384, 32767);
   const int shift = any_within(0, 9);
@@ -126,7 +126,7 @@ static inline void make_play(any_play *play, uint16_t n, uint16_t m, int32_t ste
   for (int i = 0; i < play->count; i++) {
     play->single[i] = (float)play->real[i];
   }
-  close_play(play);
+  set_checksums(play);
 }
 
 #endif

@@ -8,13 +8,13 @@
 #include "check.h"
 #include "laws.h"
 
-#define MOST_SETS 130
+#define MAX_SETS 130
 
 static struct {
-  double kappa[MOST_SETS], c[MOST_SETS], omega[MOST_SETS], scale[MOST_SETS], offset[MOST_SETS];
+  double kappa[MAX_SETS], c[MAX_SETS], omega[MAX_SETS], scale[MAX_SETS], offset[MAX_SETS];
 } drawn;
 
-static anhyst_batch_sets draw(uint64_t *seed, size_t sets)
+static anhyst_batch_sets random_sets(uint64_t *seed, size_t sets)
 {
   for (size_t i = 0; i < sets; i++) {
     drawn.kappa[i] = log_uniform(seed, 0.1, 10.0);
@@ -39,16 +39,16 @@ static double *zeros(size_t n)
 }
 
 typedef struct {
-  double residual; /* of x + omega*m = r, in units of a */
-  double distance; /* of m from the scalar linear step */
+  double residual; /* error of x + omega*m = r, in units of a */
+  double distance; /* deviation of m from the scalar linear step */
 } errors;
 
 /* Returns the largest errors over 1.5 loops of `samples` each, with r up to 3. */
-static errors against_scalar(anhyst_batch_level level, size_t sets, size_t samples)
+static errors compare_with_scalar(anhyst_batch_level level, size_t sets, size_t samples)
 {
   uint64_t seed = 61;
   const size_t n = samples + samples / 2;
-  const anhyst_batch_sets all = draw(&seed, sets);
+  const anhyst_batch_sets all = random_sets(&seed, sets);
   double *drive = zeros(n);
   double *x = zeros(sets);
   double *y = zeros(sets);
@@ -69,8 +69,8 @@ static errors against_scalar(anhyst_batch_level level, size_t sets, size_t sampl
       CHECK(anhyst_solve_f64(&law, &state, drawn.omega[i], r, &next) == ANHYST_OK);
       state = next.state;
       const size_t at = j * sets + i;
-      keep_worst(&worst.distance, fabs(m_out[at] - next.m));
-      keep_worst(&worst.residual, fabs(x_out[at] + drawn.omega[i] * m_out[at] - r));
+      keep_largest(&worst.distance, fabs(m_out[at] - next.m));
+      keep_largest(&worst.residual, fabs(x_out[at] + drawn.omega[i] * m_out[at] - r));
     }
     CHECK(x[i] == x_out[(n - 1) * sets + i]);
   }
@@ -84,22 +84,22 @@ static errors against_scalar(anhyst_batch_level level, size_t sets, size_t sampl
 
 static void batch_agrees_with_the_scalar_linear_step(anhyst_batch_level level)
 {
-  const size_t sizes[] = {1, 63, 64, 65, MOST_SETS};
+  const size_t sizes[] = {1, 63, 64, 65, MAX_SETS};
   errors worst = {0.0, 0.0};
   for (int i = 0; i < 5; i++) {
-    const errors found = against_scalar(level, sizes[i], 100);
-    keep_worst(&worst.distance, found.distance);
-    keep_worst(&worst.residual, found.residual);
+    const errors found = compare_with_scalar(level, sizes[i], 100);
+    keep_largest(&worst.distance, found.distance);
+    keep_largest(&worst.residual, found.residual);
   }
-  const errors coarse = against_scalar(level, 64, 100);
-  const errors finer = against_scalar(level, 64, 200);
+  const errors coarse = compare_with_scalar(level, 64, 100);
+  const errors finer = compare_with_scalar(level, 64, 200);
   printf("level %d:\n", (int)level);
   CHECK_BELOW("  residual, 100 samples a loop", worst.residual, 2.5e-4);
   CHECK_BELOW("  m against the scalar linear step", worst.distance, 1e-5);
   CHECK_BELOW("  residual at 200 samples over that at 100", finer.residual / coarse.residual, 0.5);
 }
 
-static void inline_functions_are_as_good_as_stated(anhyst_batch_level level)
+static void inline_functions_have_the_stated_error(anhyst_batch_level level)
 {
   enum { COUNT = 200000 };
   uint64_t seed = 62;
@@ -114,8 +114,8 @@ static void inline_functions_are_as_good_as_stated(anhyst_batch_level level)
   CHECK(anhyst_batch_functions_f64(level, COUNT, t, exp_minus, langevin) == ANHYST_OK);
   for (int i = 0; i < COUNT; i++) {
     const long double z = (long double)t[i];
-    keep_worst(&exp_error, (double)fabsl((long double)exp_minus[i] / expl(-z) - 1.0L));
-    keep_worst(&langevin_error, (double)fabsl((long double)langevin[i] - true_langevin(z)));
+    keep_largest(&exp_error, (double)fabsl((long double)exp_minus[i] / expl(-z) - 1.0L));
+    keep_largest(&langevin_error, (double)fabsl((long double)langevin[i] - true_langevin(z)));
   }
   free(t);
   free(exp_minus);
@@ -125,11 +125,11 @@ static void inline_functions_are_as_good_as_stated(anhyst_batch_level level)
   CHECK_BELOW("  error of L", langevin_error, 4.4e-9);
 }
 
-static void outputs_may_be_left_out(void)
+static void outputs_are_optional(void)
 {
   uint64_t seed = 63;
   const double drive[] = {0.5, 1.0, -0.5};
-  const anhyst_batch_sets all = draw(&seed, 70);
+  const anhyst_batch_sets all = random_sets(&seed, 70);
   double x[2][70];
   double y[2][70];
   double m_out[3 * 70];
@@ -144,7 +144,7 @@ static void outputs_may_be_left_out(void)
   CHECK(memcmp(y[0], y[1], sizeof y[0]) == 0);
 }
 
-static void set_out_of_range_is_refused_before_anything_is_done(void)
+static void set_out_of_range_is_refused_without_a_change(void)
 {
   uint64_t seed = 64;
   const double drive[] = {0.5};
@@ -152,7 +152,7 @@ static void set_out_of_range_is_refused_before_anything_is_done(void)
   const double bad_c[] = {-0.1, 1.1, (double)NAN};
   const double bad_omega[] = {-3.0, -4.0, (double)NAN};
   for (int i = 0; i < 9; i++) {
-    const anhyst_batch_sets all = draw(&seed, 65);
+    const anhyst_batch_sets all = random_sets(&seed, 65);
     double x[65] = {0.0};
     double y[65] = {0.0};
     double *where = i < 3 ? drawn.kappa : i < 6 ? drawn.c : drawn.omega;
@@ -164,12 +164,12 @@ static void set_out_of_range_is_refused_before_anything_is_done(void)
   }
 }
 
-static void level_that_the_processor_lacks_is_refused(void)
+static void missing_instruction_set_is_refused(void)
 {
   uint64_t seed = 66;
   const double drive[] = {0.5};
   const anhyst_batch_level lacking = (anhyst_batch_level)(anhyst_batch_best() + 1);
-  const anhyst_batch_sets all = draw(&seed, 1);
+  const anhyst_batch_sets all = random_sets(&seed, 1);
   double x[1] = {0.0};
   double y[1] = {0.0};
   CHECK(anhyst_batch_f64(&all, lacking, ANHYST_BATCH_IMPLICIT, 1, drive, x, y, 0, 0) ==
@@ -178,11 +178,11 @@ static void level_that_the_processor_lacks_is_refused(void)
 }
 
 /* A drive that is NaN damages only the states of its sets, and the run ends. */
-static void drive_that_is_no_number_ends(void)
+static void nan_drive_does_not_hang(void)
 {
   uint64_t seed = 65;
   const double drive[] = {0.5, (double)NAN, (double)INFINITY, 1e300, -1e300, 0.5};
-  const anhyst_batch_sets all = draw(&seed, 10);
+  const anhyst_batch_sets all = random_sets(&seed, 10);
   for (int mode = 0; mode < 2; mode++) {
     double x[10] = {0.0};
     double y[10] = {0.0};
@@ -195,11 +195,11 @@ int main(void)
 {
   for (int level = 0; level <= (int)anhyst_batch_best(); level++) {
     batch_agrees_with_the_scalar_linear_step((anhyst_batch_level)level);
-    inline_functions_are_as_good_as_stated((anhyst_batch_level)level);
+    inline_functions_have_the_stated_error((anhyst_batch_level)level);
   }
-  level_that_the_processor_lacks_is_refused();
-  outputs_may_be_left_out();
-  set_out_of_range_is_refused_before_anything_is_done();
-  drive_that_is_no_number_ends();
+  missing_instruction_set_is_refused();
+  outputs_are_optional();
+  set_out_of_range_is_refused_without_a_change();
+  nan_drive_does_not_hang();
   return verdict();
 }

@@ -1,4 +1,4 @@
-"""The binding converts and checks: it refuses what it would have to convert."""
+"""Test that the binding converts no argument: it refuses what it would have to convert."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ IRON = Iron(1.3e6, 300.0, 200.0, 0.2, 5e-4)
 OPERATOR = Operator(0.7, 0.2)
 N, SETS, DIRECTIONS = 4, 3, 2
 
-# Every function that takes arrays, with arguments it accepts.
-CALLS: dict[str, tuple[Callable[..., Any], dict[str, FloatArray]]] = {
+# Every function that takes arrays, with arguments that it accepts.
+ARRAY_FUNCTIONS: dict[str, tuple[Callable[..., Any], dict[str, FloatArray]]] = {
     "forward": (
         IRON.forward,
         {"drive": np.ones(N), "rho": np.zeros(N), "eddy": np.zeros(N), "state": demagnetised()},
@@ -65,85 +65,85 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, FloatArray]]] = {
     "batch_functions": (batch_functions, {"t": np.ones(N)}),
     "langevin": (langevin, {"z": np.ones(N)}),
 }
-ARGUMENTS = [(name, argument) for name, (_, given) in CALLS.items() for argument in given]
-# Any length is right for these.
-FREE = {("batch", "drive"), ("batch_functions", "t"), ("langevin", "z")}
+ARGUMENTS = [(name, argument) for name, (_, given) in ARRAY_FUNCTIONS.items() for argument in given]
+# Arguments whose length is free.
+ARGUMENTS_OF_ANY_LENGTH = {("batch", "drive"), ("batch_functions", "t"), ("langevin", "z")}
 
 
-@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("name", ARRAY_FUNCTIONS)
 def test_valid_arguments_are_accepted(name: str) -> None:
-    function, given = CALLS[name]
+    function, given = ARRAY_FUNCTIONS[name]
     function(**given)
 
 
 @pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
 def test_single_precision_is_refused_and_not_converted(name: str, argument: str) -> None:
-    function, given = CALLS[name]
+    function, given = ARRAY_FUNCTIONS[name]
     with pytest.raises(TypeError):
         function(**{**given, argument: given[argument].astype(np.float32)})
 
 
 @pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
 def test_integers_and_lists_are_refused(name: str, argument: str) -> None:
-    function, given = CALLS[name]
-    for other in (given[argument].astype(np.int64), given[argument].tolist()):
+    function, given = ARRAY_FUNCTIONS[name]
+    for wrong_type_value in (given[argument].astype(np.int64), given[argument].tolist()):
         with pytest.raises(TypeError):
-            function(**{**given, argument: other})
+            function(**{**given, argument: wrong_type_value})
 
 
 @pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
 def test_strided_arrays_are_refused(name: str, argument: str) -> None:
-    function, given = CALLS[name]
+    function, given = ARRAY_FUNCTIONS[name]
     with pytest.raises(TypeError):
         function(**{**given, argument: np.repeat(given[argument], 2, axis=0)[::2]})
 
 
 @pytest.mark.parametrize(("name", "argument"), [a for a in ARGUMENTS if a[1] in {"r_t", "law_t"}])
 def test_fortran_order_is_refused(name: str, argument: str) -> None:
-    function, given = CALLS[name]
+    function, given = ARRAY_FUNCTIONS[name]
     with pytest.raises(TypeError):
         function(**{**given, argument: np.asfortranarray(given[argument])})
 
 
-@pytest.mark.parametrize(("name", "argument"), [a for a in ARGUMENTS if a not in FREE])
+@pytest.mark.parametrize(("name", "argument"), [a for a in ARGUMENTS if a not in ARGUMENTS_OF_ANY_LENGTH])
 @pytest.mark.parametrize("extra", [-1, 1])
 def test_wrong_lengths_are_refused(name: str, argument: str, extra: int) -> None:
-    function, given = CALLS[name]
-    right = given[argument]
-    wrong = np.resize(right, (right.shape[0] + extra, *right.shape[1:]))
+    function, given = ARRAY_FUNCTIONS[name]
+    correct_array = given[argument]
+    wrong_length_array = np.resize(correct_array, (correct_array.shape[0] + extra, *correct_array.shape[1:]))
     with pytest.raises(ValueError, match=r"length|three values"):
-        function(**{**given, argument: wrong})
+        function(**{**given, argument: wrong_length_array})
 
 
 @pytest.mark.parametrize("name", ["omega_t", "r_t", "state_t"])
 def test_transposed_tables_are_refused(name: str) -> None:
-    function, given = CALLS["sensitivity"]
+    function, given = ARRAY_FUNCTIONS["sensitivity"]
     with pytest.raises(ValueError, match="length"):
         function(**{**given, name: np.ascontiguousarray(given[name].T)})
 
 
 def test_read_only_states_of_a_batch_are_refused() -> None:
-    function, given = CALLS["batch"]
-    frozen = np.zeros(SETS)
-    frozen.flags.writeable = False
+    function, given = ARRAY_FUNCTIONS["batch"]
+    read_only_array = np.zeros(SETS)
+    read_only_array.flags.writeable = False
     with pytest.raises(TypeError):
-        function(**{**given, "x": frozen})
+        function(**{**given, "x": read_only_array})
 
 
 def test_read_only_input_is_accepted() -> None:
-    function, given = CALLS["forward"]
-    frozen = np.ones(N)
-    frozen.flags.writeable = False
-    function(**{**given, "drive": frozen})
+    function, given = ARRAY_FUNCTIONS["forward"]
+    read_only_array = np.ones(N)
+    read_only_array.flags.writeable = False
+    function(**{**given, "drive": read_only_array})
 
 
 def test_inputs_are_not_modified() -> None:
-    for name, (function, given) in CALLS.items():
-        before = {key: value.copy() for key, value in given.items()}
+    for name, (function, given) in ARRAY_FUNCTIONS.items():
+        original_arguments = {key: value.copy() for key, value in given.items()}
         function(**given)
         for key, value in given.items():
             if name != "batch" or key not in {"x", "y"}:
-                np.testing.assert_array_equal(value, before[key])
+                np.testing.assert_array_equal(value, original_arguments[key])
 
 
 @pytest.mark.parametrize(
@@ -205,9 +205,9 @@ def test_every_status_has_words() -> None:
 
 def test_state_the_law_cannot_reach_has_a_status() -> None:
     assert IRON.check_state(demagnetised()) == 0
-    bad = np.array([0.0, 0.9, 0.0])
-    assert status_text(IRON.check_state(bad)) == "the law cannot reach this initial state"
-    *_, status, index = IRON.forward(np.ones(N), np.zeros(N), np.zeros(N), bad)
+    unreachable_state = np.array([0.0, 0.9, 0.0])
+    assert status_text(IRON.check_state(unreachable_state)) == "the law cannot reach this initial state"
+    *_, status, index = IRON.forward(np.ones(N), np.zeros(N), np.zeros(N), unreachable_state)
     assert (status, index) == (-2, 0)
 
 
@@ -215,9 +215,9 @@ def test_failing_sample_is_named_and_the_state_is_that_before_it() -> None:
     drive = np.array([10.0, 20.0, np.nan, 5.0])
     zeros = np.zeros(N)
     *_, state, status, index = IRON.forward(drive, zeros, zeros, demagnetised())
-    *_, before, _, _ = IRON.forward(drive[:2], zeros[:2], zeros[:2], demagnetised())
+    *_, state_before, _, _ = IRON.forward(drive[:2], zeros[:2], zeros[:2], demagnetised())
     assert (status, index) == (-4, 2)
-    np.testing.assert_array_equal(state, before)
+    np.testing.assert_array_equal(state, state_before)
 
 
 def test_cycle_that_does_not_close_in_time_has_a_status() -> None:
@@ -228,12 +228,12 @@ def test_cycle_that_does_not_close_in_time_has_a_status() -> None:
     assert status_text(status) == "the cycle did not close within the given repetitions"
     state, _, status = IRON.settle(given, zeros, zeros, demagnetised())
     assert status == 0
-    *_, after, status, _ = IRON.forward(given, zeros, zeros, state)
-    np.testing.assert_allclose(after, state, rtol=0, atol=1e-11)
+    *_, state_after, status, _ = IRON.forward(given, zeros, zeros, state)
+    np.testing.assert_allclose(state_after, state, rtol=0, atol=1e-11)
 
 
 def test_empty_records_are_empty_results() -> None:
-    nothing = np.zeros(0)
-    b, h, state, status, _ = IRON.forward(nothing, nothing, nothing, demagnetised())
+    empty_array = np.zeros(0)
+    b, h, state, status, _ = IRON.forward(empty_array, empty_array, empty_array, demagnetised())
     assert (b.size, h.size, status) == (0, 0, 0)
     np.testing.assert_array_equal(state, demagnetised())

@@ -1,4 +1,4 @@
-"""The C tests: built with and without sanitizers, and run."""
+"""Build the C tests with and without sanitizers, and run them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def program_names() -> list[str]:
 
 
 def tool(*names: str) -> str:
-    """Return the first of these programs that is there, else skip."""
+    """Return the first of these programs that is installed; skip the test if none is."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
     for name in names:
         if found := shutil.which(name, path=path):
@@ -33,20 +33,20 @@ def tool(*names: str) -> str:
     pytest.skip(f"{names[0]} is not installed")
 
 
-def quietly(*command: str) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}{done.stderr}"
+def run_command(*command: str) -> None:
+    completed = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert completed.returncode == 0, f"{' '.join(command)}\n{completed.stdout}{completed.stderr}"
 
 
 def can_sanitize(compiler: str, folder: Path) -> bool:
-    """Tell whether the compiler's sanitizers are installed: they are packages of their own."""
+    """Whether the compiler's sanitizers are installed, which are separate packages."""
     source = folder / "probe.c"
     source.write_text("int main(void) { return 0; }\n", encoding="utf-8")
     command = [compiler, "-fsanitize=address,undefined", str(source), "-o", str(folder / "probe")]
     return subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
-# Sanitizers look for what is wrong in the sources, whatever the machine.
+# Builds of the C tests. Sanitizers find faults of the sources that no machine shows otherwise.
 BUILDS = [
     "cc",
     pytest.param("cc-sanitized", marks=[pytest.mark.slow, pytest.mark.campaign]),
@@ -56,14 +56,14 @@ BUILDS = [
 
 @pytest.fixture(scope="session", params=BUILDS)
 def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the C tests, built by one compiler in one way; warnings are errors."""
-    way: str = request.param
-    build = made_once(tmp_path_factory, f"core-{way}", lambda folder: build_tests(folder, way))
+    """Folder of the C tests, built by one compiler with one set of options; warnings are errors."""
+    build_name: str = request.param
+    build = made_once(tmp_path_factory, f"core-{build_name}", lambda folder: build_tests(folder, build_name))
     return build / "tests" / "core"
 
 
-def build_tests(build: Path, way: str) -> None:
-    kind, _, sanitized = way.partition("-")
+def build_tests(build: Path, build_name: str) -> None:
+    kind, _, sanitized = build_name.partition("-")
     compiler = "clang" if kind == "clang" else tool("cc", "gcc")
     if sanitized and not can_sanitize(compiler, build):
         pytest.skip(f"{compiler} has no sanitizers here")
@@ -73,22 +73,22 @@ def build_tests(build: Path, way: str) -> None:
         f"-DANHYST_SANITIZE={'ON' if sanitized else 'OFF'}",
         f"-DCMAKE_C_COMPILER={compiler}",
     ]
-    quietly(cmake, "-S", str(ROOT), "-B", str(build), *settings)
-    quietly(cmake, "--build", str(build), "--parallel", "2")
+    run_command(cmake, "-S", str(ROOT), "-B", str(build), *settings)
+    run_command(cmake, "--build", str(build), "--parallel", "2")
 
 
-# Every pair of numbers of 16 bits, and millions of drawn ones: seconds each.
-SWEEPS = {"test_branch", "test_fixed_q15", "test_operator", "test_play_at_rest", "test_round_trip"}
+# Tests of every pair of 16-bit numbers and of millions of random numbers; each takes seconds.
+LONG_TESTS = {"test_branch", "test_fixed_q15", "test_operator", "test_play_at_rest", "test_round_trip"}
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=[pytest.mark.slow] * (one in SWEEPS)) for one in program_names()]
+    "name", [pytest.param(one, marks=[pytest.mark.slow] * (one in LONG_TESTS)) for one in program_names()]
 )
 def test_claims_of_the_core_hold(programs: Path, name: str) -> None:
     completed = subprocess.run([programs / name], capture_output=True, text=True, check=False, timeout=600)
     lines = (completed.stdout + completed.stderr).splitlines()
-    broken = [line for line in lines if not line.lstrip().startswith("ok ")]
-    assert completed.returncode == 0, "\n".join(broken[:40])
+    failed_claims = [line for line in lines if not line.lstrip().startswith("ok ")]
+    assert completed.returncode == 0, "\n".join(failed_claims[:40])
 
 
 @pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only"])
@@ -113,17 +113,17 @@ def test_jiles_atherton_does_not_creep_in_ten_million_ticks(programs: Path) -> N
     assert completed.returncode == 0, completed.stdout + completed.stderr
 
 
-# What core and plant may take from a C library: no heap, no input or output, no clock, and only
-# functions that are exact, so that every library gives the same bits.
-EXACT = {"sqrt", "sqrtf", "floor", "memcpy", "memset", "memmove"}
+# What core and plant may use of a C library: no heap, no input or output, no clock, and only exact
+# functions, so that every library gives the same bits.
+ALLOWED_FUNCTIONS = {"sqrt", "sqrtf", "floor", "memcpy", "memset", "memmove"}
 COMPILER = {"_GLOBAL_OFFSET_TABLE_", "__cpu_model", "__cpu_indicator_init"}
 
 
 @pytest.mark.parametrize("part", ["core", "plant"])
-def test_core_and_plant_have_no_heap_no_globals_no_clock_and_no_output(programs: Path, part: str) -> None:
+def test_core_and_plant_have_no_heap_no_globals_no_clock_and_no_output(programs: Path, folder: str) -> None:
     if "sanitized" in programs.parents[1].name:
-        return  # the sanitizers bring their own
-    library = programs.parents[1] / f"libanhyst_{part}.a"
+        return  # the sanitizers need their own functions
+    library = programs.parents[1] / f"libanhyst_{folder}.a"
     command = [tool("nm"), "--format=sysv", str(library)]
     listing = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     rows = [[field.strip() for field in line.split("|")] for line in listing.splitlines()]
@@ -132,11 +132,11 @@ def test_core_and_plant_have_no_heap_no_globals_no_clock_and_no_output(programs:
     writable = {
         name
         for kind, name, section in symbols
-        # Constants that hold addresses are filled in by the loader, then nobody may write to them.
+        # The loader writes addresses into these constants. Afterwards, they are read-only.
         if kind in set("BbCDdGgSs") and not section.startswith(".data.rel.ro")
     }
     assert symbols
-    assert expected <= EXACT | COMPILER
+    assert expected <= ALLOWED_FUNCTIONS | COMPILER
     assert writable == set()
 
 

@@ -7,14 +7,14 @@
 
 enum { STEPS = 100000, RESTING = 200000 };
 
-static void fill(void)
+static void fill_block(void)
 {
   fill_cell_words();
   fill_real_words();
 }
 
-/* The gap changes the arms. A third of the currents is rounded to a converter of 12 bits, and
-   sometimes another current is applied. */
+/* The gap changes the coefficients. A third of the currents is rounded to a converter of 12 bits,
+   and sometimes another current is applied. */
 static void formats_agree_on_random_paths(void)
 {
   uint64_t seed = 3;
@@ -29,15 +29,15 @@ static void formats_agree_on_random_paths(void)
     flux_arm = 12000 - (int)(random_bits(&seed) % 1000U);
     field_arm = 16000 + (int)(random_bits(&seed) % 1000U);
     const double x = f64_field(flux);
-    keep_worst(&field_error[0], fabs(fixed_field(flux) - x));
-    keep_worst(&field_error[1], fabs(f32_field(flux) - x));
+    keep_largest(&field_error[0], fabs(fixed_field(flux) - x));
+    keep_largest(&field_error[1], fabs(f32_field(flux) - x));
     double current = double_of(flux_arm) * flux + double_of(field_arm) * x;
     current = i % 3 == 0 ? floor(current * 4096.0) / 4096.0 : rounded(current);
     current = i % 17 == 0 ? rounded(uniform(&seed, -0.3, 0.3)) : current;
     if (i % 3 != 1) {
       flux = f64_flux(current);
-      keep_worst(&flux_error[0], fabs(fixed_flux(current) - flux));
-      keep_worst(&flux_error[1], fabs(f32_flux(current) - flux));
+      keep_largest(&flux_error[0], fabs(fixed_flux(current) - flux));
+      keep_largest(&flux_error[1], fabs(f32_flux(current) - flux));
     }
     fixed_keep();
     f32_keep();
@@ -57,14 +57,14 @@ static void no_format_drifts_at_rest(const format *law)
   for (int way = 0; way < 4; way++) {
     uint64_t seed = 9;
     double first = 0.0;
-    approach(law, flux, way / 2);
+    approach_demand(law, flux, way / 2);
     for (int i = 0; i <= RESTING; i++) {
       flux_arm = 12000 - (int)(random_bits(&seed) % 4U);
       (void)tick(law, rounded(flux + uniform(&seed, -1.3e-4, 1.3e-4)), way % 2);
       if (i == RESTING / 4 || i == RESTING) {
         flux_arm = 12000;
         const double current = tick(law, flux, way % 2);
-        keep_worst(&drift, i == RESTING ? fabs(current - first) : 0.0);
+        keep_largest(&drift, i == RESTING ? fabs(current - first) : 0.0);
         first = current;
       }
     }
@@ -74,7 +74,7 @@ static void no_format_drifts_at_rest(const format *law)
 }
 
 /* Returns whether a constant demand leaves the state unchanged from the second tick on. */
-static void a_constant_demand_reverses_no_path(void)
+static void constant_demand_reverses_no_path(void)
 {
   uint64_t seed = 21;
   int changes = 0;
@@ -100,9 +100,9 @@ static void a_constant_demand_reverses_no_path(void)
   CHECK(changes == 0);
 }
 
-/* Fields and fluxes stay finite and within their range, and no word outside the block is read, as
+/* Fields and fluxes stay finite and in their range. No word outside the block is read, as
    sanitizers check. */
-static void damage_and_signals_that_are_no_numbers_do_no_harm(void)
+static void damaged_words_and_nan_signals_do_no_harm(void)
 {
   const double odd[4] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e30};
   uint64_t seed = 77;
@@ -117,32 +117,32 @@ static void damage_and_signals_that_are_no_numbers_do_no_harm(void)
     (void)fixed_field(flux);
     (void)f32_field(flux);
     (void)f64_field(flux);
-    damage(&fixed.memory, sizeof fixed.memory + sizeof fixed.plays + sizeof fixed.next, &seed);
-    damage(&f32.memory, sizeof f32.memory + sizeof f32.plays + sizeof f32.next, &seed);
-    damage(&f64.memory, sizeof f64.memory + sizeof f64.plays + sizeof f64.next, &seed);
+    damage_word(&fixed.memory, sizeof fixed.memory + sizeof fixed.plays + sizeof fixed.next, &seed);
+    damage_word(&f32.memory, sizeof f32.memory + sizeof f32.plays + sizeof f32.next, &seed);
+    damage_word(&f64.memory, sizeof f64.memory + sizeof f64.plays + sizeof f64.next, &seed);
     (void)fixed_flux(choice % 5U == 0U ? 0.9 : current);
-    keep_worst(&most, fabs(f32_flux(current)));
-    keep_worst(&most, fabs(f64_flux(current)));
+    keep_largest(&most, fabs(f32_flux(current)));
+    keep_largest(&most, fabs(f64_flux(current)));
     fixed_keep();
     f32_keep();
     f64_keep();
     f32.stage = f64.stage = fixed.stage = (uint16_t)(choice / 64U % 3U);
-    keep_worst(&most, fabs(f32_field(flux)));
-    keep_worst(&most, fabs(f64_field(flux)));
-    keep_worst(&most, fabs(f32_flux(0.1)));
-    keep_worst(&most, fabs(f64_flux(0.1)));
+    keep_largest(&most, fabs(f32_field(flux)));
+    keep_largest(&most, fabs(f64_field(flux)));
+    keep_largest(&most, fabs(f32_flux(0.1)));
+    keep_largest(&most, fabs(f64_flux(0.1)));
   }
   CHECK_BELOW("field, flux", most, 4.0);
 }
 
 int main(void)
 {
-  fill();
+  fill_block();
   formats_agree_on_random_paths();
   for (int law = 0; law < 3; law++) {
     no_format_drifts_at_rest(&FORMATS[law]);
   }
-  a_constant_demand_reverses_no_path();
-  damage_and_signals_that_are_no_numbers_do_no_harm();
+  constant_demand_reverses_no_path();
+  damaged_words_and_nan_signals_do_no_harm();
   return verdict();
 }

@@ -20,14 +20,14 @@ typedef struct {
 
 static void build(sample *s)
 {
-  size_t pieces = 0;
-  CHECK(anhyst_cells_lay_f64(&s->cells, &s->weights, ANHYST_CELLS_AIM, &pieces) == ANHYST_OK);
-  s->rows = malloc(pieces * sizeof *s->rows);
+  size_t piece_count = 0;
+  CHECK(anhyst_cells_lay_f64(&s->cells, &s->weights, ANHYST_CELLS_AIM, &piece_count) == ANHYST_OK);
+  s->rows = malloc(piece_count * sizeof *s->rows);
   anhyst_cells_tabulate_f64(&s->cells, &s->weights, s->rows);
 }
 
 /* Random cells with widths and thresholds over a decade; some weights are zero. */
-static void draw(uint64_t *seed, anhyst_shape shape, sample *s)
+static void make_random_cells(uint64_t *seed, anhyst_shape shape, sample *s)
 {
   const double scale = log_uniform(seed, 1.0, 1e4);
   s->threshold[0] = 0.0;
@@ -41,7 +41,7 @@ static void draw(uint64_t *seed, anhyst_shape shape, sample *s)
     const int some = i == 0 || random_bits(seed) % 3 == 0;
     s->weight[i] = some ? 1e4 * log_uniform(seed, 0.01, 1.0) : 0.0;
   }
-  /* Half of the samples have centres for all curves except the first. */
+  /* Half of the sampled laws have centres for all curves except the first. */
   const int has_centres = (int)(random_bits(seed) % 2);
   for (int j = 0; j < WIDTHS; j++) {
     s->centre[j] = j > 0 && has_centres ? scale * log_uniform(seed, 0.1, 2.0) : 0.0;
@@ -60,7 +60,7 @@ static double curve(anhyst_shape shape, double z)
 }
 
 /* Returns the magnetisation of x, p_1..p_n by direct sums. */
-static double direct(const sample *s, const double *numbers)
+static double direct_sum(const sample *s, const double *numbers)
 {
   double sum = 0.0;
   for (int i = 0; i < CELLS * WIDTHS; i++) {
@@ -81,7 +81,7 @@ static double any_field(uint64_t *seed, const sample *s)
 }
 
 /* Returns a state after a random path; omega is above the onset of jumps. */
-static anhyst_cells_state_f64 wander(uint64_t *seed, const sample *s)
+static anhyst_cells_state_f64 random_state(uint64_t *seed, const sample *s)
 {
   anhyst_cells_state_f64 state;
   memset(&state, 0, sizeof state);
@@ -95,22 +95,22 @@ static anhyst_cells_state_f64 wander(uint64_t *seed, const sample *s)
   return state;
 }
 
-static double in_units(const sample *s, double omega, double r, double x, double m)
+static double error_in_ulps(const sample *s, double omega, double r, double x, double m)
 {
   const long double left = (long double)x + (long double)omega * (long double)m - (long double)r;
   const double size = fabs(x) + fabs(r) + fabs(omega) * s->cells.saturation;
   return (double)fabsl(left) / (DBL_EPSILON * size);
 }
 
-static void solutions_meet_the_equation_and_the_sums(anhyst_shape shape)
+static void solutions_satisfy_equation_and_direct_sums(anhyst_shape shape)
 {
   uint64_t seed = 61 + (uint64_t)shape;
   double residual = 0.0;
   double off = 0.0;
   for (int set = 0; set < 40; set++) {
     sample s;
-    draw(&seed, shape, &s);
-    anhyst_cells_state_f64 state = wander(&seed, &s);
+    make_random_cells(&seed, shape, &s);
+    anhyst_cells_state_f64 state = random_state(&seed, &s);
     for (int i = 0; i < 300; i++) {
       const double steepness = log_uniform(&seed, 0.02, 1e4);
       const double omega = (steepness - 1.0) / s.cells.max_slope;
@@ -124,11 +124,11 @@ static void solutions_meet_the_equation_and_the_sums(anhyst_shape shape)
       if (status != ANHYST_OK) {
         continue;
       }
-      keep_worst(&residual, in_units(&s, omega, r, next.x, next.m));
+      keep_largest(&residual, error_in_ulps(&s, omega, r, next.x, next.m));
       anhyst_cells_accept_f64(&s.cells, &state, &next);
       double numbers[CELLS];
       anhyst_cells_numbers_f64(&s.cells, &state, numbers);
-      keep_worst(&off, fabs(direct(&s, numbers) - state.m) / s.cells.saturation);
+      keep_largest(&off, fabs(direct_sum(&s, numbers) - state.m) / s.cells.saturation);
     }
     free(s.rows);
   }
@@ -156,7 +156,7 @@ static int passes_a_solution(const sample *s, const anhyst_cells_state_f64 *from
   return 0;
 }
 
-static void first_solution_is_taken_where_the_material_jumps(anhyst_shape shape)
+static void jump_selects_the_first_solution(anhyst_shape shape)
 {
   uint64_t seed = 71 + (uint64_t)shape;
   double residual = 0.0;
@@ -164,8 +164,8 @@ static void first_solution_is_taken_where_the_material_jumps(anhyst_shape shape)
   int passed = 0;
   for (int set = 0; set < 40; set++) {
     sample s;
-    draw(&seed, shape, &s);
-    anhyst_cells_state_f64 state = wander(&seed, &s);
+    make_random_cells(&seed, shape, &s);
+    anhyst_cells_state_f64 state = random_state(&seed, &s);
     for (int i = 0; i < 8; i++) {
       const double omega = (uniform(&seed, -8.0, 0.0) - 1.0) / s.cells.max_slope;
       const double r = any_field(&seed, &s);
@@ -175,7 +175,7 @@ static void first_solution_is_taken_where_the_material_jumps(anhyst_shape shape)
       CHECK(status == (beyond ? ANHYST_REFUSED : ANHYST_OK));
       refused += beyond;
       if (status == ANHYST_OK) {
-        keep_worst(&residual, in_units(&s, omega, r, next.x, next.m));
+        keep_largest(&residual, error_in_ulps(&s, omega, r, next.x, next.m));
         passed += passes_a_solution(&s, &state, omega, r, next.x);
         anhyst_cells_accept_f64(&s.cells, &state, &next);
       }
@@ -188,12 +188,12 @@ static void first_solution_is_taken_where_the_material_jumps(anhyst_shape shape)
   CHECK(refused > 5 && refused < 300);
 }
 
-static void any_numbers_become_a_state(void)
+static void any_numbers_become_a_valid_state(void)
 {
   uint64_t seed = 81;
   const double wild[] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e9, -1e300};
   sample s;
-  draw(&seed, ANHYST_SHAPE_TANH, &s);
+  make_random_cells(&seed, ANHYST_SHAPE_TANH, &s);
   for (int i = 0; i < 2000; i++) {
     double numbers[CELLS];
     double again[CELLS];
@@ -219,14 +219,14 @@ static void any_numbers_become_a_state(void)
   free(s.rows);
 }
 
-static void what_cannot_be_solved_has_a_code(void)
+static void unsolvable_input_has_a_status(void)
 {
   uint64_t seed = 91;
   const double bad[] = {(double)NAN, (double)INFINITY, -(double)INFINITY};
   sample s;
-  draw(&seed, ANHYST_SHAPE_LANGEVIN, &s);
+  make_random_cells(&seed, ANHYST_SHAPE_LANGEVIN, &s);
   for (int i = 0; i < 200; i++) {
-    const anhyst_cells_state_f64 state = wander(&seed, &s);
+    const anhyst_cells_state_f64 state = random_state(&seed, &s);
     anhyst_cells_candidate_f64 next;
     for (int j = 0; j < 3; j++) {
       CHECK(anhyst_cells_solve_f64(&s.cells, &state, 0.1, bad[j], &next) == ANHYST_OUT_OF_RANGE);
@@ -246,8 +246,8 @@ static void weights_out_of_range_are_refused(void)
 {
   uint64_t seed = 95;
   sample s;
-  size_t pieces;
-  draw(&seed, ANHYST_SHAPE_TANH, &s);
+  size_t piece_count;
+  make_random_cells(&seed, ANHYST_SHAPE_TANH, &s);
   double *const places[] = {&s.threshold[0], &s.threshold[5], &s.width[1], &s.weight[4],
                             &s.centre[1]};
   const double bad[][3] = {{1.0, -1.0, (double)NAN},
@@ -259,13 +259,13 @@ static void weights_out_of_range_are_refused(void)
     const double good = *places[i];
     for (int j = 0; j < 3; j++) {
       *places[i] = bad[i][j];
-      CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &pieces) ==
+      CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &piece_count) ==
             ANHYST_BAD_PARAMETER);
     }
     *places[i] = good;
   }
   s.width[0] = 1e-4 * s.threshold[12];
-  CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &pieces) ==
+  CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &piece_count) ==
         ANHYST_BAD_PARAMETER);
   free(s.rows);
 }
@@ -273,11 +273,11 @@ static void weights_out_of_range_are_refused(void)
 int main(void)
 {
   for (int shape = 0; shape < 2; shape++) {
-    solutions_meet_the_equation_and_the_sums((anhyst_shape)shape);
-    first_solution_is_taken_where_the_material_jumps((anhyst_shape)shape);
+    solutions_satisfy_equation_and_direct_sums((anhyst_shape)shape);
+    jump_selects_the_first_solution((anhyst_shape)shape);
   }
-  any_numbers_become_a_state();
-  what_cannot_be_solved_has_a_code();
+  any_numbers_become_a_valid_state();
+  unsolvable_input_has_a_status();
   weights_out_of_range_are_refused();
   return verdict();
 }

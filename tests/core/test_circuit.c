@@ -7,7 +7,7 @@
 
 static sample_iron sample;
 
-static anhyst_circuit_f64 some_circuit(uint64_t *seed)
+static anhyst_circuit_f64 make_circuit(uint64_t *seed)
 {
   anhyst_circuit_f64 circuit = {0.0, 0.0};
   if (random_bits(seed) % 2 == 0) {
@@ -24,46 +24,46 @@ static anhyst_memory_f64 demagnetised(void)
   return state;
 }
 
-static int same_state(anhyst_memory_f64 one, anhyst_memory_f64 other)
+static int is_same_state(anhyst_memory_f64 one, anhyst_memory_f64 other)
 {
   return memcmp(&one.lag, &other.lag, sizeof one.lag) == 0;
 }
 
-static void solving_leaves_the_state_and_committing_advances_it(void)
+static void solve_keeps_and_commit_advances_the_state(void)
 {
   uint64_t seed = 51;
   for (int i = 0; i < 3000; i++) {
-    if (!draw_iron(&seed, (anhyst_step)(i % 2), i % 3 == 0 ? WITH_PLAY : 0, &sample)) {
+    if (!make_random_iron(&seed, (anhyst_step)(i % 2), i % 3 == 0 ? WITH_PLAY : 0, &sample)) {
       continue;
     }
-    const anhyst_circuit_f64 circuit = some_circuit(&seed);
+    const anhyst_circuit_f64 circuit = make_circuit(&seed);
     anhyst_memory_f64 before = demagnetised();
-    before.lag = wander(&seed, &sample.law, 5.0);
+    before.lag = random_state(&seed, &sample.law, 5.0);
     anhyst_memory_f64 state = before;
     anhyst_reaction_f64 forward;
     anhyst_reaction_f64 what_if;
     const double drive = sample.amplitude * uniform(&seed, -1.0, 1.0);
     CHECK(anhyst_forward_f64(&sample.iron, &state, &circuit, drive, &forward) == ANHYST_OK);
-    CHECK(same_state(state, before));
+    CHECK(is_same_state(state, before));
     CHECK(anhyst_inverse_f64(&sample.iron, &state, &circuit, 0.5 * forward.flux, &what_if) ==
           ANHYST_OK);
-    CHECK(same_state(state, before));
+    CHECK(is_same_state(state, before));
     CHECK(anhyst_commit_f64(&sample.iron, &state, &circuit, drive) == ANHYST_OK);
     anhyst_memory_f64 accepted = before;
     anhyst_accept_f64(&sample.iron, &accepted, &forward);
-    CHECK(same_state(state, accepted));
+    CHECK(is_same_state(state, accepted));
     CHECK(forward.drive == drive);
     const double flux = anhyst_flux_of_f64(&sample.iron, &state);
     CHECK(fabs(flux - forward.flux) <= 1e-11 * (fabs(flux) + ANHYST_MU0 * sample.iron.saturation));
   }
 }
 
-static void failure_leaves_the_state_of_the_last_good_sample(void)
+static void failure_keeps_the_last_valid_state(void)
 {
   uint64_t seed = 52;
   const double bad[] = {(double)NAN, (double)INFINITY, -(double)INFINITY};
   for (int i = 0; i < 300; i++) {
-    if (!draw_iron(&seed, (anhyst_step)(i % 3), 0, &sample)) {
+    if (!make_random_iron(&seed, (anhyst_step)(i % 3), 0, &sample)) {
       continue;
     }
     const double zeros[4] = {0.0, 0.0, 0.0, 0.0};
@@ -82,10 +82,10 @@ static void failure_leaves_the_state_of_the_last_good_sample(void)
     CHECK(anhyst_record_f64(&sample.iron, &state, 0, 4, given, zeros, zeros, found, field,
                             &index) == ANHYST_OUT_OF_RANGE);
     CHECK(index == 2);
-    CHECK(same_state(state, two));
+    CHECK(is_same_state(state, two));
     const anhyst_circuit_f64 plain = {0.0, 0.0};
     CHECK(anhyst_commit_f64(&sample.iron, &state, &plain, bad[i % 3]) == ANHYST_OUT_OF_RANGE);
-    CHECK(same_state(state, two));
+    CHECK(is_same_state(state, two));
     anhyst_reaction_f64 reaction;
     CHECK(anhyst_inverse_f64(&sample.iron, &state, &plain, bad[i % 3], &reaction) ==
           ANHYST_OUT_OF_RANGE);
@@ -93,12 +93,12 @@ static void failure_leaves_the_state_of_the_last_good_sample(void)
 }
 
 /* A gap ratio or an eddy term that is NaN must not give a solution. */
-static void circuit_that_is_no_number_is_refused(void)
+static void nan_circuit_is_refused(void)
 {
   uint64_t seed = 53;
   const double bad[] = {(double)NAN, (double)INFINITY};
   for (int i = 0; i < 200; i++) {
-    if (!draw_iron(&seed, (anhyst_step)(i % 3), 0, &sample)) {
+    if (!make_random_iron(&seed, (anhyst_step)(i % 3), 0, &sample)) {
       continue;
     }
     const anhyst_memory_f64 state = demagnetised();
@@ -148,14 +148,14 @@ static void parameters_out_of_range_are_refused(void)
                              good[4], good[5], 0) == ANHYST_BAD_PARAMETER);
 }
 
-static void settling_closes_the_cycle_or_says_so(void)
+static void settling_closes_the_cycle_or_fails(void)
 {
   uint64_t seed = 54;
   const double zeros[12] = {0.0};
   int unsettled = 0;
   int settled = 0;
   for (int i = 0; i < 300; i++) {
-    if (!draw_iron(&seed, (anhyst_step)(i % 2), 0, &sample)) {
+    if (!make_random_iron(&seed, (anhyst_step)(i % 2), 0, &sample)) {
       continue;
     }
     double drive[12];
@@ -186,10 +186,10 @@ static void settling_closes_the_cycle_or_says_so(void)
 
 int main(void)
 {
-  solving_leaves_the_state_and_committing_advances_it();
-  failure_leaves_the_state_of_the_last_good_sample();
-  circuit_that_is_no_number_is_refused();
+  solve_keeps_and_commit_advances_the_state();
+  failure_keeps_the_last_valid_state();
+  nan_circuit_is_refused();
   parameters_out_of_range_are_refused();
-  settling_closes_the_cycle_or_says_so();
+  settling_closes_the_cycle_or_fails();
   return verdict();
 }

@@ -34,10 +34,10 @@ static void format_claims(anhyst_compensator *c);
 static int32_t nesting_field(anhyst_compensator *c)
 {
   static int deep = 0;
-  if (deep++ == 0) { /* as an interrupt would do */
+  if (deep++ == 0) { /* a nested call, as from an interrupt */
     (void)anhyst_compensator_solve_q31(c, FULL_DEMAND / 9, GAP);
   }
-  return straight_field(c);
+  return linear_field(c);
 }
 
 static void format_claims(anhyst_compensator *c)

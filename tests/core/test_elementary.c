@@ -20,7 +20,7 @@ static double units(double found, long double truth)
   return (double)(fabsl((long double)found - truth) / ldexpl(1.0L, place > -1074 ? place : -1074));
 }
 
-static void exp_is_right_to_0_6_units(void)
+static void exp_error_is_below_0_6_ulp(void)
 {
   uint64_t seed = 71;
   double normal = 0.0;
@@ -29,15 +29,15 @@ static void exp_is_right_to_0_6_units(void)
     const double wide = uniform(&seed, -708.0, 709.7);
     const double near = (i % 2 ? 1.0 : -1.0) * log_uniform(&seed, 1e-20, 40.0);
     const double low = uniform(&seed, -745.0, -708.0);
-    keep_worst(&normal, units(anhyst_exp_f64(wide), expl((long double)wide)));
-    keep_worst(&normal, units(anhyst_exp_f64(near), expl((long double)near)));
-    keep_worst(&tiny, units(anhyst_exp_f64(low), expl((long double)low)));
+    keep_largest(&normal, units(anhyst_exp_f64(wide), expl((long double)wide)));
+    keep_largest(&normal, units(anhyst_exp_f64(near), expl((long double)near)));
+    keep_largest(&tiny, units(anhyst_exp_f64(low), expl((long double)low)));
   }
   CHECK_BELOW("exp", normal, 0.6);
   CHECK_BELOW("exp below the normal numbers", tiny, 0.8);
 }
 
-static void log_is_right_to_1_1_units(void)
+static void log_error_is_below_1_1_ulp(void)
 {
   uint64_t seed = 72;
   double wide = 0.0;
@@ -45,14 +45,14 @@ static void log_is_right_to_1_1_units(void)
   for (int i = 0; i < DRAWS; i++) {
     const double x = log_uniform(&seed, 1e-307, 1e307) * (i % 8 ? 1.0 : 1e-10);
     const double near = 1.0 + (i % 2 ? 1.0 : -1.0) * log_uniform(&seed, 1e-15, 0.5);
-    keep_worst(&wide, units(anhyst_log_f64(x), logl((long double)x)));
-    keep_worst(&near_one, units(anhyst_log_f64(near), logl((long double)near)));
+    keep_largest(&wide, units(anhyst_log_f64(x), logl((long double)x)));
+    keep_largest(&near_one, units(anhyst_log_f64(near), logl((long double)near)));
   }
   CHECK_BELOW("log", wide, 1.1);
   CHECK_BELOW("log about 1", near_one, 1.1);
 }
 
-static void atan_is_right_to_0_7_units(void)
+static void atan_error_is_below_0_7_ulp(void)
 {
   uint64_t seed = 73;
   double worst = 0.0;
@@ -60,14 +60,14 @@ static void atan_is_right_to_0_7_units(void)
     const double sign = i % 2 ? 1.0 : -1.0;
     const double wide = sign * log_uniform(&seed, 1e-300, 1e300);
     const double near = sign * log_uniform(&seed, 1e-2, 1e2);
-    keep_worst(&worst, units(anhyst_atan_f64(wide), atanl((long double)wide)));
-    keep_worst(&worst, units(anhyst_atan_f64(near), atanl((long double)near)));
+    keep_largest(&worst, units(anhyst_atan_f64(wide), atanl((long double)wide)));
+    keep_largest(&worst, units(anhyst_atan_f64(near), atanl((long double)near)));
   }
   CHECK_BELOW("atan", worst, 0.7);
 }
 
 /* Arguments at the ends of table entries, of octaves and of the range. */
-static void seams_are_right_too(void)
+static void errors_are_small_at_interval_ends(void)
 {
   double exp_worst = 0.0;
   double log_worst = 0.0;
@@ -78,10 +78,10 @@ static void seams_are_right_too(void)
       const double step = ((double)i + 0.5) * 0.010830424696249145 * aside; /* log(2)/64 */
       const double grid = (1.0 + (double)(i + 6000) / 128.0) * aside;
       const double octave = ldexp(1.0 + (double)((i + 6000) % 8) / 8.0, i / 60) * aside;
-      keep_worst(&exp_worst, units(anhyst_exp_f64(step), expl((long double)step)));
-      keep_worst(&log_worst, units(anhyst_log_f64(grid), logl((long double)grid)));
-      keep_worst(&log_worst, units(anhyst_log_f64(1.0 / grid), logl((long double)(1.0 / grid))));
-      keep_worst(&atan_worst, units(anhyst_atan_f64(octave), atanl((long double)octave)));
+      keep_largest(&exp_worst, units(anhyst_exp_f64(step), expl((long double)step)));
+      keep_largest(&log_worst, units(anhyst_log_f64(grid), logl((long double)grid)));
+      keep_largest(&log_worst, units(anhyst_log_f64(1.0 / grid), logl((long double)(1.0 / grid))));
+      keep_largest(&atan_worst, units(anhyst_atan_f64(octave), atanl((long double)octave)));
     }
   }
   CHECK_BELOW("exp at the seams", exp_worst, 0.6);
@@ -108,7 +108,7 @@ static void limits_are_those_of_the_c_library(void)
 }
 
 /* FNV-1a over the bytes of a number, the lowest first. */
-static void add(uint64_t *hash, double value)
+static void hash_number(uint64_t *hash, double value)
 {
   uint64_t bits;
   memcpy(&bits, &value, sizeof bits);
@@ -117,26 +117,26 @@ static void add(uint64_t *hash, double value)
   }
 }
 
-static void bits_are_the_same_everywhere(void)
+static void results_are_bit_identical_on_all_machines(void)
 {
   uint64_t seed = 74;
   uint64_t hash = UINT64_C(0xCBF29CE484222325);
   for (int i = 0; i < DRAWS; i++) {
     const double x = uniform(&seed, -40.0, 40.0);
-    add(&hash, anhyst_exp_f64(x));
-    add(&hash, anhyst_log_f64(x * x));
-    add(&hash, anhyst_atan_f64(x));
+    hash_number(&hash, anhyst_exp_f64(x));
+    hash_number(&hash, anhyst_log_f64(x * x));
+    hash_number(&hash, anhyst_atan_f64(x));
   }
   CHECK(hash == UINT64_C(0x69302D34498DA0AE));
 }
 
 int main(void)
 {
-  exp_is_right_to_0_6_units();
-  log_is_right_to_1_1_units();
-  atan_is_right_to_0_7_units();
-  seams_are_right_too();
+  exp_error_is_below_0_6_ulp();
+  log_error_is_below_1_1_ulp();
+  atan_error_is_below_0_7_ulp();
+  errors_are_small_at_interval_ends();
   limits_are_those_of_the_c_library();
-  bits_are_the_same_everywhere();
+  results_are_bit_identical_on_all_machines();
   return verdict();
 }

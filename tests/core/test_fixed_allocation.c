@@ -28,25 +28,25 @@ static double error_of_class_ab(int32_t net, int32_t idle)
   return fmax(fabs(found[0] - exact[0]), fabs(found[1] - exact[1]));
 }
 
-static void class_ab_is_shared_out_as_in_exact_arithmetic(void)
+static void class_ab_allocation_matches_exact_arithmetic(void)
 {
   double worst = 0.0;
   for (int i = 0; i < EDGE_COUNT; i++) {
     for (int j = 0; j < EDGE_COUNT; j++) {
-      if (edge(j) > 0) {
-        keep_worst(&worst, error_of_class_ab(edge(i), edge(j)));
+      if (edge_number(j) > 0) {
+        keep_largest(&worst, error_of_class_ab(edge_number(i), edge_number(j)));
       }
     }
   }
   for (int i = 0; i < 400000; i++) {
     const int32_t net = any_code() >> any_within(0, 30);
     const int32_t idle = (any_code() & 0x7FFFFFFF) >> any_within(0, 30);
-    keep_worst(&worst, error_of_class_ab(net, idle > 0 ? idle : 1));
+    keep_largest(&worst, error_of_class_ab(net, idle > 0 ? idle : 1));
   }
   CHECK_BELOW("units in the last place of a force", worst, ANHYST_ALLOCATION_ERROR);
 }
 
-static void a_pair_of_class_a_and_a_single_drive_get_the_net_force(void)
+static void class_a_pair_and_single_drive_give_the_net_force(void)
 {
   for (int i = 0; i < 10000; i++) {
     const int32_t net = any_code() / 2;
@@ -63,7 +63,7 @@ static void a_pair_of_class_a_and_a_single_drive_get_the_net_force(void)
 
 int main(void)
 {
-  class_ab_is_shared_out_as_in_exact_arithmetic();
-  a_pair_of_class_a_and_a_single_drive_get_the_net_force();
+  class_ab_allocation_matches_exact_arithmetic();
+  class_a_pair_and_single_drive_give_the_net_force();
   return verdict();
 }

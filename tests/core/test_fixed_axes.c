@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the controller of a stage in fixed point: rows, PID, allocation, a tick. */
-#include "control/axes_fixed.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+#include "control/axes_fixed.c" /* NOLINT(bugprone-suspicious-include): calls static functions */
 
 #include "check.h"
 #include "edges.h"
@@ -19,7 +19,7 @@ static int32_t steps[AXES];
 
 static int32_t any_edge(void)
 {
-  return any_within(0, 3) == 0 ? edge(any_within(0, EDGE_COUNT - 1)) : any_code();
+  return any_within(0, 3) == 0 ? edge_number(any_within(0, EDGE_COUNT - 1)) : any_code();
 }
 
 static anhyst_axis_pid_q31 any_pid(void)
@@ -34,7 +34,7 @@ static anhyst_axis_pid_q31 any_pid(void)
 
 /* ---- rows ---- */
 
-static void a_row_is_summed_up_whole_and_rounded_once(void)
+static void row_sum_is_rounded_once(void)
 {
   double worst = 0.0;
   for (int i = 0; i < 200000; i++) {
@@ -50,14 +50,14 @@ static void a_row_is_summed_up_whole_and_rounded_once(void)
     }
     const int32_t found = anhyst_row_product_q31(row, shift, length, signal);
     exact = fmin(fmax(exact, ANHYST_Q31_MIN), ANHYST_Q31_MAX);
-    keep_worst(&worst, fabs(found - exact));
+    keep_largest(&worst, fabs(found - exact));
   }
   CHECK_BELOW("error of a row, in units in the last place", worst, 0.5 + 1e-4);
 }
 
 /* ---- PID ---- */
 
-static void a_step_of_the_pid_is_as_in_exact_arithmetic(void)
+static void pid_step_matches_exact_arithmetic(void)
 {
   double worst = 0.0;
   for (int i = 0; i < 400000; i++) {
@@ -71,7 +71,7 @@ static void a_step_of_the_pid_is_as_in_exact_arithmetic(void)
     const double asked = ldexp((double)pid.direct * e + sum + (double)any[1], -(int)pid.shift);
     const double lag = (double)any[1] * (1.0 - ldexp(pid.decay, -30)) + (double)pid.lagging * e;
     const int32_t found = step_pid(&pid, &state, e);
-    keep_worst(&worst, fabs(found - fmin(fmax(asked, ANHYST_Q31_MIN), ANHYST_Q31_MAX)));
+    keep_largest(&worst, fabs(found - fmin(fmax(asked, ANHYST_Q31_MIN), ANHYST_Q31_MAX)));
     CHECK(state.sum <= (int64_t)most && state.sum >= -(int64_t)most);
     if (fabs(lag) < ldexp(1.0, 60)) {
       CHECK(fabs((double)state.lag - lag) <= ldexp(pid.decay, -1) + 4096.0);
@@ -82,7 +82,7 @@ static void a_step_of_the_pid_is_as_in_exact_arithmetic(void)
   CHECK_BELOW("error of a step, in units of the acceleration", worst, 0.5 + 1e-4);
 }
 
-static void nothing_creeps_at_a_standstill_of_a_million_ticks(void)
+static void nothing_drifts_in_a_million_ticks_of_standstill(void)
 {
   const anhyst_axis_pid_q31 pid = {435194265, 219287, -85796522, 234395592, 26};
   anhyst_axis_pid_state_q31 state = {0, 0};
@@ -119,14 +119,15 @@ static int32_t any_current(anhyst_force_controller_q31 *c, int32_t demand, int32
   return any_edge();
 }
 
-static int32_t as_applied(anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
+static int32_t return_applied_current(anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
 {
   (void)c;
   (void)gap;
   return applied;
 }
 
-static const anhyst_force_method_q31 by_chance = {.solve = any_current, .commit = as_applied};
+static const anhyst_force_method_q31 by_chance = {.solve = any_current,
+                                                  .commit = return_applied_current};
 
 static void fill_words(void)
 {
@@ -246,7 +247,7 @@ static void any_tick(anhyst_axes_q31 *c)
   check_forces(&settings->layout, &c->allocator, read);
 }
 
-static void currents_stay_within_limits_whatever_words_and_signals_are(void)
+static void currents_stay_within_limits_for_any_input(void)
 {
   anhyst_force_controller_q31 magnet[DRIVES] = {{0}};
   anhyst_force_controller_q31 *drive[DRIVES];
@@ -267,7 +268,7 @@ static void currents_stay_within_limits_whatever_words_and_signals_are(void)
   CHECK(flown > 10000);
 }
 
-static void a_head_that_says_nothing_moves_no_pid(void)
+static void missing_sample_does_not_change_the_pid(void)
 {
   anhyst_force_controller_q31 magnet[DRIVES] = {{0}};
   anhyst_force_controller_q31 *drive[DRIVES];
@@ -331,11 +332,11 @@ static void words_out_of_range_are_refused(void)
 
 int main(void)
 {
-  a_row_is_summed_up_whole_and_rounded_once();
-  a_step_of_the_pid_is_as_in_exact_arithmetic();
-  nothing_creeps_at_a_standstill_of_a_million_ticks();
-  currents_stay_within_limits_whatever_words_and_signals_are();
-  a_head_that_says_nothing_moves_no_pid();
+  row_sum_is_rounded_once();
+  pid_step_matches_exact_arithmetic();
+  nothing_drifts_in_a_million_ticks_of_standstill();
+  currents_stay_within_limits_for_any_input();
+  missing_sample_does_not_change_the_pid();
   words_out_of_range_are_refused();
   return verdict();
 }

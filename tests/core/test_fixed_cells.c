@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the play-cell law in fixed point, compared with sums of its curves in double precision
    at the resulting fields. */
-/* Their static functions are meant. */
+/* The test calls their static functions. */
 #include "compensator/cells.c"       /* NOLINT(bugprone-suspicious-include) */
 #include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include) */
 
@@ -17,8 +17,8 @@ enum { STEPS = 20000 };
 
 static double plays[CELLS + 1];
 
-/* Moves the plays to a field; returns h*x + m. */
-static double follow(double x)
+/* Moves the plays to a field. Returns h*x + m. */
+static double follow_field(double x)
 {
   double flux = AIR * x;
   for (int cell = 0; cell <= CELLS; cell++) {
@@ -50,7 +50,7 @@ static anhyst_compensator demagnetised(void)
   return none;
 }
 
-static int32_t field_for(anhyst_compensator *c, int32_t flux)
+static int32_t solve_field_for(anhyst_compensator *c, int32_t flux)
 {
   c->flux = flux;
   const int32_t x = cells_field_for_flux(c);
@@ -58,14 +58,14 @@ static int32_t field_for(anhyst_compensator *c, int32_t flux)
   return x;
 }
 
-static void go_on(anhyst_compensator *c)
+static void commit_step(anhyst_compensator *c)
 {
   cells_store_plays(c);
   c->memory = c->next.memory;
   c->stage = ANHYST_STAGE_HERE;
 }
 
-static void a_field_gives_the_flux_that_was_asked_for(void)
+static void solved_field_gives_the_demanded_flux(void)
 {
   anhyst_compensator c = demagnetised();
   uint64_t seed = 11;
@@ -73,15 +73,15 @@ static void a_field_gives_the_flux_that_was_asked_for(void)
   double worst = 0.0;
   for (int i = 0; i < STEPS; i++) {
     flux = next_flux(flux, &seed);
-    const int32_t x = field_for(&c, flux);
-    go_on(&c);
-    keep_worst(&worst, fabs(follow(as_number(x)) - as_number(flux)));
+    const int32_t x = solve_field_for(&c, flux);
+    commit_step(&c);
+    keep_largest(&worst, fabs(follow_field(as_number(x)) - as_number(flux)));
   }
   CHECK_BELOW("flux", worst, OFF);
 }
 
-/* The current is near the solved one, as after a converter, or any current. */
-static void a_current_leads_where_it_must(void)
+/* The applied current is near the solved current, as after a converter, or any current. */
+static void current_gives_a_consistent_state(void)
 {
   const anhyst_arms arms = {0, 12000, 16000};
   const double arm = 12000.0 / 65536.0;
@@ -93,23 +93,23 @@ static void a_current_leads_where_it_must(void)
   c.arms = arms;
   for (int i = 0; i < STEPS; i++) {
     flux = next_flux(flux, &seed);
-    const int32_t x = field_for(&c, flux);
+    const int32_t x = solve_field_for(&c, flux);
     const double solved = arm * as_number(flux) + field_arm * as_number(x);
     const double beside = (double)(random_bits(&seed) % 2000U) * 1e-6 - 1e-3;
     const double applied = i % 5 == 0 ? -0.8 * solved : solved + beside;
     const int32_t current = (int32_t)(applied * (double)ANHYST_Q30_ONE);
     const int32_t came = cells_flux_for_current(&c, current);
-    go_on(&c);
-    const double m_and_air = follow(as_number(c.memory.cells.x));
-    keep_worst(&worst, fabs(m_and_air - as_number(came)));
-    keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.cells.x) - applied));
+    commit_step(&c);
+    const double m_and_air = follow_field(as_number(c.memory.cells.x));
+    keep_largest(&worst, fabs(m_and_air - as_number(came)));
+    keep_largest(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.cells.x) - applied));
     flux = came;
   }
   CHECK_BELOW("flux and current", worst, OFF);
 }
 
-/* Only such a flux: if the current is within its limits, the flux is the demanded one. */
-static void a_flux_beyond_the_limits_of_the_current_leads_to_a_limit(void)
+/* If the current is within its limits, the flux is the demanded flux. */
+static void unreachable_flux_gives_a_current_limit(void)
 {
   const anhyst_arms arms = {0, 12000, 16000};
   const double arm = 12000.0 / 65536.0;
@@ -125,17 +125,17 @@ static void a_flux_beyond_the_limits_of_the_current_leads_to_a_limit(void)
   words[ANHYST_WORD_CURRENT_HIGH] = 5000;
   for (int i = 0; i < STEPS; i++) {
     const double flux = as_number(next_flux(c.flux, &seed));
-    const double x = as_number(field_for(&c, (int32_t)(flux * (double)ANHYST_Q30_ONE)));
+    const double x = as_number(solve_field_for(&c, (int32_t)(flux * (double)ANHYST_Q30_ONE)));
     const double solved = arm * flux + field_arm * x;
     const double current = fmin(fmax(solved, low), high);
     at_once += fabs(x) > 0.999;
     c.flux_applied = cells_flux_for_current(&c, (int32_t)(current * (double)ANHYST_Q30_ONE));
-    go_on(&c);
-    const double m_and_air = follow(as_number(c.memory.cells.x));
-    keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.cells.x) - current));
-    keep_worst(&worst, current < solved   ? m_and_air - flux
-                       : current > solved ? flux - m_and_air
-                                          : fabs(flux - m_and_air));
+    commit_step(&c);
+    const double m_and_air = follow_field(as_number(c.memory.cells.x));
+    keep_largest(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.cells.x) - current));
+    keep_largest(&worst, current < solved   ? m_and_air - flux
+                         : current > solved ? flux - m_and_air
+                                            : fabs(flux - m_and_air));
   }
   words[ANHYST_WORD_CURRENT_LOW] = -ANHYST_Q15_MAX;
   words[ANHYST_WORD_CURRENT_HIGH] = ANHYST_Q15_MAX;
@@ -143,17 +143,17 @@ static void a_flux_beyond_the_limits_of_the_current_leads_to_a_limit(void)
   CHECK(at_once > STEPS / 8);
 }
 
-static void a_demagnetised_iron_forgets_where_its_plays_were(void)
+static void demagnetising_resets_the_plays(void)
 {
   anhyst_compensator c = demagnetised();
   int32_t fields[2];
   for (int i = 0; i < 2; i++) {
     anhyst_compensator_demagnetise(&c);
-    fields[i] = field_for(&c, ANHYST_Q30_ONE / 8);
+    fields[i] = solve_field_for(&c, ANHYST_Q30_ONE / 8);
     for (int way = 0; way < 2; way++) {
       c.stage = ANHYST_STAGE_UNKNOWN;
-      (void)field_for(&c, ANHYST_Q30_ONE / (way == 0 ? 2 : -4));
-      go_on(&c);
+      (void)solve_field_for(&c, ANHYST_Q30_ONE / (way == 0 ? 2 : -4));
+      commit_step(&c);
     }
   }
   CHECK(c.plays[0] != 0);
@@ -163,9 +163,9 @@ static void a_demagnetised_iron_forgets_where_its_plays_were(void)
 int main(void)
 {
   fill_cell_words();
-  a_field_gives_the_flux_that_was_asked_for();
-  a_current_leads_where_it_must();
-  a_flux_beyond_the_limits_of_the_current_leads_to_a_limit();
-  a_demagnetised_iron_forgets_where_its_plays_were();
+  solved_field_gives_the_demanded_flux();
+  current_gives_a_consistent_state();
+  unreachable_flux_gives_a_current_limit();
+  demagnetising_resets_the_plays();
   return verdict();
 }

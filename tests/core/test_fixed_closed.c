@@ -2,7 +2,8 @@
 /* Claims of the parts of the simplified law in fixed point: the table over octaves and its search,
    the distance, and the slope. The reference is the equation z = -ln v + nu*v - nu in double
    precision. */
-#include "compensator/simplified.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+#include "compensator/simplified.c" /* NOLINT(bugprone-suspicious-include): calls static
+                                       functions */
 
 #include "check.h"
 #include "truth.h"
@@ -16,7 +17,7 @@ static int16_t words[ANHYST_BLOCK_LEAST_WORDS + MOST_ENTRIES];
 /* Return z for 0 < v <= 1, and v for a z by bisection. */
 static double true_distance(double nu, double v) { return -log(v) + nu * v - nu; }
 
-static double v_of(double nu, double z)
+static double v_from_z(double nu, double z)
 {
   double low = 1e-12;
   double high = 1.0;
@@ -40,14 +41,14 @@ static double segment_begin(int octaves, int n, int index)
   return octave == 0 ? inside * first : first * pow(2.0, octave - 1) * (1.0 + inside);
 }
 
-static int prepare(double nu, int octaves, int n)
+static int fill_curve(double nu, int octaves, int n)
 {
   const int segments = (octaves + 1) << n;
   words[ANHYST_WORD_SIMPLE_OCTAVES] = (int16_t)octaves;
   words[ANHYST_WORD_SIMPLE_SEGMENTS] = (int16_t)n;
   words[ANHYST_WORD_SIMPLE_CURVE] = ANHYST_BLOCK_LEAST_WORDS;
   for (int i = 0; i <= segments; i++) {
-    const double p = 1.0 - v_of(nu, segment_begin(octaves, n, i));
+    const double p = 1.0 - v_from_z(nu, segment_begin(octaves, n, i));
     words[ANHYST_BLOCK_LEAST_WORDS + i] = (int16_t)lrint(fmin(p * 32768.0, 32767.0));
   }
   return segments;
@@ -55,7 +56,7 @@ static int prepare(double nu, int octaves, int n)
 
 /* Returns the deviation of state_at_distance from the straight line, LSB per rise of its
    segment. */
-static double bend(int octaves, int n, int segments, int32_t z)
+static double interpolation_error(int octaves, int n, int segments, int32_t z)
 {
   const double place = (double)z / FULL_Q27;
   int index = 0;
@@ -70,17 +71,17 @@ static double bend(int octaves, int n, int segments, int32_t z)
   return fabs((double)state_at_distance(words, z) - exact) / (rise + 1e-6);
 }
 
-static void look_at_table(int octaves, int n, int segments, double *worst, double *lost)
+static void check_table(int octaves, int n, int segments, double *worst, double *lost)
 {
   uint64_t seed = 3;
   for (int i = 0; i < 3000; i++) {
     const int32_t z = (int32_t)(random_bits(&seed) >> (33 + random_bits(&seed) % 24));
-    keep_worst(worst, bend(octaves, n, segments, z));
+    keep_largest(worst, interpolation_error(octaves, n, segments, z));
     const int32_t p = (int32_t)(random_bits(&seed) % (uint64_t)ANHYST_Q30_ONE);
     const int32_t top = words[ANHYST_BLOCK_LEAST_WORDS + segments] * 32768;
     const int32_t back = state_at_distance(words, distance_at_state(words, p));
     CHECK(back <= p);
-    keep_worst(lost, (double)((p < top ? p : top) - back) / FULL_Q30);
+    keep_largest(lost, (double)((p < top ? p : top) - back) / FULL_Q30);
   }
 }
 
@@ -90,8 +91,8 @@ static void table_and_search_agree(void)
   double lost = 0.0;
   for (int octaves = 4; octaves <= 14; octaves++) {
     for (int n = 2; n <= 6; n += 2) {
-      const int segments = prepare(NUS[(octaves + n) % NU_COUNT], octaves, n);
-      look_at_table(octaves, n, segments, &worst, &lost);
+      const int segments = fill_curve(NUS[(octaves + n) % NU_COUNT], octaves, n);
+      check_table(octaves, n, segments, &worst, &lost);
       CHECK(state_at_distance(words, 0) == 0);
       CHECK(state_at_distance(words, ANHYST_Q31_MAX) >= 32766 * 32768);
       CHECK(state_at_distance(words, distance_at_state(words, 0)) == 0);
@@ -101,22 +102,22 @@ static void table_and_search_agree(void)
   CHECK_BELOW("there and back", lost, 1.0 / 16384.0);
 }
 
-static void the_table_is_the_law(void)
+static void table_matches_the_law(void)
 {
   double worst = 0.0;
   for (int i = 0; i < NU_COUNT; i++) {
-    (void)prepare(NUS[i], 12, 4);
+    (void)fill_curve(NUS[i], 12, 4);
     for (int step = 0; step < 5500; step++) {
       const double z = 1e-6 * pow(1.003, step); /* up to 14 */
       const double found =
           (double)state_at_distance(words, (int32_t)lrint(z * FULL_Q27)) / FULL_Q30;
-      keep_worst(&worst, fabs(found - (1.0 - v_of(NUS[i], z))));
+      keep_largest(&worst, fabs(found - (1.0 - v_from_z(NUS[i], z))));
     }
   }
   CHECK_BELOW("p over z with 16 segments an octave", worst, 5e-4);
 }
 
-static void ways_are_stretched(void)
+static void travel_is_scaled(void)
 {
   uint64_t seed = 9;
   for (int i = 0; i < 200000; i++) {
@@ -134,7 +135,7 @@ static void ways_are_stretched(void)
   }
 }
 
-static void the_slope_is_that_of_the_equation(void)
+static void slope_matches_the_equation(void)
 {
   double worst = 0.0;
   for (int i = 0; i < NU_COUNT; i++) {
@@ -153,7 +154,7 @@ static void the_slope_is_that_of_the_equation(void)
         const double v = 1.0 - p;
         const double exact = (p < 0.0 ? hold : rate * v / (1.0 - NUS[i] * v)) * 1024.0;
         const double found = (double)state_slope(words, (int32_t)lrint(p * FULL_Q30));
-        keep_worst(&worst, (fabs(found - exact) - 2.0) / (exact + 1.0));
+        keep_largest(&worst, (fabs(found - exact) - 2.0) / (exact + 1.0));
       }
     }
   }
@@ -163,8 +164,8 @@ static void the_slope_is_that_of_the_equation(void)
 int main(void)
 {
   table_and_search_agree();
-  the_table_is_the_law();
-  ways_are_stretched();
-  the_slope_is_that_of_the_equation();
+  table_matches_the_law();
+  travel_is_scaled();
+  slope_matches_the_equation();
   return verdict();
 }

@@ -25,7 +25,7 @@ static void check_tick(anhyst_force_controller_q31 *drive, int tick)
 }
 
 /* With sanitizers: no signal, gain or state causes an overflow. */
-static void any_signal_is_answered_within_the_limits(void)
+static void any_signal_gives_a_current_within_limits(void)
 {
   for (int i = 0; i < 200; i++) {
     const anhyst_map_q31 map = any_map(entries, (uint16_t)(i % 9), (uint16_t)(i % 5), 8000);
@@ -47,14 +47,14 @@ static void any_signal_is_answered_within_the_limits(void)
 }
 
 /* An iron whose field is proportional to its flux, without hysteresis. */
-static int32_t straight_field(anhyst_compensator *c) { return c->flux - (c->flux >> 2); }
+static int32_t linear_field(anhyst_compensator *c) { return c->flux - (c->flux >> 2); }
 
-static int32_t straight_flux(anhyst_compensator *c, int32_t current)
+static int32_t linear_flux(anhyst_compensator *c, int32_t current)
 {
   return anhyst_clamp(anhyst_sub_q31(current, c->arms.bias), -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
 
-static const anhyst_kernel straight = {.field = straight_field, .flux = straight_flux};
+static const anhyst_kernel straight = {.field = linear_field, .flux = linear_flux};
 
 /* A compensator of that iron with random valid numbers in its head. */
 static anhyst_force_controller_q31 any_compensated(int16_t *words)
@@ -100,7 +100,7 @@ static void check_fused_tick(anhyst_force_controller_q31 *drive, int tick)
 }
 
 /* With sanitizers, as above. */
-static void what_a_probe_adds_to_a_compensator_is_bounded(void)
+static void probe_correction_is_bounded(void)
 {
   for (int i = 0; i < 200; i++) {
     int16_t words[ANHYST_BLOCK_LEAST_WORDS + 10] = {0};
@@ -152,8 +152,8 @@ static void invalid_drives_are_refused(void)
 
 int main(void)
 {
-  any_signal_is_answered_within_the_limits();
-  what_a_probe_adds_to_a_compensator_is_bounded();
+  any_signal_gives_a_current_within_limits();
+  probe_correction_is_bounded();
   invalid_drives_are_refused();
   return verdict();
 }

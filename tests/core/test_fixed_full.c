@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the parts of the Jiles-Atherton law in fixed point (table, decay, one evaluation of a
    path), compared with double and long double precision. */
-/* Their static functions are meant. */
+/* The test calls their static functions. */
 #include "compensator/full.c" /* NOLINT(bugprone-suspicious-include) */
 
 #include "check.h"
@@ -12,7 +12,7 @@ static const double FULL_Q26 = 67108864.0;
 static const double FULL_Q28 = 268435456.0;
 
 /* A rising table with irregular steps. */
-static void fill(int16_t *entries, int count, uint64_t *seed)
+static void fill_entries(int16_t *entries, int count, uint64_t *seed)
 {
   const int32_t most = 60000 / count;
   int32_t level = -30000;
@@ -23,7 +23,7 @@ static void fill(int16_t *entries, int count, uint64_t *seed)
 }
 
 /* Linear between the entries, with an error below the rise of a segment times 2^-28. */
-static void tables_are_straight_between_their_entries(void)
+static void tables_are_linear_between_entries(void)
 {
   static int16_t entries[MOST_SEGMENTS + 1];
   uint64_t seed = 5;
@@ -31,7 +31,7 @@ static void tables_are_straight_between_their_entries(void)
   for (uint16_t n = 3; n <= 9; n++) {
     const int count = 1 << n;
     const table t = {entries, n};
-    fill(entries, count, &seed);
+    fill_entries(entries, count, &seed);
     for (int i = 0; i < 50000; i++) {
       const int32_t u = (int32_t)(random_bits(&seed) % (uint64_t)ONE);
       const double place = (double)u / FULL_Q28 * count;
@@ -41,7 +41,7 @@ static void tables_are_straight_between_their_entries(void)
       int32_t rise;
       const double found = (double)interpolate(t, u, &rise);
       CHECK(rise == entries[segment + 1] - entries[segment]);
-      keep_worst(&worst, fabs(found - exact) / (step + 1e-9));
+      keep_largest(&worst, fabs(found - exact) / (step + 1e-9));
       CHECK(found <= exact);
     }
     for (int i = 0; i < count; i++) {
@@ -52,7 +52,7 @@ static void tables_are_straight_between_their_entries(void)
   CHECK_BELOW("table, units in the last place over the rise of a segment", worst, 1.0);
 }
 
-static void forgetting_is_exponential(void)
+static void decay_is_exponential(void)
 {
   double worst = 0.0;
   double relative = 0.0;
@@ -62,12 +62,12 @@ static void forgetting_is_exponential(void)
     const double octaves = (double)way / FULL_Q26;
     const double exact = -expm1(-octaves * log(2.0));
     const int32_t found = decayed_fraction((int32_t)way);
-    keep_worst(&worst, fabs((double)found / FULL_Q28 - exact));
+    keep_largest(&worst, fabs((double)found / FULL_Q28 - exact));
     if (way > 0 && octaves < 1.0) {
-      keep_worst(&relative, (fabs((double)found - exact * FULL_Q28) - 1.0) / (exact * FULL_Q28));
+      keep_largest(&relative, (fabs((double)found - exact * FULL_Q28) - 1.0) / (exact * FULL_Q28));
     }
     CHECK(found >= 0 && found <= ONE);
-    keep_worst(&fall, (double)(before - found) / FULL_Q28);
+    keep_largest(&fall, (double)(before - found) / FULL_Q28);
     before = found;
   }
   CHECK_BELOW("1 - 2^-t", worst, 7e-5);
@@ -76,20 +76,20 @@ static void forgetting_is_exponential(void)
 }
 
 /* The irreversible part after a rise from x0, y0 to x1. */
-static double lagged(double kappa, double x0, double y0, double x1)
+static double irreversible_part(double kappa, double x0, double y0, double x1)
 {
   return (double)true_irreversible((long double)kappa, (long double)x0, (long double)y0,
                                    (long double)x1);
 }
 
 /* Errors of y and m after one monotone path from a point on the initial magnetisation curve. */
-static void walk(double kappa, double c, double *error_y, double *error_m)
+static void path_errors(double kappa, double c, double *error_y, double *error_m)
 {
   uint64_t seed = 23;
   prepare_law(kappa, c, 0.0);
   for (int i = 0; i < 400; i++) {
     const double x0 = uniform(&seed, -3.5, 3.5);
-    const double y0 = lagged(kappa, 0.0, 0.0, x0);
+    const double y0 = irreversible_part(kappa, 0.0, 0.0, x0);
     const double x1 = uniform(&seed, x0, 3.9);
     branch_path path;
     anhyst_full_memory from;
@@ -101,37 +101,37 @@ static void walk(double kappa, double c, double *error_y, double *error_m)
     init_branch_path(&path, words, &from, 0);
     find_y_start(&path, words, &from, 0);
     const path_point point = evaluate_path(&path, (int32_t)lrint(x1 / REACH * FULL_Q28));
-    const double y1 = lagged(kappa, x0, y0, x1);
+    const double y1 = irreversible_part(kappa, x0, y0, x1);
     const double m1 = (1.0 - c) * y1 + c * langevin(x1);
-    keep_worst(error_y, fabs((double)point.y / FULL_Q28 - y1));
-    keep_worst(error_m, fabs((double)point.m / FULL_Q28 - m1));
+    keep_largest(error_y, fabs((double)point.y / FULL_Q28 - y1));
+    keep_largest(error_m, fabs((double)point.m / FULL_Q28 - m1));
   }
 }
 
-static void one_straight_way_is_exact(void)
+static void monotone_path_is_exact(void)
 {
   static const double KAPPAS[] = {0.1, 0.5, 1.5, 5.0};
   double error_y = 0.0;
   double error_m = 0.0;
   for (int i = 0; i < 4; i++) {
-    walk(KAPPAS[i], 0.2, &error_y, &error_m);
+    path_errors(KAPPAS[i], 0.2, &error_y, &error_m);
   }
   CHECK_BELOW("irreversible part", error_y, 2e-4);
   CHECK_BELOW("magnetisation", error_m, 2e-4);
 }
 
 /* Returns the magnetisation at x1 after a monotone path from a given start. */
-static double magnetised(double kappa, double c, const double *start, double x1)
+static double magnetisation_after_path(double kappa, double c, const double *start, double x1)
 {
   const double sign = x1 < start[0] ? -1.0 : 1.0;
-  const double y = sign * lagged(kappa, sign * start[0], sign * start[1], sign * x1);
+  const double y = sign * irreversible_part(kappa, sign * start[0], sign * start[1], sign * x1);
   return (1.0 - c) * y + c * langevin(x1);
 }
 
-/* Returns the largest distance, over the reach, between the solved field and a bisection of the
-   true law, for iron with a negative weight: `share` of the weight at which the left side would be
-   constant. */
-static double against_the_air(double kappa, double c, double share, int16_t evaluations)
+/* Returns the largest error of field and magnetisation, divided by the range of x, compared with a
+   bisection of the true law. The iron has a negative weight: `share` of the weight at which the
+   left side would be constant. */
+static double error_with_negative_iron(double kappa, double c, double share, int16_t evaluations)
 {
   uint64_t seed = 31;
   double worst = 0.0;
@@ -141,9 +141,9 @@ static double against_the_air(double kappa, double c, double share, int16_t eval
   const int16_t iron = nearest(-share * 3.0 / REACH * air);
   for (int i = 0; i < 300; i++) {
     const double x0 = uniform(&seed, -3.0, 3.0);
-    const double start[2] = {x0, lagged(kappa, 0.0, 0.0, x0)};
+    const double start[2] = {x0, irreversible_part(kappa, 0.0, 0.0, x0)};
     const double x1 = uniform(&seed, -3.5, 3.5);
-    const double m1 = magnetised(kappa, c, start, x1);
+    const double m1 = magnetisation_after_path(kappa, c, start, x1);
     const int32_t target = (int32_t)lrint((air * x1 / REACH + iron * m1) / 65536.0 * FULL_Q28);
     anhyst_compensator state = {0};
     const anhyst_full_memory from = {
@@ -158,22 +158,23 @@ static double against_the_air(double kappa, double c, double share, int16_t eval
     const anhyst_full_memory to = state.next.memory.full;
     const double m =
         (flux - anhyst_scale(to.x, words[ANHYST_WORD_FULL_AIR]) * 4) / (FULL_Q28 * 4.0);
-    keep_worst(&worst, fabs((double)to.x / ANHYST_Q30_ONE - x1 / REACH));
-    keep_worst(&worst, fabs(m - m1) / REACH);
+    keep_largest(&worst, fabs((double)to.x / ANHYST_Q30_ONE - x1 / REACH));
+    keep_largest(&worst, fabs(m - m1) / REACH);
   }
   return worst;
 }
 
 /* The true law has one solution, so that the start point must be found again. */
-static void iron_against_the_air_is_solved(void)
+static void negative_iron_weight_is_solved(void)
 {
-  CHECK_BELOW("a quarter against the air, 5 evaluations", against_the_air(0.5, 0.2, 0.25, 5), 1e-4);
-  CHECK_BELOW("three quarters, 3 evaluations", against_the_air(0.5, 0.2, 0.75, 3), 3e-4);
-  CHECK_BELOW("nearly all, 12 evaluations", against_the_air(0.1, 0.8, 0.99, 12), 3e-3);
-  CHECK_BELOW("nearly all, wide loops", against_the_air(1.5, 0.2, 0.99, 6), 1e-3);
+  CHECK_BELOW("a quarter against the air, 5 evaluations",
+              error_with_negative_iron(0.5, 0.2, 0.25, 5), 1e-4);
+  CHECK_BELOW("three quarters, 3 evaluations", error_with_negative_iron(0.5, 0.2, 0.75, 3), 3e-4);
+  CHECK_BELOW("nearly all, 12 evaluations", error_with_negative_iron(0.1, 0.8, 0.99, 12), 3e-3);
+  CHECK_BELOW("nearly all, wide loops", error_with_negative_iron(1.5, 0.2, 0.99, 6), 1e-3);
 }
 
-static void a_current_that_falls_is_refused(void)
+static void falling_current_is_refused(void)
 {
   const int first = ANHYST_BLOCK_LEAST_WORDS + 3 * (2 * MOST_SEGMENTS + 1) - 4;
   const double c = 0.3;
@@ -182,18 +183,18 @@ static void a_current_that_falls_is_refused(void)
   words[ANHYST_WORD_GAP_SEGMENTS] = 0;
   words[ANHYST_WORD_GAP_FLUX_ARM] = (int16_t)first;
   words[ANHYST_WORD_GAP_FIELD_ARM] = (int16_t)(first + 2);
-  double steepest = 0.0; /* dm/dx for fields up to 1 */
+  double steepest_slope = 0.0; /* dm/dx for fields up to 1 */
   for (int i = 0; i < 300; i++) {
     const double x = 0.01 * i;
     const double irreversible = (langevin(x) - branch_at(0.5, x)) / 0.5;
     const double reversible = (langevin(x + 1e-4) - langevin(x - 1e-4)) / 2e-4;
-    steepest = fmax(steepest, REACH * ((1.0 - c) * irreversible + c * reversible));
+    steepest_slope = fmax(steepest_slope, REACH * ((1.0 - c) * irreversible + c * reversible));
   }
   for (int gap = 0; gap < 2; gap++) {
     words[first] = words[first + 1] = 5000;
     words[first + 2] = words[first + 3] = 20000;
     CHECK(does_current_rise_with_field(words));
-    const double most = 20000.0 / (steepest + 4.0 * 300.0 / 65536.0);
+    const double most = 20000.0 / (steepest_slope + 4.0 * 300.0 / 65536.0);
     words[first + gap] = (int16_t)-lrint(0.98 * most);
     CHECK(does_current_rise_with_field(words));
     words[first + gap] = (int16_t)-lrint(1.02 * most);
@@ -203,10 +204,10 @@ static void a_current_that_falls_is_refused(void)
 
 int main(void)
 {
-  tables_are_straight_between_their_entries();
-  forgetting_is_exponential();
-  one_straight_way_is_exact();
-  iron_against_the_air_is_solved();
-  a_current_that_falls_is_refused();
+  tables_are_linear_between_entries();
+  decay_is_exponential();
+  monotone_path_is_exact();
+  negative_iron_weight_is_solved();
+  falling_current_is_refused();
   return verdict();
 }

@@ -10,7 +10,7 @@
 static const double FULL = 2147483648.0;
 static int16_t entries[MOST_COLUMNS * MOST_ROWS];
 
-static double entry_of(const anhyst_map_q31 *map, double gap, int column)
+static double exact_entry(const anhyst_map_q31 *map, double gap, int column)
 {
   const int columns = (1 << map->force_segments) + 1;
   const double place = fmax(gap, 0.0) / FULL * (double)(1 << map->gap_segments);
@@ -20,21 +20,21 @@ static double entry_of(const anhyst_map_q31 *map, double gap, int column)
   return 65536.0 * (low + (place - row) * (high - low));
 }
 
-static double value_of(const anhyst_map_q31 *map, double force, double gap)
+static double exact_value(const anhyst_map_q31 *map, double force, double gap)
 {
   const double place = fmax(force, 0.0) / FULL * (double)(1 << map->force_segments);
   const int column = (int)place;
-  const double low = entry_of(map, gap, column);
-  return low + (place - column) * (entry_of(map, gap, column + 1) - low);
+  const double low = exact_entry(map, gap, column);
+  return low + (place - column) * (exact_entry(map, gap, column + 1) - low);
 }
 
 /* Returns the largest change of the value per unit of the force at this gap. */
-static double steepest(const anhyst_map_q31 *map, double gap)
+static double steepest_slope(const anhyst_map_q31 *map, double gap)
 {
   const int segments = 1 << map->force_segments;
   double most = 0.0;
   for (int i = 0; i < segments; i++) {
-    most = fmax(most, entry_of(map, gap, i + 1) - entry_of(map, gap, i));
+    most = fmax(most, exact_entry(map, gap, i + 1) - exact_entry(map, gap, i));
   }
   return most * segments / FULL;
 }
@@ -42,23 +42,23 @@ static double steepest(const anhyst_map_q31 *map, double gap)
 static void check_values(const anhyst_map_q31 *map, double *worst, double *worst_back)
 {
   for (int i = 0; i < SIGNALS; i++) {
-    const int32_t force = i < EDGE_COUNT && i % 2 == 0 ? edge(i) : any_code();
-    const int32_t gap = i % 3 == 0 ? edge((7 * i) % EDGE_COUNT) : any_code();
+    const int32_t force = i < EDGE_COUNT && i % 2 == 0 ? edge_number(i) : any_code();
+    const int32_t gap = i % 3 == 0 ? edge_number((7 * i) % EDGE_COUNT) : any_code();
     const int32_t value = anhyst_map_value_q31(map, force, gap);
-    keep_worst(worst, fabs((double)value - value_of(map, (double)force, (double)gap)));
+    keep_largest(worst, fabs((double)value - exact_value(map, (double)force, (double)gap)));
 
-    const double low = entry_of(map, (double)gap, 0);
-    const double high = entry_of(map, (double)gap, 1 << map->force_segments);
+    const double low = exact_entry(map, (double)gap, 0);
+    const double high = exact_entry(map, (double)gap, 1 << map->force_segments);
     const int32_t wanted = any_code();
     const int32_t found = anhyst_map_force_q31(map, wanted, gap);
     const double reached = fmin(fmax((double)wanted, low), high);
-    const double room = 2.0 * steepest(map, (double)gap);
-    keep_worst(worst_back, fabs(value_of(map, (double)found, (double)gap) - reached) - room);
+    const double room = 2.0 * steepest_slope(map, (double)gap);
+    keep_largest(worst_back, fabs(exact_value(map, (double)found, (double)gap) - reached) - room);
     CHECK(found >= 0);
   }
 }
 
-static void maps_are_interpolated_exactly_but_for_their_last_places(void)
+static void map_interpolation_error_is_a_few_lsb(void)
 {
   double worst = 0.0;
   double worst_back = 0.0;
@@ -72,19 +72,19 @@ static void maps_are_interpolated_exactly_but_for_their_last_places(void)
   CHECK_BELOW("value at the inverse, beyond two units of the force", worst_back, 8.0);
 }
 
-static void a_ratio_is_exact_but_for_its_floor(void)
+static void ratio_is_exact_except_for_its_floor(void)
 {
   double worst = 0.0;
   for (int i = 0; i < 100000; i++) {
     const int32_t whole = any_within(2, ANHYST_Q31_MAX);
     const int32_t part = any_within(1, whole - 1);
     const double missing = (double)part / (double)whole * FULL - (double)anhyst_ratio(part, whole);
-    keep_worst(&worst, fabs(missing - 0.5));
+    keep_largest(&worst, fabs(missing - 0.5));
   }
   CHECK_BELOW("ratio, from the middle of a unit in the last place", worst, 0.500001);
 }
 
-static void more_force_never_needs_less(void)
+static void inverse_map_never_falls(void)
 {
   const anhyst_map_q31 map = any_map(entries, 5, 3, 3000);
   double worst = 0.0;
@@ -94,7 +94,7 @@ static void more_force_never_needs_less(void)
     const int32_t more = force + any_within(0, 1000);
     const double fall = (double)anhyst_map_value_q31(&map, force, gap) -
                         (double)anhyst_map_value_q31(&map, more, gap);
-    keep_worst(&worst, fall);
+    keep_largest(&worst, fall);
   }
   CHECK_BELOW("fall of the value, units in the last place", worst, 4.0);
 }
@@ -123,9 +123,9 @@ static void invalid_maps_are_refused(void)
 
 int main(void)
 {
-  maps_are_interpolated_exactly_but_for_their_last_places();
-  a_ratio_is_exact_but_for_its_floor();
-  more_force_never_needs_less();
+  map_interpolation_error_is_a_few_lsb();
+  ratio_is_exact_except_for_its_floor();
+  inverse_map_never_falls();
   invalid_maps_are_refused();
   return verdict();
 }

@@ -39,7 +39,7 @@ static anhyst_position_limits_q31 any_limits(void)
   limits.levitation.max_missing_samples = (uint16_t)any_within(0, 4);
   limits.levitation.hold = (uint16_t)any_within(0, 40);
   limits.levitation.selftest = (uint16_t)any_within(1, 4);
-  /* A range of up to all numbers, with steps from one code up to the whole range. */
+  /* Limits of a range of up to all numbers, with steps from one code up to the whole range. */
   limits.current_step = any_within(1, 1 << any_within(0, 30));
   limits.current_low = any_within(ANHYST_Q31_MIN, ANHYST_Q31_MAX / 4);
   const uint32_t most =
@@ -71,16 +71,16 @@ static anhyst_position_settings_q31 any_settings(void)
   return settings;
 }
 
-/* Most positions are plausible, so that every state is reached. */
+/* Most positions are plausible, so that the controller reaches every state. */
 static anhyst_position_sample_q31 any_sample(const anhyst_position_limits_q31 *limits, int tick)
 {
   anhyst_position_sample_q31 sample;
   sample.position = any_within(limits->levitation.low, limits->levitation.high);
   if (tick % 11 == 0) {
-    sample.position = edge(any_within(0, EDGE_COUNT - 1));
+    sample.position = edge_number(any_within(0, EDGE_COUNT - 1));
   }
   sample.target = any_code();
-  sample.load = edge(any_within(0, EDGE_COUNT - 1));
+  sample.load = edge_number(any_within(0, EDGE_COUNT - 1));
   for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
     sample.current[i] = any_code();
     sample.flux[i] = any_code();
@@ -114,7 +114,7 @@ static void run(anhyst_position_q31 *controller, const anhyst_position_limits_q3
 }
 
 /* With sanitizers: nothing overflows, and no current leaves its limits or the converter's grid. */
-static void any_signal_is_answered_within_the_limits(void)
+static void any_signal_gives_a_current_within_limits(void)
 {
   for (int i = 0; i < 3000; i++) {
     const anhyst_map_q31 map = any_map(entries, (uint16_t)(i % 5), (uint16_t)(i % 3), 8000);
@@ -208,7 +208,7 @@ static void invalid_settings_are_refused(void)
   CHECK(are_refused(&limits, &wrong[0]));
 }
 
-static void without_a_plain_map_the_compensation_stays_on(void)
+static void compensation_stays_on_without_a_simple_map(void)
 {
   const anhyst_map_q31 map = any_map(entries, 3, 2, 1000);
   const anhyst_position_limits_q31 limits = any_limits();
@@ -225,7 +225,7 @@ static void without_a_plain_map_the_compensation_stays_on(void)
 
 /* With sanitizers, from any state: without saturation, the demanded output of the next tick is
    exactly the same, and invalid gains are rejected. */
-static void gains_change_without_a_jump(void)
+static void change_of_gains_is_bumpless(void)
 {
   long same = 0;
   for (int i = 0; i < 20000; i++) {
@@ -264,8 +264,8 @@ static void gains_change_without_a_jump(void)
   CHECK(same > 10000);
 }
 
-/* A new method, as another project would write it: it calls a force controller with any other
-   method. */
+/* A new method, as another project would write it. The method calls a force controller with any
+   other method. */
 static int32_t solve_by_other(anhyst_force_controller_q31 *c, int32_t demand, int32_t gap,
                               int32_t flux)
 {
@@ -275,41 +275,41 @@ static int32_t solve_by_other(anhyst_force_controller_q31 *c, int32_t demand, in
   return current;
 }
 
-static int32_t commit_by_other(anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
+static int32_t other_commit(anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
 {
   return anhyst_force_controller_commit_q31(c->own, applied, gap);
 }
 
-static int32_t expected_by_other(const anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
+static int32_t other_expected(const anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
 {
   return anhyst_force_controller_expected_q31(c->own, applied, gap);
 }
 
-static int32_t length_by_other(const anhyst_force_controller_q31 *c)
+static int32_t other_length(const anhyst_force_controller_q31 *c)
 {
   return anhyst_force_controller_conditioning_length_q31(c->own);
 }
 
-static int32_t conditioning_by_other(const anhyst_force_controller_q31 *c, int32_t tick)
+static int32_t other_conditioning(const anhyst_force_controller_q31 *c, int32_t tick)
 {
   return anhyst_force_controller_conditioning_q31(c->own, tick);
 }
 
-static void demagnetise_by_other(anhyst_force_controller_q31 *c)
+static void other_demagnetise(anhyst_force_controller_q31 *c)
 {
   anhyst_force_controller_demagnetise_q31(c->own);
 }
 
-static void carry_by_other(anhyst_force_controller_q31 *c, const int16_t *words)
+static void other_transfer(anhyst_force_controller_q31 *c, const int16_t *words)
 {
   anhyst_force_controller_carry_q31(c->own, words);
 }
 
-static void a_method_of_another_file_controls_a_position(void)
+static void method_of_another_project_controls_a_position(void)
 {
-  const anhyst_force_method_q31 by_other = {
-      solve_by_other,        commit_by_other,      expected_by_other, length_by_other,
-      conditioning_by_other, demagnetise_by_other, carry_by_other};
+  const anhyst_force_method_q31 by_other = {solve_by_other, other_commit,       other_expected,
+                                            other_length,   other_conditioning, other_demagnetise,
+                                            other_transfer};
   const anhyst_map_q31 map = any_map(entries, 3, 2, 6000);
   for (int i = 0; i < 100; i++) {
     const anhyst_position_limits_q31 limits = any_limits();
@@ -336,11 +336,11 @@ static void a_method_of_another_file_controls_a_position(void)
 
 int main(void)
 {
-  a_method_of_another_file_controls_a_position();
-  any_signal_is_answered_within_the_limits();
+  method_of_another_project_controls_a_position();
+  any_signal_gives_a_current_within_limits();
   invalid_limits_are_refused();
   invalid_settings_are_refused();
-  without_a_plain_map_the_compensation_stays_on();
-  gains_change_without_a_jump();
+  compensation_stays_on_without_a_simple_map();
+  change_of_gains_is_bumpless();
   return verdict();
 }

@@ -9,7 +9,7 @@
 enum { LOW = -32768, HIGH = 32767 };
 
 #ifdef TEST_SANITIZED
-enum { STRIDE = 251 }; /* a prime, so that every residue of b meets every residue of a */
+enum { STRIDE = 251 }; /* a prime, so that every residue of b occurs with every residue of a */
 #else
 enum { STRIDE = 1 };
 #endif
@@ -28,7 +28,7 @@ static inline int is_rounded(int32_t r, int32_t p)
   return exact | ((p == 1073741824) & (r == HIGH));
 }
 
-static void sums_and_differences_are_exact_or_at_the_end(void)
+static void sums_and_differences_are_exact_or_saturated(void)
 {
   int32_t wrong_sums = 0;
   int32_t wrong_differences = 0;
@@ -58,7 +58,7 @@ static void products_are_rounded_to_the_nearest(void)
 
 int main(void)
 {
-  sums_and_differences_are_exact_or_at_the_end();
+  sums_and_differences_are_exact_or_saturated();
   products_are_rounded_to_the_nearest();
   return verdict();
 }

@@ -36,20 +36,20 @@ static int32_t random_word(uint64_t *seed)
   return (int32_t)(uint32_t)(bits >> 32) >> (bits % 32);
 }
 
-static void look_at_pair(int32_t a, int32_t b)
+static void check_pair(int32_t a, int32_t b)
 {
   CHECK(anhyst_add_q31(a, b) == nearest((int64_t)a + b));
   CHECK(anhyst_sub_q31(a, b) == nearest((int64_t)a - b));
 }
 
-static void look_at_clamp(int32_t a, int32_t low, int32_t high)
+static void check_clamp(int32_t a, int32_t low, int32_t high)
 {
   const int32_t kept = anhyst_clamp(a, low, high);
   CHECK(low <= kept && kept <= high);
   CHECK(kept == a || (a < low && kept == low) || (a > high && kept == high));
 }
 
-static void look_at_one(int32_t a)
+static void check_unary(int32_t a)
 {
   CHECK(anhyst_sat_q15(a) == (a > 32767 ? 32767 : (a < -32768 ? -32768 : a)));
   CHECK(anhyst_abs_q31(a) == nearest(a < 0 ? -(int64_t)a : a));
@@ -61,23 +61,23 @@ static void look_at_one(int32_t a)
   }
 }
 
-static void look_at_shifts(int32_t a)
+static void check_shifts(int32_t a)
 {
   for (int n = 0; n <= 31; n++) {
     CHECK(anhyst_shl_q31(a, (uint16_t)n) == nearest((int64_t)a * ((int64_t)1 << n)));
   }
 }
 
-static void edges_meet_edges(void)
+static void operators_hold_for_pairs_of_edges(void)
 {
   for (int i = 0; i < EDGE_COUNT; i++) {
-    look_at_one(edge(i));
-    look_at_shifts(edge(i));
+    check_unary(edge_number(i));
+    check_shifts(edge_number(i));
     for (int j = 0; j < EDGE_COUNT; j++) {
-      look_at_pair(edge(i), edge(j));
-      const int32_t low = edge(j);
-      const int32_t high = edge((7 * i + j) % EDGE_COUNT);
-      look_at_clamp(edge(i), low < high ? low : high, low < high ? high : low);
+      check_pair(edge_number(i), edge_number(j));
+      const int32_t low = edge_number(j);
+      const int32_t high = edge_number((7 * i + j) % EDGE_COUNT);
+      check_clamp(edge_number(i), low < high ? low : high, low < high ? high : low);
     }
   }
 }
@@ -87,38 +87,39 @@ static void scaling_is_the_floor_of_the_product(void)
   int64_t wrong = 0;
   for (int i = 0; i < EDGE_COUNT; i++) {
     for (int32_t b = -32768; b <= 32767; b += STRIDE) {
-      wrong += !is_floor(anhyst_scale(edge(i), (int16_t)b), (int64_t)edge(i) * b, 65536);
+      wrong +=
+          !is_floor(anhyst_scale(edge_number(i), (int16_t)b), (int64_t)edge_number(i) * b, 65536);
     }
   }
   CHECK(wrong == 0);
 }
 
-static void everything_holds_for_pseudo_random_numbers(void)
+static void operators_hold_for_random_numbers(void)
 {
   uint64_t seed = 31;
   for (int i = 0; i < RANDOM_PAIRS; i++) {
     const int32_t a = random_word(&seed);
     const int32_t b = random_word(&seed);
     const int32_t c = random_word(&seed);
-    look_at_pair(a, b);
-    look_at_clamp(a, b < c ? b : c, b < c ? c : b);
+    check_pair(a, b);
+    check_clamp(a, b < c ? b : c, b < c ? c : b);
     CHECK(is_floor(anhyst_scale(a, (int16_t)(c >> 16)), (int64_t)a * (c >> 16), 65536));
     CHECK(anhyst_shl_q31(a, (uint16_t)(i % 32)) == nearest((int64_t)a * ((int64_t)1 << (i % 32))));
   }
 }
 
-static void operators_of_one_number_hold_densely(void)
+static void unary_operators_hold_for_many_numbers(void)
 {
   for (int64_t a = LOW; a <= HIGH; a += DENSE) {
-    look_at_one((int32_t)a);
+    check_unary((int32_t)a);
   }
 }
 
 int main(void)
 {
-  edges_meet_edges();
+  operators_hold_for_pairs_of_edges();
   scaling_is_the_floor_of_the_product();
-  everything_holds_for_pseudo_random_numbers();
-  operators_of_one_number_hold_densely();
+  operators_hold_for_random_numbers();
+  unary_operators_hold_for_many_numbers();
   return verdict();
 }

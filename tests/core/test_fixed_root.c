@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the conversion from demand to flux and back: root, square, and the quotient of Newton
    steps, compared with double precision. */
-#include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
+#include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include): calls static
+                                        functions */
 
 #include <stdlib.h>
 
@@ -21,30 +22,30 @@ static const int32_t STRIDE = 997;
 #endif
 
 /* Returns the error of the root, LSB, minus the allowed relative error. */
-static double excess_of_root(int32_t a, int16_t knee)
+static double root_error_above_limit(int32_t a, int16_t knee)
 {
   const double exact = sqrt((double)a / FULL_Q31) * FULL_Q30;
   return fabs((double)root_with_knee(a, knee) - exact) - 2e-9 * exact;
 }
 
-static void root_is_the_root_beyond_the_knee(void)
+static void root_is_accurate_above_the_knee(void)
 {
   double worst = 0.0;
   for (int16_t knee = LOWEST_KNEE; knee <= HIGHEST_KNEE; knee++) {
     const int32_t first = (int32_t)1 << (31 - 2 * knee);
     for (int64_t a = first; a <= ANHYST_Q31_MAX; a += STRIDE) {
-      keep_worst(&worst, excess_of_root((int32_t)a, knee));
+      keep_largest(&worst, root_error_above_limit((int32_t)a, knee));
     }
     for (int i = 0; i < EDGE_COUNT; i++) {
-      if (edge(i) >= first) {
-        keep_worst(&worst, excess_of_root(edge(i), knee));
+      if (edge_number(i) >= first) {
+        keep_largest(&worst, root_error_above_limit(edge_number(i), knee));
       }
     }
   }
   CHECK_BELOW("root, units in the last place beyond 2e-9", worst, 1.0);
 }
 
-static void root_is_a_straight_line_below_the_knee(void)
+static void root_is_linear_below_the_knee(void)
 {
   double worst = 0.0;
   for (int16_t knee = LOWEST_KNEE; knee <= HIGHEST_KNEE; knee++) {
@@ -53,7 +54,7 @@ static void root_is_a_straight_line_below_the_knee(void)
       CHECK(root_with_knee(a, knee) == a * ((int32_t)1 << (knee - 1)));
       const double flux = (double)root_with_knee(a, knee) / FULL_Q30;
       const double share = fabs(flux * flux - (double)a / FULL_Q31) * (double)(1 << (2 * knee));
-      keep_worst(&worst, share);
+      keep_largest(&worst, share);
     }
     CHECK(root_with_knee(end - 1, knee) < (int32_t)1 << (30 - knee));
     CHECK(abs(root_with_knee(end, knee) - ((int32_t)1 << (30 - knee))) <= 1);
@@ -69,25 +70,25 @@ static void root_never_falls(void)
       CHECK(root_with_knee(a + 1, knee) >= root_with_knee(a, knee));
     }
     for (int i = 0; i < EDGE_COUNT; i++) {
-      if (edge(i) >= 0 && edge(i) < ANHYST_Q31_MAX) {
-        CHECK(root_with_knee(edge(i) + 1, knee) >= root_with_knee(edge(i), knee));
+      if (edge_number(i) >= 0 && edge_number(i) < ANHYST_Q31_MAX) {
+        CHECK(root_with_knee(edge_number(i) + 1, knee) >= root_with_knee(edge_number(i), knee));
       }
     }
   }
 }
 
-static void square_undoes_the_root(void)
+static void square_inverts_the_root(void)
 {
   double off = 0.0;
   double back = 0.0;
   for (int16_t knee = LOWEST_KNEE; knee <= HIGHEST_KNEE; knee++) {
     for (int64_t a = (int64_t)1 << (30 - knee); a < ANHYST_Q30_ONE; a += STRIDE) {
       const double part = (double)a / FULL_Q30;
-      keep_worst(&off, fabs((double)square_with_knee((int32_t)a, knee) / FULL_Q31 - part * part));
+      keep_largest(&off, fabs((double)square_with_knee((int32_t)a, knee) / FULL_Q31 - part * part));
     }
     for (int64_t a = 0; a <= ANHYST_Q31_MAX; a += STRIDE) {
       const double returned = (double)square_with_knee(root_with_knee((int32_t)a, knee), knee);
-      keep_worst(&back, fabs(returned - (double)a) / FULL_Q31);
+      keep_largest(&back, fabs(returned - (double)a) / FULL_Q31);
     }
   }
   CHECK_BELOW("square", off, 1.0 / 32768.0);
@@ -110,8 +111,8 @@ static void quotients_have_fourteen_bits(void)
   double worst = 0.0;
   for (int i = 0; i < EDGE_COUNT; i++) {
     for (int j = 0; j < EDGE_COUNT; j++) {
-      if (edge(i) > 0 && edge(j) > 0) {
-        keep_worst(&worst, error_of_quotient(edge(i), edge(j)));
+      if (edge_number(i) > 0 && edge_number(j) > 0) {
+        keep_largest(&worst, error_of_quotient(edge_number(i), edge_number(j)));
       }
     }
   }
@@ -120,7 +121,7 @@ static void quotients_have_fourteen_bits(void)
     const int32_t a = (int32_t)(random_bits(&seed) >> (33 + random_bits(&seed) % 30));
     const int32_t b = (int32_t)(random_bits(&seed) >> (33 + random_bits(&seed) % 30));
     if (a > 0 && b > 0) {
-      keep_worst(&worst, error_of_quotient(a, b));
+      keep_largest(&worst, error_of_quotient(a, b));
     }
   }
   CHECK_BELOW("quotient", worst, 1.0 / 16384.0);
@@ -128,10 +129,10 @@ static void quotients_have_fourteen_bits(void)
 
 int main(void)
 {
-  root_is_the_root_beyond_the_knee();
-  root_is_a_straight_line_below_the_knee();
+  root_is_accurate_above_the_knee();
+  root_is_linear_below_the_knee();
   root_never_falls();
-  square_undoes_the_root();
+  square_inverts_the_root();
   quotients_have_fourteen_bits();
   return verdict();
 }

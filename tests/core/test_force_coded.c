@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of a force controller in SI units that calls one in fixed point. The inner one has its own
-   method, which records its input codes. */
+/* Claims of a force controller in SI units that calls one in fixed point. The inner controller has
+   its own method, which records its input codes. */
 #include "anhyst/compensator/force_coded_real.h"
 
 #include <float.h>
@@ -33,8 +33,8 @@ static const anhyst_force_method_q31 telling = {.solve = solve, .commit = commit
 
 static double any_part(void) { return (double)any_code() / CODES; }
 
-/* Returns a code minus its signal, above the error that the outer format permits, in codes. */
-static double missed(int32_t code, double signal, double epsilon)
+/* Returns the error of a code, in codes, above the error that the outer format permits. */
+static double code_error(int32_t code, double signal, double epsilon)
 {
   return fabs((double)code - signal * CODES) - 2.0 * epsilon * fabs(signal) * CODES;
 }
@@ -59,14 +59,14 @@ static double missed(int32_t code, double signal, double epsilon)
       const double part = ((double)gap - (double)scales.gap_low) / range;                          \
       answer = any_code();                                                                         \
       const double found = (double)anhyst_force_controller_solve_##f(&c, force, gap, flux);        \
-      keep_worst(&worst, missed(asked[0], (double)force / 250.0, EPSILON));                        \
-      keep_worst(&worst, missed(asked[1], part > 0.0 ? part : 0.0, EPSILON));                      \
-      keep_worst(&worst, missed(asked[2], (double)flux / 2.0, EPSILON));                           \
-      keep_worst(&back, missed(answer, found / 5.0, EPSILON));                                     \
+      keep_largest(&worst, code_error(asked[0], (double)force / 250.0, EPSILON));                  \
+      keep_largest(&worst, code_error(asked[1], part > 0.0 ? part : 0.0, EPSILON));                \
+      keep_largest(&worst, code_error(asked[2], (double)flux / 2.0, EPSILON));                     \
+      keep_largest(&back, code_error(answer, found / 5.0, EPSILON));                               \
       CHECK(c.flags == ANHYST_FLUX_LIMITED);                                                       \
       const double left = (double)anhyst_force_controller_commit_##f(&c, current, gap);            \
-      keep_worst(&worst, missed(asked[0], (double)current / 5.0, EPSILON));                        \
-      keep_worst(&back, missed(answer, left / 250.0, EPSILON));                                    \
+      keep_largest(&worst, code_error(asked[0], (double)current / 5.0, EPSILON));                  \
+      keep_largest(&back, code_error(answer, left / 250.0, EPSILON));                              \
     }                                                                                              \
     CHECK_BELOW("a signal to its code beyond rounding, codes", worst, 1.0);                        \
     CHECK_BELOW("and back", back, 1e-3);                                                           \
@@ -116,7 +116,7 @@ CLAIMS(f32, float, (double)FLT_EPSILON)
 
 /* With the method map inside: the current is that of the inner controller, all functions of the
    method exist, and the expected force is the demand. */
-static void a_map_behind_codes_is_the_map(void)
+static void coded_map_matches_the_map(void)
 {
   static const int16_t entries[] = {0, 16384, 32767, 0, 8192, 24576};
   const anhyst_map_q31 map = {entries, 1, 0};
@@ -148,6 +148,6 @@ int main(void)
   what_is_beyond_becomes_its_end_f32();
   scales_that_are_none_are_refused_f64();
   scales_that_are_none_are_refused_f32();
-  a_map_behind_codes_is_the_map();
+  coded_map_matches_the_map();
   return verdict();
 }

@@ -17,7 +17,7 @@ static float words_f32[WORDS];
 static double words_f64[WORDS];
 
 /* Returns the value of a word of the block in floating point. */
-static double number_of(int word)
+static double word_as_number(int word)
 {
   switch (word) {
   case ANHYST_WORD_FULL_AIR:
@@ -40,7 +40,7 @@ static double number_of(int word)
   }
 }
 
-static void fill(void)
+static void fill_block(void)
 {
   prepare_law(0.5, 0.2, 0.15);
   words[ANHYST_WORD_FULL_AIR] = 300;
@@ -48,7 +48,7 @@ static void fill(void)
   words[ANHYST_WORD_CURRENT_LOW] = -32767;
   words[ANHYST_WORD_CURRENT_HIGH] = 32767;
   for (int i = 0; i < (int)WORDS; i++) {
-    words_f64[i] = number_of(i);
+    words_f64[i] = word_as_number(i);
     words_f32[i] = (float)words_f64[i];
   }
 }
@@ -62,8 +62,8 @@ static void fill(void)
          1.0, double_of)
 #include "law_formats.h"
 
-/* The gap changes the arms. A third of the currents is rounded to a converter of 12 bits, and
-   sometimes another current is applied. An error of a step decays along the path. */
+/* The gap changes the coefficients. A third of the currents is rounded to a converter of 12 bits,
+   and sometimes another current is applied. An error of a step decays along the path. */
 static void formats_agree_on_random_paths(int arm)
 {
   uint64_t seed = 3;
@@ -81,7 +81,7 @@ static void formats_agree_on_random_paths(int arm)
     const double x = f64_field(flux);
     const double errors[2] = {fabs(fixed_field(flux) - x), fabs(f32_field(flux) - x)};
     for (int which = 0; which < 2; which++) {
-      keep_worst(&field_error[which], errors[which]);
+      keep_largest(&field_error[which], errors[which]);
       squares[which] += errors[which] * errors[which] / (double)STEPS;
     }
     double current = double_of(flux_arm) * flux + double_of(field_arm) * x;
@@ -89,8 +89,8 @@ static void formats_agree_on_random_paths(int arm)
     current = i % 17 == 0 ? rounded(uniform(&seed, -0.2, 0.2)) : current;
     if (i % 3 != 1) {
       flux = f64_flux(current);
-      keep_worst(&flux_error[0], fabs(fixed_flux(current) - flux));
-      keep_worst(&flux_error[1], fabs(f32_flux(current) - flux));
+      keep_largest(&flux_error[0], fabs(fixed_flux(current) - flux));
+      keep_largest(&flux_error[1], fabs(f32_flux(current) - flux));
     }
     fixed_keep();
     f32_keep();
@@ -105,7 +105,7 @@ static void formats_agree_on_random_paths(int arm)
 }
 
 /* Noise of demand and gap widens the range of the path only in its first ticks. */
-static void no_format_creeps_at_rest(const format *law, long ticks)
+static void no_format_drifts_at_rest(const format *law, long ticks)
 {
   const double flux = 0.4;
   double drift = 0.0;
@@ -114,14 +114,14 @@ static void no_format_creeps_at_rest(const format *law, long ticks)
     double first = 0.0;
     flux_arm = 12000;
     field_arm = 16000;
-    approach(law, flux, way / 2);
+    approach_demand(law, flux, way / 2);
     for (long i = 0; i <= ticks; i++) {
       flux_arm = 12000 - (int)(random_bits(&seed) % 4U);
       (void)tick(law, rounded(flux + uniform(&seed, -1.3e-4, 1.3e-4)), way % 2);
       if (i == ticks / 4 || i == ticks) {
         flux_arm = 12000;
         const double current = tick(law, flux, way % 2);
-        keep_worst(&drift, i == ticks ? fabs(current - first) : 0.0);
+        keep_largest(&drift, i == ticks ? fabs(current - first) : 0.0);
         first = current;
       }
     }
@@ -131,7 +131,7 @@ static void no_format_creeps_at_rest(const format *law, long ticks)
 }
 
 /* Without noise, the state stays exactly the same. */
-static void a_constant_demand_moves_nothing(void)
+static void constant_demand_changes_no_state(void)
 {
   uint64_t seed = 21;
   int changes = 0;
@@ -155,9 +155,9 @@ static void a_constant_demand_moves_nothing(void)
               changes / ((double)STEPS / 5.0), 1e-3);
 }
 
-/* Fields and fluxes stay finite and within their range, and no word outside the block is read, as
+/* Fields and fluxes stay finite and in their range. No word outside the block is read, as
    sanitizers check. */
-static void damage_and_signals_that_are_no_numbers_do_no_harm(void)
+static void damaged_words_and_nan_signals_do_no_harm(void)
 {
   const double odd[4] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e30};
   uint64_t seed = 77;
@@ -173,12 +173,12 @@ static void damage_and_signals_that_are_no_numbers_do_no_harm(void)
     (void)fixed_field(flux);
     (void)f32_field(flux);
     (void)f64_field(flux);
-    damage(&fixed.memory, sizeof fixed.memory, &seed);
-    damage(&fixed.next, sizeof fixed.next, &seed);
-    damage(&f32.memory, sizeof f32.memory, &seed);
-    damage(&f32.next, sizeof f32.next, &seed);
-    damage(&f64.memory, sizeof f64.memory, &seed);
-    damage(&f64.next, sizeof f64.next, &seed);
+    damage_word(&fixed.memory, sizeof fixed.memory, &seed);
+    damage_word(&fixed.next, sizeof fixed.next, &seed);
+    damage_word(&f32.memory, sizeof f32.memory, &seed);
+    damage_word(&f32.next, sizeof f32.next, &seed);
+    damage_word(&f64.memory, sizeof f64.memory, &seed);
+    damage_word(&f64.next, sizeof f64.next, &seed);
     (void)fixed_flux(choice % 5U == 0U ? 0.9 : current);
     wrong += !(fabs(f32_flux(current)) <= 4.0) + !(fabs(f64_flux(current)) <= 4.0);
     fixed_keep();
@@ -194,13 +194,13 @@ static void damage_and_signals_that_are_no_numbers_do_no_harm(void)
 int main(int count, char **arguments)
 {
   const long ticks = count > 1 ? strtol(arguments[1], NULL, 10) : STEPS;
-  fill();
+  fill_block();
   formats_agree_on_random_paths(12000);
   formats_agree_on_random_paths(-2000);
   for (int law = 0; law < 3; law++) {
-    no_format_creeps_at_rest(&FORMATS[law], ticks);
+    no_format_drifts_at_rest(&FORMATS[law], ticks);
   }
-  a_constant_demand_moves_nothing();
-  damage_and_signals_that_are_no_numbers_do_no_harm();
+  constant_demand_changes_no_state();
+  damaged_words_and_nan_signals_do_no_harm();
   return verdict();
 }

@@ -1,4 +1,4 @@
-"""The batch and the sensitivities against the scalar core, differences and 50-digit arithmetic."""
+"""Compare batch and sensitivities with the scalar core, differences and 50-digit arithmetic."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def loops(amplitude: float, samples: int, cycles: float = 1.5) -> Array:
     return np.asarray(amplitude * np.sin(phase))
 
 
-class Sets:
+class ParameterSets:
     """Random parameter sets of a batch, the same in every run."""
 
     def __init__(self, count: int, seed: int, omega: tuple[float, float]) -> None:
@@ -40,13 +40,13 @@ class Sets:
         m_out, x_out = batch(*given, implicit=implicit, keep=keep)
         return m_out, x_out, x, y
 
-    def only(self, index: int) -> Sets:
-        one = copy.copy(self)
+    def select_set(self, index: int) -> ParameterSets:
+        selected = copy.copy(self)
         for name, values in vars(self).items():
-            setattr(one, name, values[[index]])
-        return one
+            setattr(selected, name, values[[index]])
+        return selected
 
-    def scalar(self, drive: Array, index: int) -> tuple[Array, Array]:
+    def run_scalar(self, drive: Array, index: int) -> tuple[Array, Array]:
         law = Operator(self.kappa[index], self.c[index], step="linear")
         r = self.scale[index] * (drive - self.offset[index])
         x, m, _, status, _ = law.run(np.full(r.size, self.omega[index]), r, demagnetised())
@@ -58,9 +58,9 @@ def test_exp_of_the_batch_is_right_to_1e_11() -> None:
     t = np.concatenate([np.logspace(-12, np.log10(680.0), 3000), np.linspace(0.0, 40.0, 2001)])
     with localcontext() as context:
         context.prec = 50
-        truth = [(-Decimal(v)).exp() for v in t.tolist()]
+        exact_value = [(-Decimal(v)).exp() for v in t.tolist()]
         found = [Decimal(v) for v in batch_functions(t)[0].tolist()]
-        error = max(abs(f / e - 1) for f, e in zip(found, truth, strict=True))
+        error = max(abs(f / e - 1) for f, e in zip(found, exact_value, strict=True))
     assert error < Decimal("1e-11")
 
 
@@ -74,12 +74,12 @@ def test_langevin_of_the_core_agrees_with_50_digits() -> None:
     value, slope = (array.tolist() for array in langevin(z))
     with localcontext() as context:
         context.prec = 60
-        for at, found, steep in zip(z.tolist(), value, slope, strict=True):
+        for at, found, steepness in zip(z.tolist(), value, slope, strict=True):
             t = Decimal(at)
             e = (-2 * t).exp()
             assert abs(Decimal(found) / ((1 + e) / (1 - e) - 1 / t) - 1) < Decimal("4e-16")
-            truth = 1 / (t * t) - 4 * e / (1 - e) ** 2
-            assert abs(Decimal(steep) / truth - 1) < Decimal("1.7e-15")
+            exact_value = 1 / (t * t) - 4 * e / (1 - e) ** 2
+            assert abs(Decimal(steepness) / exact_value - 1) < Decimal("1.7e-15")
 
 
 def test_functions_of_the_batch_are_odd_and_bounded() -> None:
@@ -91,18 +91,18 @@ def test_functions_of_the_batch_are_odd_and_bounded() -> None:
 
 
 def test_implicit_batch_follows_the_scalar_linear_step() -> None:
-    sets = Sets(150, seed=1, omega=(-1.5, 10.0))
+    sets = ParameterSets(150, seed=1, omega=(-1.5, 10.0))
     drive = loops(3.0, 100)
     m_out, x_out, x, _ = sets.run(drive)
     for index in range(sets.kappa.size):
-        x_true, m_true = sets.scalar(drive, index)
+        x_true, m_true = sets.run_scalar(drive, index)
         assert np.max(np.abs(m_out[:, index] - m_true)) < 1e-5
         assert np.max(np.abs(x_out[:, index] - x_true)) < 1e-4
     np.testing.assert_array_equal(x, x_out[-1])
 
 
 def test_an_unavailable_instruction_set_is_refused_without_changing_states() -> None:
-    sets = Sets(5, seed=7, omega=(0.0, 1.0))
+    sets = ParameterSets(5, seed=7, omega=(0.0, 1.0))
     x, y = np.full(5, 0.25), np.full(5, 0.125)
     given = (sets.kappa, sets.c, sets.omega, sets.scale, sets.offset, np.ones(3), x, y)
     for level in ("avx1024", ""):
@@ -113,7 +113,7 @@ def test_an_unavailable_instruction_set_is_refused_without_changing_states() -> 
 
 
 def test_residual_of_the_implicit_batch_falls_with_the_step() -> None:
-    sets = Sets(1000, seed=2, omega=(-1.5, 10.0))
+    sets = ParameterSets(1000, seed=2, omega=(-1.5, 10.0))
     worst, median = [], []
     for samples in (100, 200):
         drive = loops(3.0, samples)
@@ -128,22 +128,22 @@ def test_residual_of_the_implicit_batch_falls_with_the_step() -> None:
 
 
 def test_explicit_batch_ranks_sets_as_the_exact_one_does() -> None:
-    sets = Sets(400, seed=3, omega=(-1.5, 10.0))
+    sets = ParameterSets(400, seed=3, omega=(-1.5, 10.0))
     drive = loops(3.0, 100)
-    rough, _, _, _ = sets.run(drive, implicit=False)
-    fine, _, _, _ = sets.run(drive)
-    error = np.max(np.abs(rough - fine), axis=0)
-    assert np.all(np.isfinite(rough))
+    explicit_error, _, _, _ = sets.run(drive, implicit=False)
+    exact_error, _, _, _ = sets.run(drive)
+    error = np.max(np.abs(explicit_error - exact_error), axis=0)
+    assert np.all(np.isfinite(explicit_error))
     assert np.median(error) < 0.01
     assert np.max(error) < 0.1
-    target = fine[:, :1]
-    order = [np.argsort(np.mean((m - target) ** 2, axis=0)) for m in (rough, fine)]
+    target = exact_error[:, :1]
+    order = [np.argsort(np.mean((m - target) ** 2, axis=0)) for m in (explicit_error, exact_error)]
     ranks = [np.argsort(o) for o in order]
     assert np.corrcoef(ranks[0], ranks[1])[0, 1] > 0.999
 
 
 def test_settling_without_keeping_leads_to_the_same_state() -> None:
-    sets = Sets(70, seed=4, omega=(-1.0, 5.0))
+    sets = ParameterSets(70, seed=4, omega=(-1.0, 5.0))
     drive = loops(3.0, 60)
     _, _, x, y = sets.run(drive)
     m_out, x_out, x_only, y_only = sets.run(drive, keep=False)
@@ -154,17 +154,17 @@ def test_settling_without_keeping_leads_to_the_same_state() -> None:
 
 
 def test_a_set_gives_the_same_alone_and_among_others() -> None:
-    sets = Sets(130, seed=5, omega=(-1.0, 5.0))
+    sets = ParameterSets(130, seed=5, omega=(-1.0, 5.0))
     drive = loops(2.0, 50)
-    together = sets.run(drive)[0]
+    results_together = sets.run(drive)[0]
     for index in (0, 63, 64, 129):
-        alone = sets.only(index).run(drive)[0]
-        np.testing.assert_array_equal(alone[:, 0], together[:, index])
+        result_alone = sets.select_set(index).run(drive)[0]
+        np.testing.assert_array_equal(result_alone[:, 0], results_together[:, index])
 
 
 @pytest.mark.parametrize(("name", "value"), [("kappa", 0.0), ("c", 1.5), ("omega", -3.0)])
 def test_one_invalid_set_refuses_the_batch_without_changing_states(name: str, value: float) -> None:
-    sets = Sets(5, seed=6, omega=(0.0, 1.0))
+    sets = ParameterSets(5, seed=6, omega=(0.0, 1.0))
     getattr(sets, name)[3] = value
     x, y = np.full(5, 0.25), np.full(5, 0.125)
     with pytest.raises(ValueError, match="out of range"):
@@ -174,10 +174,10 @@ def test_one_invalid_set_refuses_the_batch_without_changing_states(name: str, va
 
 
 # Parameters of a differentiated path, in this order; the drive is r = (current - offset)/scale.
-NAMES = ("kappa", "c", "omega", "scale", "offset", "play")
+PARAMETER_NAMES = ("kappa", "c", "omega", "scale", "offset", "play")
 
 
-def path_of(theta: Array, current: Array, step: str) -> Array:
+def follow_path(theta: Array, current: Array, step: str) -> Array:
     kappa, c, omega, scale, offset, play = theta.tolist()
     law = Operator(kappa, c, play, step=step)
     r = (current - offset) / scale
@@ -186,9 +186,9 @@ def path_of(theta: Array, current: Array, step: str) -> Array:
     return m
 
 
-def analytic(theta: Array, current: Array, step: str) -> Array:
+def analytic_derivatives(theta: Array, current: Array, step: str) -> Array:
     kappa, c, omega, scale, offset, play = theta.tolist()
-    n, d = current.size, len(NAMES)
+    n, d = current.size, len(PARAMETER_NAMES)
     r = (current - offset) / scale
     omega_t, r_t, law_t = np.zeros((n, d)), np.zeros((n, d)), np.zeros((d, 3))
     omega_t[:, 2] = 1.0
@@ -218,16 +218,16 @@ def test_sensitivities_agree_with_central_differences(step: str, play: float) ->
                 play,
             ]
         )
-        found = analytic(theta, current, step)
-        for j in range(len(NAMES) if play else len(NAMES) - 1):
+        found = analytic_derivatives(theta, current, step)
+        for j in range(len(PARAMETER_NAMES) if play else len(PARAMETER_NAMES) - 1):
             h = 1e-6 * max(abs(theta[j]), 0.1)
-            change = np.zeros(len(NAMES))
+            change = np.zeros(len(PARAMETER_NAMES))
             change[j] = h
-            up, down = (path_of(theta + s * change, current, step) for s in (1.0, -1.0))
-            difference = (up - down) / (2.0 * h)
+            increased, decreased = (follow_path(theta + s * change, current, step) for s in (1.0, -1.0))
+            difference = (increased - decreased) / (2.0 * h)
             scale = np.max(np.abs(found[:, j])) + 1e-3
             errors.append(np.max(np.abs(difference - found[:, j])) / scale)
-    # Differences straddle a kink (a reversal, a play that closes) in a few of the paths.
+    # In a few of the paths, a difference includes a kink (a reversal, or a play that closes).
     assert np.quantile(errors, 0.95) < 1e-6
     assert np.max(errors) < 1e-3
 

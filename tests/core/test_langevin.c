@@ -10,33 +10,33 @@
 static double value_error = 0.0;
 static double slope_error = 0.0;
 
-static double relative(double found, long double truth)
+static double relative_error(double found, long double truth)
 {
   return (double)fabsl(((long double)found - truth) / truth);
 }
 
-static void look(double z)
+static void compare_at(double z)
 {
   double slope;
   const double value = anhyst_langevin_f64(z, &slope);
-  keep_worst(&value_error, relative(value, true_langevin((long double)z)));
-  keep_worst(&slope_error, relative(slope, true_langevin_slope((long double)z)));
+  keep_largest(&value_error, relative_error(value, true_langevin((long double)z)));
+  keep_largest(&slope_error, relative_error(slope, true_langevin_slope((long double)z)));
 }
 
-static void langevin_is_right_to_rounding_at_any_argument(void)
+static void langevin_error_is_rounding_at_any_argument(void)
 {
   uint64_t seed = 1;
   const double largest = 1e150;
   for (int i = 0; i < 300000; i++) {
-    look(log_uniform(&seed, 1e-300, largest));
-    look(uniform(&seed, -40.0, 40.0));
-    look(uniform(&seed, 1.4, 1.6));
+    compare_at(log_uniform(&seed, 1e-300, largest));
+    compare_at(uniform(&seed, -40.0, 40.0));
+    compare_at(uniform(&seed, 1.4, 1.6));
   }
   CHECK_BELOW("relative error of L", value_error, 4e-16);
   CHECK_BELOW("relative error of L'", slope_error, 1.7e-15);
 }
 
-static void langevin_is_odd_and_its_slope_even_at_zero_too(void)
+static void langevin_is_odd_and_its_slope_is_even(void)
 {
   uint64_t seed = 2;
   double slope;
@@ -62,7 +62,7 @@ static void langevin_saturates_for_the_largest_numbers(void)
   }
 }
 
-static void inverse_is_as_good_as_its_condition_allows(void)
+static void inverse_error_matches_its_condition(void)
 {
   uint64_t seed = 3;
   double error = 0.0;
@@ -73,7 +73,7 @@ static void inverse_is_as_good_as_its_condition_allows(void)
     for (int j = 0; j < 4; j++) {
       const double z = anhyst_inverse_langevin_f64(y[j]);
       const double distance = 1.0 - fabs(y[j]);
-      keep_worst(&error, relative(z, true_inverse_langevin((long double)y[j])) * distance);
+      keep_largest(&error, relative_error(z, true_inverse_langevin((long double)y[j])) * distance);
     }
   }
   CHECK_BELOW("relative error of the inverse times 1 - |y|", error, 4.0 * DBL_EPSILON);
@@ -81,9 +81,9 @@ static void inverse_is_as_good_as_its_condition_allows(void)
 
 int main(void)
 {
-  langevin_is_right_to_rounding_at_any_argument();
-  langevin_is_odd_and_its_slope_even_at_zero_too();
+  langevin_error_is_rounding_at_any_argument();
+  langevin_is_odd_and_its_slope_is_even();
   langevin_saturates_for_the_largest_numbers();
-  inverse_is_as_good_as_its_condition_allows();
+  inverse_error_matches_its_condition();
   return verdict();
 }

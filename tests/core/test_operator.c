@@ -18,7 +18,8 @@ static anhyst_operator_f64 make_law(uint64_t *seed, anhyst_step step, double kap
   return law;
 }
 
-static anhyst_answer_f64 go(const anhyst_operator_f64 *law, const anhyst_state_f64 *from, double x)
+static anhyst_answer_f64 follow_path(const anhyst_operator_f64 *law, const anhyst_state_f64 *from,
+                                     double x)
 {
   anhyst_path_f64 path;
   anhyst_answer_f64 answer;
@@ -42,30 +43,30 @@ static void exact_step_agrees_with_the_integral(void)
   for (int i = 0; i < 3000; i++) {
     const anhyst_operator_f64 law = make_law(&seed, ANHYST_STEP_EXACT, 1.01e-3, 990.0);
     const double spread = log_uniform(&seed, 0.1, 3e3);
-    const anhyst_state_f64 from = wander(&seed, &law, spread);
+    const anhyst_state_f64 from = random_state(&seed, &law, spread);
     const double x = uniform(&seed, -spread, spread);
-    const anhyst_answer_f64 answer = go(&law, &from, x);
+    const anhyst_answer_f64 answer = follow_path(&law, &from, x);
     const long double y = true_irreversible((long double)law.kappa, (long double)from.x,
                                             (long double)from.y, (long double)x);
-    keep_worst(&error, error_of_m(&law, &answer, y));
+    keep_largest(&error, error_of_m(&law, &answer, y));
   }
   CHECK_BELOW("error of m, exact step", error, 5e-11);
 }
 
-static void linear_step_is_within_its_bound(void)
+static void linear_step_error_is_within_its_bound(void)
 {
   uint64_t seed = 12;
   double worst = 0.0;
   for (int i = 0; i < 3000; i++) {
     const anhyst_operator_f64 law = make_law(&seed, ANHYST_STEP_LINEAR, 1.01e-3, 990.0);
-    const anhyst_state_f64 from = wander(&seed, &law, 5.0);
+    const anhyst_state_f64 from = random_state(&seed, &law, 5.0);
     const double step = log_uniform(&seed, 1e-3, 3.0);
     const double x = from.x + (random_bits(&seed) % 2 == 0 ? step : -step);
-    const anhyst_answer_f64 answer = go(&law, &from, x);
+    const anhyst_answer_f64 answer = follow_path(&law, &from, x);
     const long double y = true_irreversible((long double)law.kappa, (long double)from.x,
                                             (long double)from.y, (long double)x);
     const double bound = 0.0133 * step * step + 1e-14;
-    keep_worst(&worst, error_of_m(&law, &answer, y) / bound);
+    keep_largest(&worst, error_of_m(&law, &answer, y) / bound);
   }
   CHECK_BELOW("error of m over 0.0133*d^2, linear step", worst, 1.0);
 }
@@ -77,27 +78,27 @@ static void law_of_1986_agrees_with_fine_steps(void)
   for (int i = 0; i < 150; i++) {
     anhyst_operator_f64 law = make_law(&seed, ANHYST_STEP_JA1986, 0.05, 20.0);
     law.eps = uniform(&seed, -5.0, 2.0);
-    const anhyst_state_f64 from = wander(&seed, &law, 6.0);
+    const anhyst_state_f64 from = random_state(&seed, &law, 6.0);
     const double x = uniform(&seed, -6.0, 6.0);
-    const anhyst_answer_f64 answer = go(&law, &from, x);
+    const anhyst_answer_f64 answer = follow_path(&law, &from, x);
     const long double y =
         true_irreversible_1986((long double)law.kappa, (long double)law.eps, (long double)from.x,
                                (long double)from.y, (long double)x);
-    keep_worst(&error, error_of_m(&law, &answer, y));
+    keep_largest(&error, error_of_m(&law, &answer, y));
   }
   CHECK_BELOW("error of m, law of 1986", error, 2e-6);
 }
 
 /* At large fields, sub-steps must not be lost to rounding, and their number must stay
    acceptable. */
-static void law_of_1986_ends_at_any_distance(void)
+static void law_of_1986_terminates_at_any_distance(void)
 {
   const double kappas[] = {1e-3, 1e-2, 1.0, 1e3};
   for (int i = 0; i < 4; i++) {
     const anhyst_operator_f64 law = {ANHYST_STEP_JA1986, kappas[i], 0.1, 0.0, 0.5, 0};
     const anhyst_state_f64 from = {0.0, 0.0, 0.0};
     for (int doublings = 0; doublings < 17; doublings++) {
-      const double m = go(&law, &from, (1 << doublings)).m;
+      const double m = follow_path(&law, &from, (1 << doublings)).m;
       CHECK(m > 0.0 && m < 1.0);
     }
   }
@@ -114,20 +115,20 @@ static void slopes_are_bounded_derivatives(anhyst_step step)
     anhyst_operator_f64 law = make_law(&seed, step, 0.02, 50.0);
     law.play = random_bits(&seed) % 2 == 0 ? 0.0 : uniform(&seed, 0.0, 1.0);
     law.eps = step == ANHYST_STEP_JA1986 ? uniform(&seed, -5.0, 2.0) : 0.0;
-    const anhyst_state_f64 from = wander(&seed, &law, 6.0);
+    const anhyst_state_f64 from = random_state(&seed, &law, 6.0);
     const double x = uniform(&seed, -6.0, 6.0);
-    const anhyst_answer_f64 answer = go(&law, &from, x);
-    const double steepest = anhyst_operator_steepest_f64(&law);
-    keep_worst(&excess, answer.m_slope - steepest);
-    keep_worst(&lack, -answer.m_slope);
+    const anhyst_answer_f64 answer = follow_path(&law, &from, x);
+    const double steepest_slope = anhyst_operator_steepest_f64(&law);
+    keep_largest(&excess, answer.m_slope - steepest_slope);
+    keep_largest(&lack, -answer.m_slope);
     const double h = 1e-5;
     if (fabs(x - from.x) > 2.0 * h) {
-      const anhyst_answer_f64 before = go(&law, &from, x - h);
-      const anhyst_answer_f64 after = go(&law, &from, x + h);
+      const anhyst_answer_f64 before = follow_path(&law, &from, x - h);
+      const anhyst_answer_f64 after = follow_path(&law, &from, x + h);
       const int smooth =
           (before.y_slope > 0.0) == (after.y_slope > 0.0) && step != ANHYST_STEP_JA1986;
       if (smooth) {
-        keep_worst(&error, law.kappa * fabs((after.m - before.m) / (2.0 * h) - answer.m_slope));
+        keep_largest(&error, law.kappa * fabs((after.m - before.m) / (2.0 * h) - answer.m_slope));
       }
     }
   }
@@ -136,20 +137,20 @@ static void slopes_are_bounded_derivatives(anhyst_step step)
   CHECK_BELOW("dm/dx against differences, times kappa", error, 1e-6);
 }
 
-static void path_may_be_cut_anywhere(void)
+static void path_can_be_divided_anywhere(void)
 {
   uint64_t seed = 15;
   double error = 0.0;
   for (int i = 0; i < 3000; i++) {
     anhyst_operator_f64 law = make_law(&seed, ANHYST_STEP_EXACT, 0.01, 100.0);
     law.play = random_bits(&seed) % 2 == 0 ? 0.0 : uniform(&seed, 0.0, 1.0);
-    const anhyst_state_f64 from = wander(&seed, &law, 6.0);
+    const anhyst_state_f64 from = random_state(&seed, &law, 6.0);
     const double end = uniform(&seed, -6.0, 6.0);
     const double middle = from.x + (end - from.x) * uniform(&seed, 0.0, 1.0);
-    const anhyst_answer_f64 half = go(&law, &from, middle);
-    const anhyst_answer_f64 cut = go(&law, &half.state, end);
-    const anhyst_answer_f64 whole = go(&law, &from, end);
-    keep_worst(&error, fabs(cut.m - whole.m));
+    const anhyst_answer_f64 half = follow_path(&law, &from, middle);
+    const anhyst_answer_f64 cut = follow_path(&law, &half.state, end);
+    const anhyst_answer_f64 whole = follow_path(&law, &from, end);
+    keep_largest(&error, fabs(cut.m - whole.m));
   }
   CHECK_BELOW("a path cut in two", error, 1e-10);
 }
@@ -160,20 +161,20 @@ static void law_is_odd_to_the_last_bit(anhyst_step step)
   for (int i = 0; i < 500; i++) {
     anhyst_operator_f64 law = make_law(&seed, step, 0.05, 20.0);
     law.play = random_bits(&seed) % 2 == 0 ? 0.0 : uniform(&seed, 0.0, 1.0);
-    const anhyst_state_f64 from = wander(&seed, &law, 6.0);
+    const anhyst_state_f64 from = random_state(&seed, &law, 6.0);
     const anhyst_state_f64 mirrored = {-from.x, -from.y, -from.p};
     const double x = uniform(&seed, -6.0, 6.0);
-    CHECK(go(&law, &mirrored, -x).m == -go(&law, &from, x).m);
+    CHECK(follow_path(&law, &mirrored, -x).m == -follow_path(&law, &from, x).m);
   }
 }
 
-static void only_states_the_law_can_reach_are_accepted(void)
+static void only_reachable_states_are_accepted(void)
 {
   uint64_t seed = 17;
   for (int i = 0; i < 2000; i++) {
     anhyst_operator_f64 law = make_law(&seed, ANHYST_STEP_EXACT, 0.01, 100.0);
     law.play = random_bits(&seed) % 2 == 0 ? 0.0 : uniform(&seed, 0.1, 1.0);
-    const anhyst_state_f64 good = wander(&seed, &law, 50.0);
+    const anhyst_state_f64 good = random_state(&seed, &law, 50.0);
     CHECK(anhyst_state_check_f64(&law, &good) == ANHYST_OK);
     anhyst_state_f64 bad = good;
     bad.x = good.p + law.play + 0.1;
@@ -230,17 +231,17 @@ static void parameters_out_of_range_are_refused(void)
 int main(void)
 {
   exact_step_agrees_with_the_integral();
-  linear_step_is_within_its_bound();
+  linear_step_error_is_within_its_bound();
   law_of_1986_agrees_with_fine_steps();
-  law_of_1986_ends_at_any_distance();
+  law_of_1986_terminates_at_any_distance();
   slopes_are_bounded_derivatives(ANHYST_STEP_EXACT);
   slopes_are_bounded_derivatives(ANHYST_STEP_LINEAR);
   slopes_are_bounded_derivatives(ANHYST_STEP_JA1986);
-  path_may_be_cut_anywhere();
+  path_can_be_divided_anywhere();
   law_is_odd_to_the_last_bit(ANHYST_STEP_EXACT);
   law_is_odd_to_the_last_bit(ANHYST_STEP_LINEAR);
   law_is_odd_to_the_last_bit(ANHYST_STEP_JA1986);
-  only_states_the_law_can_reach_are_accepted();
+  only_reachable_states_are_accepted();
   parameters_out_of_range_are_refused();
   return verdict();
 }

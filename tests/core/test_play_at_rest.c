@@ -4,6 +4,6 @@
 
 int main(void)
 {
-  it_does_not_creep_at_rest(10000000);
+  current_does_not_drift_at_rest(10000000);
   return verdict();
 }

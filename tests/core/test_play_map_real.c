@@ -10,7 +10,7 @@ static const double FULL = 2147483648.0;
 
 /* The same signals in every format, from one block. The reference is fixed point, which
    test_fixed_play_map.c compares with the law. */
-static void the_formats_agree(void)
+static void formats_agree(void)
 {
   double solve = 0.0;
   double single = 0.0;
@@ -32,8 +32,8 @@ static void the_formats_agree(void)
       const double right = anhyst_play_map_solve_f64(&real, demand / FULL, gap / FULL);
       const float rounded =
           anhyst_play_map_solve_f32(&narrow, (float)(demand / FULL), (float)(gap / FULL));
-      keep_worst(&solve, fabs(right - current / FULL) - half * ldexp(1.0, -15));
-      keep_worst(&single, fabs(right - (double)rounded) - half * ldexp(1.0, -12));
+      keep_largest(&solve, fabs(right - current / FULL) - half * ldexp(1.0, -15));
+      keep_largest(&single, fabs(right - (double)rounded) - half * ldexp(1.0, -12));
       anhyst_play_map_commit_q31(&fixed, at % 2 == 0 ? any_code() : current, gap);
     }
   }
@@ -52,7 +52,7 @@ static double current_beside(anhyst_play_map_f64 c, double applied, double force
   return fmax(last - reached, reached - anhyst_play_map_solve_f64(&c, force + room, gap));
 }
 
-static void a_commit_finds_the_force_of_any_current(void)
+static void commit_finds_the_force_of_any_current(void)
 {
   double worst = 0.0;
   double worst_single = 0.0;
@@ -72,8 +72,8 @@ static void a_commit_finds_the_force_of_any_current(void)
       anhyst_play_map_solve_f32(&narrow, (float)c.demand, (float)gap);
       const double force = anhyst_play_map_commit_f64(&c, applied, gap);
       const float single = anhyst_play_map_commit_f32(&narrow, (float)applied, (float)gap);
-      keep_worst(&worst, current_beside(before, applied, force, gap, 1e-13));
-      keep_worst(&worst_single, current_beside(before, applied, (double)single, gap, 1e-6));
+      keep_largest(&worst, current_beside(before, applied, force, gap, 1e-13));
+      keep_largest(&worst_single, current_beside(before, applied, (double)single, gap, 1e-6));
     }
   }
   CHECK_BELOW("current at the force that was found", worst, 1e-12);
@@ -81,7 +81,7 @@ static void a_commit_finds_the_force_of_any_current(void)
 }
 
 /* Flips every bit of a block. */
-static void every_damaged_bit_is_refused(void)
+static void block_with_a_flipped_bit_is_refused(void)
 {
   make_play(&made, 3, 2, 1000);
   for (int word = 0; word < made.count; word++) {
@@ -92,7 +92,7 @@ static void every_damaged_bit_is_refused(void)
       memcpy(&bits, &right, sizeof bits);
       bits ^= (uint32_t)1 << bit;
       memcpy(&made.single[word], &bits, sizeof bits);
-      const int is_same = !is_counted(word) && made.single[word] == right; /* -0 for 0 */
+      const int is_same = !is_counted(word) && made.single[word] == right; /* -0 instead of 0 */
       CHECK(is_same ||
             anhyst_play_map_init_f32(&c, made.single, made.count) == ANHYST_BAD_PARAMETER);
       made.single[word] = right;
@@ -101,7 +101,7 @@ static void every_damaged_bit_is_refused(void)
 }
 
 /* Sets a word, updates the checksum, and returns whether the block is rejected without a change. */
-static int is_refused(int word, double value)
+static int is_block_refused(int word, double value)
 {
   anhyst_play_map_f32 c;
   anhyst_play_map_f32 untouched;
@@ -109,10 +109,10 @@ static int is_refused(int word, double value)
   memset(&c, 0x5A, sizeof c);
   untouched = c;
   made.single[word] = (float)value;
-  close_play(&made);
+  set_checksums(&made);
   const int refused = anhyst_play_map_init_f32(&c, made.single, made.count) == ANHYST_BAD_PARAMETER;
   made.single[word] = right;
-  close_play(&made);
+  set_checksums(&made);
   return refused && memcmp(&c, &untouched, sizeof c) == 0;
 }
 
@@ -141,18 +141,18 @@ static void invalid_blocks_are_refused(void)
         ANHYST_BAD_PARAMETER);
   for (size_t i = 0; i < sizeof counted / sizeof *counted; i++) {
     for (size_t j = 0; j < sizeof wrong / sizeof *wrong; j++) {
-      CHECK(is_refused(counted[i], wrong[j]));
+      CHECK(is_block_refused(counted[i], wrong[j]));
     }
   }
-  CHECK(is_refused(ANHYST_WORD_PLAY_FORCE_SEGMENTS, 3.0000002));
-  CHECK(is_refused(ANHYST_WORD_PLAY_STEEPNESS, 0.0));
-  CHECK(is_refused(ANHYST_WORD_PLAY_STEEPNESS, -1.0));
-  CHECK(is_refused(ANHYST_WORD_PLAY_DEMAND_LOW, 1.0));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_FORCE_SEGMENTS, 3.0000002));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_STEEPNESS, 0.0));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_STEEPNESS, -1.0));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_DEMAND_LOW, 1.0));
   made.single[ANHYST_WORD_PLAY_CURRENT_LOW] = 0.5F;
-  CHECK(is_refused(ANHYST_WORD_PLAY_CURRENT_HIGH, 0.25));
+  CHECK(is_block_refused(ANHYST_WORD_PLAY_CURRENT_HIGH, 0.25));
 }
 
-static void no_signal_leads_beyond_the_limits(void)
+static void no_signal_exceeds_the_limits(void)
 {
   static const float extremes[] = {NAN,    INFINITY, -INFINITY, 3e38F, -3e38F, 1e30F, -1e30F,
                                    1e-45F, 0.0F,     -0.0F,     0.5F,  1.0F,   -1.0F, 2e30F};
@@ -160,7 +160,7 @@ static void no_signal_leads_beyond_the_limits(void)
   make_play(&made, 4, 2, 3000);
   made.single[ANHYST_WORD_PLAY_CURRENT_LOW] = -0.01F;
   made.single[ANHYST_WORD_PLAY_CURRENT_HIGH] = 0.1F;
-  close_play(&made);
+  set_checksums(&made);
   anhyst_play_map_f32 c;
   CHECK(anhyst_play_map_init_f32(&c, made.single, made.count) == ANHYST_OK);
   for (int i = 0; i < COUNT * COUNT * COUNT * COUNT; i++) {
@@ -183,11 +183,11 @@ static void no_signal_leads_beyond_the_limits(void)
 
 int main(void)
 {
-  the_formats_agree();
-  a_commit_finds_the_force_of_any_current();
-  every_damaged_bit_is_refused();
+  formats_agree();
+  commit_finds_the_force_of_any_current();
+  block_with_a_flipped_bit_is_refused();
   invalid_blocks_are_refused();
-  no_signal_leads_beyond_the_limits();
-  it_does_not_creep_at_rest(100000);
+  no_signal_exceeds_the_limits();
+  current_does_not_drift_at_rest(100000);
   return verdict();
 }

@@ -1,4 +1,4 @@
-"""Faults put into copies of the position controller: the exact-integer oracle finds every one."""
+"""Faults in copies of the position controller: the exact-integer reference must detect every one."""
 
 from __future__ import annotations
 
@@ -63,21 +63,21 @@ FAULTS = [
 ]
 
 
-def samples_of(seed: int) -> list[Sample]:
-    """Return signals that lead through every state, most of them such as can be."""
+def make_samples(seed: int) -> list[Sample]:
+    """Return signals that lead through every state; most of them are plausible."""
     rng = np.random.default_rng(seed)
     gap, rows = REST, []
     for tick in range(3000):
         gap = float(np.clip(gap + rng.normal(0.0, 20e-6), 0.32e-3, 0.58e-3))
-        place = round((0.45e-3 - gap) / CONTROL.position_full * 2**31)
+        position = round((0.45e-3 - gap) / CONTROL.position_full * 2**31)
         target = round(rng.choice([0.45e-3 - TARGET, 30e-6]) / CONTROL.position_full * 2**31)
-        flows = [int(code) for code in rng.integers(0, 2**31, 2)]
+        current_codes = [int(code) for code in rng.integers(0, 2**31, 2)]
         rows.append(
             Sample(
-                position=None if tick % 9 == 0 or tick % 200 > 180 else place,
+                position=None if tick % 9 == 0 or tick % 200 > 180 else position,
                 target=target,
                 load=int(rng.integers(-(2**28), 2**28)),
-                current=(flows[0], flows[1]),
+                current=(current_codes[0], current_codes[1]),
                 command=int(rng.choice([1, 2, 3, 3, 4, 5, 6, 9])) if tick % 13 == 0 else 0,
             )
         )
@@ -85,24 +85,24 @@ def samples_of(seed: int) -> list[Sample]:
 
 
 @cache
-def answers_of(run: int) -> NDArray[np.int32]:
-    """Return what the oracle answers."""
+def reference_answers(run: int) -> NDArray[np.int32]:
+    """Return the answers of the exact-integer reference."""
     control = RUNS[run]
-    drives = [cast(FixedForceController, make_drive("fixed")) for _ in range(magnets_of(control))]
+    drives = [cast(FixedForceController, make_drive("fixed")) for _ in range(magnet_count(control))]
     gains = cast(NDArray[np.int32], control.gains("fixed"))
     oracle = Oracle(gains, drives, control.settings("fixed"))
     rows = []
-    for sample in samples_of(run):
+    for sample in make_samples(run):
         currents, *rest = oracle.tick(sample)
         rows.append([*currents, *[0] * (2 - len(currents)), *rest])
     return np.array(rows, dtype=np.int32)
 
 
-def magnets_of(control: PositionControl) -> int:
+def magnet_count(control: PositionControl) -> int:
     return 1 if control.gap_total is None else 2
 
 
-def numbers_of(control: PositionControl) -> NDArray[np.int32]:
+def settings_as_numbers(control: PositionControl) -> NDArray[np.int32]:
     given = control.settings("fixed")
     names = [*LIMITS, *SETTINGS, *(f"{name}_{i}" for i in (1, 2) for name in GAP)]
     gains = control.gains("fixed").tolist()
@@ -110,28 +110,38 @@ def numbers_of(control: PositionControl) -> NDArray[np.int32]:
 
 
 def is_exact(library: Path) -> bool:
-    """Tell whether a build of the core answers as the oracle does, in every run."""
+    """Whether a build of the core gives the answers of the reference in every run."""
     run_plant: Callable[..., int] = ctypes.CDLL(str(library)).position_run
     entries = np.round(table() / SCALES.current * 2.0**15).astype(np.int16)
     for i, control in enumerate(RUNS):
-        expected = answers_of(i)
+        expected = reference_answers(i)
         rows = [
             (
                 *(sample.position is None, sample.position or 0, sample.target, sample.load),
                 *(*sample.current, LOW, LOW, sample.command),
             )
-            for sample in samples_of(i)
+            for sample in make_samples(i)
         ]
         found = np.zeros_like(expected)
-        arrays: list[NDArray[Any]] = [numbers_of(control), entries, np.array(rows, dtype=np.int32), found]
-        at = [array.ctypes.data_as(ctypes.c_void_p) for array in arrays]
-        assert run_plant(at[0], at[1], magnets_of(control), len(rows), at[2], at[3]) == 0
+        input_arrays: list[NDArray[Any]] = [
+            settings_as_numbers(control),
+            entries,
+            np.array(rows, dtype=np.int32),
+            found,
+        ]
+        row_start = [input_array.ctypes.data_as(ctypes.c_void_p) for input_array in input_arrays]
+        assert (
+            run_plant(
+                row_start[0], row_start[1], magnet_count(control), len(rows), row_start[2], row_start[3]
+            )
+            == 0
+        )
         if not np.array_equal(found, expected):
             return False
     return True
 
 
-def built(core: Path, folder: Path) -> Path:
+def build_library(core: Path, folder: Path) -> Path:
     library = folder / "run.so"
     command = [tool("cc", "gcc"), "-std=c99", "-O1", "-shared", "-fPIC", "-w"]
     command += [f"-I{core / 'include'}", f"-I{core / 'src'}", str(HERE / "position_run.c")]
@@ -141,8 +151,8 @@ def built(core: Path, folder: Path) -> Path:
 
 
 def test_the_core_is_exact_without_a_fault(tmp_path: Path) -> None:
-    assert is_exact(built(ROOT / "core", tmp_path))
-    phases = {int(row[4]) for run in range(len(RUNS)) for row in answers_of(run)}
+    assert is_exact(build_library(ROOT / "core", tmp_path))
+    phases = {int(row[4]) for run in range(len(RUNS)) for row in reference_answers(run)}
     assert {phase % 16 for phase in phases} == set(range(7))
 
 
@@ -155,4 +165,4 @@ def test_a_seeded_fault_is_found(tmp_path: Path, fault: tuple[str, str, str]) ->
     text = (core / "src" / name).read_text(encoding="utf-8")
     assert text.count(right) == 1, "the source has changed: adapt the fault"
     (core / "src" / name).write_text(text.replace(right, wrong), encoding="utf-8")
-    assert not is_exact(built(core, tmp_path))
+    assert not is_exact(build_library(core, tmp_path))

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Forward and inverse solutions undo each other, for thousands of sets at 12 samples per loop. The
-   limit is the resolution of double precision: last places of H_max + B_max/mu0, because a rounded
-   flux density contains no more information about the field. Most sets stay below 20 of them; if M
-   is constant and M_s/a is 1e6, the rounding of y is amplified a thousandfold. For the extreme
-   sets, this is the only claim: with B_max/mu0 = 1e7*H_max, B itself has no digits left. */
+   limit is the resolution of double precision, in units of the last place (ulp) of H_max +
+   B_max/mu0, because a rounded flux density contains no more information about the field. Most sets
+   stay below 20 ulp. If M is constant and M_s/a is 1e6, the rounding of y is amplified a
+   thousandfold. For the extreme sets, this is the only claim: with B_max/mu0 = 1e7*H_max, B itself
+   has no digits left. */
 #include <float.h>
 #include <string.h>
 
@@ -12,28 +13,28 @@
 
 #define SAMPLES 24
 
-static const double most_units = 4000.0; /* in single precision 5e-4 of H_max + B_max/mu0 */
+static const double most_units = 4000.0; /* in single precision: 5e-4 of H_max + B_max/mu0 */
 
 static sample_iron sample;
 
 typedef struct {
-  double field; /* worst |H - H'| over H_max */
-  double units; /* the same in last places of H_max + B_max/mu0 */
+  double field; /* largest |H - H'| divided by H_max */
+  double units; /* the same error in ulp of H_max + B_max/mu0 */
   double state;
   int sets, jumping, saturated;
 } outcome;
 
-static void drive_of(uint64_t *seed, double drive[SAMPLES])
+static void sum_drive_terms(uint64_t *seed, double drive[SAMPLES])
 {
   const int wandering = random_bits(seed) % 2 == 0;
   for (int i = 0; i < SAMPLES; i++) {
     const double sine = sin(2.0 * 3.14159265358979 * (double)(i + 1) / 12.0);
-    const double walk = uniform(seed, -1.0, 1.0) * uniform(seed, 0.0, 1.0);
-    drive[i] = sample.amplitude * (wandering ? walk : sine);
+    const double path_errors = uniform(seed, -1.0, 1.0) * uniform(seed, 0.0, 1.0);
+    drive[i] = sample.amplitude * (wandering ? path_errors : sine);
   }
 }
 
-static void there_and_back(uint64_t *seed, double rho, double eddy, outcome *out)
+static void forward_and_inverse(uint64_t *seed, double rho, double eddy, outcome *out)
 {
   anhyst_memory_f64 there;
   anhyst_memory_f64 back;
@@ -46,7 +47,7 @@ static void there_and_back(uint64_t *seed, double rho, double eddy, outcome *out
   double gap_ratio[SAMPLES];
   double eddies[SAMPLES];
   size_t index = 0;
-  drive_of(seed, drive);
+  sum_drive_terms(seed, drive);
   for (int i = 0; i < SAMPLES; i++) {
     gap_ratio[i] = rho * (1.0 + 0.4 * sin((double)i));
     eddies[i] = eddy;
@@ -63,28 +64,28 @@ static void there_and_back(uint64_t *seed, double rho, double eddy, outcome *out
   double worst = 0.0;
   double most_flux = 0.0;
   for (int i = 0; i < SAMPLES; i++) {
-    keep_worst(&largest, fabs(drive[i]));
-    keep_worst(&most_flux, fabs(flux[i]));
-    keep_worst(&worst, fabs(again[i] - drive[i]));
+    keep_largest(&largest, fabs(drive[i]));
+    keep_largest(&most_flux, fabs(flux[i]));
+    keep_largest(&worst, fabs(again[i] - drive[i]));
   }
-  /* Sum of all terms of the drive: field, gap, eddy currents. */
+  /* Returns the sum of all terms of the drive: field, gap and eddy currents. */
   const double terms = largest + most_flux * (1.0 / ANHYST_MU0 * (1.0 + rho) + eddy);
-  keep_worst(&out->field, worst / largest);
-  keep_worst(&out->units, worst / terms / DBL_EPSILON);
-  keep_worst(&out->state, fabs(there.lag.y - back.lag.y));
+  keep_largest(&out->field, worst / largest);
+  keep_largest(&out->units, worst / terms / DBL_EPSILON);
+  keep_largest(&out->state, fabs(there.lag.y - back.lag.y));
   out->sets++;
   out->jumping += sample.iron.interaction * sample.iron.saturation > 3.0 * sample.iron.shape;
   out->saturated += most_flux > 0.9 * ANHYST_MU0 * sample.iron.saturation;
 }
 
-static void inverse_of_forward_gives_the_field_back(anhyst_step step, int what, int count)
+static void inverse_of_forward_returns_the_field(anhyst_step step, int what, int count)
 {
   uint64_t seed = 100 + (uint64_t)step + 10 * (uint64_t)what;
   outcome out;
   memset(&out, 0, sizeof out);
   for (int i = 0; i < count; i++) {
-    if (draw_iron(&seed, step, what, &sample)) {
-      there_and_back(&seed, 0.0, 0.0, &out);
+    if (make_random_iron(&seed, step, what, &sample)) {
+      forward_and_inverse(&seed, 0.0, 0.0, &out);
     }
   }
   printf("step %d, options %d: %d sets, %d jump, %d saturate\n", (int)step, what, out.sets,
@@ -97,17 +98,17 @@ static void inverse_of_forward_gives_the_field_back(anhyst_step step, int what, 
   CHECK_BELOW("  field, in last places of H_max + B_max/mu0", out.units, most_units);
 }
 
-static void moving_gap_and_eddy_currents_are_undone_too(anhyst_step step, int count)
+static void moving_gap_and_eddy_currents_are_inverted(anhyst_step step, int count)
 {
   uint64_t seed = 200 + (uint64_t)step;
   outcome out;
   memset(&out, 0, sizeof out);
   for (int i = 0; i < count; i++) {
-    if (draw_iron(&seed, step, WITH_PLAY, &sample)) {
+    if (make_random_iron(&seed, step, WITH_PLAY, &sample)) {
       const double rho = log_uniform(&seed, 1e-4, 0.1);
       const double eddy = log_uniform(&seed, 1e-5, 0.1) / ANHYST_MU0;
       sample.amplitude *= 1.0 + sample.iron.saturation / sample.amplitude * rho;
-      there_and_back(&seed, rho, eddy, &out);
+      forward_and_inverse(&seed, rho, eddy, &out);
     }
   }
   printf("step %d, moving gap: %d sets\n", (int)step, out.sets);
@@ -120,14 +121,14 @@ int main(void)
   const int many[] = {4000, 4000, 120};
   for (int i = 0; i < 3; i++) {
     const anhyst_step step = (anhyst_step)i;
-    inverse_of_forward_gives_the_field_back(step, 0, many[i]);
-    inverse_of_forward_gives_the_field_back(step, MAY_JUMP, many[i] / 2);
-    inverse_of_forward_gives_the_field_back(step, WITH_PLAY, many[i] / 2);
+    inverse_of_forward_returns_the_field(step, 0, many[i]);
+    inverse_of_forward_returns_the_field(step, MAY_JUMP, many[i] / 2);
+    inverse_of_forward_returns_the_field(step, WITH_PLAY, many[i] / 2);
     if (step != ANHYST_STEP_JA1986) {
-      inverse_of_forward_gives_the_field_back(step, EXTREME, many[i] / 2);
-      inverse_of_forward_gives_the_field_back(step, EXTREME | MAY_JUMP | WITH_PLAY, many[i] / 2);
+      inverse_of_forward_returns_the_field(step, EXTREME, many[i] / 2);
+      inverse_of_forward_returns_the_field(step, EXTREME | MAY_JUMP | WITH_PLAY, many[i] / 2);
     }
-    moving_gap_and_eddy_currents_are_undone_too(step, many[i] / 4);
+    moving_gap_and_eddy_currents_are_inverted(step, many[i] / 4);
   }
   return verdict();
 }

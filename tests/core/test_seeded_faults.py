@@ -331,9 +331,9 @@ FAULTS = [
 ]
 
 
-BLOCKS = ("compensator/block",)
-"""Further sources of a test that includes the tested source."""
-BESIDE = {
+BLOCK_SOURCES = ("compensator/block",)
+"""Additional sources of a test that includes the tested source."""
+OTHER_SOURCES = {
     "test_simplified_formats": tuple(
         f"compensator/{name}" for name in ("simplified", "simplified_f32", "simplified_f64")
     ),
@@ -348,17 +348,17 @@ BESIDE = {
         f"compensator/{name}" for name in ("force_controller", "map", "compensator", "block")
     ),
 }
-"""Further sources of the other tests."""
+"""Additional sources of the other tests."""
 
 
-def passes(core: Path, test: str, folder: Path) -> bool:
-    """Build one C test with a copy of core/, and return whether its claims hold."""
+def claims_pass(core: Path, test: str, folder: Path) -> bool:
+    """Build one C test with a copy of core/, and return whether its claims are true."""
     program = folder / test
     # No warning flags, because a fault may leave a variable unused.
-    command = [tool("cc", "gcc"), "-std=c99", "-O1", "-DTEST_SANITIZED", "-DTEST_UP_TO_THE_FIRST"]
+    command = [tool("cc", "gcc"), "-std=c99", "-O1", "-DTEST_SANITIZED", "-DTEST_STOP_AT_FIRST_FAILURE"]
     command += [f"-I{core / 'include'}", f"-I{core / 'src'}"]
     sources = [str(HERE / f"{test}.c"), str(HERE / "truth.c")]
-    sources += [str(core / "src" / f"{name}.c") for name in BESIDE.get(test, BLOCKS)]
+    sources += [str(core / "src" / f"{name}.c") for name in OTHER_SOURCES.get(test, BLOCK_SOURCES)]
     subprocess.run([*command, *sources, "-lm", "-o", str(program)], check=True)
     completed = subprocess.run([program], capture_output=True, check=False, timeout=600)
     assert completed.returncode in {0, 1}, "the test crashed instead of answering"
@@ -374,4 +374,4 @@ def test_a_seeded_fault_is_found(tmp_path: Path, fault: Fault) -> None:
     text = broken.read_text(encoding="utf-8")
     assert text.count(fault.right) == 1, "the source has changed: adapt the fault"
     broken.write_text(text.replace(fault.right, fault.wrong), encoding="utf-8")
-    assert not passes(core, fault.test, tmp_path)
+    assert not claims_pass(core, fault.test, tmp_path)

@@ -28,7 +28,7 @@ static anhyst_compensator_f32 f32;
 static anhyst_compensator_f64 f64;
 
 /* Sets a number in all blocks, rounded to a word in which 1.0 is `one`. */
-static void put(int word, double value, double one)
+static void set_number(int word, double value, double one)
 {
   fixed_words[word] = (int16_t)lrint(fmin(value * one, 32767.0));
   f64_words[word] = fixed_words[word] / one;
@@ -36,16 +36,16 @@ static void put(int word, double value, double one)
 }
 
 /* Sets a weight, and its exponent in the next word. */
-static void put_weight(int word, double value, int shift)
+static void set_weight(int word, double value, int shift)
 {
-  put(word, value / pow(2.0, shift), 65536.0);
-  put(word + 1, 0.0, 1.0);
+  set_number(word, value / pow(2.0, shift), 65536.0);
+  set_number(word + 1, 0.0, 1.0);
   fixed_words[word + 1] = (int16_t)shift;
   f64_words[word] *= pow(2.0, shift);
   f32_words[word] = (float)f64_words[word];
 }
 
-/* 1 - v at a distance, by bisection. */
+/* Returns 1 - v at a distance, by bisection. */
 static double state_at(double z)
 {
   double low = 1e-12;
@@ -63,25 +63,25 @@ static double state_at(double z)
 
 static void make_blocks(void)
 {
-  put(ANHYST_WORD_LENGTH, WORDS, 1.0);
-  put(ANHYST_WORD_GAP_FLUX_ARM, ARMS, 1.0);
-  put_weight(ANHYST_WORD_SIMPLE_RATE, RATE / 8.0, 0);
-  put_weight(ANHYST_WORD_SIMPLE_HOLD, RATE / REST, 6);
-  put(ANHYST_WORD_SIMPLE_REST, REST, 32768.0);
-  put(ANHYST_WORD_SIMPLE_BAND, BAND, 65536.0);
-  put(ANHYST_WORD_SIMPLE_ITERATIONS, 16.0, 1.0);
-  put(ANHYST_WORD_SIMPLE_OCTAVES, OCTAVES, 1.0);
-  put(ANHYST_WORD_SIMPLE_SEGMENTS, 4.0, 1.0);
-  put(ANHYST_WORD_SIMPLE_CURVE, CURVE, 1.0);
+  set_number(ANHYST_WORD_LENGTH, WORDS, 1.0);
+  set_number(ANHYST_WORD_GAP_FLUX_ARM, ARMS, 1.0);
+  set_weight(ANHYST_WORD_SIMPLE_RATE, RATE / 8.0, 0);
+  set_weight(ANHYST_WORD_SIMPLE_HOLD, RATE / REST, 6);
+  set_number(ANHYST_WORD_SIMPLE_REST, REST, 32768.0);
+  set_number(ANHYST_WORD_SIMPLE_BAND, BAND, 65536.0);
+  set_number(ANHYST_WORD_SIMPLE_ITERATIONS, 16.0, 1.0);
+  set_number(ANHYST_WORD_SIMPLE_OCTAVES, OCTAVES, 1.0);
+  set_number(ANHYST_WORD_SIMPLE_SEGMENTS, 4.0, 1.0);
+  set_number(ANHYST_WORD_SIMPLE_CURVE, CURVE, 1.0);
   for (int i = 0; i < ENTRIES; i++) {
     const double inside = i % SEGMENTS / (double)SEGMENTS;
     const double first = 16.0 / pow(2.0, OCTAVES);
     const int octave = i / SEGMENTS;
     const double z = octave == 0 ? inside * first : first * pow(2.0, octave - 1) * (1.0 + inside);
-    put(CURVE + i, state_at(z), 32768.0);
+    set_number(CURVE + i, state_at(z), 32768.0);
   }
-  put(ARMS, FLUX_ARM, 65536.0);
-  put(ARMS + 1, FLUX_ARM, 65536.0);
+  set_number(ARMS, FLUX_ARM, 65536.0);
+  set_number(ARMS + 1, FLUX_ARM, 65536.0);
   CHECK(anhyst_kernel_simplified.valid(fixed_words));
   CHECK(anhyst_kernel_simplified_f32.valid(f32_words));
   CHECK(anhyst_kernel_simplified_f64.valid(f64_words));
@@ -104,7 +104,7 @@ static void demagnetise(void)
   f32.arms.field_arm = (float)f64.arms.field_arm;
 }
 
-/* The bounded state of each format after a step. */
+/* Result of each format after a step. */
 typedef struct {
   double fixed;
   double f32;
@@ -118,7 +118,7 @@ static void keep_steps(void)
   f64.memory = f64.next.memory;
 }
 
-/* The candidate of a step to a flux that all formats represent exactly, |flux| <= 1. */
+/* The trial step of each format to a flux that all formats represent exactly, |flux| <= 1. */
 static states solve_for(double flux)
 {
   fixed.flux = (int32_t)lrint(flux * FULL_Q30);
@@ -137,8 +137,8 @@ static states step_to(double flux)
   return found;
 }
 
-/* A step under a current, which may begin at the candidate. The fluxes. */
-static states step_under(double current)
+/* Commits a step at a current, which may begin at the trial step, and returns the fluxes. */
+static states step_at_current(double current)
 {
   fixed.stage = ANHYST_STAGE_AHEAD;
   f32.stage = ANHYST_STAGE_AHEAD;
@@ -151,7 +151,8 @@ static states step_under(double current)
   return found;
 }
 
-/* Long and short ways, reversals within the dead band and beyond; on a grid of 2^-22. */
+/* Returns the next flux of a random path: long and short steps, reversals within and beyond the
+   dead band; on a grid of 2^-22. */
 static double next_flux(uint64_t *seed, double flux)
 {
   const double reach = log_uniform(seed, 1e-5, 1.0);
@@ -169,8 +170,8 @@ static void formats_agree_on_any_path_of_the_flux(void)
   for (int i = 0; i < 200000; i++) {
     flux = next_flux(&seed, flux);
     const states found = step_to(flux);
-    keep_worst(&of_fixed, fabs(found.fixed - found.f64));
-    keep_worst(&of_f32, fabs(found.f32 - found.f64));
+    keep_largest(&of_fixed, fabs(found.fixed - found.f64));
+    keep_largest(&of_f32, fabs(found.f32 - found.f64));
   }
   CHECK_BELOW("state of fixed point against f64", of_fixed, 2e-5);
   CHECK_BELOW("state of f32 against f64", of_f32, 2e-5);
@@ -186,15 +187,15 @@ static void formats_agree_on_any_path_of_the_current(void)
   demagnetise();
   for (int i = 0; i < 200000; i++) {
     flux = next_flux(&seed, flux);
-    const double current = 0.18 * flux; /* of a flux below 1 in any state */
+    const double current = 0.18 * flux; /* field of a flux below 1 in any state */
     (void)solve_for(next_flux(&seed, flux));
-    const states found = step_under(current);
-    keep_worst(&of_fixed, fabs(found.fixed - found.f64));
-    keep_worst(&of_f32, fabs(found.f32 - found.f64));
+    const states found = step_at_current(current);
+    keep_largest(&of_fixed, fabs(found.fixed - found.f64));
+    keep_largest(&of_f32, fabs(found.f32 - found.f64));
     f64.flux = found.f64;
     const double field = anhyst_kernel_simplified_f64.field(&f64);
-    keep_worst(&missing,
-               fabs(current - f64.arms.flux_arm * found.f64 - f64.arms.field_arm * field));
+    keep_largest(&missing,
+                 fabs(current - f64.arms.flux_arm * found.f64 - f64.arms.field_arm * field));
   }
   CHECK_BELOW("flux of fixed point against f64", of_fixed, 5e-5);
   CHECK_BELOW("flux of f32 against f64", of_f32, 2e-5);
@@ -220,7 +221,7 @@ static void small_steps_accumulate_nothing(void)
 }
 
 /* Moves the flux within the dead band after a rise or a descent. */
-static void reversals_within_the_dead_band_move_nothing(double way)
+static void reversals_within_the_dead_band_change_no_state(double way)
 {
   uint64_t seed = 3;
   demagnetise();
@@ -234,10 +235,10 @@ static void reversals_within_the_dead_band_move_nothing(double way)
   const states after = step_to(way / 2.0);
   CHECK(after.fixed == before.fixed && after.f32 == before.f32 && after.f64 == before.f64);
   (void)step_to(way / 2.0 + (way > 0.0 ? 0.01 : -0.01));
-  CHECK(fabs(step_to(way / 2.0).f64) < fabs(before.f64)); /* beyond it, the law goes on */
+  CHECK(fabs(step_to(way / 2.0).f64) < fabs(before.f64)); /* beyond the dead band */
 }
 
-/* Any words in the memory and in the candidate: bounded states, and no endless loop. */
+/* Any words in the memory and in the trial step give states in -1..1 and no endless loop. */
 static void damaged_numbers_stay_within_their_bounds(void)
 {
   uint64_t seed = 11;
@@ -257,7 +258,7 @@ static void damaged_numbers_stay_within_their_bounds(void)
     f32.memory.simplified.flux = i % 7 == 0 ? (float)NAN : f32.memory.simplified.flux;
     f64.memory.simplified.start_state =
         i % 5 == 0 ? (double)NAN : f64.memory.simplified.start_state;
-    const states under = step_under(uniform(&seed, -2.0, 2.0) * 0.9);
+    const states under = step_at_current(uniform(&seed, -2.0, 2.0) * 0.9);
     const states to = step_to(next_flux(&seed, 0.0));
     CHECK(fabs(under.fixed) <= bound && fabs(under.f32) <= bound && fabs(under.f64) <= bound);
     CHECK(fabs(to.fixed) <= bound && fabs(to.f32) <= bound && fabs(to.f64) <= bound);
@@ -270,8 +271,8 @@ int main(void)
   formats_agree_on_any_path_of_the_flux();
   formats_agree_on_any_path_of_the_current();
   small_steps_accumulate_nothing();
-  reversals_within_the_dead_band_move_nothing(0.8);
-  reversals_within_the_dead_band_move_nothing(-0.8);
+  reversals_within_the_dead_band_change_no_state(0.8);
+  reversals_within_the_dead_band_change_no_state(-0.8);
   damaged_numbers_stay_within_their_bounds();
   return verdict();
 }

@@ -15,8 +15,9 @@ typedef struct {
   double omega, r;
 } problem;
 
-/* steepness: range of 1 + omega*A, below zero for jumps. */
-static problem draw(uint64_t *seed, anhyst_step step, double low, double high, double reach)
+/* steepness: range of 1 + omega*A, which is below zero if the magnetisation jumps. */
+static problem random_problem(uint64_t *seed, anhyst_step step, double low, double high,
+                              double reach)
 {
   problem p;
   p.law.step = step;
@@ -26,21 +27,21 @@ static problem draw(uint64_t *seed, anhyst_step step, double low, double high, d
   p.law.eps = step == ANHYST_STEP_JA1986 ? uniform(seed, -5.0, 2.0) : 0.0;
   p.law.branch = &branch;
   if (step == ANHYST_STEP_EXACT) {
-    /* Tables take long to build with sanitizers: one serves for several problems. */
+    /* With sanitizers, a table takes long to build. Therefore, several problems use one table. */
     if (branches_drawn++ % 25 == 0) {
       CHECK(anhyst_branch_build_f64(&branch, p.law.kappa) == ANHYST_OK);
     }
     p.law.kappa = branch.kappa;
   }
-  p.from = wander(seed, &p.law, reach);
-  const double steepest = anhyst_operator_steepest_f64(&p.law);
+  p.from = random_state(seed, &p.law, reach);
+  const double steepest_slope = anhyst_operator_steepest_f64(&p.law);
   const double steepness = low < 0.0 ? uniform(seed, low, high) : log_uniform(seed, low, high);
-  p.omega = (steepness - 1.0) / steepest;
+  p.omega = (steepness - 1.0) / steepest_slope;
   p.r = uniform(seed, -1.0, 1.0) * log_uniform(seed, 1e-3, 1.0) * (reach + fabs(p.omega));
   return p;
 }
 
-static double residual_in_units(const problem *p, const anhyst_candidate_f64 *found)
+static double residual_in_ulps(const problem *p, const anhyst_candidate_f64 *found)
 {
   const long double x = (long double)found->state.x;
   const long double omega = (long double)p->omega;
@@ -50,7 +51,7 @@ static double residual_in_units(const problem *p, const anhyst_candidate_f64 *fo
   return (double)(fabsl(left) / unit);
 }
 
-/* The law really answers what the candidate says, if it goes there by itself. */
+/* Returns the difference between a trial step and the law, evaluated at its end point. */
 static double inconsistency(const problem *p, const anhyst_candidate_f64 *found)
 {
   anhyst_path_f64 path;
@@ -63,7 +64,7 @@ static double inconsistency(const problem *p, const anhyst_candidate_f64 *found)
   return off;
 }
 
-static void solution_leaves_a_residual_of_rounding(anhyst_step step, double low, double high)
+static void solution_residual_is_rounding(anhyst_step step, double low, double high)
 {
   uint64_t seed = 21 + (uint64_t)step;
   const int count = step == ANHYST_STEP_JA1986 ? 600 : 8000;
@@ -72,15 +73,15 @@ static void solution_leaves_a_residual_of_rounding(anhyst_step step, double low,
   double total = 0.0;
   int most = 0;
   for (int i = 0; i < count; i++) {
-    const problem p = draw(&seed, step, low, high, log_uniform(&seed, 0.01, 300.0));
+    const problem p = random_problem(&seed, step, low, high, log_uniform(&seed, 0.01, 300.0));
     const problem before = p;
     anhyst_candidate_f64 found;
     const anhyst_status status = anhyst_solve_f64(&p.law, &p.from, p.omega, p.r, &found);
     CHECK(status == ANHYST_OK);
     CHECK(memcmp(&before, &p, sizeof p) == 0);
     if (status == ANHYST_OK) {
-      keep_worst(&residual, residual_in_units(&p, &found));
-      keep_worst(&answer, inconsistency(&p, &found));
+      keep_largest(&residual, residual_in_ulps(&p, &found));
+      keep_largest(&answer, inconsistency(&p, &found));
       total += found.evaluations;
       most = found.evaluations > most ? found.evaluations : most;
       CHECK(anhyst_state_check_f64(&p.law, &found.state) == ANHYST_OK);
@@ -93,7 +94,7 @@ static void solution_leaves_a_residual_of_rounding(anhyst_step step, double low,
   CHECK_BELOW("  evaluations of the law, most", most, 60.0);
 }
 
-/* Follows the path in small steps: no solution may lie well before the one that was found. */
+/* Follows the path in small steps. Returns whether a solution is clearly before the found one. */
 static int passes_a_solution(const problem *p, const anhyst_candidate_f64 *found)
 {
   anhyst_path_f64 path;
@@ -114,7 +115,7 @@ static int passes_a_solution(const problem *p, const anhyst_candidate_f64 *found
   return 0;
 }
 
-static void first_solution_is_taken_where_the_material_jumps(anhyst_step step)
+static void jump_selects_the_first_solution(anhyst_step step)
 {
   uint64_t seed = 31 + (uint64_t)step;
   const int count = step == ANHYST_STEP_JA1986 ? 30 : 1000;
@@ -124,15 +125,15 @@ static void first_solution_is_taken_where_the_material_jumps(anhyst_step step)
   int refused = 0;
   for (int i = 0; i < count; i++) {
     const double reach = log_uniform(&seed, 0.1, 30.0);
-    const problem p = draw(&seed, step, -20.0, 0.0, reach);
+    const problem p = random_problem(&seed, step, -20.0, 0.0, reach);
     anhyst_candidate_f64 found;
     const anhyst_status status = anhyst_solve_f64(&p.law, &p.from, p.omega, p.r, &found);
     const int beyond = -p.omega * p.law.c > 3.0;
     CHECK(status == (beyond ? ANHYST_REFUSED : ANHYST_OK));
     refused += beyond;
     if (status == ANHYST_OK) {
-      keep_worst(&residual, residual_in_units(&p, &found));
-      keep_worst(&most, found.evaluations);
+      keep_largest(&residual, residual_in_ulps(&p, &found));
+      keep_largest(&most, found.evaluations);
       passed += passes_a_solution(&p, &found);
     }
   }
@@ -142,11 +143,11 @@ static void first_solution_is_taken_where_the_material_jumps(anhyst_step step)
   CHECK_BELOW("  evaluations of the law, most", most, 2000.0);
 }
 
-static void nothing_moves_where_nothing_is_asked(void)
+static void unchanged_demand_changes_no_state(void)
 {
   uint64_t seed = 41;
   for (int i = 0; i < 2000; i++) {
-    problem p = draw(&seed, ANHYST_STEP_EXACT, 0.05, 1e3, 10.0);
+    problem p = random_problem(&seed, ANHYST_STEP_EXACT, 0.05, 1e3, 10.0);
     anhyst_candidate_f64 found;
     p.r = p.from.x + p.omega * anhyst_operator_m_f64(&p.law, &p.from);
     CHECK(anhyst_solve_f64(&p.law, &p.from, p.omega, p.r, &found) == ANHYST_OK);
@@ -154,14 +155,14 @@ static void nothing_moves_where_nothing_is_asked(void)
   }
 }
 
-static void what_cannot_be_solved_has_a_code(void)
+static void unsolvable_input_has_a_status(void)
 {
   uint64_t seed = 42;
   const double nan = (double)NAN;
   const double inf = (double)INFINITY;
   const double bad[] = {nan, inf, -inf};
   for (int i = 0; i < 200; i++) {
-    problem p = draw(&seed, (anhyst_step)(i % 3), 0.05, 1e3, 10.0);
+    problem p = random_problem(&seed, (anhyst_step)(i % 3), 0.05, 1e3, 10.0);
     anhyst_candidate_f64 found;
     for (int j = 0; j < 3; j++) {
       CHECK(anhyst_solve_f64(&p.law, &p.from, p.omega, bad[j], &found) == ANHYST_OUT_OF_RANGE);
@@ -174,8 +175,8 @@ static void what_cannot_be_solved_has_a_code(void)
   }
 }
 
-/* Any finite input at all ends with a code of its own, and soon. */
-static void no_magnitude_makes_it_search_for_ever(void)
+/* Any finite input ends with a status code after a limited number of evaluations. */
+static void search_ends_at_any_magnitude(void)
 {
   uint64_t seed = 43;
   int most = 0;
@@ -183,7 +184,7 @@ static void no_magnitude_makes_it_search_for_ever(void)
   for (int i = 0; i < 20000; i++) {
     const anhyst_step step = i % 50 == 0 ? ANHYST_STEP_JA1986 : (anhyst_step)(i % 2);
     const double reach = step == ANHYST_STEP_JA1986 ? 100.0 : log_uniform(&seed, 1e-6, 8e4);
-    problem p = draw(&seed, step, 0.05, 1e3, reach);
+    problem p = random_problem(&seed, step, 0.05, 1e3, reach);
     const double sign = random_bits(&seed) % 2 == 0 ? 1.0 : -1.0;
     p.omega = sign * log_uniform(&seed, 1e-12, 1e30);
     const double size = log_uniform(&seed, 1e-12, 1.0);
@@ -208,12 +209,12 @@ int main(void)
 {
   const anhyst_step steps[] = {ANHYST_STEP_EXACT, ANHYST_STEP_LINEAR, ANHYST_STEP_JA1986};
   for (int i = 0; i < 3; i++) {
-    solution_leaves_a_residual_of_rounding(steps[i], 0.05, 1.0);
-    solution_leaves_a_residual_of_rounding(steps[i], 1.0, 1e6);
-    first_solution_is_taken_where_the_material_jumps(steps[i]);
+    solution_residual_is_rounding(steps[i], 0.05, 1.0);
+    solution_residual_is_rounding(steps[i], 1.0, 1e6);
+    jump_selects_the_first_solution(steps[i]);
   }
-  nothing_moves_where_nothing_is_asked();
-  what_cannot_be_solved_has_a_code();
-  no_magnitude_makes_it_search_for_ever();
+  unchanged_demand_changes_no_state();
+  unsolvable_input_has_a_status();
+  search_ends_at_any_magnitude();
   return verdict();
 }

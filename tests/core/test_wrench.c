@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the allocation of a wrench, on drives that stand anywhere. */
+/* Claims of the allocation of a wrench to drives in any position and direction. */
 #include "anhyst/control/wrench.h"
 #include "check.h"
 #include "maps.h"
@@ -12,7 +12,7 @@ static const float narrow_yields[ANHYST_WRENCH_AXES] = {1e-1F, 1e-2F, 1e-4F, 1e-
 
 static double any_part(void) { return (double)any_within(-1000000, 1000000) / 1e6; }
 
-/* Drives that stand anywhere; the first two of many are a pair. */
+/* Returns drives in any position and direction. Of more than two, the first two are a pair. */
 static anhyst_wrench_layout_f64 any_layout(void)
 {
   const anhyst_wrench_layout_f64 layout = {(uint16_t)any_within(1, ANHYST_WRENCH_AXES),
@@ -45,19 +45,19 @@ static double residual(const anhyst_wrench_layout_f64 *layout, const double *wre
   double worst = 0.0;
   double size = 1.0;
   for (int j = 0; j < (int)layout->drives; j++) {
-    keep_worst(&size, fabs(force[j]));
+    keep_largest(&size, fabs(force[j]));
   }
   for (int k = 0; k < (int)layout->axes; k++) {
     double sum = -wrench[k];
     for (int j = 0; j < (int)layout->drives; j++) {
       sum += pull[j * layout->axes + k] * force[j];
     }
-    keep_worst(&worst, fabs(sum));
+    keep_largest(&worst, fabs(sum));
   }
   return worst / size;
 }
 
-static void what_is_said_to_be_made_is_made_and_drives_only_pull(void)
+static void reported_wrench_is_produced_and_drives_only_pull(void)
 {
   double worst = 0.0;
   int made = 0;
@@ -72,7 +72,7 @@ static void what_is_said_to_be_made_is_made_and_drives_only_pull(void)
       wrench[k] = 100.0 * any_part();
     }
     if (anhyst_wrench_share_f64(&drives, wrench, force)) {
-      keep_worst(&worst, residual(&layout, wrench, force));
+      keep_largest(&worst, residual(&layout, wrench, force));
       made++;
     }
     for (int j = 0; j < (int)layout.drives; j++) {
@@ -83,8 +83,8 @@ static void what_is_said_to_be_made_is_made_and_drives_only_pull(void)
   CHECK_BELOW("residual, of the largest force", worst, 1e-9);
 }
 
-/* Every number of a layout rounded; pull and against are those above. */
-static anhyst_wrench_layout_f32 rounded(const anhyst_wrench_layout_f64 *layout)
+/* Returns a layout with all numbers rounded to single precision. */
+static anhyst_wrench_layout_f32 round_layout(const anhyst_wrench_layout_f64 *layout)
 {
   static float narrow[ANHYST_WRENCH_DRIVES * ANHYST_WRENCH_AXES];
   const anhyst_wrench_layout_f32 found = {
@@ -96,13 +96,13 @@ static anhyst_wrench_layout_f32 rounded(const anhyst_wrench_layout_f64 *layout)
   return found;
 }
 
-static void single_precision_makes_the_same_wrenches(void)
+static void single_precision_gives_the_same_wrenches(void)
 {
   double worst = 0.0;
   int made = 0;
   for (int i = 0; i < 100000; i++) {
     const anhyst_wrench_layout_f64 wide = any_layout();
-    const anhyst_wrench_layout_f32 layout = rounded(&wide);
+    const anhyst_wrench_layout_f32 layout = round_layout(&wide);
     anhyst_wrench_f32 narrow;
     float wrench[ANHYST_WRENCH_AXES] = {0};
     double wanted[ANHYST_WRENCH_AXES] = {0};
@@ -121,7 +121,7 @@ static void single_precision_makes_the_same_wrenches(void)
       found[j] = (double)force[j];
     }
     if (is_made) {
-      keep_worst(&worst, residual(&wide, wanted, found));
+      keep_largest(&worst, residual(&wide, wanted, found));
       made++;
     }
   }
@@ -129,7 +129,7 @@ static void single_precision_makes_the_same_wrenches(void)
   CHECK_BELOW("residual in single precision, of the largest force", worst, 2e-4);
 }
 
-static void no_number_makes_nothing(void)
+static void nan_wrench_gives_no_force(void)
 {
   const double wrench[ANHYST_WRENCH_AXES] = {0.0, (double)NAN, (double)INFINITY, 0.0, 0.0, 0.0};
   double force[ANHYST_WRENCH_DRIVES];
@@ -144,7 +144,7 @@ static void no_number_makes_nothing(void)
   CHECK(tried > 100);
 }
 
-static void drives_that_go_both_ways_share_by_least_squares(void)
+static void bidirectional_drives_use_least_squares(void)
 {
   double worst = 0.0;
   double slope = 0.0;
@@ -167,13 +167,13 @@ static void drives_that_go_both_ways_share_by_least_squares(void)
       wrench[k] = 100.0 * any_part();
     }
     CHECK(anhyst_wrench_share_f64(&drives, wrench, force));
-    keep_worst(&worst, residual(&layout, wrench, force));
+    keep_largest(&worst, residual(&layout, wrench, force));
     for (int k = 0; k < ANHYST_WRENCH_AXES; k++) {
       wrench[k] = -wrench[k];
     }
     CHECK(anhyst_wrench_share_f64(&drives, wrench, other));
     for (int j = 0; j < (int)layout.drives; j++) {
-      keep_worst(&slope, fabs(force[j] + other[j]) / (1.0 + fabs(force[j])));
+      keep_largest(&slope, fabs(force[j] + other[j]) / (1.0 + fabs(force[j])));
     }
     made++;
   }
@@ -182,7 +182,7 @@ static void drives_that_go_both_ways_share_by_least_squares(void)
   CHECK_BELOW("difference from the opposite of the opposite wrench", slope, 1e-12);
 }
 
-static void what_pushes_too_ends_at_its_least_and_makes_nothing_of_no_number(void)
+static void bidirectional_drive_stays_at_its_lower_limit_for_nan(void)
 {
   const double one[2] = {1.0, 1.0};
   const uint16_t alone[2] = {0, 1};
@@ -201,10 +201,10 @@ static void what_pushes_too_ends_at_its_least_and_makes_nothing_of_no_number(voi
   CHECK(fabs(force[0]) < 1e-300 && fabs(force[1]) < 1e-300);
 }
 
-/* How far forces are from those of drives that lose the same and are asked nothing else, of the
-   largest. */
-static double off_fresh(const anhyst_wrench_layout_f64 *layout, const int *lost, int losses,
-                        const double *wrench, const double *force)
+/* Returns the largest deviation from the forces of new drives with the same losses and the same
+   wrench, divided by the largest force. */
+static double deviation_from_new_drives(const anhyst_wrench_layout_f64 *layout, const int *lost,
+                                        int losses, const double *wrench, const double *force)
 {
   static anhyst_wrench_f64 fresh;
   double found[ANHYST_WRENCH_DRIVES];
@@ -216,13 +216,13 @@ static double off_fresh(const anhyst_wrench_layout_f64 *layout, const int *lost,
   }
   (void)anhyst_wrench_share_f64(&fresh, wrench, found);
   for (int j = 0; j < (int)layout->drives; j++) {
-    keep_worst(&size, fabs(found[j]));
-    keep_worst(&worst, fabs(found[j] - force[j]));
+    keep_largest(&size, fabs(found[j]));
+    keep_largest(&worst, fabs(found[j] - force[j]));
   }
   return worst / size;
 }
 
-/* No force is beyond its bounds, and what is lost has none. */
+/* Every force is within its bounds, and a lost drive has no force. */
 static void check_bounds(const anhyst_wrench_layout_f64 *layout, const double *force)
 {
   for (int j = 0; j < (int)layout->drives; j++) {
@@ -232,7 +232,7 @@ static void check_bounds(const anhyst_wrench_layout_f64 *layout, const double *f
   }
 }
 
-static void what_is_given_up_depends_on_what_is_asked_alone(void)
+static void reduction_depends_only_on_the_wrench(void)
 {
   double worst = 0.0;
   int given_up = 0;
@@ -245,24 +245,24 @@ static void what_is_given_up_depends_on_what_is_asked_alone(void)
       continue;
     }
     for (int tick = 0; tick < 60; tick++) {
-      const double walk = tick % 7 == 0 ? 100.0 : 1.0;
+      const double path_errors = tick % 7 == 0 ? 100.0 : 1.0;
       if (tick % 20 == 0) {
         lost[tick / 20] = any_within(0, layout.drives - 1);
         anhyst_wrench_lose_f64(&drives, lost[tick / 20]);
       }
       for (int k = 0; k < (int)layout.axes; k++) {
-        wrench[k] += walk * any_part();
+        wrench[k] += path_errors * any_part();
       }
       given_up += !anhyst_wrench_share_f64(&drives, wrench, force);
       check_bounds(&layout, force);
-      keep_worst(&worst, off_fresh(&layout, lost, tick / 20 + 1, wrench, force));
+      keep_largest(&worst, deviation_from_new_drives(&layout, lost, tick / 20 + 1, wrench, force));
     }
   }
   CHECK(given_up > 50000);
   CHECK_BELOW("difference from drives that were asked nothing before, of the force", worst, 1e-9);
 }
 
-static void bad_layouts_are_refused(void)
+static void invalid_layouts_are_refused(void)
 {
   const double one[2] = {1.0, -1.0};
   const uint16_t alone[2] = {0, 1};
@@ -282,12 +282,12 @@ static void bad_layouts_are_refused(void)
 
 int main(void)
 {
-  what_is_said_to_be_made_is_made_and_drives_only_pull();
-  single_precision_makes_the_same_wrenches();
-  no_number_makes_nothing();
-  drives_that_go_both_ways_share_by_least_squares();
-  what_pushes_too_ends_at_its_least_and_makes_nothing_of_no_number();
-  what_is_given_up_depends_on_what_is_asked_alone();
-  bad_layouts_are_refused();
+  reported_wrench_is_produced_and_drives_only_pull();
+  single_precision_gives_the_same_wrenches();
+  nan_wrench_gives_no_force();
+  bidirectional_drives_use_least_squares();
+  bidirectional_drive_stays_at_its_lower_limit_for_nan();
+  reduction_depends_only_on_the_wrench();
+  invalid_layouts_are_refused();
   return verdict();
 }

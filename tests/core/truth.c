@@ -5,7 +5,7 @@
 
 #define POINTS 16
 
-/* Up to here the power series are used: all their terms are positive. */
+/* Up to this argument the power series are used: all their terms are positive. */
 static const long double series_end = 6.0L;
 
 long double true_langevin(long double z)
@@ -71,8 +71,8 @@ long double true_inverse_langevin(long double y)
   return y < 0.0L ? -z : z;
 }
 
-/* Gauss-Legendre on -1..1: roots by Newton from Chebyshev's guess. */
-static void gauss(long double at[POINTS], long double weight[POINTS])
+/* Gauss-Legendre rule on -1..1: roots by Newton's method from Chebyshev's initial guess. */
+static void gauss_rule(long double at[POINTS], long double weight[POINTS])
 {
   const long double pi = 3.14159265358979323846L;
   for (int i = 0; i < POINTS; i++) {
@@ -95,13 +95,14 @@ static void gauss(long double at[POINTS], long double weight[POINTS])
   }
 }
 
-/* Integral over from < u < to of f(u)*w(s)*exp(-s)/kappa, s = (to - u)/kappa, with f = L, w = 1 or
-   f = L', w = -s. Panels are short against kappa and against the distance to the poles of f. */
+/* Returns the integral over from < u < to of f(u)*w(s)*exp(-s)/kappa, s = (to - u)/kappa, with f =
+   L, w = 1 or f = L', w = -s. Panels are short compared with kappa and with the distance to the
+   poles of f. */
 static long double fading(long double kappa, long double from, long double to, int slope)
 {
   long double at[POINTS];
   long double weight[POINTS];
-  gauss(at, weight);
+  gauss_rule(at, weight);
   long double sum = 0.0L;
   long double upper = to;
   while (upper > from) {
@@ -135,7 +136,7 @@ long double true_branch_slope(long double kappa, long double x)
 
 long double true_irreversible(long double kappa, long double x0, long double y0, long double x1)
 {
-  /* Seen in the direction of travel: the law is odd. */
+  /* The path is mirrored so that it ascends, because the law is odd. */
   const long double sign = x1 < x0 ? -1.0L : 1.0L;
   const long double y = sign * y0;
   const long double end = sign * x1;

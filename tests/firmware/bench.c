@@ -37,7 +37,7 @@ static app_board board = {
 
 static uint8_t sequence;
 
-static void sense(void *context, port_sample *sample)
+static void read_sample(void *context, port_sample *sample)
 {
   *sample = ((const bench_board *)context)->sample;
 }
@@ -53,8 +53,8 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 {
   bench_board *b = context;
   uint16_t count = 0;
-  while (count < most && b->wire_at < b->wire_count) {
-    bytes[count++] = b->wire[b->wire_at++];
+  while (count < most && b->wire_index < b->wire_count) {
+    bytes[count++] = b->wire[b->wire_index++];
   }
   return count;
 }
@@ -62,7 +62,7 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   bench_board *b = context;
-  const uint16_t taken = count < b->accepts ? count : b->accepts;
+  const uint16_t taken = count < b->max_accepted_bytes ? count : b->max_accepted_bytes;
   for (uint16_t i = 0; i < taken; i++) {
     if (link_receive(&b->receiver, bytes[i], &b->answer)) {
       memcpy(b->payload, b->answer.payload, b->answer.length);
@@ -90,7 +90,7 @@ static int keep(void *context, const int16_t *block, uint16_t words)
 }
 
 static const struct port port = {.context = &bench,
-                                 .sense = sense,
+                                 .sense = read_sample,
                                  .drive = drive,
                                  .link_read = link_read,
                                  .link_write = link_write,
@@ -107,7 +107,7 @@ void bench_power_on(void)
   bench_limits = start_limits;
   fake_block(bench_words, BENCH_WORDS, 1);
   memcpy(scales, bench_words + ANHYST_WORD_SCALE_DEMAND, sizeof scales);
-  bench.accepts = UINT16_MAX;
+  bench.max_accepted_bytes = UINT16_MAX;
   bench.sample.gap = PORT_ONE / 2;
   sequence = 0;
   link_receiver_start(&bench.receiver);
@@ -119,7 +119,7 @@ uint8_t bench_hello(uint8_t number, uint16_t version, uint32_t session)
   uint8_t payload[LINK_SIZE_HELLO];
   link_put_u16(payload, version);
   link_put_u32(payload + 2, session);
-  (void)bench_put(LINK_TYPE_HELLO, number, payload, sizeof payload);
+  (void)bench_put_frame(LINK_TYPE_HELLO, number, payload, sizeof payload);
   bench_poll();
   return bench.answer.type;
 }
@@ -147,9 +147,9 @@ void bench_ticks(int count)
   }
 }
 
-uint16_t bench_put(uint8_t type, uint8_t number, const uint8_t *payload, uint8_t length)
+uint16_t bench_put_frame(uint8_t type, uint8_t number, const uint8_t *payload, uint8_t length)
 {
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   const link_frame frame = {LINK_VERSION, type, number, length, 0, payload, 0};
   const uint16_t count = link_encode(wire, &frame);
   memcpy(bench.wire + bench.wire_count, wire, count);
@@ -161,16 +161,16 @@ void bench_poll(void)
 {
   do {
     app_poll(&bench.firmware);
-  } while (bench.wire_at < bench.wire_count || bench.firmware.session.sending_count > 0U ||
-           bench.firmware.session.chunk_at < bench.firmware.session.chunk_count);
-  bench.wire_at = 0;
+  } while (bench.wire_index < bench.wire_count || bench.firmware.session.unsent_count > 0U ||
+           bench.firmware.session.chunk_index < bench.firmware.session.chunk_count);
+  bench.wire_index = 0;
   bench.wire_count = 0;
 }
 
-uint8_t bench_ask(uint8_t type, const uint8_t *payload, uint8_t length)
+uint8_t bench_request(uint8_t type, const uint8_t *payload, uint8_t length)
 {
   const int before = bench.answers;
-  (void)bench_put(type, ++sequence, payload, length);
+  (void)bench_put_frame(type, ++sequence, payload, length);
   bench_poll();
   return bench.answers == before + 1 ? bench.answer.type : 0;
 }
@@ -179,14 +179,14 @@ uint8_t bench_command(uint16_t command)
 {
   uint8_t payload[LINK_SIZE_COMMAND];
   link_put_u16(payload, command);
-  return bench_ask(LINK_TYPE_COMMAND, payload, sizeof payload);
+  return bench_request(LINK_TYPE_COMMAND, payload, sizeof payload);
 }
 
 uint8_t bench_demand(int32_t force)
 {
   uint8_t payload[LINK_SIZE_DEMAND];
   link_put_u32(payload, (uint32_t)force);
-  return bench_ask(LINK_TYPE_DEMAND, payload, sizeof payload);
+  return bench_request(LINK_TYPE_DEMAND, payload, sizeof payload);
 }
 
 uint8_t bench_set(uint16_t setting, int32_t value)
@@ -194,7 +194,7 @@ uint8_t bench_set(uint16_t setting, int32_t value)
   uint8_t payload[LINK_SIZE_SETTING_WRITE];
   link_put_u16(payload, setting);
   link_put_u32(payload + 2, (uint32_t)value);
-  return bench_ask(LINK_TYPE_SETTING_WRITE, payload, sizeof payload);
+  return bench_request(LINK_TYPE_SETTING_WRITE, payload, sizeof payload);
 }
 
 uint16_t bench_reason(void)
@@ -209,7 +209,7 @@ uint16_t bench_detail(void)
 
 uint16_t bench_state(void)
 {
-  (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
+  (void)bench_request(LINK_TYPE_HEARTBEAT, NULL, 0);
   return bench.payload[0];
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A board on the bench: the test is its sensors, its wire and its clock. */
+/* A test bench around the firmware: the test plays sensors, wire and clock of a board. */
 #ifndef TEST_BENCH_H
 #define TEST_BENCH_H
 
@@ -13,21 +13,21 @@
 
 typedef struct {
   app firmware;
-  port_sample sample;   /* what the sensors show next */
-  int32_t drive;        /* last driven */
-  uint32_t drive_state; /* told with it */
-  uint8_t wire[2048];   /* to the firmware */
+  port_sample sample;   /* sensor values of the next tick */
+  int32_t drive;        /* last driven current, q31 */
+  uint32_t drive_state; /* controller state that was passed with the current */
+  uint8_t wire[2048];   /* bytes on the way to the firmware */
   uint16_t wire_count;
-  uint16_t wire_at;
-  uint16_t accepts; /* bytes that the port takes in one call */
+  uint16_t wire_index;
+  uint16_t max_accepted_bytes; /* bytes that the port accepts in one call */
   link_receiver receiver;
-  link_frame answer; /* the last one */
-  uint8_t payload[LINK_PAYLOAD_MOST];
+  link_frame answer; /* last answer of the firmware */
+  uint8_t payload[LINK_MAX_PAYLOAD];
   int answers;
-  int locks;        /* depth */
-  int locked_calls; /* how often */
+  int locks;        /* nesting depth of the locks */
+  int locked_calls; /* number of locks */
   int refuses_to_keep;
-  const int16_t *kept; /* block that was to be kept */
+  const int16_t *kept; /* block that the firmware asked the board to store */
   uint16_t kept_words;
 } bench_board;
 
@@ -35,45 +35,45 @@ extern bench_board bench;
 extern app_limits bench_limits;
 extern int16_t bench_words[BENCH_WORDS];
 
-/* Everything new: firmware started, sensors in the middle of their range, nothing on the wire, and
-   BENCH_SESSION open: the hello had the number 255, so that requests begin with 0. */
+/* Starts a new bench: firmware started, sensors in the middle of their range, no byte on the wire,
+   and BENCH_SESSION open. The hello had the number 255, so that requests begin with number 0. */
 void bench_start(void);
 
-/* The same before the hello. */
+/* Starts a new bench without the hello. */
 void bench_power_on(void);
 
-/* Power off and on: the firmware alone begins anew. */
+/* Switches the power off and on. Only the firmware starts again. */
 void bench_restart(void);
 
-/* A hello with this sequence number; the type of the answer. */
+/* Sends a hello with this sequence number. Returns the type of the answer. */
 uint8_t bench_hello(uint8_t sequence, uint16_t version, uint32_t session);
 
-/* So many ticks with sensors that show a little noise. */
+/* Runs `count` ticks with a little noise on the sensors. */
 void bench_ticks(int count);
 
-/* One tick with the sample as it stands, after its number was raised by one. */
+/* Increments the tick number of the sample and runs one tick with it. */
 void bench_tick(void);
 
-/* Puts a frame on the wire; returns its bytes there. */
-uint16_t bench_put(uint8_t type, uint8_t sequence, const uint8_t *payload, uint8_t length);
+/* Puts a frame on the wire. Returns its number of bytes. */
+uint16_t bench_put_frame(uint8_t type, uint8_t sequence, const uint8_t *payload, uint8_t length);
 
-/* Lets the firmware poll until the wire is empty and everything is answered. */
+/* Polls the firmware until the wire is empty and every request has an answer. */
 void bench_poll(void);
 
-/* A request with the next sequence number, answered: the type of the answer. */
-uint8_t bench_ask(uint8_t type, const uint8_t *payload, uint8_t length);
+/* Sends a request with the next sequence number. Returns the type of its answer. */
+uint8_t bench_request(uint8_t type, const uint8_t *payload, uint8_t length);
 
-/* Requests by name. */
+/* Send one kind of request each. */
 uint8_t bench_command(uint16_t command);
 uint8_t bench_demand(int32_t force);
 uint8_t bench_set(uint16_t setting, int32_t value);
 
-/* What the last answer says. */
-uint16_t bench_reason(void); /* of a NAK, else LINK_REASON_NONE */
-uint16_t bench_detail(void); /* of an ACK or a NAK */
-uint16_t bench_state(void);  /* from a heartbeat */
+/* Return a field of the last answer. */
+uint16_t bench_reason(void); /* reason of a NAK, otherwise LINK_REASON_NONE */
+uint16_t bench_detail(void); /* detail of an ACK or a NAK */
+uint16_t bench_state(void);  /* state from the answer to a heartbeat */
 
-/* From the start through self-test, arm and run. */
+/* Leads the controller from the start through self-test and arm to run. */
 void bench_run(void);
 
 #endif

@@ -16,7 +16,7 @@ ROOT = HERE.parents[1]
 
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 SANITIZERS = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-SHARED = [
+SHARED_LIBRARY_OPTIONS = [
     *(
         file
         for part in ("link", "app", "services", "xcp")
@@ -24,8 +24,8 @@ SHARED = [
     ),
     ROOT / "core" / "src" / "control" / "supervisor.c",
 ]
-FIRMWARE = [*SHARED, ROOT / "firmware" / "force" / "force.c"]
-POSITION = [*SHARED, ROOT / "firmware" / "position" / "position.c"]
+FIRMWARE_SOURCES = [*SHARED_LIBRARY_OPTIONS, ROOT / "firmware" / "force" / "force.c"]
+POSITION_SOURCES = [*SHARED_LIBRARY_OPTIONS, ROOT / "firmware" / "position" / "position.c"]
 
 
 def tool(*names: str) -> str:
@@ -39,18 +39,18 @@ def tool(*names: str) -> str:
 
 
 def compile_c(
-    compiler: str, sources: Sequence[Path], out: Path, *options: str
+    compiler: str, sources: Sequence[Path], output_file: Path, *options: str
 ) -> subprocess.CompletedProcess[str]:
     """Compile and link; warnings are errors. With -c, `out` is the folder of the object files."""
     include = [f"-I{ROOT / 'firmware'}", f"-I{HERE}", f"-I{ROOT / 'core' / 'include'}"]
     command = [compiler, "-std=c99", "-O1", *WARNINGS, *options, *include, *map(str, sources)]
     if "-c" in options:
-        return subprocess.run(command, capture_output=True, text=True, check=False, cwd=out)
-    command += ["-o", str(out), "-lm"]
+        return subprocess.run(command, capture_output=True, text=True, check=False, cwd=output_file)
+    command += ["-o", str(output_file), "-lm"]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def can(compiler: str, folder: Path, *options: str) -> bool:
+def can_compile(compiler: str, folder: Path, *options: str) -> bool:
     """Whether a compiler can build with these options, because some options need extra packages."""
     source = folder / "probe.c"
     source.write_text(

@@ -20,7 +20,7 @@ void fake_block(int16_t *words, uint16_t length, uint16_t generation)
   words[ANHYST_WORD_GENERATION] = (int16_t)generation;
   words[ANHYST_WORD_MODEL] = 0x1234;
   words[ANHYST_WORD_MODEL + 1] = 0x5678;
-  words[FAKE_MORE] = 0;
+  words[FAKE_EXTRA_CURRENT] = 0;
   words[ANHYST_WORD_CONDITION_CYCLES] = FAKE_CYCLES;
   words[ANHYST_WORD_CONDITION_TICKS] = FAKE_CYCLE_TICKS;
 }
@@ -72,7 +72,7 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   if (demand < 0) {
     c->flags = ANHYST_DEMAND_LIMITED;
   }
-  c->current = demand / 2 + (int32_t)c->words[FAKE_MORE] * 65536;
+  c->current = demand / 2 + (int32_t)c->words[FAKE_EXTRA_CURRENT] * 65536;
   return c->current;
 }
 

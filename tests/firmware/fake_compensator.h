@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A compensator that is easy to foresee, in place of the core's, and tells how it was called: the
-   current is half the demand, and the memory follows what is committed. */
+/* A compensator with a simple rule, in place of the core's. It records how it was called. The
+   current is half the demand, and the memory follows the committed current. */
 #ifndef TEST_FAKE_COMPENSATOR_H
 #define TEST_FAKE_COMPENSATOR_H
 
@@ -8,7 +8,8 @@
 
 #include <stddef.h>
 
-#define FAKE_MORE ANHYST_WORD_FULL_AIR /* word: current beside the demand's, q15 */
+#define FAKE_EXTRA_CURRENT                                                                         \
+  ANHYST_WORD_FULL_AIR /* word of the block: current in addition to half the demand, q15 */
 #define FAKE_CYCLES 2
 #define FAKE_CYCLE_TICKS 4
 #define FAKE_CONDITION_STEP ((int32_t)0x00010000)
@@ -24,7 +25,7 @@ typedef struct {
 extern fake_calls fake;
 extern const anhyst_kernel fake_kernel;
 
-/* Fills a block that passes the fake's check. */
+/* Fills a block that passes the check of this compensator. */
 void fake_block(int16_t *words, uint16_t length, uint16_t generation);
 
 #endif

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Fuzzing harness: an input is a script of what a line, a PC, a master of XCP and sensors may do to
-   the firmware. Parser, request handler, slave and control task run on a compiled compensator;
-   address and undefined behaviour sanitizers watch the memory, `require` watches what must hold at
-   any time. With FUZZ_XCP a script is what a master does, with a few ticks in between. */
+/* Fuzzing harness. An input is a script of possible actions of a line, a PC, an XCP master and
+   sensors.
+
+   Parser, request handler, XCP slave and control task run with a compiled compensator. Address and
+   undefined-behaviour sanitizers check the memory; `require` checks what must always be true. With
+   FUZZ_XCP, a script contains actions of an XCP master, with a few ticks in between. */
 #include "boards/actuator.h"
 #include "app/app.h"
 #include "force/force.h"
@@ -12,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STEPS_MOST 32
+#define MAX_SCRIPT_STEPS 32
 
 typedef struct {
   const uint8_t *data;
@@ -50,7 +52,7 @@ static const app_board board = {
     .limits = &limits,
 };
 
-static app fresh; /* as app_start leaves it: its check of the block would take most of the time */
+static app fresh; /* state after app_start, whose check of the block would take most of the time */
 static app_body fresh_body;
 static app firmware;
 static port_sample sample;
@@ -58,17 +60,17 @@ static int32_t drive;
 static uint32_t drive_state;
 static uint8_t wire[4096];
 static uint16_t wire_count;
-static uint16_t wire_at;
-static uint16_t accepts;
-static link_receiver line; /* what a PC sees */
-static link_receiver twin; /* what the firmware should see */
+static uint16_t wire_index;
+static uint16_t max_accepted_bytes;
+static link_receiver line; /* receiver of a PC */
+static link_receiver twin; /* receiver that the firmware should be equal to */
 static uint32_t answers;
 static uint32_t requests;
 static uint8_t sequence;
 static int locks;
-static xcp_slave *const slave = &firmware.carried; /* spoken to as it is, and by the link */
-static xcp_line serial;                            /* with checksums, and a slave of its own */
-static uint32_t stamp;                             /* of the last sample of list 0 */
+static xcp_slave *const slave = &firmware.carried; /* used directly and through the link */
+static xcp_line serial;                            /* with checksums and its own slave */
+static uint32_t last_sample_tick;                  /* tick of the last sample of list 0 */
 
 static void require(int holds)
 {
@@ -111,13 +113,13 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 {
   (void)context;
   uint16_t count = 0;
-  while (count < most && wire_at < wire_count) {
-    bytes[count++] = wire[wire_at++];
+  while (count < most && wire_index < wire_count) {
+    bytes[count++] = wire[wire_index++];
   }
   return count;
 }
 
-/* Packets of XCP stand one behind the other, and fill what they say. */
+/* XCP packets follow each other without gaps, and each has its stated length. */
 static void check_packets(const link_frame *answer)
 {
   uint16_t at = 0;
@@ -131,7 +133,7 @@ static void check_packets(const link_frame *answer)
 static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   (void)context;
-  const uint16_t taken = count < accepts ? count : accepts;
+  const uint16_t taken = count < max_accepted_bytes ? count : max_accepted_bytes;
   link_frame answer;
   for (uint16_t i = 0; i < taken; i++) {
     if (link_receive(&line, bytes[i], &answer)) {
@@ -145,13 +147,13 @@ static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
   return taken;
 }
 
-static void keep_tick_out(void *context)
+static void lock_tick(void *context)
 {
   (void)context;
   locks++;
 }
 
-static void let_tick_in(void *context)
+static void unlock_tick(void *context)
 {
   (void)context;
   locks--;
@@ -168,8 +170,8 @@ static const struct port port = {.sense = sense,
                                  .drive = put_drive,
                                  .link_read = link_read,
                                  .link_write = link_write,
-                                 .lock = keep_tick_out,
-                                 .unlock = let_tick_in,
+                                 .lock = lock_tick,
+                                 .unlock = unlock_tick,
                                  .keep = keep};
 
 static void put_byte(uint8_t byte)
@@ -181,16 +183,17 @@ static void put_byte(uint8_t byte)
   }
 }
 
-/* What must hold whatever was sent. */
+/* Checks what must be true after any input. */
 static void check_session(void)
 {
   const int16_t *words = firmware.control.body->compensator.words;
   require(locks == 0);
-  require(answers == requests && line.bad == 0 && firmware.session.receiver.bad == twin.bad);
+  require(answers == requests && line.discarded_frames == 0 &&
+          firmware.session.receiver.discarded_frames == twin.discarded_frames);
   require(words == ACTUATOR_PARAMETERS || words == firmware.download.words[0] ||
           words == firmware.download.words[1]);
   for (uint16_t i = 0; i < (uint16_t)LINK_SETTING_COUNT; i++) {
-    require(app_setting_obstacle(&board, i, firmware.settings[i], 0) == LINK_REASON_NONE);
+    require(app_setting_refusal(&board, i, firmware.settings[i], 0) == LINK_REASON_NONE);
   }
 }
 
@@ -199,9 +202,9 @@ static void poll(void)
   const app_session *session = &firmware.session;
   do {
     app_poll(&firmware);
-  } while (wire_at < wire_count || session->sending_count > 0U ||
-           session->chunk_at < session->chunk_count);
-  wire_at = 0;
+  } while (wire_index < wire_count || session->unsent_count > 0U ||
+           session->chunk_index < session->chunk_count);
+  wire_index = 0;
   wire_count = 0;
   check_session();
 }
@@ -222,15 +225,16 @@ static void tick(void)
   require(drive_state == states->state + 256U * states->fault);
   require(control->tick == sample.tick);
   if (states->state == ANHYST_STATE_FAULT || !was_live) {
-    /* the safe state: one step of the ramp nearer to zero, at least */
+    /* in the safe state, the current moves towards zero by at least one step of the ramp */
     const int32_t size = magnitude(before);
-    require(magnitude(drive) <= (size > control->body->ramp ? size - control->body->ramp + 1 : 0));
+    require(magnitude(drive) <=
+            (size > control->body->ramp_step ? size - control->body->ramp_step + 1 : 0));
   }
 }
 
 static void put_frame(uint8_t type, const uint8_t *payload, uint8_t length, uint8_t damage)
 {
-  uint8_t bytes[LINK_WIRE_MOST];
+  uint8_t bytes[LINK_MAX_ENCODED_FRAME];
   const link_frame frame = {LINK_VERSION, type, sequence, length, 0, payload, 0};
   const uint16_t count = link_encode(bytes, &frame);
   if (damage != 0U) {
@@ -243,7 +247,7 @@ static void put_frame(uint8_t type, const uint8_t *payload, uint8_t length, uint
 
 static void send_words(const uint8_t *words, uint16_t count)
 {
-  uint8_t payload[LINK_PAYLOAD_MOST];
+  uint8_t payload[LINK_MAX_PAYLOAD];
   for (uint16_t at = 0; at < count; at = (uint16_t)(at + 100U)) {
     const uint16_t part = (uint16_t)(count - at < 100 ? count - at : 100);
     link_put_u16(payload, at);
@@ -254,8 +258,8 @@ static void send_words(const uint8_t *words, uint16_t count)
   }
 }
 
-/* A whole block: the one built in with a few words changed, its own checksum made right again, so
-   that what is behind the checksum is reached. */
+/* Sends a complete block: the built-in block with a few changed words and a correct checksum, so
+   that the later checks are reached. */
 static void download(script *s)
 {
   static uint8_t words[2 * ACTUATOR_PARAMETERS_WORDS];
@@ -282,7 +286,7 @@ static void download(script *s)
   poll();
 }
 
-/* A request whose length is as a rule that of its type. */
+/* Sends a request, usually with the length of its type. */
 static void request(script *s, uint8_t damage)
 {
   static const uint8_t lengths[16] = {
@@ -298,11 +302,11 @@ static void request(script *s, uint8_t damage)
       LINK_SIZE_BLOCK_SWAP,
       LINK_SIZE_BLOCK_READ,
   };
-  uint8_t payload[LINK_PAYLOAD_MOST];
+  uint8_t payload[LINK_MAX_PAYLOAD];
   const uint8_t type = next8(s);
   uint8_t length = lengths[type & 15U];
   if ((type & 0x40U) != 0U) {
-    length = (uint8_t)(next8(s) % (LINK_PAYLOAD_MOST + 1));
+    length = (uint8_t)(next8(s) % (LINK_MAX_PAYLOAD + 1));
   }
   for (uint8_t i = 0; i < length; i++) {
     payload[i] = next8(s);
@@ -363,7 +367,7 @@ static void raw_bytes(script *s)
 static void step(script *s)
 {
   const uint8_t what = next8(s);
-  accepts = (uint16_t)((what >> 3) + 1U);
+  max_accepted_bytes = (uint16_t)((what >> 3) + 1U);
 #ifdef FUZZ_XCP
   if ((what & 7U) != 7U) {
     any_command(s, (what >> 3) & 3U);
@@ -392,7 +396,7 @@ static void step(script *s)
     command(s);
     break;
   case 5:
-    if ((what & 0x18U) == 0U) { /* takes longest: not as often as the others */
+    if ((what & 0x18U) == 0U) { /* this takes the longest time, so it is done less often */
       download(s);
     } else {
       command(s);
@@ -414,7 +418,7 @@ static void start(void)
   memset(&sample, 0, sizeof sample);
   sample.gap = PORT_ONE / 2;
   drive = 0;
-  wire_at = 0;
+  wire_index = 0;
   wire_count = 0;
   link_receiver_start(&line);
   link_receiver_start(&twin);
@@ -422,16 +426,16 @@ static void start(void)
   requests = 0;
   sequence = 0;
   locks = 0;
-  stamp = 0;
+  last_sample_tick = 0;
   xcp_start(slave, &firmware);
   xcp_line_start(&serial, &firmware, 1);
 }
 
-/* Without a session nothing but a hello is done. */
+/* Without a session, the firmware performs only a hello. */
 static void open_session(void)
 {
   uint8_t payload[LINK_SIZE_HELLO] = {LINK_VERSION};
-  accepts = UINT16_MAX;
+  max_accepted_bytes = UINT16_MAX;
   put_frame(LINK_TYPE_HELLO, payload, sizeof payload, 0);
   poll();
 }
@@ -467,7 +471,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
   if ((begin & 0x18U) != 0U) {
     open_xcp();
   }
-  for (int i = 0; i < STEPS_MOST && s.at < s.size; i++) {
+  for (int i = 0; i < MAX_SCRIPT_STEPS && s.at < s.size; i++) {
     step(&s);
   }
   return 0;

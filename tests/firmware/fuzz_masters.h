@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The part of fuzz_firmware.c that is masters of XCP: on the slave itself, carried by the link, and
-   on a serial line. Uses what stands above it there. */
+/* The XCP masters of fuzz_firmware.c: on the slave itself, in frames of the link, and on a serial
+   line. fuzz_firmware.c includes this file after the functions that the masters use. */
 #ifndef ANHYST_FUZZ_MASTERS_H
 #define ANHYST_FUZZ_MASTERS_H
 
-/* A command of XCP and what may be said of its answer. */
-static uint16_t master(const uint8_t *command, uint16_t length, uint8_t *answer)
+/* Performs an XCP command, and checks what is true of every answer. */
+static uint16_t perform_xcp_command(const uint8_t *command, uint16_t length, uint8_t *answer)
 {
-  const int listens = slave->connected != 0U || (length > 0U && command[0] == 0xFFU);
+  const int listens = slave->is_connected != 0U || (length > 0U && command[0] == 0xFFU);
   const uint16_t count = xcp_answer(slave, command, length, answer);
   require(count <= XCP_PACKET && (count > 0U) == (listens && length > 0U));
   require(count == 0U || answer[0] == 0xFFU || answer[0] == 0xFEU);
@@ -15,36 +15,36 @@ static uint16_t master(const uint8_t *command, uint16_t length, uint8_t *answer)
   return count;
 }
 
-/* Shows the key, so that what is behind it is reached. */
+/* Sends the key, so that the protected commands are reached. */
 static void unlock(void)
 {
   uint8_t answer[XCP_PACKET];
   uint8_t command[6] = {0xF8, 0, 1};
-  if (master(command, 3, answer) == 6U) {
+  if (perform_xcp_command(command, 3, answer) == 6U) {
     const uint32_t key = link_crc32(XCP_SECRET, answer + 2, 4);
     command[0] = 0xF7;
     command[1] = 4;
     link_put_u32(command + 2, key);
-    require(master(command, 6, answer) == 2U && slave->unlocked != 0U);
+    require(perform_xcp_command(command, 6, answer) == 2U && slave->is_unlocked != 0U);
   }
 }
 
-/* One list of one part with a few signals, ready to be started: long to be found otherwise. */
-static void configure(script *s)
+/* Allocates one list with one part and a few signals, which random commands would rarely do. */
+static void allocate_list(script *s)
 {
   static const uint8_t steps[][6] = {
       {0xD6}, {0xD5, 0, 1, 0}, {0xD4, 0, 0, 0, 1}, {0xD3, 0, 0, 0, 0, 3}, {0xE2, 0, 0, 0, 0, 0}};
   uint8_t answer[XCP_PACKET];
   for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
-    (void)master(steps[i], 6, answer);
+    (void)perform_xcp_command(steps[i], 6, answer);
   }
   for (int i = 0; i < 3; i++) {
     const uint8_t entry[8] = {0xE1, 0xFF, 4, 0, (uint8_t)(next8(s) & 0x3CU), 0, 1, 0};
-    (void)master(entry, 8, answer);
+    (void)perform_xcp_command(entry, 8, answer);
   }
 }
 
-/* Samples come in the order of their ticks, whole. */
+/* Samples arrive complete and in the order of their ticks. */
 static void take_samples(void)
 {
   uint8_t packet[XCP_PACKET];
@@ -53,13 +53,13 @@ static void take_samples(void)
     require(count <= XCP_PACKET && locks == 0);
     require(packet[0] < XCP_ODTS || (packet[0] == 0xFDU && count == 2U));
     if (packet[0] == 0U && packet[1] == 0U && count >= 6U) {
-      require(link_get_u32(packet + 2) - stamp <= sample.tick - stamp);
-      stamp = link_get_u32(packet + 2);
+      require(link_get_u32(packet + 2) - last_sample_tick <= sample.tick - last_sample_tick);
+      last_sample_tick = link_get_u32(packet + 2);
     }
   }
 }
 
-/* A command of XCP as a rule of its own length: codes from 0xC0 on, areas that there are. */
+/* Performs an XCP command, usually with its own length: codes from 0xC0 on, and valid areas. */
 static void xcp_command(script *s)
 {
   uint8_t command[XCP_PACKET + 4];
@@ -71,19 +71,19 @@ static void xcp_command(script *s)
     unlock();
     break;
   case 0x40:
-    configure(s);
+    allocate_list(s);
     break;
   case 0x80:
-    xcp_hang_up(slave);
+    xcp_disconnect(slave);
     break;
   case 0xC0:
-    command[0] = 0xF6; /* an address in an area that there is, perhaps off its end */
+    command[0] = 0xF6; /* an address in a valid area, perhaps beyond its end */
     command[1] = 0;
     command[2] = 0;
     command[3] = 0;
     link_put_u16(command + 4, next16(s));
     link_put_u16(command + 6, (uint16_t)((what >> 2) & 7U));
-    (void)master(command, 8, answer);
+    (void)perform_xcp_command(command, 8, answer);
     break;
   default:
     command[0] = (uint8_t)(0xC0U | (what >> 2));
@@ -91,13 +91,13 @@ static void xcp_command(script *s)
     for (uint16_t i = 1; i < length; i++) {
       command[i] = (what & 1U) != 0U && i > 24U ? 0U : next8(s);
     }
-    (void)master(command, length, answer);
+    (void)perform_xcp_command(command, length, answer);
     break;
   }
   take_samples();
 }
 
-/* A command in a frame of the link. */
+/* Sends a command in a frame of the link. */
 static void carried_command(script *s)
 {
   uint8_t payload[XCP_PACKET + 4];
@@ -113,10 +113,10 @@ static void carried_command(script *s)
   poll();
 }
 
-/* Every packet that leaves the serial line is whole, with a checksum that is right. */
-static void drain(uint16_t most)
+/* Every packet that leaves the serial line is complete and has a correct checksum. */
+static void check_sent_packets(uint16_t most)
 {
-  uint8_t packet[XCP_LINE_MOST];
+  uint8_t packet[XCP_LINE_MAX_BYTES];
   uint16_t have = 0;
   uint16_t count = 0;
   const uint8_t *bytes = xcp_line_offer(&serial, &count);
@@ -139,10 +139,10 @@ static void drain(uint16_t most)
   }
 }
 
-/* A command on the serial line, whole as a rule. */
+/* Sends a command on the serial line, usually a complete one. */
 static void serial_command(script *s)
 {
-  uint8_t bytes[XCP_LINE_MOST] = {0};
+  uint8_t bytes[XCP_LINE_MAX_BYTES] = {0};
   const uint8_t what = next8(s);
   uint16_t count = (uint16_t)((what & 15U) + 1U);
   uint16_t sum = 0;
@@ -163,12 +163,12 @@ static void serial_command(script *s)
   }
   while (at < count) {
     at = (uint16_t)(at + xcp_line_take(&serial, bytes + at, (uint16_t)(count - at)));
-    drain((uint16_t)((what >> 6) + 1U));
+    check_sent_packets((uint16_t)((what >> 6) + 1U));
   }
   check_session();
 }
 
-/* A master on one of its three ways. */
+/* Runs one of the three XCP masters. */
 static void any_command(script *s, uint8_t way)
 {
   if (way == 0U) {

@@ -21,7 +21,7 @@ static void power_on_leads_through_selftest_to_idle_without_current(void)
   CHECK((bench.drive_state & 0xFFU) == ANHYST_STATE_IDLE);
 }
 
-static void a_block_that_is_not_valid_is_a_fault_that_clear_does_not_cure(void)
+static void invalid_block_is_a_fault_that_clear_does_not_end(void)
 {
   bench_start();
   bench_words[ANHYST_WORD_MAGIC] = 0;
@@ -35,7 +35,7 @@ static void a_block_that_is_not_valid_is_a_fault_that_clear_does_not_cure(void)
   CHECK(bench.drive == 0 && fake.commits == 0);
 }
 
-static void current_follows_the_demand_in_run_alone(void)
+static void current_follows_the_demand_only_in_run(void)
 {
   bench_start();
   bench_ticks(12);
@@ -57,8 +57,8 @@ static void current_follows_the_demand_in_run_alone(void)
   CHECK(states()->state == ANHYST_STATE_READY && bench.drive == 0);
 }
 
-/* Brings the controller to one of idle, ready, run and fault. */
-static void go_to(uint16_t state)
+/* Brings the controller to the state IDLE, READY, RUN or FAULT. */
+static void enter_state(uint16_t state)
 {
   bench_start();
   bench_ticks(12);
@@ -75,11 +75,11 @@ static void go_to(uint16_t state)
   CHECK(states()->state == state);
 }
 
-/* Each command in each state: where it leads, -1 where it is refused. */
-static void commands_are_done_in_their_states_alone(void)
+/* Sends each command in each state, and checks the next state; -1: the command is refused. */
+static void commands_are_performed_only_in_their_states(void)
 {
   static const int leads[ANHYST_COMMAND_COUNT][4] = {
-      /* from idle, ready, run, fault; -2: there is no such command */
+      /* from IDLE, READY, RUN, FAULT; -2: this controller does not have the command */
       {ANHYST_STATE_IDLE, ANHYST_STATE_READY, ANHYST_STATE_RUN, ANHYST_STATE_FAULT}, /* none */
       {ANHYST_STATE_IDLE, ANHYST_STATE_IDLE, -1, -1},                                /* condition */
       {ANHYST_STATE_READY, ANHYST_STATE_READY, -1, -1},              /* demagnetised */
@@ -94,7 +94,7 @@ static void commands_are_done_in_their_states_alone(void)
   for (int command = 0; command < (int)ANHYST_COMMAND_COUNT; command++) {
     for (int from = 0; from < 4; from++) {
       const int wanted = leads[command][from];
-      go_to((uint16_t)(ANHYST_STATE_IDLE + (unsigned)from));
+      enter_state((uint16_t)(ANHYST_STATE_IDLE + (unsigned)from));
       (void)bench_command((uint16_t)command);
       const int refusal = wanted == -2 ? LINK_REASON_VALUE : LINK_REASON_STATE;
       CHECK(bench_reason() == (wanted < 0 ? refusal : LINK_REASON_NONE));
@@ -105,7 +105,7 @@ static void commands_are_done_in_their_states_alone(void)
   CHECK(bench_reason() == LINK_REASON_VALUE);
 }
 
-static void conditioning_drives_its_sequence_and_ends_ready(void)
+static void conditioning_drives_its_sequence_and_ends_in_ready(void)
 {
   bench_start();
   bench_ticks(12);
@@ -117,13 +117,13 @@ static void conditioning_drives_its_sequence_and_ends_ready(void)
     CHECK(bench.drive == i * FAKE_CONDITION_STEP);
     CHECK(fake.committed == bench.drive);
   }
-  bench_ticks(1); /* the tick after the last of the sequence */
+  bench_ticks(1); /* the tick after the last tick of the sequence */
   CHECK(states()->state == ANHYST_STATE_READY && (control()->flags & ANHYST_KNOWN) != 0);
   bench_ticks(25);
   CHECK(bench.drive == 0 && (control()->flags & ANHYST_CONDITIONING) == 0);
 }
 
-static void conditioning_is_ended_by_idle_and_then_nothing_is_known(void)
+static void idle_ends_conditioning_with_an_unknown_state(void)
 {
   bench_start();
   bench_ticks(12);
@@ -135,7 +135,7 @@ static void conditioning_is_ended_by_idle_and_then_nothing_is_known(void)
   CHECK((control()->flags & ANHYST_KNOWN) == 0);
 }
 
-/* Runs at the board's largest current, breaks something, and checks reason and ramp. */
+/* Runs at the board's largest current; the caller injects a fault, and checks reason and ramp. */
 static void begin_at_full_current(void)
 {
   bench_start();
@@ -144,7 +144,7 @@ static void begin_at_full_current(void)
   bench_ticks(1);
 }
 
-static void falls_safely(uint16_t fault)
+static void check_safe_ramp(uint16_t fault)
 {
   CHECK(states()->state == ANHYST_STATE_FAULT);
   if (states()->fault != fault) {
@@ -153,7 +153,7 @@ static void falls_safely(uint16_t fault)
   CHECK(states()->fault == fault);
   CHECK(bench.drive_state == ANHYST_STATE_FAULT + 256U * fault);
   int32_t last = bench.drive;
-  /* 20 ms at 1000 ticks a second; the fault's own tick was the first. */
+  /* 20 ms at 1000 ticks a second; the tick of the fault was the first. */
   for (int i = 0; i < 19; i++) {
     bench_ticks(1);
     CHECK(bench.drive >= 0 && bench.drive <= last);
@@ -161,22 +161,22 @@ static void falls_safely(uint16_t fault)
   }
   CHECK(bench.drive == 0);
   CHECK(states()->fault == fault);
-  /* Nothing but clear leads out, and that through selftest. */
+  /* Only the command `clear` leaves the state FAULT, and it leads to the self-test. */
   bench_ticks(200);
   CHECK(states()->state == ANHYST_STATE_FAULT);
   CHECK(bench_command(ANHYST_COMMAND_ARM) == LINK_TYPE_NAK);
   CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
 }
 
-static void comes_back_on_clear(void)
+static void check_return_after_clear(void)
 {
   bench_ticks(12);
   CHECK(states()->state == ANHYST_STATE_IDLE && states()->fault == ANHYST_FAULT_NONE);
   CHECK((control()->flags & ANHYST_KNOWN) == 0);
 }
 
-/* Ticks with one sensor showing this, the others as they are. */
-static void show(int32_t *sensor, int32_t value, int count)
+/* Runs ticks with this value of one sensor; the other sensors do not change. */
+static void run_with_sensor_value(int32_t *sensor, int32_t value, int count)
 {
   const int32_t before = *sensor;
   for (int i = 0; i < count; i++) {
@@ -192,32 +192,32 @@ static void each_sensor_fault_has_its_reason(void)
   for (int i = 0; i < 3; i++) {
     const int32_t beyond[2] = {INT32_MAX, -INT32_MAX};
     begin_at_full_current();
-    show(sensors[i], PORT_RESERVED, 3);
-    falls_safely((uint16_t)(ANHYST_FAULT_GAP_RESERVED + 4U * (unsigned)i));
-    comes_back_on_clear();
+    run_with_sensor_value(sensors[i], PORT_RESERVED, 3);
+    check_safe_ramp((uint16_t)(ANHYST_FAULT_GAP_RESERVED + 4U * (unsigned)i));
+    check_return_after_clear();
     for (int side = 0; side < 2; side++) {
       begin_at_full_current();
-      show(sensors[i], beyond[side], 3);
-      falls_safely((uint16_t)(ANHYST_FAULT_GAP_RANGE + 4U * (unsigned)i));
-      comes_back_on_clear();
+      run_with_sensor_value(sensors[i], beyond[side], 3);
+      check_safe_ramp((uint16_t)(ANHYST_FAULT_GAP_RANGE + 4U * (unsigned)i));
+      check_return_after_clear();
     }
     begin_at_full_current();
-    show(sensors[i], *sensors[i] + PORT_ONE / 100 * 62, 3);
-    falls_safely((uint16_t)(ANHYST_FAULT_GAP_SLEW + 4U * (unsigned)i));
-    comes_back_on_clear();
+    run_with_sensor_value(sensors[i], *sensors[i] + PORT_ONE / 100 * 62, 3);
+    check_safe_ramp((uint16_t)(ANHYST_FAULT_GAP_SLEW + 4U * (unsigned)i));
+    check_return_after_clear();
   }
 }
 
-static void no_sample_at_all_is_a_fault(void)
+static void missing_samples_are_a_fault(void)
 {
   begin_at_full_current();
   bench.sample.status = PORT_NO_SAMPLE;
   bench_ticks(3);
   bench.sample.status = 0;
-  falls_safely(ANHYST_FAULT_SENSOR_FAILED);
+  check_safe_ramp(ANHYST_FAULT_SENSOR_FAILED);
 }
 
-static void what_the_hardware_reports_is_a_fault_at_once(void)
+static void hardware_report_is_an_immediate_fault(void)
 {
   static const uint16_t reports[5][2] = {
       {PORT_AMPLIFIER, ANHYST_FAULT_AMPLIFIER},
@@ -230,35 +230,35 @@ static void what_the_hardware_reports_is_a_fault_at_once(void)
     begin_at_full_current();
     bench.sample.status = reports[i][0];
     bench_ticks(1);
-    falls_safely(reports[i][1]);
+    check_safe_ramp(reports[i][1]);
     bench_ticks(100);
-    CHECK(states()->state == ANHYST_STATE_FAULT); /* as long as it is reported */
+    CHECK(states()->state == ANHYST_STATE_FAULT); /* the port still reports the fault */
     bench.sample.status = 0;
     CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
-    comes_back_on_clear();
+    check_return_after_clear();
   }
 }
 
-static void a_change_while_there_was_no_sample_is_judged_by_its_time(void)
+static void change_without_samples_is_divided_by_its_time(void)
 {
   bench_start();
   bench_run();
   bench.sample.status = PORT_NO_SAMPLE;
   bench_ticks(2);
   bench.sample.status = 0;
-  bench.sample.gap += PORT_ONE / 100 * 2; /* in three ticks; one allows PORT_ONE/100 */
+  bench.sample.gap += PORT_ONE / 100 * 2; /* in three ticks; PORT_ONE/100 is allowed in one tick */
   bench_ticks(1);
   CHECK(states()->state == ANHYST_STATE_RUN && states()->sample_age == 0);
 }
 
-static void two_implausible_samples_are_bridged_by_the_last_plausible_one(void)
+static void last_plausible_sample_replaces_two_implausible_ones(void)
 {
   bench_start();
   bench_run();
   (void)bench_demand(1000);
   bench_ticks(1);
   const int32_t gap = force()->gap.value;
-  show(&bench.sample.gap, PORT_RESERVED, 2);
+  run_with_sensor_value(&bench.sample.gap, PORT_RESERVED, 2);
   CHECK(states()->state == ANHYST_STATE_RUN && bench.drive == 500);
   CHECK((control()->flags & ANHYST_SAMPLE_IMPLAUSIBLE) != 0);
   CHECK(fake.solved_gap == 2 * gap);
@@ -278,7 +278,7 @@ static void a_fast_but_possible_change_is_no_fault(void)
   CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
-static void a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves(void)
+static void sensor_without_noise_is_stuck_if_the_current_moves(void)
 {
   int32_t *sensors[3] = {&bench.sample.gap, &bench.sample.force, &bench.sample.current[0]};
   const int windows[3] = {20, 30, 40};
@@ -293,13 +293,13 @@ static void a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves(void)
       bench.sample.gap ^= 64;
       bench.sample.force ^= 64;
       bench.sample.current[0] ^= 64;
-      show(sensors[i], frozen, 1);
+      run_with_sensor_value(sensors[i], frozen, 1);
     }
-    falls_safely((uint16_t)(ANHYST_FAULT_GAP_STUCK + 4U * (unsigned)i));
+    check_safe_ramp((uint16_t)(ANHYST_FAULT_GAP_STUCK + 4U * (unsigned)i));
   }
 }
 
-static void a_gap_that_stands_still_with_its_noise_is_not_stuck(void)
+static void constant_gap_with_noise_is_not_stuck(void)
 {
   bench_start();
   bench_run();
@@ -310,7 +310,7 @@ static void a_gap_that_stands_still_with_its_noise_is_not_stuck(void)
   CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
-static void a_frozen_code_is_no_fault_while_the_current_rests(void)
+static void frozen_code_is_no_fault_at_constant_current(void)
 {
   bench_start();
   bench_run();
@@ -321,15 +321,15 @@ static void a_frozen_code_is_no_fault_while_the_current_rests(void)
   CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
-static void a_lost_link_ends_run_in_time_and_idle_never(void)
+static void lost_link_ends_run_but_not_idle(void)
 {
   begin_at_full_current();
   (void)bench_demand(INT32_MAX);
   bench_ticks(100);
-  CHECK(states()->state == ANHYST_STATE_RUN); /* 100 ms are allowed */
+  CHECK(states()->state == ANHYST_STATE_RUN); /* a silence of 100 ms is allowed */
   bench_ticks(1);
-  falls_safely(ANHYST_FAULT_LINK_LOST);
-  comes_back_on_clear();
+  check_safe_ramp(ANHYST_FAULT_LINK_LOST);
+  check_return_after_clear();
   bench_ticks(1000);
   CHECK(states()->state == ANHYST_STATE_IDLE);
 }
@@ -346,22 +346,22 @@ static void a_lost_link_ends_conditioning(void)
   CHECK(bench.drive == 0);
 }
 
-static void one_frame_again_and_again_does_not_hold_the_link(void)
+static void repeated_frame_is_no_heartbeat(void)
 {
   begin_at_full_current();
-  (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
+  (void)bench_request(LINK_TYPE_HEARTBEAT, NULL, 0);
   const uint8_t number = bench.answer.sequence;
   for (int tick = 0; tick < 101; tick++) {
     CHECK(states()->state == ANHYST_STATE_RUN);
     bench_ticks(1);
-    (void)bench_put(LINK_TYPE_HEARTBEAT, number, NULL, 0);
+    (void)bench_put_frame(LINK_TYPE_HEARTBEAT, number, NULL, 0);
     bench_poll();
     (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
   }
-  falls_safely(ANHYST_FAULT_LINK_LOST);
+  check_safe_ramp(ANHYST_FAULT_LINK_LOST);
 }
 
-static void any_new_request_holds_the_link(void)
+static void any_new_request_is_a_heartbeat(void)
 {
   bench_start();
   bench_run();
@@ -377,45 +377,45 @@ static void three_missed_ticks_are_counted_and_four_are_a_fault(void)
   const int32_t held = bench.drive;
   bench.sample.tick += 3;
   bench_ticks(1);
-  CHECK(states()->state == ANHYST_STATE_RUN && control()->missed == 3 && bench.drive == held);
+  CHECK(states()->state == ANHYST_STATE_RUN && control()->missed_ticks == 3 && bench.drive == held);
   bench.sample.tick += 4;
   bench_ticks(1);
-  falls_safely(ANHYST_FAULT_MISSED_TICK);
+  check_safe_ramp(ANHYST_FAULT_MISSED_TICK);
 }
 
-static void a_tick_that_comes_twice_or_runs_backwards_is_a_fault(void)
+static void repeated_or_decreasing_tick_is_a_fault(void)
 {
   begin_at_full_current();
   bench.sample.tick -= 1;
   bench_ticks(1);
-  falls_safely(ANHYST_FAULT_MISSED_TICK);
+  check_safe_ramp(ANHYST_FAULT_MISSED_TICK);
   begin_at_full_current();
   bench.sample.tick -= 10;
   bench_ticks(1);
-  falls_safely(ANHYST_FAULT_MISSED_TICK);
+  check_safe_ramp(ANHYST_FAULT_MISSED_TICK);
 }
 
-static void the_tick_may_begin_anywhere_and_wrap(void)
+static void tick_number_may_start_anywhere_and_wrap(void)
 {
   bench_start();
   bench.sample.tick = UINT32_MAX - 20;
   bench_run();
   bench_ticks(60);
-  CHECK(states()->state == ANHYST_STATE_RUN && control()->missed == 0);
+  CHECK(states()->state == ANHYST_STATE_RUN && control()->missed_ticks == 0);
 }
 
-static void the_first_reason_stays(void)
+static void first_fault_reason_is_kept(void)
 {
   begin_at_full_current();
   bench.sample.tick += 50;
   bench_ticks(1);
-  show(&bench.sample.gap, PORT_RESERVED, 10);
+  run_with_sensor_value(&bench.sample.gap, PORT_RESERVED, 10);
   CHECK(states()->fault == ANHYST_FAULT_MISSED_TICK);
 }
 
-/* From full current any commands, one a tick: what leaves the run leaves it along the ramp, and the
-   way back waits for its end. */
-static void no_pair_of_commands_is_faster_than_the_ramp(void)
+/* Three commands in three ticks at full current: the current falls along the ramp, and a return to
+   RUN waits until the ramp has ended. */
+static void no_sequence_of_commands_is_faster_than_the_ramp(void)
 {
   for (int first = 0; first < (int)ANHYST_COMMAND_COUNT; first++) {
     for (int second = 0; second < (int)ANHYST_COMMAND_COUNT; second++) {
@@ -428,7 +428,7 @@ static void no_pair_of_commands_is_faster_than_the_ramp(void)
             (void)bench_command((uint16_t)commands[i]);
           }
           bench_ticks(1);
-          CHECK(bench.drive <= before && bench.drive >= before - force()->ramp);
+          CHECK(bench.drive <= before && bench.drive >= before - force()->ramp_step);
         }
       }
     }
@@ -457,7 +457,7 @@ static void clear_waits_for_zero_current(void)
   CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
 }
 
-static void the_board_limits_what_the_block_does_not(void)
+static void board_limits_the_current_of_the_block(void)
 {
   begin_at_full_current();
   CHECK(bench.drive == INT32_MAX / 2);
@@ -467,11 +467,11 @@ static void the_board_limits_what_the_block_does_not(void)
   CHECK(fake.committed == 7000);
   bench_limits.current_low = -6000;
   (void)bench_demand(INT32_MIN);
-  bench_ticks(2); /* the largest slew is full scale a tick, and this is twice as far */
+  bench_ticks(2); /* the largest slew is full scale per tick, and this change is twice full scale */
   CHECK(bench.drive == -6000);
 }
 
-static void the_demand_moves_no_faster_than_its_slew(void)
+static void demand_changes_at_most_by_its_slew(void)
 {
   bench_start();
   bench_run();
@@ -502,7 +502,7 @@ static void without_compensation_the_ratio_is_constant(void)
   CHECK(fake.solves == solves && fake.committed == bench.drive);
 }
 
-static void the_memory_follows_what_was_driven_or_what_was_measured(void)
+static void memory_follows_driven_or_measured_current(void)
 {
   bench_start();
   bench_run();
@@ -518,7 +518,7 @@ static void the_memory_follows_what_was_driven_or_what_was_measured(void)
   CHECK(fake.committed == 2 * 123456 && fake.commits == commits + 1);
 }
 
-static void the_memory_is_followed_in_every_state_and_set_by_command(void)
+static void memory_is_updated_in_every_state_and_set_by_command(void)
 {
   bench_start();
   bench_ticks(12);
@@ -546,36 +546,36 @@ static void the_gap_reaches_the_compensator_within_its_range(void)
 int main(void)
 {
   power_on_leads_through_selftest_to_idle_without_current();
-  a_block_that_is_not_valid_is_a_fault_that_clear_does_not_cure();
-  current_follows_the_demand_in_run_alone();
-  commands_are_done_in_their_states_alone();
-  conditioning_drives_its_sequence_and_ends_ready();
-  conditioning_is_ended_by_idle_and_then_nothing_is_known();
+  invalid_block_is_a_fault_that_clear_does_not_end();
+  current_follows_the_demand_only_in_run();
+  commands_are_performed_only_in_their_states();
+  conditioning_drives_its_sequence_and_ends_in_ready();
+  idle_ends_conditioning_with_an_unknown_state();
   each_sensor_fault_has_its_reason();
-  no_sample_at_all_is_a_fault();
-  what_the_hardware_reports_is_a_fault_at_once();
-  a_change_while_there_was_no_sample_is_judged_by_its_time();
-  two_implausible_samples_are_bridged_by_the_last_plausible_one();
+  missing_samples_are_a_fault();
+  hardware_report_is_an_immediate_fault();
+  change_without_samples_is_divided_by_its_time();
+  last_plausible_sample_replaces_two_implausible_ones();
   a_fast_but_possible_change_is_no_fault();
-  a_sensor_is_stuck_when_its_noise_is_gone_and_the_current_moves();
-  a_gap_that_stands_still_with_its_noise_is_not_stuck();
-  a_frozen_code_is_no_fault_while_the_current_rests();
-  a_lost_link_ends_run_in_time_and_idle_never();
+  sensor_without_noise_is_stuck_if_the_current_moves();
+  constant_gap_with_noise_is_not_stuck();
+  frozen_code_is_no_fault_at_constant_current();
+  lost_link_ends_run_but_not_idle();
   a_lost_link_ends_conditioning();
-  one_frame_again_and_again_does_not_hold_the_link();
-  any_new_request_holds_the_link();
+  repeated_frame_is_no_heartbeat();
+  any_new_request_is_a_heartbeat();
   three_missed_ticks_are_counted_and_four_are_a_fault();
-  a_tick_that_comes_twice_or_runs_backwards_is_a_fault();
-  the_tick_may_begin_anywhere_and_wrap();
-  the_first_reason_stays();
-  no_pair_of_commands_is_faster_than_the_ramp();
+  repeated_or_decreasing_tick_is_a_fault();
+  tick_number_may_start_anywhere_and_wrap();
+  first_fault_reason_is_kept();
+  no_sequence_of_commands_is_faster_than_the_ramp();
   run_waits_for_zero_current();
   clear_waits_for_zero_current();
-  the_board_limits_what_the_block_does_not();
-  the_demand_moves_no_faster_than_its_slew();
+  board_limits_the_current_of_the_block();
+  demand_changes_at_most_by_its_slew();
   without_compensation_the_ratio_is_constant();
-  the_memory_follows_what_was_driven_or_what_was_measured();
-  the_memory_is_followed_in_every_state_and_set_by_command();
+  memory_follows_driven_or_measured_current();
+  memory_is_updated_in_every_state_and_set_by_command();
   the_gap_reaches_the_compensator_within_its_range();
   return verdict();
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about the check of the measured against the driven current: which faults it finds, how
-   soon, and that ten minutes of normal operation raise none. */
+/* Claims about the comparison of measured and driven current: which faults it finds and how soon.
+   Ten minutes of normal operation raise no fault. */
 #include "../core/check.h"
 #include "bench.h"
 
@@ -8,16 +8,16 @@
 enum { LAG = 5, SWEEP = 50, OFF = 20 };
 enum { TEN_MINUTES = 600 * BENCH_RATE };
 #define TOLERANCE 0.05
-#define HELD 0.72  /* current of the fault cases, parts of full scale */
-#define CODES 2048 /* of the converter in full scale */
+#define TEST_CURRENT 0.72    /* current of the fault cases, fraction of full scale */
+#define CONVERTER_CODES 2048 /* converter steps in full scale */
 
-/* An amplifier and its current sensor; parts of full scale. */
+/* An amplifier and its current sensor; fractions of full scale. */
 typedef struct {
-  double share;  /* of the missing current that flows a tick later */
-  double slew;   /* largest change in a tick: the voltage limit over the inductance */
-  double gain;   /* of the sensor */
-  double offset; /* of the sensor */
-  double noise;  /* largest, of the sensor */
+  double share;  /* fraction of the missing current that the amplifier adds in a tick */
+  double slew;   /* largest change in a tick: voltage limit divided by inductance */
+  double gain;   /* gain of the sensor */
+  double offset; /* offset of the sensor */
+  double noise;  /* largest noise of the sensor */
   double current;
 } amplifier;
 
@@ -42,11 +42,11 @@ static double driven(void) { return bench.drive / 2147483648.0; }
 
 static int32_t code_of(double part)
 {
-  return (int32_t)floor(part * CODES + 0.5) * (PORT_ONE / CODES);
+  return (int32_t)floor(part * CONVERTER_CODES + 0.5) * (PORT_ONE / CONVERTER_CODES);
 }
 
-/* One tick: the amplifier follows the driven current, the sensor shows it. */
-static void amplified_tick(amplifier *a)
+/* Runs one tick: the amplifier follows the driven current, and the sensor measures it. */
+static void tick_with_amplifier(amplifier *a)
 {
   const double step = a->share * (driven() - a->current);
   a->current += step > a->slew ? a->slew : step < -a->slew ? -a->slew : step;
@@ -56,7 +56,7 @@ static void amplified_tick(amplifier *a)
   bench_tick();
 }
 
-/* Starts a controller on a board that measures its current, with all of the current allowed. */
+/* Starts a controller on a board that measures its current, with the full current allowed. */
 static void start(void)
 {
   bench_start();
@@ -64,17 +64,17 @@ static void start(void)
   bench_limits.current.low = -PORT_ONE / 4 * 5;
   bench_limits.current.high = PORT_ONE / 4 * 5;
   bench_limits.current.slew = INT32_MAX;
-  bench_limits.current.stuck_ticks = 0; /* found by the noise otherwise, see test_control.c */
+  bench_limits.current.stuck_ticks = 0; /* otherwise the stuck rule finds the faults */
   bench_limits.current_low = INT32_MIN;
   bench_limits.current_high = INT32_MAX;
   bench_restart();
   (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
 }
 
-/* Demands a current; the compensator of the bench halves a demand. */
+/* Demands a current. The compensator of the bench halves a demand. */
 static void demand(double current)
 {
-  bench_words[FAKE_MORE] = (int16_t)(current > 0.0 ? 16384 : -16384);
+  bench_words[FAKE_EXTRA_CURRENT] = (int16_t)(current > 0.0 ? 16384 : -16384);
   (void)bench_demand((int32_t)((2.0 * current - (current > 0.0 ? 1.0 : -1.0)) * 2147483000.0));
 }
 
@@ -85,14 +85,14 @@ static void hold(amplifier *a, double current, int ticks)
     if (i % 50 == 0) {
       demand(current);
     }
-    amplified_tick(a);
+    tick_with_amplifier(a);
   }
 }
 
 static void run(amplifier *a)
 {
   for (int i = 0; i < 12; i++) {
-    amplified_tick(a);
+    tick_with_amplifier(a);
   }
   CHECK(bench_command(ANHYST_COMMAND_ARM) == LINK_TYPE_ACK);
   CHECK(bench_command(ANHYST_COMMAND_RUN) == LINK_TYPE_ACK);
@@ -114,7 +114,7 @@ static int ticks_until_fault(amplifier *a, double current, int most)
   return -1;
 }
 
-/* What is wrong with the sensor or the amplifier from one tick on. */
+/* Fault of the sensor or the amplifier from one tick on. */
 typedef struct {
   const char *name;
   amplifier after;
@@ -131,79 +131,80 @@ static const breakage breakages[] = {
 };
 enum { BREAKAGES = sizeof breakages / sizeof breakages[0] };
 
-/* From a step of the demand on: the slowest allowed response takes SWEEP + 3 * LAG ticks. */
-static void a_fault_that_is_there_from_the_start_is_found_with_the_current(void)
+/* After a step of the demand, the slowest allowed response takes SWEEP + 3 * LAG ticks. */
+static void initial_fault_is_found_once_current_flows(void)
 {
   for (int i = 0; i < BREAKAGES; i++) {
     amplifier a = breakages[i].after;
     start();
     run(&a);
-    CHECK_BELOW(breakages[i].name, ticks_until_fault(&a, HELD, 5000), SWEEP + 3 * LAG + OFF + 1);
+    CHECK_BELOW(breakages[i].name, ticks_until_fault(&a, TEST_CURRENT, 5000),
+                SWEEP + 3 * LAG + OFF + 1);
     CHECK(states()->fault == ANHYST_FAULT_CURRENT_MISMATCH);
     hold(&a, 0.0, 25);
     CHECK(bench.drive == 0);
   }
 }
 
-/* At a constant current only the number of samples counts. */
-static void a_fault_at_a_constant_current_is_found_after_off_ticks(void)
+/* At a constant current, only the number of samples matters. */
+static void fault_at_constant_current_is_found_after_off_ticks(void)
 {
   for (int i = 0; i < 5; i++) {
     amplifier a = normal;
     start();
     run(&a);
-    hold(&a, HELD, 200);
+    hold(&a, TEST_CURRENT, 200);
     CHECK(states()->state == ANHYST_STATE_RUN);
     a.gain = breakages[i].after.gain;
     a.noise = breakages[i].after.noise;
     a.offset = 0.0;
-    CHECK(ticks_until_fault(&a, HELD, 5000) == OFF + 1);
+    CHECK(ticks_until_fault(&a, TEST_CURRENT, 5000) == OFF + 1);
   }
 }
 
-static void a_sensor_that_stays_on_one_value_is_found_when_the_current_moves(void)
+static void frozen_sensor_is_found_if_the_current_moves(void)
 {
   amplifier a = normal;
   start();
   run(&a);
-  hold(&a, HELD, 200);
-  const amplifier stuck = {0.5, 0.03, 0.0, HELD, 0.0, HELD};
+  hold(&a, TEST_CURRENT, 200);
+  const amplifier stuck = {0.5, 0.03, 0.0, TEST_CURRENT, 0.0, TEST_CURRENT};
   a = stuck;
-  hold(&a, HELD, 1000);
+  hold(&a, TEST_CURRENT, 1000);
   CHECK(states()->state == ANHYST_STATE_RUN);
   const int found = ticks_until_fault(&a, 0.3, 5000);
   CHECK(found > OFF);
   CHECK_BELOW("ticks until a stuck sensor is found", found, SWEEP + 3 * LAG + OFF + 1);
 }
 
-/* As many samples as the setting allows are no fault. */
+/* As many bad samples as the setting allows are no fault. */
 static void a_short_deviation_is_no_fault(void)
 {
   amplifier a = normal;
   start();
   run(&a);
-  hold(&a, HELD, 200);
+  hold(&a, TEST_CURRENT, 200);
   for (int i = 0; i < 100; i++) {
     a.gain = 0.0;
-    hold(&a, HELD, OFF);
+    hold(&a, TEST_CURRENT, OFF);
     a.gain = normal.gain;
-    hold(&a, HELD, 1);
+    hold(&a, TEST_CURRENT, 1);
   }
   CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
-/* A sensor that sends its error code now and then does not hide that it is wrong. */
-static void a_sample_without_a_value_does_not_end_a_row(void)
+/* Error codes of a sensor now and then do not prevent that a wrong value is found. */
+static void sample_without_a_value_does_not_reset_the_count(void)
 {
   amplifier a = normal;
   int ticks = 0;
   start();
   run(&a);
-  hold(&a, HELD, 200);
+  hold(&a, TEST_CURRENT, 200);
   a.gain = 0.8;
   for (; states()->state == ANHYST_STATE_RUN && ticks < 1000; ticks++) {
     if (ticks % 2 == 0) {
-      hold(&a, HELD, 1);
+      hold(&a, TEST_CURRENT, 1);
     } else {
       bench.sample.current[0] = PORT_RESERVED;
       bench_tick();
@@ -213,7 +214,7 @@ static void a_sample_without_a_value_does_not_end_a_row(void)
   CHECK_BELOW("ticks with every second sample", ticks, 2 * OFF + 3);
 }
 
-static void the_slowest_amplifier_that_is_allowed_is_no_fault(void)
+static void slowest_allowed_amplifier_is_no_fault(void)
 {
   amplifier a = slowest;
   start();
@@ -230,19 +231,19 @@ static void without_a_current_sensor_nothing_is_compared(void)
   start();
   bench_limits.has_current_sensor = 0;
   run(&a);
-  hold(&a, HELD, 5000);
+  hold(&a, TEST_CURRENT, 5000);
   CHECK(states()->state == ANHYST_STATE_RUN);
 }
 
-/* Clear starts again: the current that flows then, and not the one before, is where it begins. */
-static void clear_begins_again(void)
+/* After clear, the check starts again from the current that flows at that time. */
+static void clear_restarts_the_check(void)
 {
   amplifier a = normal;
   start();
   run(&a);
-  hold(&a, HELD, 200);
+  hold(&a, TEST_CURRENT, 200);
   a.gain = 0.0;
-  CHECK(ticks_until_fault(&a, HELD, 100) > 0);
+  CHECK(ticks_until_fault(&a, TEST_CURRENT, 100) > 0);
   a = normal;
   a.current = 0.2; /* the winding still carries current */
   a.slew = 0.02;
@@ -250,12 +251,12 @@ static void clear_begins_again(void)
   CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
   a.current = 0.2;
   for (int i = 0; i < 100; i++) {
-    amplified_tick(&a);
+    tick_with_amplifier(&a);
   }
   CHECK(states()->state == ANHYST_STATE_IDLE);
 }
 
-static void its_settings_stay_while_the_controller_runs(void)
+static void settings_cannot_change_while_running(void)
 {
   amplifier a = normal;
   start();
@@ -268,12 +269,12 @@ static void its_settings_stay_while_the_controller_runs(void)
   run(&a);
   CHECK(bench_set(LINK_SETTING_CURRENT_TOLERANCE, INT32_MAX / 8) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_STATE);
-  hold(&a, HELD, 200);
+  hold(&a, TEST_CURRENT, 200);
   a.gain = 0.0;
-  CHECK(ticks_until_fault(&a, HELD, 100) == 4);
+  CHECK(ticks_until_fault(&a, TEST_CURRENT, 100) == 4);
 }
 
-/* Steps, sines, holds and stops of the demand, start-up sequences and arming again. */
+/* Steps, sines, constant values and stops of the demand, start-up sequences, and arming again. */
 static void ten_minutes_of_normal_operation_raise_no_fault(void)
 {
   amplifier a = normal;
@@ -292,11 +293,11 @@ static void ten_minutes_of_normal_operation_raise_no_fault(void)
       const double rest = 0.5 * (from + to);
       demand(i / 1000 % 3 == 0 ? to : i / 1000 % 3 == 1 ? 0.6 * rest + wave : rest);
     }
-    amplified_tick(&a);
-    if (i % 10000 == 9999) { /* stopped at any current, and run again */
+    tick_with_amplifier(&a);
+    if (i % 10000 == 9999) { /* stopped at any current, and started again */
       CHECK(bench_command(ANHYST_COMMAND_STOP) == LINK_TYPE_ACK);
       for (int k = 0; k < 40; k++) {
-        amplified_tick(&a);
+        tick_with_amplifier(&a);
       }
       CHECK(bench_command(ANHYST_COMMAND_RUN) == LINK_TYPE_ACK);
     }
@@ -307,15 +308,15 @@ static void ten_minutes_of_normal_operation_raise_no_fault(void)
 int main(void)
 {
   seed = 48;
-  a_fault_that_is_there_from_the_start_is_found_with_the_current();
-  a_fault_at_a_constant_current_is_found_after_off_ticks();
-  a_sensor_that_stays_on_one_value_is_found_when_the_current_moves();
+  initial_fault_is_found_once_current_flows();
+  fault_at_constant_current_is_found_after_off_ticks();
+  frozen_sensor_is_found_if_the_current_moves();
   a_short_deviation_is_no_fault();
-  a_sample_without_a_value_does_not_end_a_row();
-  the_slowest_amplifier_that_is_allowed_is_no_fault();
+  sample_without_a_value_does_not_reset_the_count();
+  slowest_allowed_amplifier_is_no_fault();
   without_a_current_sensor_nothing_is_compared();
-  clear_begins_again();
-  its_settings_stay_while_the_controller_runs();
+  clear_restarts_the_check();
+  settings_cannot_change_while_running();
   ten_minutes_of_normal_operation_raise_no_fault();
   return verdict();
 }

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about the framing: what is sent arrives, and whatever happens to it on the way is found.
- */
+/* Claims about the framing: a sent frame arrives, and any damage to it is detected. */
 #include "../core/check.h"
 #include "link/frame.h"
 
@@ -9,7 +8,7 @@
 static link_receiver receiver;
 static link_frame got;
 
-static int feed(const uint8_t *bytes, uint16_t count)
+static int feed_bytes(const uint8_t *bytes, uint16_t count)
 {
   int frames = 0;
   for (uint16_t i = 0; i < count; i++) {
@@ -24,7 +23,7 @@ static uint16_t encode(uint8_t *wire, const uint8_t *payload, uint8_t length)
   return link_encode(wire, &frame);
 }
 
-/* Payloads that are hard on COBS: no zero, only zeros, a zero in each place, counting. */
+/* Difficult payloads for COBS: no zero, only zeros, a zero at each position, and counting bytes. */
 static void fill(uint8_t *payload, uint8_t length, int pattern)
 {
   for (int i = 0; i < length; i++) {
@@ -45,59 +44,59 @@ static void fill(uint8_t *payload, uint8_t length, int pattern)
   }
 }
 
-static void every_length_arrives_as_it_was_sent(void)
+static void every_payload_length_arrives_unchanged(void)
 {
-  uint8_t payload[LINK_PAYLOAD_MOST];
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t payload[LINK_MAX_PAYLOAD];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   link_receiver_start(&receiver);
-  for (int length = 0; length <= LINK_PAYLOAD_MOST; length++) {
+  for (int length = 0; length <= LINK_MAX_PAYLOAD; length++) {
     for (int pattern = 0; pattern < 4; pattern++) {
       fill(payload, (uint8_t)length, pattern);
       const uint16_t count = encode(wire, payload, (uint8_t)length);
-      CHECK(count == LINK_HEAD + length + LINK_CHECK + 2);
+      CHECK(count == LINK_HEADER_BYTES + length + LINK_CRC_BYTES + 2);
       CHECK(memchr(wire, 0, count) == wire + count - 1);
-      CHECK(feed(wire, count) == 1);
+      CHECK(feed_bytes(wire, count) == 1);
       CHECK(got.version == LINK_VERSION && got.type == 0x42 && got.sequence == 17);
       CHECK(got.tick == 0xFEDC0100U && got.length == length);
       CHECK(memcmp(got.payload, payload, (size_t)length) == 0);
     }
   }
-  CHECK(receiver.bad == 0);
+  CHECK(receiver.discarded_frames == 0);
 }
 
-static void every_single_broken_bit_is_found(void)
+static void every_single_flipped_bit_is_detected(void)
 {
   uint8_t payload[20];
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   fill(payload, sizeof payload, 3);
   const uint16_t count = encode(wire, payload, sizeof payload);
   for (int bit = 0; bit < 8 * count; bit++) {
     wire[bit / 8] ^= (uint8_t)(1U << (bit % 8));
     link_receiver_start(&receiver);
-    CHECK(feed(wire, count) == 0);
+    CHECK(feed_bytes(wire, count) == 0);
     wire[bit / 8] ^= (uint8_t)(1U << (bit % 8));
   }
 }
 
-static void a_frame_cut_short_anywhere_is_thrown_away_and_counted(void)
+static void truncated_frame_is_discarded_and_counted(void)
 {
   const uint8_t zero = 0;
   uint8_t payload[20];
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   fill(payload, sizeof payload, 3);
   const uint16_t count = encode(wire, payload, sizeof payload);
   link_receiver_start(&receiver);
   for (uint16_t part = 1; part + 1 < count; part++) {
-    CHECK(feed(wire, part) == 0);
-    CHECK(feed(&zero, 1) == 0);
-    CHECK(receiver.bad == part);
+    CHECK(feed_bytes(wire, part) == 0);
+    CHECK(feed_bytes(&zero, 1) == 0);
+    CHECK(receiver.discarded_frames == part);
   }
 }
 
-static void after_any_garbage_the_second_frame_arrives(void)
+static void second_frame_after_any_garbage_arrives(void)
 {
   uint8_t payload[5];
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   uint8_t garbage[1000] = {0};
   uint32_t random = 1;
   fill(payload, sizeof payload, 3);
@@ -108,53 +107,53 @@ static void after_any_garbage_the_second_frame_arrives(void)
       garbage[i] = (uint8_t)(random >> 24);
     }
     link_receiver_start(&receiver);
-    CHECK(feed(garbage, (uint16_t)round) == 0);
-    const int first = feed(wire, count);
+    CHECK(feed_bytes(garbage, (uint16_t)round) == 0);
+    const int first = feed_bytes(wire, count);
     CHECK(first == 0 || first == 1);
-    CHECK(feed(wire, count) == 1);
+    CHECK(feed_bytes(wire, count) == 1);
   }
 }
 
-static void what_is_too_long_costs_one_frame_and_no_memory(void)
+static void too_long_frame_costs_one_frame_and_no_memory(void)
 {
   uint8_t payload[5];
-  uint8_t wire[LINK_WIRE_MOST];
+  uint8_t wire[LINK_MAX_ENCODED_FRAME];
   const uint8_t one = 1;
   const uint8_t zero = 0;
   fill(payload, sizeof payload, 3);
   const uint16_t count = encode(wire, payload, sizeof payload);
   link_receiver_start(&receiver);
-  for (long i = 0; i < 0x10000; i++) { /* a 16-bit counter would be at zero again */
-    CHECK(feed(&one, 1) == 0);
+  for (long i = 0; i < 0x10000; i++) { /* a counter of 16 bits would be zero again */
+    CHECK(feed_bytes(&one, 1) == 0);
   }
-  CHECK(feed(wire, count) == 0);
-  CHECK(feed(&zero, 1) == 0);
-  CHECK(receiver.bad == 1);
-  CHECK(feed(wire, count) == 1);
+  CHECK(feed_bytes(wire, count) == 0);
+  CHECK(feed_bytes(&zero, 1) == 0);
+  CHECK(receiver.discarded_frames == 1);
+  CHECK(feed_bytes(wire, count) == 1);
 }
 
 static void zeros_between_frames_are_no_frames(void)
 {
   const uint8_t zeros[3] = {0, 0, 0};
   link_receiver_start(&receiver);
-  CHECK(feed(zeros, 3) == 0);
-  CHECK(receiver.bad == 0);
+  CHECK(feed_bytes(zeros, 3) == 0);
+  CHECK(receiver.discarded_frames == 0);
 }
 
-static void the_length_in_the_head_must_be_the_length(void)
+static void wrong_length_in_the_header_is_refused(void)
 {
-  uint8_t plain[LINK_WIRE_MOST];
+  uint8_t plain[LINK_MAX_ENCODED_FRAME];
   uint8_t payload[4] = {1, 2, 3, 4};
   link_receiver_start(&receiver);
-  /* A valid frame whose payload ends with what could be the checksum of a shorter one would need
-     another length byte, which the checksum covers. */
+  /* The end of the payload could be the checksum of a shorter frame. That frame would need another
+     length byte, which the checksum covers. */
   const uint16_t count = encode(plain, payload, 4);
   for (int length = 0; length < 256; length++) {
     if (length != 4) {
-      uint8_t wire[LINK_WIRE_MOST];
+      uint8_t wire[LINK_MAX_ENCODED_FRAME];
       memcpy(wire, plain, count);
       wire[4] = (uint8_t)(length == 0 ? 1 : length);
-      CHECK(feed(wire, count) == 0);
+      CHECK(feed_bytes(wire, count) == 0);
     }
   }
 }
@@ -175,7 +174,7 @@ static void numbers_keep_sign_and_order(void)
   CHECK(link_get_i16(p) == INT16_MAX);
 }
 
-static void a_record_of_the_plant_tells_when_it_slipped(void)
+static void misaligned_plant_record_is_detected(void)
 {
   uint8_t p[LINK_SIZE_PLANT_SAMPLE];
   uint32_t check = LINK_PLANT_MAGIC;
@@ -194,14 +193,14 @@ static void a_record_of_the_plant_tells_when_it_slipped(void)
 
 int main(void)
 {
-  every_length_arrives_as_it_was_sent();
-  every_single_broken_bit_is_found();
-  a_frame_cut_short_anywhere_is_thrown_away_and_counted();
-  after_any_garbage_the_second_frame_arrives();
-  what_is_too_long_costs_one_frame_and_no_memory();
+  every_payload_length_arrives_unchanged();
+  every_single_flipped_bit_is_detected();
+  truncated_frame_is_discarded_and_counted();
+  second_frame_after_any_garbage_arrives();
+  too_long_frame_costs_one_frame_and_no_memory();
   zeros_between_frames_are_no_frames();
-  the_length_in_the_head_must_be_the_length();
+  wrong_length_in_the_header_is_refused();
   numbers_keep_sign_and_order();
-  a_record_of_the_plant_tells_when_it_slipped();
+  misaligned_plant_record_is_detected();
   return verdict();
 }

@@ -18,22 +18,22 @@ from anhyst_rigs.link import frames
 from .build import ROOT, compile_c, tool
 
 
-def cobs(data: bytes) -> bytes:
+def encode_cobs(payload: bytes) -> bytes:
     """Encode by definition: put the offset of the next zero before each piece between zeros."""
-    out = bytearray()
-    for piece in (data + b"\0").split(b"\0")[:-1]:
-        rest = piece
-        while len(rest) >= 254:
-            out += b"\xff" + rest[:254]
-            rest = rest[254:]
-        out += bytes([len(rest) + 1]) + rest
-    return bytes(out)
+    encoded = bytearray()
+    for piece in (payload + b"\0").split(b"\0")[:-1]:
+        remaining = piece
+        while len(remaining) >= 254:
+            encoded += b"\xff" + remaining[:254]
+            remaining = remaining[254:]
+        encoded += bytes([len(remaining) + 1]) + remaining
+    return bytes(encoded)
 
 
-def wire(kind: int, sequence: int, tick: int, payload: bytes) -> bytes:
+def encode_frame(kind: int, sequence: int, tick: int, payload: bytes) -> bytes:
     """Return a frame as it must be sent."""
     plain = struct.pack("<BBBBI", frames.VERSION, kind, sequence, len(payload), tick) + payload
-    return cobs(plain + struct.pack("<I", binascii.crc32(plain))) + b"\0"
+    return encode_cobs(plain + struct.pack("<I", binascii.crc32(plain))) + b"\0"
 
 
 class CFrame(ctypes.Structure):
@@ -51,11 +51,11 @@ class CFrame(ctypes.Structure):
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     """The C framing as a loaded library."""
-    out = tmp_path_factory.mktemp("framing") / "framing.so"
+    library_file = tmp_path_factory.mktemp("framing") / "framing.so"
     sources = [ROOT / "firmware" / "link" / name for name in ("frame.c", "crc.c")]
-    done = compile_c(tool("cc", "gcc"), sources, out, "-shared", "-fPIC")
-    assert done.returncode == 0, done.stderr
-    loaded = ctypes.CDLL(str(out))
+    completed = compile_c(tool("cc", "gcc"), sources, library_file, "-shared", "-fPIC")
+    assert completed.returncode == 0, completed.stderr
+    loaded = ctypes.CDLL(str(library_file))
     loaded.link_crc32.restype = ctypes.c_uint32
     loaded.link_encode.restype = ctypes.c_uint16
     return loaded
@@ -64,17 +64,17 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 def payloads() -> list[bytes]:
     """Payloads of every length, with many zeros and without zeros."""
     draw = random.Random(1)
-    lengths = range(frames.PAYLOAD_MOST + 1)
-    dense = [bytes(draw.choice((0, 0, 1, 255)) for _ in range(n)) for n in lengths]
-    return dense + [draw.randbytes(n) for n in lengths] + [b"\x01" * n for n in lengths]
+    lengths = range(frames.MAX_PAYLOAD_BYTES + 1)
+    nonzero_payloads = [bytes(draw.choice((0, 0, 1, 255)) for _ in range(n)) for n in lengths]
+    return nonzero_payloads + [draw.randbytes(n) for n in lengths] + [b"\x01" * n for n in lengths]
 
 
 def test_crc_is_that_of_zip(library: ctypes.CDLL) -> None:
     assert library.link_crc32(0, b"123456789", 9) == 0xCBF43926  # check value of the CRC catalogue
     for payload in payloads():
         assert library.link_crc32(0, payload, len(payload)) == binascii.crc32(payload)
-    halves = library.link_crc32(library.link_crc32(0, b"half ", 5), b"and half", 8)
-    assert halves == binascii.crc32(b"half and half")
+    crc_of_halves = library.link_crc32(library.link_crc32(0, b"half ", 5), b"and half", 8)
+    assert crc_of_halves == binascii.crc32(b"half and half")
 
 
 def test_frames_follow_the_definition(library: ctypes.CDLL) -> None:
@@ -84,7 +84,7 @@ def test_frames_follow_the_definition(library: ctypes.CDLL) -> None:
         tick, sequence = number * 0x01010101 & 0xFFFFFFFF, number & 0xFF
         frame = CFrame(frames.VERSION, 0x82, sequence, len(payload), tick, row, 0)
         count = library.link_encode(out, ctypes.byref(frame))
-        assert bytes(out[:count]) == wire(0x82, sequence, tick, payload)
+        assert bytes(out[:count]) == encode_frame(0x82, sequence, tick, payload)
 
 
 def test_frames_of_the_definition_are_received(library: ctypes.CDLL) -> None:
@@ -92,9 +92,9 @@ def test_frames_of_the_definition_are_received(library: ctypes.CDLL) -> None:
     library.link_receiver_start(receiver)
     frame = CFrame()
     for number, payload in enumerate(payloads()):
-        sent = wire(0x03, number & 0xFF, number, payload)
-        complete = [library.link_receive(receiver, byte, ctypes.byref(frame)) for byte in sent]
-        assert complete == [0] * (len(sent) - 1) + [1]
+        encoded = encode_frame(0x03, number & 0xFF, number, payload)
+        complete = [library.link_receive(receiver, byte, ctypes.byref(frame)) for byte in encoded]
+        assert complete == [0] * (len(encoded) - 1) + [1]
         assert (frame.type, frame.sequence, frame.tick) == (0x03, number & 0xFF, number)
         assert bytes(frame.payload[: frame.length]) == payload
 
@@ -143,21 +143,21 @@ def test_python_and_c_agree_on_sizes(tmp_path: Path) -> None:
     lines = [
         f"typedef char of_{kind.__name__}[LINK_SIZE_{name} == {kind.FIXED.size} ? 1 : -1];"
         for kind in MESSAGES
-        for name in [snake(kind.__name__)]
+        for name in [snake_case(kind.__name__)]
     ]
     for record in (frames.PlantSample, frames.PlantDrive):
         size = record.FIXED.size + 4
         lines.append(
             f"typedef char of_{record.__name__}"
-            f"[LINK_SIZE_{snake(record.__name__ + 'Record')} == {size} ? 1 : -1];"
+            f"[LINK_SIZE_{snake_case(record.__name__ + 'Record')} == {size} ? 1 : -1];"
         )
     source = tmp_path / "sizes.c"
     source.write_text('#include "link/frames.h"\n' + "\n".join(lines) + "\n", encoding="utf-8")
-    done = compile_c(tool("cc", "gcc"), [source], tmp_path, "-c")
-    assert done.returncode == 0, done.stderr
+    completed = compile_c(tool("cc", "gcc"), [source], tmp_path, "-c")
+    assert completed.returncode == 0, completed.stderr
 
 
-def snake(name: str) -> str:
+def snake_case(name: str) -> str:
     """Return the C name of a Python frame class."""
     stem = name.removesuffix("Request").removesuffix("Answer").removesuffix("Record")
     return "".join(f"_{c}" if c.isupper() and i else c for i, c in enumerate(stem)).upper()

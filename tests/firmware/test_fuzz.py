@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from .build import ROOT, can, tool
+from .build import ROOT, can_compile, tool
 
 FUZZER = ["-fsanitize=fuzzer,address,undefined", "-DPROBE_FUZZER"]
 INPUTS = 20_000
@@ -18,7 +18,7 @@ INPUTS = 20_000
 @pytest.mark.slow
 def test_no_input_of_a_short_run_breaks_the_firmware(tmp_path: Path) -> None:
     clang = tool("clang")
-    if not can(clang, tmp_path, *FUZZER):
+    if not can_compile(clang, tmp_path, *FUZZER):
         pytest.skip("clang has no libFuzzer here: apt install libclang-rt-dev")
     script = ROOT / "tools" / "fuzz.py"
     command = [sys.executable, str(script), "--runs", str(INPUTS), "--out", str(tmp_path / "fuzz")]

@@ -17,18 +17,18 @@ from tests.once import made_once
 
 from .build import ROOT, tool
 
-NONE, MOST = -(2**31), 2**31 - 1
-CODES = st.integers(NONE, MOST)
+NO_VALUE, MAX_VALUE = -(2**31), 2**31 - 1
+CODES = st.integers(NO_VALUE, MAX_VALUE)
 
 
 class Calibration(ctypes.Structure):
-    """C structure of calibration.h."""
+    """The C structure of calibration.h."""
 
     _fields_ = tuple((name, ctypes.c_int32) for name in ("zero", "mantissa", "shift", "low", "high"))
 
 
 class Plan(ctypes.Structure):
-    """C structure of thermal.h."""
+    """The C structure of thermal.h."""
 
     _fields_ = (
         ("mantissa", ctypes.c_uint32),
@@ -39,7 +39,7 @@ class Plan(ctypes.Structure):
 
 
 class Thermal(ctypes.Structure):
-    """C structure of thermal.h."""
+    """The C structure of thermal.h."""
 
     _fields_ = (("warmth", ctypes.c_uint64), ("tripped", ctypes.c_int))
 
@@ -56,7 +56,7 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 
     library = ctypes.CDLL(str(made_once(tmp_path_factory, "services", build) / "services.so"))
     library.calibration_value.restype = ctypes.c_int32
-    library.thermal_make.argtypes = [ctypes.c_void_p, ctypes.c_uint32, *[ctypes.c_int32] * 2]
+    library.thermal_prepare.argtypes = [ctypes.c_void_p, ctypes.c_uint32, *[ctypes.c_int32] * 2]
     return library
 
 
@@ -64,30 +64,30 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 def test_a_value_is_the_nearest_to_the_exact_one(
     services: ctypes.CDLL, code: int, zero: int, mantissa: int, shift: int
 ) -> None:
-    line = Calibration(zero, mantissa, shift, NONE, MOST)
+    line = Calibration(zero, mantissa, shift, NO_VALUE, MAX_VALUE)
     assert services.calibration_is_valid(ctypes.byref(line)) == 1
     exact = Fraction((code - zero) * mantissa, 2**shift)
     nearest = floor(exact + Fraction(1, 2)) if shift else int(exact)
     found = services.calibration_value(ctypes.byref(line), ctypes.c_int32(code))
-    assert found == min(max(nearest, -MOST), MOST)
+    assert found == min(max(nearest, -MAX_VALUE), MAX_VALUE)
 
 
 @given(CODES, CODES, CODES)
 def test_a_code_beyond_its_ends_is_no_value(services: ctypes.CDLL, code: int, low: int, high: int) -> None:
     line = Calibration(0, 1, 0, low, high)
     found = services.calibration_value(ctypes.byref(line), ctypes.c_int32(code))
-    assert (found == NONE) == (not low <= code <= high or code == NONE) or found == -MOST
+    assert (found == NO_VALUE) == (not low <= code <= high or code == NO_VALUE) or found == -MAX_VALUE
 
 
 @pytest.mark.parametrize("ticks", [2, 3, 977, 20_000, 2_400_000])
 def test_warmth_follows_the_square_of_the_current(services: ctypes.CDLL, ticks: int) -> None:
     """Compare 20,000 ticks with double precision; the longest constant is 2 minutes at 20 kHz."""
     plan, state = Plan(), Thermal()
-    assert services.thermal_make(ctypes.byref(plan), ticks, 2**29, 2**28) == 1
+    assert services.thermal_prepare(ctypes.byref(plan), ticks, 2**29, 2**28) == 1
     assert plan.mantissa / 2.0 ** (30 + plan.shift) == pytest.approx(1.0 / ticks, rel=2.0**-28)
     services.thermal_start(ctypes.byref(state), ctypes.byref(plan))
     rng = np.random.default_rng(ticks)
-    level = np.repeat(rng.integers(NONE, MOST, 40, endpoint=True), 500)
+    level = np.repeat(rng.integers(NO_VALUE, MAX_VALUE, 40, endpoint=True), 500)
     warmth, tripped = 0.25**2, False
     for current in level.tolist():
         found = services.thermal_tick(ctypes.byref(state), ctypes.byref(plan), current)

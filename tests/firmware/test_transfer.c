@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about parameter blocks and recordings: whole or not at all. */
+/* Claims about parameter blocks and recordings, which are transferred completely or not at all. */
 #include "../core/check.h"
 #include "bench.h"
 #include "link/crc.h"
@@ -10,10 +10,10 @@
 
 #define BLOCK_BYTES (2 * BENCH_WORDS)
 
-static uint8_t bytes[BLOCK_BYTES + 2]; /* a block, and a word more than it has */
+static uint8_t bytes[BLOCK_BYTES + 2]; /* one word more than the block has */
 static uint32_t checksum;
 
-/* A block of this generation as it is sent. */
+/* A block with this generation, as the PC sends it. */
 static void make_block(uint16_t generation)
 {
   int16_t words[BENCH_WORDS];
@@ -24,72 +24,72 @@ static void make_block(uint16_t generation)
   checksum = link_crc32(0, bytes, BLOCK_BYTES);
 }
 
-static uint8_t begin(uint16_t words, uint16_t generation, uint32_t check)
+static uint8_t begin_block(uint16_t words, uint16_t generation, uint32_t check)
 {
   uint8_t payload[LINK_SIZE_BLOCK_BEGIN];
   link_put_u16(payload, words);
   link_put_u16(payload + 2, generation);
   link_put_u32(payload + 4, check);
-  return bench_ask(LINK_TYPE_BLOCK_BEGIN, payload, sizeof payload);
+  return bench_request(LINK_TYPE_BLOCK_BEGIN, payload, sizeof payload);
 }
 
 static uint8_t data(uint16_t offset, size_t count)
 {
-  uint8_t payload[LINK_PAYLOAD_MOST];
+  uint8_t payload[LINK_MAX_PAYLOAD];
   link_put_u16(payload, offset);
   memcpy(payload + 2, bytes + 2 * (size_t)offset, 2 * count);
-  return bench_ask(LINK_TYPE_BLOCK_DATA, payload, (uint8_t)(2 + 2 * count));
+  return bench_request(LINK_TYPE_BLOCK_DATA, payload, (uint8_t)(2 + 2 * count));
 }
 
-static uint8_t swap(uint16_t generation)
+static uint8_t request_swap(uint16_t generation)
 {
   uint8_t payload[LINK_SIZE_BLOCK_SWAP];
   link_put_u16(payload, generation);
-  return bench_ask(LINK_TYPE_BLOCK_SWAP, payload, sizeof payload);
+  return bench_request(LINK_TYPE_BLOCK_SWAP, payload, sizeof payload);
 }
 
-static uint16_t generation_in_force(void)
+static uint16_t active_generation(void)
 {
-  (void)bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0);
+  (void)bench_request(LINK_TYPE_HEARTBEAT, NULL, 0);
   return link_get_u16(bench.payload + 24);
 }
 
-/* Changes a word of the block that is sent next. */
-static void change(uint16_t word, int16_t value)
+/* Changes a word of the next block. */
+static void change_word(uint16_t word, int16_t value)
 {
   link_put_u16(bytes + 2 * (size_t)word, (uint16_t)value);
   checksum = link_crc32(0, bytes, BLOCK_BYTES);
 }
 
-static uint8_t send_made(uint16_t generation)
+static uint8_t send_changed_block(uint16_t generation)
 {
-  (void)begin(BENCH_WORDS, generation, checksum);
+  (void)begin_block(BENCH_WORDS, generation, checksum);
   (void)data(0, 40);
   (void)data(40, BENCH_WORDS - 40);
-  return swap(generation);
+  return request_swap(generation);
 }
 
-static uint8_t send_whole(uint16_t generation)
+static uint8_t send_complete_block(uint16_t generation)
 {
   make_block(generation);
-  return send_made(generation);
+  return send_changed_block(generation);
 }
 
-static void a_valid_block_is_in_force_from_the_next_tick_and_keeps_the_memory(void)
+static void valid_block_is_active_from_the_next_tick_with_the_memory(void)
 {
   bench_start();
   bench_run();
   (void)bench_demand(4000);
   bench_ticks(1);
   const int32_t memory = bench.firmware.control.body->compensator.memory.number[0];
-  CHECK(generation_in_force() == 1);
-  CHECK(send_whole(2) == LINK_TYPE_ACK && bench_detail() == 2);
-  CHECK(generation_in_force() == 2);
+  CHECK(active_generation() == 1);
+  CHECK(send_complete_block(2) == LINK_TYPE_ACK && bench_detail() == 2);
+  CHECK(active_generation() == 2);
   CHECK(bench.firmware.control.body->compensator.memory.number[0] == memory && memory != 0);
   CHECK(app_body_states(bench.firmware.control.body)->state == ANHYST_STATE_RUN);
 }
 
-static void blocks_follow_each_other_and_never_overwrite_the_one_in_force(void)
+static void download_never_overwrites_the_active_block(void)
 {
   bench_start();
   for (uint16_t generation = 2; generation < 9; generation++) {
@@ -97,60 +97,60 @@ static void blocks_follow_each_other_and_never_overwrite_the_one_in_force(void)
     int16_t copy[BENCH_WORDS];
     memcpy(copy, before, sizeof copy);
     make_block(generation);
-    (void)begin(BENCH_WORDS, generation, checksum);
+    (void)begin_block(BENCH_WORDS, generation, checksum);
     (void)data(0, BENCH_WORDS);
     CHECK(memcmp(copy, before, sizeof copy) == 0);
-    CHECK(swap(generation) == LINK_TYPE_ACK);
+    CHECK(request_swap(generation) == LINK_TYPE_ACK);
     CHECK(bench.firmware.control.body->compensator.words != before);
-    CHECK(generation_in_force() == generation);
+    CHECK(active_generation() == generation);
   }
 }
 
-static void on_any_error_the_old_block_stays(void)
+static void old_block_stays_active_after_any_error(void)
 {
   bench_start();
   make_block(2);
-  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+  CHECK(request_swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
   CHECK(data(0, 8) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
-  CHECK(begin(ANHYST_BLOCK_LEAST_WORDS - 1, 2, checksum) == LINK_TYPE_NAK);
+  CHECK(begin_block(ANHYST_BLOCK_LEAST_WORDS - 1, 2, checksum) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_VALUE);
-  CHECK(begin(ANHYST_BLOCK_MOST_WORDS + 1, 2, checksum) == LINK_TYPE_NAK);
+  CHECK(begin_block(ANHYST_BLOCK_MOST_WORDS + 1, 2, checksum) == LINK_TYPE_NAK);
 
-  CHECK(begin(BENCH_WORDS, 2, checksum) == LINK_TYPE_ACK);
+  CHECK(begin_block(BENCH_WORDS, 2, checksum) == LINK_TYPE_ACK);
   CHECK(data(0, 40) == LINK_TYPE_ACK && bench_detail() == 40);
   CHECK(data(41, 10) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
   CHECK(bench_detail() == 40);
-  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+  CHECK(request_swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
   CHECK(data(40, BENCH_WORDS - 40) == LINK_TYPE_ACK);
   CHECK(data(BENCH_WORDS, 1) == LINK_TYPE_NAK);
-  CHECK(swap(3) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_GENERATION);
+  CHECK(request_swap(3) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_GENERATION);
 
-  (void)begin(BENCH_WORDS, 2, checksum ^ 1U);
+  (void)begin_block(BENCH_WORDS, 2, checksum ^ 1U);
   (void)data(0, BENCH_WORDS);
-  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_CHECKSUM);
+  CHECK(request_swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_CHECKSUM);
 
   bytes[0] ^= 1U; /* no magic */
-  (void)begin(BENCH_WORDS, 2, link_crc32(0, bytes, BLOCK_BYTES));
+  (void)begin_block(BENCH_WORDS, 2, link_crc32(0, bytes, BLOCK_BYTES));
   (void)data(0, BENCH_WORDS);
-  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_BLOCK);
-  CHECK(generation_in_force() == 1);
+  CHECK(request_swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_BLOCK);
+  CHECK(active_generation() == 1);
   CHECK(bench.firmware.control.body->compensator.words == bench_words);
 }
 
-static void a_block_made_for_other_scales_is_refused_and_says_where(void)
+static void block_for_other_scales_is_refused_with_the_word(void)
 {
   bench_start();
   bench_run();
   for (uint16_t word = 0; word < ANHYST_SCALE_WORDS; word++) {
     make_block(2);
-    change((uint16_t)(ANHYST_WORD_SCALE_DEMAND + word), 1);
-    CHECK(send_made(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_SCALE);
+    change_word((uint16_t)(ANHYST_WORD_SCALE_DEMAND + word), 1);
+    CHECK(send_changed_block(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_SCALE);
     CHECK(bench_detail() == ANHYST_WORD_SCALE_DEMAND);
   }
-  CHECK(generation_in_force() == 1);
+  CHECK(active_generation() == 1);
 }
 
-static void a_built_in_block_made_for_other_scales_is_a_fault(void)
+static void built_in_block_for_other_scales_is_a_fault(void)
 {
   bench_start();
   bench_words[ANHYST_WORD_SCALE_CURRENT] = 1;
@@ -160,20 +160,20 @@ static void a_built_in_block_made_for_other_scales_is_a_fault(void)
         bench.drive == 0);
 }
 
-/* At a demand at which the board's block asks for half of full scale, one that asks for a quarter
-   less, or more than the board allows. */
+/* The board's block gives half of full scale at this demand. Another block gives a quarter less, or
+   more than the board allows. */
 static void after_a_swap_the_current_moves_along_the_ramp(int16_t more)
 {
   bench_start();
   bench_run();
-  const int32_t step = bench.firmware.control.body->ramp;
+  const int32_t step = bench.firmware.control.body->ramp_step;
   (void)bench_demand(INT32_MAX / 4 * 3);
   bench_ticks(1);
   int32_t before = bench.drive;
   CHECK(before == INT32_MAX / 4 * 3 / 2);
   make_block(2);
-  change(FAKE_MORE, more);
-  CHECK(send_made(2) == LINK_TYPE_ACK);
+  change_word(FAKE_EXTRA_CURRENT, more);
+  CHECK(send_changed_block(2) == LINK_TYPE_ACK);
   int32_t wanted = before + (int32_t)more * 65536;
   wanted = wanted > bench_limits.current_high ? bench_limits.current_high : wanted;
   for (int i = 0; i < 6; i++) {
@@ -186,7 +186,7 @@ static void after_a_swap_the_current_moves_along_the_ramp(int16_t more)
   CHECK(bench.drive == wanted);
 }
 
-static void once_there_the_current_is_as_fast_as_before(void)
+static void current_is_fast_again_after_the_ramp(void)
 {
   after_a_swap_the_current_moves_along_the_ramp(-8192);
   (void)bench_demand(0);
@@ -194,8 +194,8 @@ static void once_there_the_current_is_as_fast_as_before(void)
   CHECK(bench.drive == -8192 * 65536);
 }
 
-/* Switched while it runs, the current goes from one to the other along the ramp, and the memory of
-   the iron goes on. */
+/* After a swap in the state RUN, the current moves to that of the new block along the ramp, and the
+   hysteresis state is transferred. */
 static void compensation_is_switched_along_the_ramp(void)
 {
   bench_start();
@@ -204,7 +204,7 @@ static void compensation_is_switched_along_the_ramp(void)
   (void)bench_demand(PORT_ONE);
   bench_ticks(1);
   const int32_t before = bench.drive;
-  const int32_t ramp = bench.firmware.control.body->ramp;
+  const int32_t ramp = bench.firmware.control.body->ramp_step;
   int32_t last = before;
   CHECK(bench_set(LINK_SETTING_COMPENSATION, 0) == LINK_TYPE_SETTING);
   bench_ticks(1);
@@ -222,24 +222,24 @@ static void compensation_is_switched_along_the_ramp(void)
   CHECK(bench.drive == before);
 }
 
-static void a_swap_begins_the_conditioning_anew(void)
+static void swap_restarts_the_conditioning(void)
 {
   bench_start();
   bench_ticks(12);
   (void)bench_command(ANHYST_COMMAND_CONDITION);
   bench_ticks(5);
-  CHECK(send_whole(2) == LINK_TYPE_ACK);
+  CHECK(send_complete_block(2) == LINK_TYPE_ACK);
   bench_ticks(FAKE_CYCLES * FAKE_CYCLE_TICKS);
   CHECK(bench_state() == ANHYST_STATE_IDLE);
   bench_ticks(1);
   CHECK(bench_state() == ANHYST_STATE_READY);
 }
 
-static void a_swap_is_done_once(void)
+static void repeated_swap_is_performed_once(void)
 {
   bench_start();
-  CHECK(send_whole(2) == LINK_TYPE_ACK);
-  CHECK(swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
+  CHECK(send_complete_block(2) == LINK_TYPE_ACK);
+  CHECK(request_swap(2) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_ORDER);
 }
 
 static void half_a_word_is_refused(void)
@@ -247,13 +247,13 @@ static void half_a_word_is_refused(void)
   uint8_t payload[5] = {0};
   bench_start();
   make_block(2);
-  (void)begin(BENCH_WORDS, 2, checksum);
-  CHECK(bench_ask(LINK_TYPE_BLOCK_DATA, payload, 5) == LINK_TYPE_NAK);
+  (void)begin_block(BENCH_WORDS, 2, checksum);
+  CHECK(bench_request(LINK_TYPE_BLOCK_DATA, payload, 5) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_LENGTH);
-  CHECK(bench_ask(LINK_TYPE_BLOCK_DATA, payload, 2) == LINK_TYPE_NAK);
+  CHECK(bench_request(LINK_TYPE_BLOCK_DATA, payload, 2) == LINK_TYPE_NAK);
 }
 
-static void a_valid_block_cures_an_invalid_one_built_in(void)
+static void valid_block_replaces_an_invalid_built_in_block(void)
 {
   bench_start();
   bench_words[ANHYST_WORD_MAGIC] = 0;
@@ -261,8 +261,8 @@ static void a_valid_block_cures_an_invalid_one_built_in(void)
   (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
   bench_ticks(5);
   CHECK(app_body_states(bench.firmware.control.body)->fault == ANHYST_FAULT_BLOCK &&
-        generation_in_force() == 0);
-  CHECK(send_whole(3) == LINK_TYPE_ACK && generation_in_force() == 3);
+        active_generation() == 0);
+  CHECK(send_complete_block(3) == LINK_TYPE_ACK && active_generation() == 3);
   CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
   bench_ticks(12);
   CHECK(app_body_states(bench.firmware.control.body)->state == ANHYST_STATE_IDLE);
@@ -273,10 +273,10 @@ static uint8_t read_block(uint16_t offset, uint16_t count)
   uint8_t payload[LINK_SIZE_BLOCK_READ];
   link_put_u16(payload, offset);
   link_put_u16(payload + 2, count);
-  return bench_ask(LINK_TYPE_BLOCK_READ, payload, sizeof payload);
+  return bench_request(LINK_TYPE_BLOCK_READ, payload, sizeof payload);
 }
 
-static void the_block_in_force_can_be_read_and_nothing_behind_it(void)
+static void active_block_can_be_read_but_nothing_beyond_it(void)
 {
   bench_start();
   make_block(1);
@@ -292,19 +292,19 @@ static void the_block_in_force_can_be_read_and_nothing_behind_it(void)
 
 int main(void)
 {
-  a_valid_block_is_in_force_from_the_next_tick_and_keeps_the_memory();
-  blocks_follow_each_other_and_never_overwrite_the_one_in_force();
-  on_any_error_the_old_block_stays();
-  a_block_made_for_other_scales_is_refused_and_says_where();
-  a_built_in_block_made_for_other_scales_is_a_fault();
+  valid_block_is_active_from_the_next_tick_with_the_memory();
+  download_never_overwrites_the_active_block();
+  old_block_stays_active_after_any_error();
+  block_for_other_scales_is_refused_with_the_word();
+  built_in_block_for_other_scales_is_a_fault();
   after_a_swap_the_current_moves_along_the_ramp(4096);
   after_a_swap_the_current_moves_along_the_ramp(20000);
-  once_there_the_current_is_as_fast_as_before();
+  current_is_fast_again_after_the_ramp();
   compensation_is_switched_along_the_ramp();
-  a_swap_begins_the_conditioning_anew();
-  a_swap_is_done_once();
+  swap_restarts_the_conditioning();
+  repeated_swap_is_performed_once();
   half_a_word_is_refused();
-  a_valid_block_cures_an_invalid_one_built_in();
-  the_block_in_force_can_be_read_and_nothing_behind_it();
+  valid_block_replaces_an_invalid_built_in_block();
+  active_block_can_be_read_but_nothing_beyond_it();
   return verdict();
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims about the slave of XCP, command by command. */
+/* Claims about the XCP slave, command by command. */
 #include "../core/check.h"
 #include "bench.h"
 
@@ -15,7 +15,7 @@ static xcp_slave slave;
 static uint8_t answer[XCP_PACKET];
 static uint16_t answered;
 
-/* Sends a command; 0 where it was done, else the error. */
+/* Sends a command. Returns 0 if it was performed, otherwise the error. */
 static uint8_t send(const uint8_t *command, uint16_t length)
 {
   memset(answer, 0xEE, sizeof answer);
@@ -73,7 +73,7 @@ static uint8_t read_at(uint32_t address, uint8_t count)
   return send(command, sizeof command);
 }
 
-/* One list of `entries` signals in one part. */
+/* Allocates one list with one part of `entries` signals. */
 static void sample(uint8_t entries)
 {
   CHECK(SEND(0xD6) == 0 && SEND(0xD5, 0, 1, 0) == 0 && SEND(0xD4, 0, 0, 0, 1) == 0);
@@ -100,7 +100,7 @@ static void nothing_is_answered_before_connect(void)
   CHECK(answered == 0);
 }
 
-static void every_command_wants_its_bytes(void)
+static void too_short_command_is_refused(void)
 {
   uint8_t command[XCP_PACKET + 1] = {0};
   connect_master();
@@ -109,9 +109,9 @@ static void every_command_wants_its_bytes(void)
     (void)send(command, 1);
     CHECK(answered >= 1);
   }
-  CHECK(SEND(0xF6, 0, 0, 0) == XCP_SYNTAX && SEND(0xC0) == XCP_UNKNOWN);
+  CHECK(SEND(0xF6, 0, 0, 0) == XCP_ERR_SYNTAX && SEND(0xC0) == XCP_ERR_UNKNOWN_COMMAND);
   command[0] = 0xFD;
-  CHECK(send(command, sizeof command) == XCP_SYNTAX);
+  CHECK(send(command, sizeof command) == XCP_ERR_SYNTAX);
   CHECK(SEND(0xFC) == 0 && answered == 2 && answer[0] == 0xFEU); /* synch */
 }
 
@@ -119,22 +119,22 @@ static void memory_ends_where_its_tables_end(void)
 {
   unlock();
   CHECK(read_at(SIGNALS, 4 * LINK_SIGNAL_COUNT) == 0 &&
-        read_at(SIGNALS + 1, 4 * LINK_SIGNAL_COUNT) == XCP_RANGE);
-  CHECK(read_at(SIGNALS + 4 * LINK_SIGNAL_COUNT, 1) == XCP_RANGE);
+        read_at(SIGNALS + 1, 4 * LINK_SIGNAL_COUNT) == XCP_ERR_RANGE);
+  CHECK(read_at(SIGNALS + 4 * LINK_SIGNAL_COUNT, 1) == XCP_ERR_RANGE);
   CHECK(read_at(BLOCK + 2 * BENCH_WORDS - 2, 2) == 0 &&
-        read_at(BLOCK + 2 * BENCH_WORDS - 2, 3) == XCP_RANGE);
+        read_at(BLOCK + 2 * BENCH_WORDS - 2, 3) == XCP_ERR_RANGE);
   CHECK(read_at((uint32_t)XCP_AREA_NAME << 16, 5) == 0 && memcmp(answer + 1, "bench", 5) == 0);
-  CHECK(read_at((uint32_t)XCP_AREA_NAME << 16, 6) == XCP_RANGE);
-  CHECK(read_at(0, 1) == XCP_DENIED && read_at(0xFFFFFFFFU, 1) == XCP_DENIED);
-  CHECK(read_at(0x1FFFFU, 2) == XCP_RANGE && read_at(SIGNALS, 0) == XCP_RANGE);
-  CHECK(read_at(SIGNALS, XCP_PACKET) == XCP_RANGE);
-  CHECK(write_value(XCP_AREA_SIGNAL, 0, 1) == XCP_WRITE_PROTECTED);
-  CHECK(write_value(XCP_AREA_SETTING, LINK_SETTING_COUNT, 1) == XCP_RANGE);
-  CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_SET_TARGET, 1) == XCP_DENIED); /* of force */
-  CHECK(write_at((uint32_t)XCP_AREA_SETTING << 16, (const uint8_t[]){1, 0}, 2) == XCP_RANGE);
+  CHECK(read_at((uint32_t)XCP_AREA_NAME << 16, 6) == XCP_ERR_RANGE);
+  CHECK(read_at(0, 1) == XCP_ERR_DENIED && read_at(0xFFFFFFFFU, 1) == XCP_ERR_DENIED);
+  CHECK(read_at(0x1FFFFU, 2) == XCP_ERR_RANGE && read_at(SIGNALS, 0) == XCP_ERR_RANGE);
+  CHECK(read_at(SIGNALS, XCP_PACKET) == XCP_ERR_RANGE);
+  CHECK(write_value(XCP_AREA_SIGNAL, 0, 1) == XCP_ERR_WRITE_PROTECTED);
+  CHECK(write_value(XCP_AREA_SETTING, LINK_SETTING_COUNT, 1) == XCP_ERR_RANGE);
+  CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_SET_TARGET, 1) == XCP_ERR_DENIED); /* signal: force */
+  CHECK(write_at((uint32_t)XCP_AREA_SETTING << 16, (const uint8_t[]){1, 0}, 2) == XCP_ERR_RANGE);
 }
 
-static void a_value_can_be_read_from_any_byte_on(void)
+static void value_can_be_read_from_any_byte(void)
 {
   uint8_t whole[8];
   connect_master();
@@ -148,63 +148,66 @@ static void a_value_can_be_read_from_any_byte_on(void)
   }
 }
 
-static void the_key_is_good_once_and_for_its_connection(void)
+static void key_is_valid_once_and_for_its_connection(void)
 {
   uint8_t command[6] = {0xF7, 4};
   connect_master();
-  CHECK(SEND(0xF7, 4, 0, 0, 0, 0) == XCP_SEQUENCE);
-  CHECK(show_key(XCP_SECRET + 1U) == XCP_LOCKED);
+  CHECK(SEND(0xF7, 4, 0, 0, 0, 0) == XCP_ERR_SEQUENCE);
+  CHECK(show_key(XCP_SECRET + 1U) == XCP_ERR_LOCKED);
   (void)SEND(0xFD);
-  CHECK(answered == 0); /* a wrong key ended the connection */
+  CHECK(answered == 0); /* the wrong key ended the connection */
   unlock();
   memcpy(command + 2, answer + 2, 4);
   CHECK(write_value(XCP_AREA_SETTING, LINK_SETTING_DEMAND_SLEW, 5) == 0);
-  xcp_hang_up(&slave);
+  xcp_disconnect(&slave);
   CHECK(SEND(0xFF, 0) == 0);
-  CHECK(write_value(XCP_AREA_SETTING, LINK_SETTING_DEMAND_SLEW, 6) == XCP_LOCKED);
-  CHECK(send(command, sizeof command) == XCP_SEQUENCE);
+  CHECK(write_value(XCP_AREA_SETTING, LINK_SETTING_DEMAND_SLEW, 6) == XCP_ERR_LOCKED);
+  CHECK(send(command, sizeof command) == XCP_ERR_SEQUENCE);
   CHECK(bench.firmware.settings[LINK_SETTING_DEMAND_SLEW] == 5);
 }
 
-static void a_refusal_says_why(void)
+static void refusal_has_a_reason(void)
 {
   unlock();
-  CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_COMMAND, ANHYST_COMMAND_RUN) == XCP_DENIED);
+  CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_COMMAND, ANHYST_COMMAND_RUN) == XCP_ERR_DENIED);
   CHECK(answered == 4 && link_get_u16(answer + 2) == LINK_REASON_STATE);
-  CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_COMMAND, -1) == XCP_RANGE);
-  CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_COMMAND, 0x10001) == XCP_RANGE);
+  CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_COMMAND, -1) == XCP_ERR_RANGE);
+  CHECK(write_value(XCP_AREA_INPUT, XCP_INPUT_COMMAND, 0x10001) == XCP_ERR_RANGE);
 }
 
-static void allocation_keeps_its_order_and_its_room(void)
+static void allocation_keeps_its_order_and_limits(void)
 {
   connect_master();
-  CHECK(SEND(0xD4, 0, 0, 0, 1) == XCP_SEQUENCE && SEND(0xD3, 0, 0, 0, 0, 1) == XCP_SEQUENCE);
-  CHECK(SEND(0xD5, 0, XCP_LISTS + 1, 0) == XCP_NO_ROOM && SEND(0xD5, 0, 1, 1) == XCP_NO_ROOM);
-  CHECK(SEND(0xD5, 0, 2, 0) == 0 && SEND(0xD5, 0, 1, 0) == XCP_SEQUENCE);
-  CHECK(SEND(0xD4, 0, 2, 0, 1) == XCP_RANGE && SEND(0xD4, 0, 0, 0, XCP_ODTS + 1) == XCP_NO_ROOM);
-  CHECK(SEND(0xD4, 0, 0, 0, 2) == 0 && SEND(0xD4, 0, 0, 0, 1) == XCP_SEQUENCE);
-  CHECK(SEND(0xD3, 0, 0, 0, 0, XCP_ENTRIES + 1) == XCP_NO_ROOM);
-  CHECK(SEND(0xD3, 0, 0, 0, 0, 1) == 0 && SEND(0xD3, 0, 0, 0, 2, 1) == XCP_RANGE);
-  CHECK(SEND(0xD4, 0, 1, 0, 1) == XCP_SEQUENCE); /* parts come before entries */
+  CHECK(SEND(0xD4, 0, 0, 0, 1) == XCP_ERR_SEQUENCE &&
+        SEND(0xD3, 0, 0, 0, 0, 1) == XCP_ERR_SEQUENCE);
+  CHECK(SEND(0xD5, 0, XCP_LISTS + 1, 0) == XCP_ERR_NO_MEMORY &&
+        SEND(0xD5, 0, 1, 1) == XCP_ERR_NO_MEMORY);
+  CHECK(SEND(0xD5, 0, 2, 0) == 0 && SEND(0xD5, 0, 1, 0) == XCP_ERR_SEQUENCE);
+  CHECK(SEND(0xD4, 0, 2, 0, 1) == XCP_ERR_RANGE &&
+        SEND(0xD4, 0, 0, 0, XCP_ODTS + 1) == XCP_ERR_NO_MEMORY);
+  CHECK(SEND(0xD4, 0, 0, 0, 2) == 0 && SEND(0xD4, 0, 0, 0, 1) == XCP_ERR_SEQUENCE);
+  CHECK(SEND(0xD3, 0, 0, 0, 0, XCP_ENTRIES + 1) == XCP_ERR_NO_MEMORY);
+  CHECK(SEND(0xD3, 0, 0, 0, 0, 1) == 0 && SEND(0xD3, 0, 0, 0, 2, 1) == XCP_ERR_RANGE);
+  CHECK(SEND(0xD4, 0, 1, 0, 1) == XCP_ERR_SEQUENCE); /* parts are allocated before entries */
 }
 
-static void a_list_runs_once_all_its_entries_are_signals(void)
+static void list_starts_only_with_complete_entries(void)
 {
   connect_master();
   CHECK(SEND(0xD5, 0, 1, 0) == 0 && SEND(0xD4, 0, 0, 0, 1) == 0 && SEND(0xD3, 0, 0, 0, 0, 1) == 0);
-  CHECK(SEND(0xE2, 0, 0, 0, 0, 1) == XCP_RANGE && SEND(0xE2, 0, 0, 0, 0, 0) == 0);
-  CHECK(SEND(0xDE, 1, 0, 0) == XCP_DAQ_CONFIG); /* an entry was never written */
-  CHECK(SEND(0xE1, 0xFF, 2, 0, 0, 0, 1, 0) == XCP_RANGE);
-  CHECK(SEND(0xE1, 0xFF, 4, 0, 0, 0, 2, 0) == XCP_RANGE); /* a setting is no signal */
+  CHECK(SEND(0xE2, 0, 0, 0, 0, 1) == XCP_ERR_RANGE && SEND(0xE2, 0, 0, 0, 0, 0) == 0);
+  CHECK(SEND(0xDE, 1, 0, 0) == XCP_ERR_DAQ_CONFIG); /* one entry was never written */
+  CHECK(SEND(0xE1, 0xFF, 2, 0, 0, 0, 1, 0) == XCP_ERR_RANGE);
+  CHECK(SEND(0xE1, 0xFF, 4, 0, 0, 0, 2, 0) == XCP_ERR_RANGE); /* a setting is not a signal */
   CHECK(SEND(0xE1, 0xFF, 4, 0, 0, 0, 1, 0) == 0);
-  CHECK(SEND(0xE1, 0xFF, 4, 0, 0, 0, 1, 0) == XCP_DAQ_CONFIG); /* no entry is left */
-  CHECK(SEND(0xE0, 0x10, 0, 0, 0, 0, 0, 0) == XCP_RANGE &&
-        SEND(0xE0, 0x02, 0, 0, 0, 0, 1, 0) == XCP_MODE);
-  CHECK(SEND(0xDE, 1, 0, 0) == 0 && SEND(0xE2, 0, 0, 0, 0, 0) == XCP_DAQ_ACTIVE);
+  CHECK(SEND(0xE1, 0xFF, 4, 0, 0, 0, 1, 0) == XCP_ERR_DAQ_CONFIG); /* no entry is free */
+  CHECK(SEND(0xE0, 0x10, 0, 0, 0, 0, 0, 0) == XCP_ERR_RANGE &&
+        SEND(0xE0, 0x02, 0, 0, 0, 0, 1, 0) == XCP_ERR_MODE);
+  CHECK(SEND(0xDE, 1, 0, 0) == 0 && SEND(0xE2, 0, 0, 0, 0, 0) == XCP_ERR_DAQ_ACTIVE);
   CHECK(SEND(0xD6) == 0 && SEND(0xFD) == 0 && (answer[1] & 0x40U) == 0U);
 }
 
-static void a_sample_is_of_one_tick(void)
+static void sample_belongs_to_one_tick(void)
 {
   uint8_t packet[XCP_PACKET];
   connect_master();
@@ -221,7 +224,7 @@ static void a_sample_is_of_one_tick(void)
   CHECK(xcp_take(&slave, packet, XCP_PACKET) == 0);
 }
 
-static void a_full_queue_drops_whole_samples_and_says_so(void)
+static void full_queue_drops_complete_samples_and_reports_it(void)
 {
   uint8_t packet[XCP_PACKET];
   const int fit = (XCP_QUEUE - 1) / (7 + 4 * 8);
@@ -241,49 +244,49 @@ static void a_full_queue_drops_whole_samples_and_says_so(void)
   }
 }
 
-static void address_and_value_go_in_one_command(void)
+static void short_download_writes_a_value(void)
 {
   const uint8_t setting = (uint8_t)XCP_AREA_SETTING;
   const uint8_t at = 4U * (uint8_t)LINK_SETTING_DEMAND_SLEW;
   connect_master();
-  CHECK(SEND(0xED, 4, 0, 0, at, 0, setting, 0, 0x39, 0x30, 0, 0) == XCP_LOCKED);
+  CHECK(SEND(0xED, 4, 0, 0, at, 0, setting, 0, 0x39, 0x30, 0, 0) == XCP_ERR_LOCKED);
   unlock();
   CHECK(SEND(0xED, 4, 0, 0, at, 0, setting, 0, 0x39, 0x30, 0, 0) == 0);
   CHECK(bench.firmware.settings[LINK_SETTING_DEMAND_SLEW] == 12345);
-  CHECK(SEND(0xED, 4, 0, 0, at, 0, setting, 0, 0, 0, 0) == XCP_SYNTAX);
-  CHECK(SEND(0xED, 4, 0, 1, at, 0, setting, 0, 1, 0, 0, 0) == XCP_RANGE);
+  CHECK(SEND(0xED, 4, 0, 0, at, 0, setting, 0, 0, 0, 0) == XCP_ERR_SYNTAX);
+  CHECK(SEND(0xED, 4, 0, 1, at, 0, setting, 0, 1, 0, 0, 0) == XCP_ERR_RANGE);
   CHECK(bench.firmware.settings[LINK_SETTING_DEMAND_SLEW] == 12345);
 }
 
-static void who_looks_on_is_no_heartbeat(void)
+static void measuring_master_is_no_heartbeat(void)
 {
   connect_master();
-  bench.firmware.control.silent = 7;
-  CHECK(SEND(0xFD) == 0 && bench.firmware.control.silent == 7);
-  CHECK(show_key(XCP_SECRET) == 0 && SEND(0xFD) == 0 && bench.firmware.control.silent == 0);
+  bench.firmware.control.silent_ticks = 7;
+  CHECK(SEND(0xFD) == 0 && bench.firmware.control.silent_ticks == 7);
+  CHECK(show_key(XCP_SECRET) == 0 && SEND(0xFD) == 0 && bench.firmware.control.silent_ticks == 0);
 }
 
-static void the_own_link_and_a_master_do_not_mix_their_blocks(void)
+static void link_and_master_do_not_mix_their_blocks(void)
 {
   uint8_t payload[LINK_SIZE_BLOCK_BEGIN] = {BENCH_WORDS, 0};
   const uint8_t word[2] = {7, 0};
   unlock();
   CHECK(SEND(0xEB, 2, 0, 1) == 0);
-  CHECK(bench_ask(LINK_TYPE_BLOCK_BEGIN, payload, sizeof payload) == LINK_TYPE_ACK);
-  CHECK(write_at(BLOCK + 2 * ANHYST_WORD_GENERATION, word, 2) == XCP_DENIED);
-  CHECK(SEND(0xEB, 1, 0, 1) == XCP_PAGE && link_get_u16(answer + 2) == LINK_REASON_ORDER);
+  CHECK(bench_request(LINK_TYPE_BLOCK_BEGIN, payload, sizeof payload) == LINK_TYPE_ACK);
+  CHECK(write_at(BLOCK + 2 * ANHYST_WORD_GENERATION, word, 2) == XCP_ERR_DENIED);
+  CHECK(SEND(0xEB, 1, 0, 1) == XCP_ERR_PAGE && link_get_u16(answer + 2) == LINK_REASON_ORDER);
 }
 
-static void an_edited_word_is_in_force_when_its_page_is_set(void)
+static void edited_word_is_active_after_page_change(void)
 {
   const uint8_t word[2] = {7, 0};
   const uint32_t place = BLOCK + 2 * ANHYST_WORD_GENERATION;
   unlock();
-  CHECK(write_at(place, word, 2) == XCP_WRITE_PROTECTED); /* page 0 */
+  CHECK(write_at(place, word, 2) == XCP_ERR_WRITE_PROTECTED); /* page 0 */
   CHECK(SEND(0xEB, 2, 0, 1) == 0 && write_at(place, word, 2) == 0);
   CHECK(read_at(place, 2) == 0 && answer[1] == 7);
   CHECK(bench.firmware.control.body->compensator.words[ANHYST_WORD_GENERATION] == 1);
-  CHECK(write_at(BLOCK + 2 * ANHYST_BLOCK_MOST_WORDS, word, 2) == XCP_RANGE);
+  CHECK(write_at(BLOCK + 2 * ANHYST_BLOCK_MOST_WORDS, word, 2) == XCP_ERR_RANGE);
   CHECK(SEND(0xEA, 1, 0) == 0 && answer[3] == 0);
   CHECK(SEND(0xEB, 1, 0, 1) == 0);
   CHECK(bench.firmware.control.body->compensator.words[ANHYST_WORD_GENERATION] == 7);
@@ -293,18 +296,18 @@ static void an_edited_word_is_in_force_when_its_page_is_set(void)
 int main(void)
 {
   nothing_is_answered_before_connect();
-  every_command_wants_its_bytes();
+  too_short_command_is_refused();
   memory_ends_where_its_tables_end();
-  a_value_can_be_read_from_any_byte_on();
-  the_key_is_good_once_and_for_its_connection();
-  a_refusal_says_why();
-  allocation_keeps_its_order_and_its_room();
-  a_list_runs_once_all_its_entries_are_signals();
-  a_sample_is_of_one_tick();
-  a_full_queue_drops_whole_samples_and_says_so();
-  address_and_value_go_in_one_command();
-  who_looks_on_is_no_heartbeat();
-  the_own_link_and_a_master_do_not_mix_their_blocks();
-  an_edited_word_is_in_force_when_its_page_is_set();
+  value_can_be_read_from_any_byte();
+  key_is_valid_once_and_for_its_connection();
+  refusal_has_a_reason();
+  allocation_keeps_its_order_and_limits();
+  list_starts_only_with_complete_entries();
+  sample_belongs_to_one_tick();
+  full_queue_drops_complete_samples_and_reports_it();
+  short_download_writes_a_value();
+  measuring_master_is_no_heartbeat();
+  link_and_master_do_not_mix_their_blocks();
+  edited_word_is_active_after_page_change();
   return verdict();
 }

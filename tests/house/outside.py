@@ -22,7 +22,7 @@ from tests.repository import ROOT
 PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
 
 
-def written(name: str) -> str:
+def page_file(name: str) -> str:
     """Return a file of the page, joined from its pieces."""
     pieces = re.findall(rf"<!-- file: {re.escape(name)} -->\n```\w+\n(.*?)^```$", PAGE, re.M | re.S)
     assert pieces, f"docs/contributing.md shows no {name}"
@@ -30,40 +30,40 @@ def written(name: str) -> str:
 
 
 @cache
-def files() -> tuple[str, ...]:
+def package_files() -> tuple[str, ...]:
     """Return the names of all files in the package of the page."""
     return tuple(dict.fromkeys(re.findall(r"<!-- file: my-lab/(.*?) -->", PAGE)))
 
 
-def build(folder: Path) -> None:
+def build_package(folder: Path) -> None:
     """Write the package into a folder, and install it into the subfolder ``site``."""
-    for name in ("my_lab/__init__.py", "my_lab/verbs/__init__.py", *files()):
+    for name in ("my_lab/__init__.py", "my_lab/verbs/__init__.py", *package_files()):
         path = folder / "my-lab" / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(written(f"my-lab/{name}") if name in files() else "")
+        path.write_text(page_file(f"my-lab/{name}") if name in package_files() else "")
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", "install"]
     options = ["--no-deps", "--no-build-isolation", "--target", str(folder / "site")]
     subprocess.run([*pip, *options, str(folder / "my-lab")], check=True)
 
 
-def my_lab(factory: pytest.TempPathFactory) -> Path:
+def build_installed_package(factory: pytest.TempPathFactory) -> Path:
     """Return the folder in which the package is installed."""
-    return made_once(factory, "my-lab", build) / "site"
+    return made_once(factory, "my-lab", build_package) / "site"
 
 
-def _forget() -> None:
+def _unload_package() -> None:
     registry._all_entry_points.cache_clear()
-    for known in (LAWS, FORMATS, ACTUATORS, kinds._RIG_KINDS):
-        vars(known).pop("_plugins", None)
+    for plugin_table in (LAWS, FORMATS, ACTUATORS, kinds._RIG_KINDS):
+        vars(plugin_table).pop("_plugins", None)
 
 
 @contextmanager
 def installed(site: Path) -> Iterator[None]:
     """Make an installed package available in this process."""
     sys.path.insert(0, str(site))
-    _forget()
+    _unload_package()
     try:
         yield
     finally:
         sys.path.remove(str(site))
-        _forget()
+        _unload_package()

@@ -18,25 +18,25 @@ SECTION = re.compile(r"^\s*-{3,}\s*$", re.MULTILINE)
 Documented = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
 
-def names_of(exported: Any) -> Iterator[tuple[str, str]]:
+def public_names(exported: Any) -> Iterator[tuple[str, str]]:
     """Yield module and qualified name of an export, and of the public members of a class."""
     if not inspect.isclass(exported):
         yield exported.__module__, exported.__qualname__
         return
-    for base in exported.__mro__:
-        yield base.__module__, base.__qualname__
-        for member in vars(base):
+    for qualified_name in exported.__mro__:
+        yield qualified_name.__module__, qualified_name.__qualname__
+        for member in vars(qualified_name):
             if not member.startswith("_") or member in {"__call__", "__init__"}:
-                yield base.__module__, f"{base.__qualname__}.{member}"
+                yield qualified_name.__module__, f"{qualified_name.__qualname__}.{member}"
 
 
-def documented(tree: ast.AST, inside: str = "") -> Iterator[tuple[str, Documented]]:
+def documented_names(tree: ast.AST, prefix: str = "") -> Iterator[tuple[str, Documented]]:
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, Documented):
-            yield inside + node.name, node
-            yield from documented(node, f"{inside}{node.name}.")
+            yield prefix + node.name, node
+            yield from documented_names(node, f"{prefix}{node.name}.")
         else:
-            yield from documented(node, inside)
+            yield from documented_names(node, prefix)
 
 
 def test_only_exported_names_have_sections() -> None:
@@ -45,14 +45,14 @@ def test_only_exported_names_have_sections() -> None:
         for part in PARTS
         for noun in part.__all__
         if not noun.startswith("_")
-        for name in names_of(getattr(part, noun))
+        for name in public_names(getattr(part, noun))
     }
     exported.add(("anhyst.cli.reading", "read_options"))  # help texts of options
     found = []
     for path in sorted((ROOT / "packages").glob("*/src/**/*.py")):
         parts = path.relative_to(ROOT / "packages").with_suffix("").parts[2:]
         module = ".".join(part for part in parts if part != "__init__")
-        for name, node in documented(ast.parse(path.read_text(encoding="utf-8"))):
+        for name, node in documented_names(ast.parse(path.read_text(encoding="utf-8"))):
             if SECTION.search(ast.get_docstring(node) or "") and (module, name) not in exported:
                 found.append(f"{module}:{name}")
     assert found == []
@@ -60,9 +60,9 @@ def test_only_exported_names_have_sections() -> None:
 
 def test_every_exported_verb_documents_parameters_and_result() -> None:
     verbs = [getattr(part, name) for part in PARTS for name in part.__all__ if not name.startswith("_")]
-    silent = [
+    undocumented = [
         verb.__name__
         for verb in verbs
         if inspect.isfunction(verb) and "\nParameters\n---" not in (inspect.getdoc(verb) or "")
     ]
-    assert silent == []
+    assert undocumented == []

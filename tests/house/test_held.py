@@ -13,7 +13,7 @@ import pytest
 from tests.held import EVERY, RECORD, content_hash
 from tests.repository import ROOT
 
-LOOKED_AT = "tests/core/test_seeded_faults.py"
+TEST_FILE = "tests/core/test_seeded_faults.py"
 PATHS = ("core", "tests/core")
 
 
@@ -28,34 +28,34 @@ def root(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("name", [*EVERY, "core/include/a.h", "core/src/a.c", "tests/core/a.c"])
 def test_a_byte_more_changes_the_hash(name: str, root: Path) -> None:
-    before = content_hash(PATHS, root)
+    hash_before = content_hash(PATHS, root)
     with (root / name).open("a", encoding="utf-8") as file:
         file.write(" ")
-    assert content_hash(PATHS, root) != before
+    assert content_hash(PATHS, root) != hash_before
 
 
 def test_an_added_removed_or_renamed_file_changes_the_hash(root: Path) -> None:
-    found = [content_hash(PATHS, root)]
+    hashes = [content_hash(PATHS, root)]
     (root / "core" / "src" / "b.c").touch()
-    found.append(content_hash(PATHS, root))
+    hashes.append(content_hash(PATHS, root))
     (root / "core" / "src" / "a.c").rename(root / "core" / "src" / "c.c")
-    found.append(content_hash(PATHS, root))
+    hashes.append(content_hash(PATHS, root))
     (root / "core" / "src" / "c.c").unlink()
-    found.append(content_hash(PATHS, root))
-    assert len(set(found)) == 4
+    hashes.append(content_hash(PATHS, root))
+    assert len(set(hashes)) == 4
 
 
 def test_unrelated_files_do_not_change_the_hash(root: Path) -> None:
-    before = content_hash(PATHS, root)
+    hash_before = content_hash(PATHS, root)
     (root / "plant" / "a.c").unlink()
-    assert content_hash(PATHS, root) == before
+    assert content_hash(PATHS, root) == hash_before
 
 
-def ran(record: Path, held: str) -> str:
+def run_marked_test(record: Path, held: str) -> str:
     """Run one quick marked test; return its summary."""
-    case = f"{LOOKED_AT}::test_a_seeded_fault_is_found[knee-of-half-the-height]"
+    test_id = f"{TEST_FILE}::test_a_seeded_fault_is_found[knee-of-half-the-height]"
     completed = subprocess.run(
-        [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", case],
+        [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", test_id],
         cwd=ROOT,
         env=os.environ | {"ANHYST_HELD": held, "ANHYST_HELD_RECORD": str(record), "ANHYST_NO_SKIP": "1"},
         capture_output=True,
@@ -69,16 +69,16 @@ def ran(record: Path, held: str) -> str:
 @pytest.mark.slow
 def test_passed_tests_are_recorded_and_skipped_until_a_change(tmp_path: Path) -> None:
     record = tmp_path / "held.toml"
-    assert ran(record, "1") == "1 passed"
+    assert run_marked_test(record, "1") == "1 passed"
     assert not record.exists()  # mode 1 writes no record
-    assert ran(record, "record") == "1 passed"
-    assert ran(record, "record") == "1 passed"  # mode "record" runs all tests
-    assert ran(record, "1") == "1 skipped"
-    assert ran(record, "") == "1 passed"  # without a mode, all tests run
+    assert run_marked_test(record, "record") == "1 passed"
+    assert run_marked_test(record, "record") == "1 passed"  # mode "record" runs all tests
+    assert run_marked_test(record, "1") == "1 skipped"
+    assert run_marked_test(record, "") == "1 passed"  # without a mode, all tests run
     text = record.read_text(encoding="utf-8")
-    (hash_of_it,) = tomllib.loads(text).values()
-    record.write_text(text.replace(hash_of_it, hash_of_it[::-1]), encoding="utf-8")
-    assert ran(record, "1") == "1 passed"
+    (hash_line,) = tomllib.loads(text).values()
+    record.write_text(text.replace(hash_line, hash_line[::-1]), encoding="utf-8")
+    assert run_marked_test(record, "1") == "1 passed"
 
 
 def test_recorded_tests_are_in_existing_files() -> None:

@@ -15,9 +15,9 @@ numbers = cache(house.count_metrics)
 
 def test_no_number_of_the_house_has_risen() -> None:
     limits = json.loads(house.RECORD.read_text(encoding="utf-8"))
-    now = house.round_up(numbers())
-    assert now.keys() == limits.keys()
-    assert {name: value for name, value in now.items() if value > limits[name]} == {}
+    current_metrics = house.round_up(numbers())
+    assert current_metrics.keys() == limits.keys()
+    assert {name: value for name, value in current_metrics.items() if value > limits[name]} == {}
 
 
 def test_the_architecture_page_agrees_with_the_command() -> None:
@@ -47,7 +47,7 @@ def test_imports_inside_functions_are_counted() -> None:
 
 
 def test_names_of_number_formats_are_in_one_list() -> None:
-    """A debugger, a search and an index of names then find the functions of the core."""
+    """This way, a debugger, a text search and an index of names find the functions of the core."""
     files = [path for path in (house.ROOT / "core").rglob("*.[ch]") if path.parent.name != "numeric"]
     assert len(files) > 100
     assert [path.name for path in files if "ANHYST_NAME" in path.read_text("utf-8")] == []
@@ -70,8 +70,8 @@ def test_all_parts_have_one_version_and_one_licence() -> None:
         folder = house.PACKAGES / part
         project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         assert project["version"] == __version__
-        needed = [one for one in project["dependencies"] if one.startswith("anhyst")]
-        assert all(one.endswith(f"=={__version__}") for one in needed)
+        required_parts = [one for one in project["dependencies"] if one.startswith("anhyst")]
+        assert all(one.endswith(f"=={__version__}") for one in required_parts)
         assert list(folder.glob("src/*/py.typed"))
         assert (folder / "LICENSE").read_bytes() == (house.ROOT / "LICENSE").read_bytes()
     steels = house.ROOT / "examples" / "steels" / "LICENSE"

@@ -31,7 +31,7 @@ def test_two(measurements):
 """
 
 
-NEEDS = """
+MARKED_TEST = """
 import pytest
 
 @pytest.mark.needs("sh", "no-such-program")
@@ -41,19 +41,19 @@ def test_three():
 INI = "[pytest]\nmarkers = needs(name, ...): programs\n"
 
 
-FILES = {"skipped": SKIPPED, "needs": NEEDS, "module": MODULE_SKIPPED, "measurements": MEASUREMENTS}
+FILES = {"skipped": SKIPPED, "needs": MARKED_TEST, "module": MODULE_SKIPPED, "measurements": MEASUREMENTS}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("no_skip", "workers", "said"),
+    ("no_skip", "workers", "summary"),
     [
         ("", 0, "4 skipped in"),
         ("1", 0, "1 failed, 1 skipped, 2 errors in"),
         ("1", 2, "1 failed, 1 skipped, 2 errors in"),
     ],
 )
-def test_forbidden_skips_fail(tmp_path: Path, no_skip: str, workers: int, said: str) -> None:
+def test_forbidden_skips_fail(tmp_path: Path, no_skip: str, workers: int, summary: str) -> None:
     """Only tests that lack measurements may be skipped."""
     shutil.copy(ROOT / "conftest.py", tmp_path / "conftest.py")
     (tmp_path / "pytest.ini").write_text(INI, encoding="utf-8")
@@ -69,5 +69,5 @@ def test_forbidden_skips_fail(tmp_path: Path, no_skip: str, workers: int, said: 
         text=True,
         check=False,
     )
-    assert said in completed.stdout.splitlines()[-1]
+    assert summary in completed.stdout.splitlines()[-1]
     assert (completed.returncode == 0) == (no_skip == "")

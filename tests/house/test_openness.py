@@ -30,29 +30,36 @@ from tests.docs.blocks import blocks
 from tests.docs.places import fill, shell
 from tests.exchange.slave import HERE, slave
 from tests.exchange.test_bearing import scanned_by_axes
-from tests.house.outside import PAGE, installed, my_lab, written
+from tests.house.outside import PAGE, build_installed_package, installed, page_file
 from tests.once import made_once
 from tests.refusals import refused
 from tests.repository import ROOT
 
 GAPS = (0.3e-3, 0.5e-3)
 RHO = (0.004, 0.009)
-TRUE: dict[str, Parameter] = {"chi": 350.0, "r": 0.21, "c_H": 1.0, "rho": RHO, "c_out": 3e5, "out_0": 0.4}
+TRUE_PARAMETERS: dict[str, Parameter] = {
+    "chi": 350.0,
+    "r": 0.21,
+    "c_H": 1.0,
+    "rho": RHO,
+    "c_out": 3e5,
+    "out_0": 0.4,
+}
 
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Folder for loops and models; the package of the page is installed while the module runs."""
-    with installed(my_lab(tmp_path_factory)):
+    with installed(build_installed_package(tmp_path_factory)):
         yield tmp_path_factory.mktemp("lab")
 
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Folder with the rig of the page; its actuator is registered while the module runs."""
-    with installed(my_lab(tmp_path_factory)):
+    with installed(build_installed_package(tmp_path_factory)):
         place = tmp_path_factory.mktemp("table")
-        (place / "table.toml").write_text(written("table.toml"))
+        (place / "table.toml").write_text(page_file("table.toml"))
         yield place
 
 
@@ -61,7 +68,7 @@ def magnet() -> Model:
         "truth",
         QUANTITIES["current"],
         QUANTITIES["force"],
-        TRUE,
+        TRUE_PARAMETERS,
         law="play",
         gap_map="reluctance",
         schedule=QUANTITIES["gap"],
@@ -69,9 +76,9 @@ def magnet() -> Model:
     )
 
 
-def cycle(largest: float) -> FloatArray:
-    up = np.linspace(0.0, largest, 13)
-    return np.concatenate([up, up[-2::-1], up[1:]])
+def current_cycle(largest: float) -> FloatArray:
+    ascending = np.linspace(0.0, largest, 13)
+    return np.concatenate([ascending, ascending[-2::-1], ascending[1:]])
 
 
 @pytest.fixture(scope="module")
@@ -80,14 +87,17 @@ def measured(lab: Path) -> Path:
     lines = [json.dumps(["I_A", "F_N", "gap_mm", "loop"])]
     for gap in GAPS:
         for name, largest in (("large", 3.0), ("small", 1.2)):
-            drive = cycle(largest)
+            drive = current_cycle(largest)
             force = magnet().predict(drive, gap).output.tolist()
-            lines += [json.dumps([i, f, 1e3 * gap, name]) for i, f in zip(drive.tolist(), force, strict=True)]
+            lines += [
+                json.dumps([i, loop_file, 1e3 * gap, name])
+                for i, loop_file in zip(drive.tolist(), force, strict=True)
+            ]
     path.write_text("\n".join(lines))
     return path
 
 
-def run(*arguments: object) -> str:
+def run_command(*arguments: object) -> str:
     printer.used_lines, printer.is_verbose = 0, True  # `main` starts with a new line count
     result = CliRunner().invoke(app, [str(argument) for argument in arguments])
     assert result.exit_code == 0, result.output
@@ -98,9 +108,9 @@ def run(*arguments: object) -> str:
 def found(measured: Path) -> Path:
     """Return the model file of the identification."""
     path = measured.with_name("model.toml")
-    said = run("identify", measured, "--history", "demagnetised", "--law", "play",
+    output = run_command("identify", measured, "--history", "demagnetised", "--law", "play",
                "--gap-map", "reluctance", "--out", path)  # fmt: skip
-    assert "law 'play' cannot be compiled: there is no compensator for it" in said
+    assert "law 'play' cannot be compiled: there is no compensator for it" in output
     return path
 
 
@@ -122,18 +132,18 @@ def test_the_law_is_identified_from_its_loops(found: Path) -> None:
     assert model.law == "play"
     assert model.fit is not None
     assert model.fit.rms < 1e-3 * model.fit.largest_output
-    assert model.parameters["r"] == pytest.approx(TRUE["r"], rel=0.05)
+    assert model.parameters["r"] == pytest.approx(TRUE_PARAMETERS["r"], rel=0.05)
     assert model.uncertainty is not None
     assert len(model.uncertainty.names) == len(model.uncertainty.std) == 7
 
 
 def test_the_model_predicts_between_the_gaps_and_inverts(found: Path) -> None:
-    model, drive = read_model(found), cycle(2.0)
+    model, drive = read_model(found), current_cycle(2.0)
     force = model.predict(drive, 0.4e-3, history="demagnetised").output
-    true = magnet().predict(drive, 0.4e-3).output
-    assert np.abs(force - true).max() < 0.01 * true.max()
-    again = model.invert(force[1:13], 0.4e-3, history="demagnetised").drive
-    assert again == pytest.approx(drive[1:13], abs=1e-6)
+    true_force = magnet().predict(drive, 0.4e-3).output
+    assert np.abs(force - true_force).max() < 0.01 * true_force.max()
+    inverted_current = model.invert(force[1:13], 0.4e-3, history="demagnetised").drive
+    assert inverted_current == pytest.approx(drive[1:13], abs=1e-6)
     stepper = model.stepper(0.4e-3, "demagnetised")
     assert [stepper.commit(i) for i in drive[:5]] == pytest.approx(force[:5].tolist())
 
@@ -141,13 +151,13 @@ def test_the_model_predicts_between_the_gaps_and_inverts(found: Path) -> None:
 @pytest.mark.slow
 def test_prediction_report_and_comparison_know_it(measured: Path, found: Path, tmp_path: Path) -> None:
     forces, page = tmp_path / "force.csv", tmp_path / "page.html"
-    run("predict", found, measured, "--history", "demagnetised", "--out", forces)
+    run_command("predict", found, measured, "--history", "demagnetised", "--out", forces)
     assert forces.read_text().startswith("I_A,")
-    run("report", found, "--out", page)
+    run_command("report", found, "--out", page)
     text = page.read_text()
     assert "single play operator" in text
     assert "threshold of the play" in text
-    assert "the two models give the same results" in run("diff", found, found)
+    assert "the two models give the same results" in run_command("diff", found, found)
 
 
 @pytest.mark.slow
@@ -169,8 +179,8 @@ def test_the_actuator_of_the_page_is_measured_simulated_tuned_and_compiled(table
     assert average["full"] < average["single-valued"] / 3.0
     tuned = json.loads((table / "tuned" / "tuning.json").read_text())["variants"]["full"]
     assert tuned["met"]
-    said = run("verify", table / "controller", "--on", "host")
-    assert "identical" in said
+    output = run_command("verify", table / "controller", "--on", "host")
+    assert "identical" in output
     loops = read_loops(table / "loops.csv")
     assert loops.output.name == "thrust"
     assert min(loop.output.min() for loop in loops.loops) < -50.0
@@ -179,7 +189,7 @@ def test_the_actuator_of_the_page_is_measured_simulated_tuned_and_compiled(table
 def measured_table(table: Path) -> Path:
     """Return the rig of the page with measured loops."""
     if not (table / "loops.csv").is_file():
-        run("excite", table / "table.toml", "--out", table / "loops.csv")
+        run_command("excite", table / "table.toml", "--out", table / "loops.csv")
     return table / "table.toml"
 
 
@@ -201,13 +211,13 @@ def test_the_actuator_of_the_page_flies_as_an_fmu_bit_for_bit(table: Path) -> No
     path = measured_table(table)
     magnet = identify_stage_magnet(read_stage(path))
     fmu = export_fmu(path, table / "table.fmu", platforms=[HERE])
-    scan = scanned_by_axes(fmu, path, 10.0, magnet)
+    output_names = scanned_by_axes(fmu, path, 10.0, magnet)
     names = ("demand_x_N", "command_A", "command_3_A")
-    with slave(fmu, table / "flown") as made:
-        rows = np.array(made.run(scan.inputs, names, 1e-4))
-    assert scan.recording.loss is None
+    with slave(fmu, table / "flown") as fmu_file:
+        rows = np.array(fmu_file.run(output_names.inputs, names, 1e-4))
+    assert output_names.recording.loss is None
     for name, values in zip(names, rows.T, strict=True):
-        assert np.array_equal(values, scan.recording[name]), name
+        assert np.array_equal(values, output_names.recording[name]), name
     assert np.ptp(rows[:, 1]) > 0.3
 
 
@@ -218,12 +228,12 @@ def test_the_board_of_the_page_is_built_and_driven(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    made = made_once(tmp_path_factory, "what-pages-speak-of", fill)
-    shutil.copytree(made / "controller", tmp_path / "controller")
+    firmware_folder = made_once(tmp_path_factory, "what-pages-speak-of", fill)
+    shutil.copytree(firmware_folder / "controller", tmp_path / "controller")
     shutil.copytree(ROOT / "firmware", tmp_path / "firmware")
     (tmp_path / "firmware" / "boards" / "desk").mkdir()
     for name in ("board_force.c", "main.c"):
-        (tmp_path / "firmware/boards/desk" / name).write_text(written(f"firmware/boards/desk/{name}"))
+        (tmp_path / "firmware/boards/desk" / name).write_text(page_file(f"firmware/boards/desk/{name}"))
     monkeypatch.setattr(firmware, "firmware_folder", lambda: tmp_path / "firmware")
     monkeypatch.setattr(firmware, "BOARDS", dict(firmware.BOARDS))
     monkeypatch.chdir(tmp_path)

@@ -13,7 +13,16 @@ import pytest
 from anhyst._core import _native
 from tests.once import made_once
 from tests.repository import ROOT
-from tools.wheel import build, build_others, check, empty_environment, megabytes, run, run_page, try_tutorial
+from tools.wheel import (
+    build_others,
+    build_wheel,
+    check_wheel,
+    empty_environment,
+    installed_megabytes,
+    run,
+    run_page,
+    try_tutorial,
+)
 
 HERE = Path(sys.executable)
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
@@ -24,7 +33,9 @@ SLOW = pytest.mark.slow
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the wheel of this Python for this machine, as it is published."""
-    folder = made_once(tmp_path_factory, "wheel", lambda folder: build(HERE, os.uname().machine, folder))
+    folder = made_once(
+        tmp_path_factory, "wheel", lambda folder: build_wheel(HERE, os.uname().machine, folder)
+    )
     (found,) = folder.glob("*.whl")
     return found
 
@@ -42,11 +53,11 @@ def anhyst(python: Path, *arguments: object, cwd: Path) -> str:
 
 @SLOW
 def test_the_wheel_runs_on_the_old_systems_that_its_name_promises(wheel: Path, tmp_path: Path) -> None:
-    check(wheel)
+    check_wheel(wheel)
     older = tmp_path / wheel.name.replace("manylinux_2_17", "manylinux_2_5")
     shutil.copy(wheel, older)
     with pytest.raises(RuntimeError, match=r"GLIBC_2\.1[0-9]"):
-        check(older)
+        check_wheel(older)
 
 
 @SLOW
@@ -103,7 +114,7 @@ def test_the_tutorial_runs_up_to_step_6_with_anhyst_alone_and_then_with_all_part
     try_tutorial(alone, others, tmp_path, said.append)
     alone_, all_ = (int(text.split()[0]) for text in said)
     assert 7 <= alone_ < all_
-    assert megabytes(alone) < 400.0
+    assert installed_megabytes(alone) < 400.0
 
 
 PAGE = """

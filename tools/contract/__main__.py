@@ -11,7 +11,7 @@ from pathlib import Path
 
 from block import layout_header
 from c_code import bus_header, flags_header, frames_header, states_header
-from link_page import page, page_with_tables
+from link_page import link_tables, page_with_tables
 from python_code import frames_module, states_module
 from tables import ROOT, read
 from xcp import map_header
@@ -23,11 +23,11 @@ RIGS = ROOT / "packages" / "anhyst-rigs" / "src" / "anhyst_rigs"
 PAGE = ROOT / "docs" / "link.md"
 
 
-def wanted() -> dict[Path, str]:
-    """Return every generated file with its contents."""
+def generate_files() -> dict[Path, str]:
+    """Return every generated file with its expected contents."""
     frames, signals = read("frames"), read("signals")
     controller, block, xcp = read("controller"), read("block"), read("xcp")
-    tables = page(frames, signals, controller)
+    tables = link_tables(frames, signals, controller)
     return {
         ROOT / "firmware" / "link" / "frames.h": frames_header(frames, signals),
         RIGS / "link" / "frames.py": frames_module(frames, signals),
@@ -43,13 +43,17 @@ def wanted() -> dict[Path, str]:
 
 def main() -> int:
     """Write the files, or compare them with the tables."""
-    files = wanted()
-    differ = [f for f, text in files.items() if not f.exists() or f.read_text("utf-8") != text]
+    files = generate_files()
+    differing_files = [
+        generated_file
+        for generated_file, text in files.items()
+        if not generated_file.exists() or generated_file.read_text("utf-8") != text
+    ]
     if sys.argv[1:] == ["--check"]:
-        for file in differ:
+        for file in differing_files:
             print(f"{file.relative_to(ROOT)} is not what contract/ says: run python tools/contract")
-        return 1 if differ else 0
-    for file in differ:
+        return 1 if differing_files else 0
+    for file in differing_files:
         file.write_text(files[file], encoding="utf-8")
     return 0
 

@@ -8,7 +8,7 @@ BEGIN = "<!-- made by tools/contract -->"
 END = "<!-- end of what tools/contract made -->"
 
 
-def fields_of(entry: Entry) -> str:
+def list_fields(entry: Entry) -> str:
     """Return the fields in the order of their bytes."""
     names = [f"{field['name']} {field['type']}" for field in entry["fields"]]
     if tail := entry.get("tail"):
@@ -16,7 +16,7 @@ def fields_of(entry: Entry) -> str:
     return ", ".join(names) or "none"
 
 
-def values_of(title: str, entry: Entry, shift: bool) -> list[str]:
+def value_table(title: str, entry: Entry, shift: bool) -> list[str]:
     """Return the table of an enum, or of flags."""
     lines = ["", f"| number | {title} | meaning |", "| --- | --- | --- |"]
     for number, value in enumerate(entry["values"]):
@@ -25,23 +25,28 @@ def values_of(title: str, entry: Entry, shift: bool) -> list[str]:
     return lines
 
 
-def page(frames: Entry, signals: Entry, controller: Entry) -> str:
+def link_tables(frames: Entry, signals: Entry, controller: Entry) -> str:
     """Return the tables of docs/link.md."""
     lines = ["| type | request | payload | answer | meaning |", "| --- | --- | --- | --- | --- |"]
     requests = [frame for frame in frames["frame"] if is_request(frame)]
     answers = [frame for frame in frames["frame"] if not is_request(frame)]
-    for f in requests:
-        payload = fields_of(f)
-        lines.append(f"| {f['type']:#04x} | `{f['name']}` | {payload} | `{f['answer']}` | {f['doc']} |")
+    for item in requests:
+        payload = list_fields(item)
+        lines.append(
+            f"| {item['type']:#04x} | `{item['name']}` | {payload} | `{item['answer']}` | {item['doc']} |"
+        )
     lines += ["", "| type | answer | payload | meaning |", "| --- | --- | --- | --- |"]
-    for f in answers:
-        lines.append(f"| {f['type']:#04x} | `{f['name']}` | {fields_of(f)} | {f['doc']} |")
+    for item in answers:
+        lines.append(f"| {item['type']:#04x} | `{item['name']}` | {list_fields(item)} | {item['doc']} |")
     lines += ["", "| setting | from | to | at the start | in run | meaning |"]
     lines.append("| --- | --- | --- | --- | --- | --- |")
-    for s in signals["setting"]:
-        start = s.get("default", f"{s.get('default_ms')} ms")
-        run = "yes" if s["run"] else "no"
-        lines.append(f"| `{s['name']}` | {s['low']} | {s['high']} | {start} | {run} | {s['doc']} |")
+    for setting in signals["setting"]:
+        start = setting.get("default", f"{setting.get('default_ms')} ms")
+        writable_in_run = "yes" if setting["run"] else "no"
+        lines.append(
+            f"| `{setting['name']}` | {setting['low']} | {setting['high']} | {start} | "
+            f"{writable_in_run} | {setting['doc']} |"
+        )
     titles = {
         "phase": "phase of a position controller",
         "command": "command",
@@ -50,16 +55,16 @@ def page(frames: Entry, signals: Entry, controller: Entry) -> str:
     }
     for entry in [*controller["enum"], *frames["enum"]]:
         if entry["name"] in titles:
-            lines += values_of(titles[entry["name"]], entry, shift=False)
+            lines += value_table(titles[entry["name"]], entry, shift=False)
     for entry in controller["flags"]:
-        lines += values_of("bit of the flags", entry, shift=True)
+        lines += value_table("bit of the flags", entry, shift=True)
     return "\n".join(lines)
 
 
 def page_with_tables(text: str, tables: str) -> str:
-    """Return the page with its tables generated again; unchanged if it has no place for them."""
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
+    """Return the page with new tables; return it unchanged if it has no markers for them."""
+    before, begin, after_begin = text.partition(BEGIN)
+    _, end, after = after_begin.partition(END)
     if not begin or not end:
         return text
     return f"{before}{BEGIN}\n\n{tables}\n\n{END}{after}"

@@ -1,10 +1,10 @@
-"""Python of the tables: frames of the link, states and flags of a controller."""
+"""Generate Python from the tables: frames of the link, states and flags of a controller."""
 
 from __future__ import annotations
 
 import textwrap
 
-from tables import Entry, bits, is_request, link_enums, numbers
+from tables import Entry, enum_numbers, flag_bits, is_request, link_enums
 
 CODES = {"u8": "B", "u16": "H", "u32": "I", "i16": "h", "i32": "i"}
 
@@ -33,7 +33,7 @@ from enum import IntEnum, IntFlag
 
 '''
 
-BASES = '''
+BASE_CLASSES = '''
 @dataclass(frozen=True)
 class Message:
     """A payload: fixed fields, followed in some types by an array of numbers."""
@@ -79,13 +79,13 @@ class PlantRecord:
         cls.FIXED = struct.Struct(form)
 
     def pack(self) -> bytes:
-        """Return the record with its check."""
+        """Return the bytes of the record, with its check word."""
         body = self.FIXED.pack(*vars(self).values())
         return body + struct.pack("<I", _check(body))
 
     @classmethod
     def unpack(cls, record: bytes) -> Self:
-        """Return what the record says; ValueError where length or check are wrong."""
+        """Return the record in these bytes; raise ValueError if length or check word are wrong."""
         body = record[:-4]
         if len(body) != cls.FIXED.size or record[-4:] != struct.pack("<I", _check(body)):
             raise ValueError(f"{cls.__name__}: not a record of the plant's bus")
@@ -101,7 +101,7 @@ def _check(body: bytes) -> int:
 
 
 def docstring(text: str, indent: str) -> str:
-    """Return a docstring."""
+    """Return the lines of a docstring."""
     first, dot, more = text.partition(". ")
     first += dot.strip()
     if not more:
@@ -112,7 +112,7 @@ def docstring(text: str, indent: str) -> str:
 
 
 def enum_class(entry: Entry, base: str, values: list[int]) -> str:
-    """Return an enum class; what a value means stands above it."""
+    """Return an enum class with a comment on the meaning of each value."""
     lines = [f"class {entry['name'].capitalize()}({base}):", docstring(entry["doc"], "    "), ""]
     for item, value in zip(entry["values"], values, strict=True):
         note = f"  # {item['doc']}" if item.get("doc") else ""
@@ -124,14 +124,14 @@ def enum_class(entry: Entry, base: str, values: list[int]) -> str:
     return "\n".join(lines)
 
 
-def dataclass_of(entry: Entry, name: str, base: str) -> str:
-    """Return the dataclass of a frame or record, whose base says of what class it is."""
+def dataclass_code(entry: Entry, name: str, base: str) -> str:
+    """Return the dataclass of a frame or record; `base` is its base class."""
     tail = entry.get("tail")
     code = "<" + "".join(CODES[field["type"]] for field in entry["fields"])
-    own = f', tail="{CODES[tail["type"]]}"' if tail else ""
+    tail_argument = f', tail="{CODES[tail["type"]]}"' if tail else ""
     lines = [
         "@dataclass(frozen=True)",
-        f'class {name}({base}, form="{code}"{own}):',
+        f'class {name}({base}, form="{code}"{tail_argument}):',
         docstring(entry["doc"], "    "),
     ]
     if entry["fields"] or tail:
@@ -145,50 +145,53 @@ def dataclass_of(entry: Entry, name: str, base: str) -> str:
 
 
 def class_name(frame: Entry) -> str:
-    """Return the Python name of a frame."""
+    """Return the Python class name of a frame."""
     words = "".join(word.capitalize() for word in frame["name"].split("_"))
     return words + ("Request" if is_request(frame) else "Answer")
 
 
 def frames_module(frames: Entry, signals: Entry) -> str:
-    """Return frames.py."""
+    """Return the contents of frames.py."""
     protocol, plant = frames["protocol"], frames["plant"]
     parts = [
-        f"VERSION = {protocol['version']}\nPAYLOAD_MOST = {protocol['payload_most']}\n"
+        f"VERSION = {protocol['version']}\nMAX_PAYLOAD_BYTES = {protocol['payload_most']}\n"
         f"PLANT_MAGIC = 0x{plant['magic']:08X}\n"
     ]
-    parts += [f"{enum_class(e, 'IntEnum', numbers(e))}\n" for e in link_enums(frames, signals)]
+    parts += [
+        f"{enum_class(enum_entry, 'IntEnum', enum_numbers(enum_entry))}\n"
+        for enum_entry in link_enums(frames, signals)
+    ]
     rows = [
-        f"    Setting.{s['name'].upper()}: SettingRange({s['low']}, {s['high']}, "
-        f"{s.get('default', 0)}, {s.get('default_ms', 0)}, {s['run']}),"
-        for s in signals["setting"]
+        f"    Setting.{setting_entry['name'].upper()}: SettingRange({setting_entry['low']}, {setting_entry['high']}, "
+        f"{setting_entry.get('default', 0)}, {setting_entry.get('default_ms', 0)}, {setting_entry['run']}),"
+        for setting_entry in signals["setting"]
     ]
     parts.append(
-        'class SettingRange(NamedTuple):\n    """What a setting may be."""\n\n'
+        'class SettingRange(NamedTuple):\n    """Range and default value of a setting."""\n\n'
         "    low: int\n    high: int\n    start: int\n"
-        "    start_ms: int  # the same of a setting in ticks, else 0\n    while_running: bool\n"
+        "    start_ms: int  # default of a setting in ticks, ms; otherwise 0\n    while_running: bool\n"
     )
-    parts.append("SETTINGS = {\n" + "\n".join(rows) + "\n}\n\n" + BASES)
+    parts.append("SETTINGS = {\n" + "\n".join(rows) + "\n}\n\n" + BASE_CLASSES)
     by_name = {frame["name"]: frame for frame in frames["frame"]}
     for frame in frames["frame"]:
         base = f"Message, code=0x{frame['type']:02X}"
         if is_request(frame):
             base += f", answer=0x{by_name[frame['answer']]['type']:02X}"
-        parts.append(dataclass_of(frame, class_name(frame), base) + "\n")
+        parts.append(dataclass_code(frame, class_name(frame), base) + "\n")
     for record in plant["record"]:
         name = "".join(word.capitalize() for word in record["name"].split("_"))
-        parts.append(dataclass_of(record, name, "PlantRecord") + "\n")
+        parts.append(dataclass_code(record, name, "PlantRecord") + "\n")
     names = [class_name(frame) for frame in frames["frame"] if not is_request(frame)]
-    listed = "".join(f"        {name},\n" for name in names)
+    class_list = "".join(f"        {name},\n" for name in names)
     parts.append(
         "ANSWERS: dict[int, type[Message]] = {\n    answer.TYPE: answer\n    for answer in (\n"
-        f"{listed}    )\n}}\n"
+        f"{class_list}    )\n}}\n"
     )
     return PREAMBLE + "\n\n".join(parts)
 
 
 def states_module(controller: Entry) -> str:
-    """Return states.py."""
-    parts = [enum_class(entry, "IntEnum", numbers(entry)) for entry in controller["enum"]]
-    parts += [enum_class(entry, "IntFlag", bits(entry)) for entry in controller["flags"]]
+    """Return the contents of states.py."""
+    parts = [enum_class(entry, "IntEnum", enum_numbers(entry)) for entry in controller["enum"]]
+    parts += [enum_class(entry, "IntFlag", flag_bits(entry)) for entry in controller["flags"]]
     return STATES_PREAMBLE + "\n" + "\n\n\n".join(parts) + "\n"

@@ -1,4 +1,4 @@
-"""The tables of contract/, and what the writers of C, Python and pages ask of them."""
+"""Read the tables of contract/, for the generators of C, Python and documentation."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ Entry = dict[str, Any]
 def read(name: str) -> Entry:
     """Return one table of contract/."""
     table = tomllib.loads((CONTRACT / f"{name}.toml").read_text(encoding="utf-8"))
-    _number(table)
+    _number_magnets(table)
     return table
 
 
-def _number(table: Entry) -> None:
-    """Name what is of a further magnet by its number, as columns are; `array` keeps the bare name."""
+def _number_magnets(table: Entry) -> None:
+    """Append the number of a magnet to the names of its fields; `array` keeps the original name."""
     for value in table.values():
         for entry in value if isinstance(value, list) else [value]:
             if isinstance(entry, dict):
                 if "number" in entry and "name" in entry and ("type" in entry or "format" in entry):
                     entry["array"] = entry["name"]
                     entry["name"] = f"{entry['name']}_{entry['number']}"
-                _number(entry)
+                _number_magnets(entry)
 
 
-def size_of(fields: list[Entry]) -> int:
-    """Return the bytes of these fields."""
+def total_bytes(fields: list[Entry]) -> int:
+    """Return the total number of bytes of these fields."""
     return sum(SIZES[field["type"]] for field in fields)
 
 
@@ -47,16 +47,16 @@ def link_enums(frames: Entry, signals: Entry) -> list[Entry]:
     return [*frames["enum"], {"name": "setting", "doc": "Settings.", "values": signals["setting"]}]
 
 
-def numbers(entry: Entry) -> list[int]:
-    """Return the numbers of an enum's names."""
+def enum_numbers(entry: Entry) -> list[int]:
+    """Return the numbers that belong to the names of an enum."""
     return list(range(len(entry["values"])))
 
 
-def bits(entry: Entry) -> list[int]:
-    """Return the bits of a flag's names."""
-    return [1 << number for number in numbers(entry)]
+def flag_bits(entry: Entry) -> list[int]:
+    """Return the bit values that belong to the names of flags."""
+    return [1 << number for number in enum_numbers(entry)]
 
 
 def word_size(word: Entry) -> int:
-    """Return how many words it takes in a parameter block; a table is named by one."""
+    """Return the number of words of an entry in a parameter block; a table needs one word."""
     return int(word.get("words", 2 if word["format"] == "single" else 1))

@@ -20,32 +20,38 @@ def command_line() -> str:
     ]
     chapters: dict[str, list[str]] = {}
     for name, command in group.commands.items():
-        chapters.setdefault(command.rich_help_panel, []).append(_verb(name, command))
+        chapters.setdefault(command.rich_help_panel, []).append(_command_section(name, command))
     for chapter, verbs in chapters.items():
         parts += [f"## {chapter}\n", *verbs]
     return "\n".join(parts)
 
 
-def _verb(name: str, command: Any) -> str:
-    about = inspect.cleandoc(command.help)
-    about = "\n".join(
-        f"    {line.removeprefix('Example: ')}" if line.startswith("Example: ") else _text(line)
-        for line in about.splitlines()
+def _command_section(name: str, command: Any) -> str:
+    description = inspect.cleandoc(command.help)
+    description = "\n".join(
+        f"    {line.removeprefix('Example: ')}" if line.startswith("Example: ") else _escape_markdown(line)
+        for line in description.splitlines()
     )
-    rows = "\n".join(_row(one) for one in command.params if one.name != "help")
-    return f"### anhyst {name}\n\n{about}\n\n| | |\n| --- | --- |\n{rows}\n"
+    rows = "\n".join(_parameter_row(parameter) for parameter in command.params if parameter.name != "help")
+    return f"### anhyst {name}\n\n{description}\n\n| | |\n| --- | --- |\n{rows}\n"
 
 
-def _row(one: Any) -> str:
-    kinds = {"argument": one.metavar or one.name.upper()}
-    name = kinds.get(one.param_type_name) or ", ".join(one.opts)
-    metavar = f" {one.metavar}" if one.param_type_name == "option" and one.metavar else ""
-    shown = one.default if one.show_default and one.default not in {None, False} else None
-    default = "" if shown is None or callable(shown) else f" Default: `{getattr(shown, 'value', shown)}`."
-    return f"| `{name}{metavar}` | {_text(one.help or '')}{default} |".replace("\n", " ")
+def _parameter_row(parameter: Any) -> str:
+    kinds = {"argument": parameter.metavar or parameter.name.upper()}
+    name = kinds.get(parameter.param_type_name) or ", ".join(parameter.opts)
+    metavar = f" {parameter.metavar}" if parameter.param_type_name == "option" and parameter.metavar else ""
+    default_value = (
+        parameter.default if parameter.show_default and parameter.default not in {None, False} else None
+    )
+    default = (
+        ""
+        if default_value is None or callable(default_value)
+        else f" Default: `{getattr(default_value, 'value', default_value)}`."
+    )
+    return f"| `{name}{metavar}` | {_escape_markdown(parameter.help or '')}{default} |".replace("\n", " ")
 
 
-def _text(text: str) -> str:
+def _escape_markdown(text: str) -> str:
     """Return text as Markdown with special characters escaped."""
     for mark in ("<", ">", "|", "*", "["):
         text = text.replace(mark, f"\\{mark}")

@@ -52,7 +52,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
 REFERENCE = ("python-names", "command-line", "c")
 
 
-def index() -> str:
+def landing_page() -> str:
     """Return the landing page: a picture, a command and the chapters."""
     parts = [
         "# anhyst\n",
@@ -62,16 +62,19 @@ def index() -> str:
         "is proved and verified: current in, force out, in a straight line.\n",
         "```sh\nmake demo\n```\n",
         "![Measured and modelled loops of the bundled example](img/loops.png)\n",
-        _tree((*map(slug, CHAPTERS), "gallery/index", "reference"), depth=2),
+        _table_of_contents((*map(chapter_file_name, CHAPTERS), "gallery/index", "reference"), depth=2),
     ]
     return "\n".join(parts)
 
 
-def chapters() -> dict[str, str]:
-    """Return the page of each chapter, which lists its pages, by name."""
-    found = {slug(title): f"# {title}\n\n{_tree(pages)}" for title, pages in CHAPTERS.items()}
+def chapter_pages() -> dict[str, str]:
+    """Return one page for each chapter, by name. It lists the pages of the chapter."""
+    pages_by_name = {
+        chapter_file_name(title): f"# {title}\n\n{_table_of_contents(pages)}"
+        for title, pages in CHAPTERS.items()
+    }
     pages = tuple(f"reference/{name}" for name in REFERENCE)
-    return found | {"reference": f"# Reference\n\n{_tree(pages)}"}
+    return pages_by_name | {"reference": f"# Reference\n\n{_table_of_contents(pages)}"}
 
 
 def without_outside_links(text: str, depth: int) -> str:
@@ -79,21 +82,21 @@ def without_outside_links(text: str, depth: int) -> str:
 
     ``depth`` is the number of folders between docs/ and the page.
     """
-    up = r"\.\./" * (depth + 1)
-    return re.sub(rf"\[([^\]]+)\]\({up}([^)#]+)[^)]*\)", r"\1 (`\2`)", text)
+    parent_prefix = r"\.\./" * (depth + 1)
+    return re.sub(rf"\[([^\]]+)\]\({parent_prefix}([^)#]+)[^)]*\)", r"\1 (`\2`)", text)
 
 
-def decisions(folder: Path) -> str:
+def decision_navigation(folder: Path) -> str:
     """Return the navigation to the notes of a folder, sorted by their numbers."""
     notes = sorted(note.stem for note in folder.glob("[0-9]*.md"))
-    return f"\n{_tree(tuple(notes)).replace(':maxdepth: 1', ':hidden:')}"
+    return f"\n{_table_of_contents(tuple(notes)).replace(':maxdepth: 1', ':hidden:')}"
 
 
-def slug(title: str) -> str:
+def chapter_file_name(title: str) -> str:
     """Return the name of a chapter's page. No page in docs/ has such a name."""
     return "chapter-" + title.lower().replace(" ", "-")
 
 
-def _tree(pages: tuple[str, ...], depth: int = 1) -> str:
+def _table_of_contents(pages: tuple[str, ...], depth: int = 1) -> str:
     lines = "\n".join(pages)
     return f"```{{toctree}}\n:maxdepth: {depth}\n\n{lines}\n```\n"

@@ -9,12 +9,12 @@ from pathlib import Path
 from tools.prove.listing import Proof
 
 
-def replace_once(file: Path, right: str, wrong: str) -> None:
+def replace_once(file: Path, old_text: str, new_text: str) -> None:
     """Replace a text in a copy. The text must occur exactly once."""
     text = file.read_text(encoding="utf-8")
-    if text.count(right) != 1:
-        raise ValueError(f"{file.name}: {right!r} does not stand there once; adapt proofs.toml")
-    file.write_text(text.replace(right, wrong), encoding="utf-8")
+    if text.count(old_text) != 1:
+        raise ValueError(f"{file.name}: {old_text!r} does not occur exactly once; adapt proofs.toml")
+    file.write_text(text.replace(old_text, new_text), encoding="utf-8")
 
 
 def replace_by_contract(file: Path, function: str) -> None:
@@ -27,14 +27,14 @@ def replace_by_contract(file: Path, function: str) -> None:
     file.write_text(head.sub(declared, text), encoding="utf-8")
 
 
-def copy_core(core: Path, proof: Proof, to: Path, *, broken: bool) -> None:
-    """Copy ``core`` to ``to`` with a proof's annotations, and with its control's fault if broken."""
-    shutil.copytree(core, to)
+def copy_core(core: Path, proof: Proof, target: Path, *, broken: bool) -> None:
+    """Copy core/ with the annotations of a proof; if broken, also with the fault of its control."""
+    shutil.copytree(core, target)
     if broken:
         control = proof.control
-        replace_once(to / control["file"], control["right"], control["wrong"])
+        replace_once(target / control["file"], control["right"], control["wrong"])
     for file, text, facts in proof.facts:
-        replace_once(to / file, text, facts + text)
+        replace_once(target / file, text, facts + text)
     for item in proof.contracts:
         file, function = item.split(":")
-        replace_by_contract(to / file, function)
+        replace_by_contract(target / file, function)

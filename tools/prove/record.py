@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tools.prove.running import Evidence
 
-HEAD = """\
+FILE_HEADER = """\
 # Proofs that held, their controls rejected; written by `make prove`, not by hand. The hash is over
 # all that a proof depends on and over its entry here: if either changes, the proof is run again.
 """
@@ -36,7 +36,7 @@ class Entry:
     hash: str
 
 
-def entry_of(evidence: Evidence, content: str) -> Entry:
+def make_entry(evidence: Evidence, content: str) -> Entry:
     """Return the entry of a proof that held.
 
     Parameters
@@ -53,17 +53,17 @@ def entry_of(evidence: Evidence, content: str) -> Entry:
     """
     if not evidence.holds:
         raise ValueError("only a proof that held is recorded")
-    said = (evidence.real.verdict, evidence.control.verdict, round(evidence.seconds, 1))
-    return Entry(*said, hash=sealed(*said, content))
+    results = (evidence.real.verdict, evidence.control.verdict, round(evidence.seconds, 1))
+    return Entry(*results, hash=entry_hash(*results, content))
 
 
 def is_valid(entry: Entry, content: str) -> bool:
     """Whether an entry is unchanged and belongs to these contents."""
-    return entry.hash == sealed(entry.real, entry.control, entry.seconds, content)
+    return entry.hash == entry_hash(entry.real, entry.control, entry.seconds, content)
 
 
-def sealed(real: str, control: str, seconds: float, content: str) -> str:
-    """Return the hash of an entry."""
+def entry_hash(real: str, control: str, seconds: float, content: str) -> str:
+    """Return the hash of an entry and of the contents that it belongs to."""
     return hashlib.sha256(json.dumps([real, control, seconds, content]).encode()).hexdigest()
 
 
@@ -78,9 +78,14 @@ def read_record(file: Path) -> dict[str, Entry]:
 def write_record(file: Path, record: dict[str, Entry]) -> None:
     """Write the complete record, sorted by name."""
     blocks = [
-        "\n".join([f'["{name}"]', *(f"{k} = {json.dumps(v)}" for k, v in asdict(entry).items())])
+        "\n".join(
+            [
+                f'["{name}"]',
+                *(f"{key} = {json.dumps(field_value)}" for key, field_value in asdict(entry).items()),
+            ]
+        )
         for name, entry in sorted(record.items())
     ]
     part = file.with_suffix(".part")
-    part.write_text("\n\n".join([HEAD.rstrip(), *blocks]) + "\n", encoding="utf-8")
+    part.write_text("\n\n".join([FILE_HEADER.rstrip(), *blocks]) + "\n", encoding="utf-8")
     part.replace(file)

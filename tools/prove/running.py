@@ -15,8 +15,8 @@ from tools.prove.listing import ROOT, Proof
 from tools.prove.provers import command
 from tools.prove.verdict import PROVED, REFUTED, TIMEOUT, verdict_of
 
-LONGEST = 1200  # seconds of processor time of one run of a tool
-HANGING = 3600  # seconds after which it is given up, on however busy a machine
+MAX_PROCESSOR_S = 1200  # limit of the processor time of one run of a tool, s
+MAX_ELAPSED_S = 3600  # limit of the elapsed time of one run, even on a busy machine, s
 
 
 @dataclass(frozen=True)
@@ -46,20 +46,20 @@ class Evidence:
         return self.real.seconds + self.control.seconds
 
 
-def run(proof: Proof, *, broken: bool) -> Outcome:
+def run_prover(proof: Proof, *, broken: bool) -> Outcome:
     """Run one proof on a copy of core/, or its control on a copy with the seeded fault."""
     with tempfile.TemporaryDirectory() as folder:
         core, log = Path(folder) / "core", Path(folder) / "log"
         copy_core(ROOT / "core", proof, core, broken=broken)
-        limited = ["sh", "-c", f'ulimit -t {LONGEST}; exec "$@"', "sh", *command(proof, core)]
+        limited = ["sh", "-c", f'ulimit -t {MAX_PROCESSOR_S}; exec "$@"', "sh", *command(proof, core)]
         with log.open("wb") as out:
             process = subprocess.Popen(limited, cwd=folder, stdout=out, stderr=subprocess.STDOUT)
-            timer = Timer(HANGING, process.kill)
+            timer = Timer(MAX_ELAPSED_S, process.kill)
             timer.start()
-            _, status, used = os.wait4(process.pid, 0)  # whose answer knows the processor time
+            _, status, resource_usage = os.wait4(process.pid, 0)  # wait4 returns the processor time
             timer.cancel()
             process.returncode = os.waitstatus_to_exitcode(status)
         output = log.read_text(encoding="utf-8", errors="replace")
-        late = process.returncode in {-signal.SIGXCPU, -signal.SIGKILL}
-        verdict = TIMEOUT if late else verdict_of(proof.tool, output)
-        return Outcome(verdict, used.ru_utime + used.ru_stime, output)
+        is_timeout = process.returncode in {-signal.SIGXCPU, -signal.SIGKILL}
+        verdict = TIMEOUT if is_timeout else verdict_of(proof.tool, output)
+        return Outcome(verdict, resource_usage.ru_utime + resource_usage.ru_stime, output)

@@ -3,7 +3,7 @@
 
 #include <stddef.h>
 
-/* From the linker script: source and target of initial values, and the zeroed range. */
+/* Symbols of the linker script: source and target of the initial values, and the zeroed range. */
 extern uint32_t startup_data_stored;
 extern uint32_t startup_data_begin;
 extern uint32_t startup_data_end;
@@ -37,9 +37,9 @@ void startup_trap(void)
   }
 }
 
-/* A compiler may call these functions by itself, also without a C library: by their C names and by
-   the names of Arm's run-time ABI. volatile keeps a loop from becoming a call of its own function.
- */
+/* A compiler may insert calls of these functions, also without a C library: by their C names or the
+   names of Arm's run-time ABI. Because of volatile, a loop does not become a call of its own
+   function. */
 // NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 void *memcpy(void *to, const void *from, size_t n);
 void *memset(void *to, int value, size_t n);

@@ -12,7 +12,7 @@
 #define NVIC_CLEAR_PENDING(n) REGISTER(0xE000E280U + 4U * ((uint32_t)(n) / 32U))
 #define NVIC_BIT(n) (1U << ((uint32_t)(n) % 32U))
 #define NVIC_PRIORITY(n) (*(volatile uint8_t *)(0xE000E400U + (uint32_t)(n)))
-#define SCB_CPACR REGISTER(0xE000ED88U) /* access to the FPU */
+#define SCB_CPACR REGISTER(0xE000ED88U) /* access control of the FPU */
 
 typedef void (*startup_vector)(void);
 
@@ -33,8 +33,8 @@ void startup_trap(void);
   [11] = startup_trap, [12] = startup_trap, [14] = startup_trap, [15] = startup_trap
 #define STARTUP_INTERRUPT(n) (16 + (n))
 
-/* Brings the actuator to a safe state; defined by each board. Interrupts are off, and the stack may
-   be corrupt. Must not wait. */
+/* Brings the actuator to a safe state. Each board defines it. It is called with interrupts off, and
+   the stack may be corrupt. It must not wait. */
 void board_panic(void);
 
 static inline void startup_wait_for_interrupt(void) { __asm volatile("wfi" ::: "memory"); }

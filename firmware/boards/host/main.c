@@ -7,10 +7,10 @@
    listens. PLANT gives the ticks: fd:N is an inherited stream; tcp:PORT connects. --xcp listens for
    XCP on TCP. Port 0 selects a free port, which is printed. Ports are on 127.0.0.1. The process
    ends when the plant disconnects. */
-// NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): how POSIX is asked for
+/* NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): names that POSIX needs */
 #define _XOPEN_SOURCE 700
-#define _DEFAULT_SOURCE  /* cfmakeraw */
-#define _DARWIN_C_SOURCE /* cfmakeraw and INADDR_LOOPBACK on macOS */
+#define _DEFAULT_SOURCE  /* needed for cfmakeraw */
+#define _DARWIN_C_SOURCE /* needed for cfmakeraw and INADDR_LOOPBACK on macOS */
 // NOLINTEND(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 #include <arpa/inet.h>
 #include <errno.h>
@@ -34,13 +34,13 @@
 #endif
 
 #define BAD_USAGE 2
-#define NONE (-1)
+#define NO_NUMBER (-1)
 
 static lockstep controller;
-static int listener = NONE; /* listening socket of a link on TCP */
-static int link_fd = NONE;
-static int plant_fd = NONE;
-static int more_to_send; /* the link accepted less than was offered */
+static int listener = NO_NUMBER; /* listening socket of a link on TCP */
+static int link_fd = NO_NUMBER;
+static int plant_fd = NO_NUMBER;
+static int more_to_send; /* the link accepted fewer bytes than were offered */
 static int more_to_read; /* the link has unread bytes */
 
 static void exit_with_error(const char *subject, const char *reason)
@@ -49,12 +49,12 @@ static void exit_with_error(const char *subject, const char *reason)
   exit(BAD_USAGE);
 }
 
-/* Returns the number after a prefix such as "tcp:", or NONE. */
-static int number_after(const char *prefix, const char *text)
+/* Returns the number after a prefix such as "tcp:", or NO_NUMBER. */
+static int parse_number_after(const char *prefix, const char *text)
 {
   const size_t length = strlen(prefix);
   if (strncmp(text, prefix, length) != 0) {
-    return NONE;
+    return NO_NUMBER;
   }
   char *end = NULL;
   const long value = strtol(text + length, &end, 10);
@@ -91,12 +91,12 @@ static void disable_send_delay(int fd)
 }
 
 /* Returns a listening socket and prints its port. */
-static int listen_on(int port)
+static int open_listener(int port)
 {
   struct sockaddr_in address = local_address(port);
   socklen_t size = sizeof address;
   const int fd = new_socket();
-  const int yes = 1; /* reuse the port of a process that was killed */
+  const int yes = 1; /* allows to reuse the port of a process that was killed */
   if (setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
       bind(fd, (const struct sockaddr *)&address, size) != 0 || listen(fd, 1) != 0 ||
       getsockname(fd, (struct sockaddr *)&address, &size) != 0) {
@@ -138,9 +138,9 @@ static void open_pty(void)
 
 static void open_link(const char *where)
 {
-  const int port = number_after("tcp:", where);
-  if (port != NONE) {
-    listener = listen_on(port);
+  const int port = parse_number_after("tcp:", where);
+  if (port != NO_NUMBER) {
+    listener = open_listener(port);
   } else if (strcmp(where, "pty") == 0) {
     open_pty();
   } else {
@@ -150,10 +150,10 @@ static void open_link(const char *where)
 
 static void open_plant(const char *where)
 {
-  const int port = number_after("tcp:", where);
-  if (port == NONE) {
-    plant_fd = number_after("fd:", where);
-    if (plant_fd == NONE) {
+  const int port = parse_number_after("tcp:", where);
+  if (port == NO_NUMBER) {
+    plant_fd = parse_number_after("fd:", where);
+    if (plant_fd == NO_NUMBER) {
       exit_with_error(where, "the plant is fd:N or tcp:PORT");
     }
     return;
@@ -175,12 +175,11 @@ static void accept_link(void)
   }
 }
 
-/* Closes the link. On TCP another client may connect; a terminal stays silent, like a pulled cable.
- */
+/* Closes the link. On TCP another client may connect; a terminal stays silent. */
 static void drop_link(void)
 {
   (void)close(link_fd);
-  link_fd = NONE;
+  link_fd = NO_NUMBER;
   more_to_send = 0;
 }
 
@@ -189,10 +188,10 @@ static int would_block(void) { return errno == EAGAIN || errno == EWOULDBLOCK ||
 static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
 {
   (void)context;
-  if (link_fd == NONE || !more_to_read) {
+  if (link_fd == NO_NUMBER || !more_to_read) {
     return 0;
   }
-  more_to_read = 0; /* until poll reports input; this saves one call per tick */
+  more_to_read = 0; /* there is no input until poll reports some; this saves one call per tick */
   const ssize_t count = read(link_fd, bytes, size);
   if (count > 0) {
     return (uint16_t)count;
@@ -206,8 +205,8 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
 static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
   (void)context;
-  if (link_fd == NONE) {
-    return count; /* discarded */
+  if (link_fd == NO_NUMBER) {
+    return count; /* the bytes are discarded */
   }
   const ssize_t taken = write(link_fd, bytes, count);
   if (taken < 0 && !would_block()) {
@@ -254,7 +253,7 @@ static void receive_plant(void)
 static void wait_and_serve(void)
 {
   struct pollfd descriptors[3];
-  descriptors[0].fd = link_fd != NONE ? link_fd : listener;
+  descriptors[0].fd = link_fd != NO_NUMBER ? link_fd : listener;
   descriptors[0].events = (short)(more_to_send ? POLLIN | POLLOUT : POLLIN);
   descriptors[1].fd = plant_fd;
   descriptors[1].events = POLLIN;
@@ -262,7 +261,7 @@ static void wait_and_serve(void)
   if (poll(descriptors, 3, -1) < 0) {
     return;
   }
-  if (link_fd == NONE && listener != NONE && (descriptors[0].revents & POLLIN) != 0) {
+  if (link_fd == NO_NUMBER && listener != NO_NUMBER && (descriptors[0].revents & POLLIN) != 0) {
     accept_link();
   } else {
     more_to_read = descriptors[0].revents != 0;
@@ -279,12 +278,12 @@ int main(int argc, char **argv)
   if (argc != 3 && !with_xcp) {
     exit_with_error("usage", "firmware LINK PLANT [--xcp PORT]");
   }
-  (void)signal(SIGPIPE, SIG_IGN); /* write reports a disconnection */
+  (void)signal(SIGPIPE, SIG_IGN); /* a failed write reports a disconnection */
   open_link(argv[1]);
   open_plant(argv[2]);
   lockstep_start(&controller, link_read, link_write);
   if (with_xcp) {
-    const int fd = listen_on(number_after("", argv[4]));
+    const int fd = open_listener(parse_number_after("", argv[4]));
     if (fcntl(fd, F_SETFL, O_NONBLOCK) != 0) {
       exit_with_error("xcp", strerror(errno));
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-// NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): how POSIX is asked for
+/* NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): names that POSIX needs */
 #define _XOPEN_SOURCE 700
 // NOLINTEND(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 #include "xcp_port.h"
@@ -14,15 +14,15 @@
 
 #include "xcp/line.h"
 
-#define NONE (-1)
+#define NO_NUMBER (-1)
 
 static xcp_line line;
-static int listener = NONE;
-static int master = NONE;
+static int listener = NO_NUMBER;
+static int master = NO_NUMBER;
 static uint8_t in[256]; /* received bytes that are not processed yet */
 static uint16_t in_count;
 static uint16_t in_at;
-static uint8_t out[16U * XCP_LINE_MOST]; /* packets that the socket has not accepted yet */
+static uint8_t out[16U * XCP_LINE_MAX_BYTES]; /* packets that the socket has not accepted yet */
 static size_t out_count;
 static size_t out_at;
 
@@ -32,18 +32,18 @@ void xcp_port_start(app *firmware, int listening)
   xcp_line_start(&line, firmware, 0);
 }
 
-static void hang_up(void)
+static void close_connection(void)
 {
   (void)close(master);
-  master = NONE;
-  xcp_line_hang_up(&line);
+  master = NO_NUMBER;
+  xcp_line_disconnect(&line);
 }
 
 static void accept_master(void)
 {
   const int yes = 1;
   master = accept(listener, NULL, NULL);
-  if (master == NONE) {
+  if (master == NO_NUMBER) {
     return;
   }
   (void)fcntl(master, F_SETFL, O_NONBLOCK);
@@ -58,11 +58,11 @@ static int would_block(void) { return errno == EAGAIN || errno == EWOULDBLOCK ||
 
 static void send_pending_bytes(void)
 {
-  while (master != NONE && out_at < out_count) {
+  while (master != NO_NUMBER && out_at < out_count) {
     const ssize_t taken = write(master, out + out_at, out_count - out_at);
     if (taken < 0) {
       if (!would_block()) {
-        hang_up();
+        close_connection();
       }
       return;
     }
@@ -72,12 +72,12 @@ static void send_pending_bytes(void)
   out_at = 0;
 }
 
-/* Collects packets while another one fits. Returns whether there were any. */
+/* Collects packets while another packet fits. Returns whether it collected any. */
 static int collect_packets(void)
 {
   const size_t before = out_count;
   uint16_t count = 1;
-  while (count > 0U && sizeof out - out_count >= XCP_LINE_MOST) {
+  while (count > 0U && sizeof out - out_count >= XCP_LINE_MAX_BYTES) {
     const uint8_t *bytes = xcp_line_offer(&line, &count);
     memcpy(out + out_count, bytes, count);
     out_count += count;
@@ -88,28 +88,28 @@ static int collect_packets(void)
 
 static void receive_bytes(void)
 {
-  if (master == NONE || in_at < in_count) {
+  if (master == NO_NUMBER || in_at < in_count) {
     return;
   }
   const ssize_t count = read(master, in, sizeof in);
   in_at = 0;
   in_count = count > 0 ? (uint16_t)count : 0U;
   if (count == 0 || (count < 0 && !would_block())) {
-    hang_up();
+    close_connection();
   }
 }
 
-/* Sends and processes bytes; closes a broken line. Returns whether any byte moved. */
+/* Sends and processes bytes; closes a broken connection. Returns whether any byte was moved. */
 static int transfer_bytes(void)
 {
   send_pending_bytes();
-  if (master == NONE) {
+  if (master == NO_NUMBER) {
     return 0;
   }
   const uint16_t taken = xcp_line_take(&line, in + in_at, (uint16_t)(in_count - in_at));
   in_at = (uint16_t)(in_at + taken);
-  if (line.broken != 0U) {
-    hang_up();
+  if (line.ignores_bytes != 0U) {
+    close_connection();
     return 0;
   }
   const int has_packets = collect_packets();
@@ -118,10 +118,10 @@ static int transfer_bytes(void)
 
 struct pollfd xcp_port_wanted(void)
 {
-  /* Do not wait for input while old input is unprocessed. */
-  struct pollfd descriptor = {master != NONE ? master : listener,
-                              (short)(master == NONE || in_at == in_count ? POLLIN : 0), 0};
-  if (master != NONE && out_count > 0U) {
+  /* Do not wait for input while received bytes are unprocessed. */
+  struct pollfd descriptor = {master != NO_NUMBER ? master : listener,
+                              (short)(master == NO_NUMBER || in_at == in_count ? POLLIN : 0), 0};
+  if (master != NO_NUMBER && out_count > 0U) {
     descriptor.events |= POLLOUT;
   }
   return descriptor;
@@ -129,10 +129,10 @@ struct pollfd xcp_port_wanted(void)
 
 void xcp_port_serve(void)
 {
-  if (listener == NONE) {
+  if (listener == NO_NUMBER) {
     return;
   }
-  if (master == NONE) {
+  if (master == NO_NUMBER) {
     accept_master();
   }
   receive_bytes();
@@ -142,7 +142,7 @@ void xcp_port_serve(void)
 
 void xcp_port_tick(void)
 {
-  if (listener != NONE) {
+  if (listener != NO_NUMBER) {
     xcp_line_tick(&line);
   }
 }

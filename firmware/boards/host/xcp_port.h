@@ -10,7 +10,7 @@
 /* Takes ownership of a listening socket. */
 void xcp_port_start(app *firmware, int listening);
 
-/* Returns the events to poll for; descriptor -1 if there is no port. */
+/* Returns the events for which the caller polls; descriptor -1 if there is no port. */
 struct pollfd xcp_port_wanted(void);
 
 /* Processes received bytes and sends packets, without waiting. */

@@ -5,9 +5,9 @@
 #include "boards/actuator.h"
 #include "lockstep.h"
 
-/* A virtual plant has noise, as a real one: a code that repeats for 256 ticks while the current
-   moves by a twentieth is a fault. Full-scale steps of force and current in one tick are plausible.
- */
+/* A virtual plant has noise like a real plant: a code that repeats for 256 ticks while the current
+   moves by a twentieth of full scale is a fault. Full-scale steps of force and current in one tick
+   are plausible. */
 static const app_limits limits = {
     .gap = {-PORT_ONE / 20, PORT_ONE / 20 * 21, PORT_ONE / 20, 256},
     .force = {-PORT_ONE / 4, PORT_ONE / 4 * 5, PORT_ONE, 256},

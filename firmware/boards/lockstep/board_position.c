@@ -4,8 +4,8 @@
 #include "boards/actuator_position.h"
 #include "lockstep.h"
 
-/* An encoder may keep its code while nothing moves. A levitated armature does not keep it for 2 ms
-   after demanded force and current changed by a twentieth. */
+/* An encoder may keep its code while nothing moves. A levitated armature does not keep its code for
+   2 ms after demanded force and current changed by a twentieth of full scale. */
 static const app_limits limits = {
     .current = {-PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, 0},
     .stuck_current = INT32_MAX / 20,

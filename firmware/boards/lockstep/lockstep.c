@@ -46,7 +46,7 @@ void lockstep_start(lockstep *l,
                             .unlock = skip_lock,
                             .keep = refuse_to_store};
   l->port = port;
-  l->arrived = 0;
+  l->received_count = 0;
   app_start(&l->firmware, &l->body, &lockstep_board, &l->port);
 }
 
@@ -65,12 +65,12 @@ void lockstep_tick(lockstep *l)
 
 int lockstep_receive(lockstep *l, uint8_t byte, uint8_t *answer)
 {
-  l->arriving[l->arrived++] = byte;
-  if (l->arrived < LINK_SIZE_PLANT_SAMPLE) {
+  l->arriving[l->received_count++] = byte;
+  if (l->received_count < LINK_SIZE_PLANT_SAMPLE) {
     return 0;
   }
   if (link_get_plant_sample(&l->sample, l->arriving)) {
-    l->arrived = 0;
+    l->received_count = 0;
     lockstep_tick(l);
     link_put_plant_drive(answer, &l->drive);
     return 1;
@@ -78,6 +78,6 @@ int lockstep_receive(lockstep *l, uint8_t byte, uint8_t *answer)
   for (uint16_t i = 1; i < LINK_SIZE_PLANT_SAMPLE; ++i) {
     l->arriving[i - 1] = l->arriving[i];
   }
-  --l->arrived;
+  --l->received_count;
   return 0;
 }

@@ -4,8 +4,8 @@
 #include "boards/actuator_position.h"
 #include "nucleo.h"
 
-/* An encoder may keep its code while nothing moves. A levitated armature does not keep it for 2 ms
-   after demanded force and current changed by a tenth. */
+/* An encoder may keep its code while nothing moves. A levitated armature does not keep its code for
+   2 ms after demanded force and current changed by a tenth of full scale. */
 static const app_limits limits = {
     .current = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 0},
     .stuck_current = INT32_MAX / 10,

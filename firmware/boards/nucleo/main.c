@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Board ST Nucleo-F446RE (STM32F446RE, Cortex-M4F at 166 MHz), registers only.
 
-   Timer 2 starts a tick. Its update starts three ADCs at the same instant (gap, force, current) and
-   outputs the current of the last tick, both in hardware, so that neither jitters. The
+   Timer 2 starts a tick. The update of the timer starts three ADCs at the same instant (gap, force,
+   current) and outputs the current of the last tick, both in hardware, so that neither jitters. The
    end-of-conversion interrupt computes the tick. The main loop handles frames between ticks.
 
        PA0 (A0)  gap sensor        PA4 (A2)  current reference, 0 V: no current
@@ -27,7 +27,7 @@
 #include "stage.h"
 #include "xcp/line.h"
 
-/* Counts of about 8 kHz: 5 ms plus four ticks. */
+/* Watchdog time: 5 ms plus four ticks, in counts of about 8 kHz. */
 #define WATCHDOG_COUNTS (40U + 32000U / ACTUATOR_RATE_HZ)
 
 #define GAP_ADC 1U
@@ -39,7 +39,7 @@
 
 #define PIN_LED 5U
 
-/* Sensor codes: 10 % of 3.3 V is 0, 90 % is 1.0. Others than MIN_CODE..MAX_CODE have no value. */
+/* Sensor codes: 10 % of 3.3 V is 0, 90 % is 1.0. Codes outside MIN_CODE..MAX_CODE have no value. */
 #define ZERO_CODE 410
 #define FULL_SCALE_CODE 3686
 #define MIN_CODE 80
@@ -47,10 +47,10 @@
 #define Q30_OF_CODE (PORT_ONE / (FULL_SCALE_CODE - ZERO_CODE))
 #define LIVE_ZERO {ZERO_CODE, Q30_OF_CODE, 0, MIN_CODE, MAX_CODE}
 
-/* Winding: time constant (s), current that trips and current that clears (q30). */
-#define WINDING_S 60U
-#define WINDING_TRIPS (PORT_ONE / 10 * 7)
-#define WINDING_CLEARS (PORT_ONE / 2)
+/* Winding: time constant (s), and the currents at which the protection trips and clears (q30). */
+#define WINDING_TIME_CONSTANT_S 60U
+#define WINDING_TRIP_CURRENT (PORT_ONE / 10 * 7)
+#define WINDING_CLEAR_CURRENT (PORT_ONE / 2)
 
 #define TICK_PRIORITY 0x10U
 
@@ -66,7 +66,7 @@ static memory_set stored_set = {
     .force = LIVE_ZERO,
     .current = LIVE_ZERO,
     .position = {0, 32768, 0, -65535, 65535},
-    .source = PLACE_ENCODER,
+    .position_source = POSITION_FROM_ENCODER,
 };
 
 static app_board active_board;
@@ -75,9 +75,9 @@ static thermal windings[PORT_CURRENTS];
 
 static void sense_position(port_sample *sample)
 {
-  int32_t code = place_encoder(); /* in every tick; otherwise edges are lost */
-  if (stored_set.source == PLACE_CONVERTER) {
-    code = place_converter();
+  int32_t code = read_encoder_position(); /* read in every tick; otherwise edges are lost */
+  if (stored_set.position_source == POSITION_FROM_CONVERTER) {
+    code = read_converter_position();
     if (code < 0) {
       sample->status |= PORT_NO_SAMPLE;
     }
@@ -91,7 +91,7 @@ static void sense(void *context, port_sample *sample)
 {
   (void)context;
   sample->tick = tick;
-  sample->status = stage_status();
+  sample->status = power_stage_status();
   sample->gap = calibration_value(&stored_set.gap, read_adc(GAP_ADC));
   sample->force = calibration_value(&stored_set.force, read_adc(FORCE_ADC));
   sample->current[0] = calibration_value(&stored_set.current, read_adc(CURRENT_ADC));
@@ -105,15 +105,15 @@ static void sense(void *context, port_sample *sample)
   }
 }
 
-/* The DAC outputs the code when the next tick begins. */
+/* The DAC outputs this code when the next tick begins. */
 static void drive(void *context, const int32_t *currents, uint32_t state)
 {
   (void)context;
   const int32_t current = currents[0];
   const uint32_t now = state & 0xFFU;
   DAC_DHR12R1 = current > 0 ? (uint32_t)current >> 19 : 0U;
-  stage_drive(currents, current != 0 || currents[1] != 0 || now == ANHYST_STATE_READY ||
-                            now == ANHYST_STATE_RUN);
+  power_stage_drive(currents, current != 0 || currents[1] != 0 || now == ANHYST_STATE_READY ||
+                                  now == ANHYST_STATE_RUN);
   GPIOA_BSRR = now == ANHYST_STATE_RUN ? 1U << PIN_LED : 1U << (PIN_LED + 16U);
   IWDG_KR = IWDG_KR_FEED;
 }
@@ -138,7 +138,7 @@ static void unlock(void *context)
   startup_interrupts_on();
 }
 
-/* Restores the tick counter, so that the erase time counts as no tick. */
+/* Restores the tick counter, so that the time of the erase counts as no tick. */
 static int store_block(void *context, const int16_t *block, uint16_t words)
 {
   (void)context;
@@ -164,8 +164,8 @@ static const struct port port = {.context = &serial_link,
                                  .unlock = unlock,
                                  .keep = store_block};
 
-/* Computes the tick after the three conversions. If another tick began meanwhile, it is missed: its
-   conversion is ignored, and the next sample's tick number shows it. */
+/* Computes the tick after the three conversions. If another tick began meanwhile, that tick is
+   missed: its conversion is ignored, and the tick number of the next sample shows it. */
 static void on_conversion_done(void)
 {
   const uint32_t cleared_flags = ~ADC_SR_JEOC;
@@ -175,8 +175,8 @@ static void on_conversion_done(void)
   app_tick(&firmware);
   xcp_line_tick(&xcp);
   const uint32_t cycles = DWT_CYCCNT - start_cycles;
-  if (cycles > firmware.cycles) {
-    firmware.cycles = cycles;
+  if (cycles > firmware.max_tick_cycles) {
+    firmware.max_tick_cycles = cycles;
   }
   if (TIM5_CNT != tick) {
     ADC_SR(GAP_ADC) = cleared_flags;
@@ -204,8 +204,7 @@ __attribute__((section(".vectors"), used)) static const startup_vector vectors[]
     [STARTUP_INTERRUPT(UART4_IRQ)] = serial_xcp_ready,
 };
 
-/* Starts the clocks. Without the ST-Link's clock no timing would be right, so it waits here,
-   current off. */
+/* Starts the clocks. Waits forever, current off, if the clock from the ST-Link is missing. */
 static void start_clocks(void)
 {
   RCC_CR |= RCC_CR_HSEBYP;
@@ -224,7 +223,7 @@ static void start_clocks(void)
   RCC_APB1ENR |=
       RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_TIM5 | RCC_APB1ENR_SPI2 | RCC_APB1ENR_DAC;
   RCC_APB2ENR |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_ADC123;
-  (void)RCC_APB2ENR; /* a clock runs two cycles after its bit was set */
+  (void)RCC_APB2ENR; /* a peripheral clock runs two cycles after its bit was set */
 }
 
 static void start_pins(void)
@@ -249,7 +248,7 @@ static void start_ticks(void)
   ADC_CCR = ADC_CCR_ADCPRE_4 | ADC_CCR_MULTI_TRIPLE_INJECTED;
   start_converter(FORCE_ADC, FORCE_CHANNEL);
   start_converter(CURRENT_ADC, CURRENT_CHANNEL);
-  start_converter(GAP_ADC, GAP_CHANNEL); /* the first of the three starts the others */
+  start_converter(GAP_ADC, GAP_CHANNEL); /* the first ADC starts the other two */
   ADC_CR1(GAP_ADC) = ADC_CR1_JEOCIE;
   ADC_CR2(GAP_ADC) = ADC_CR2_ADON | ADC_CR2_JEXTSEL_TIM2_TRGO | ADC_CR2_JEXTEN_RISING;
   DAC_DHR12R1 = 0;
@@ -291,7 +290,8 @@ static void start_services(void)
 {
   DEMCR |= DEMCR_TRCENA;
   DWT_CTRL |= DWT_CTRL_CYCCNTENA;
-  (void)thermal_make(&winding_plan, WINDING_S * ACTUATOR_RATE_HZ, WINDING_TRIPS, WINDING_CLEARS);
+  (void)thermal_prepare(&winding_plan, WINDING_TIME_CONSTANT_S * ACTUATOR_RATE_HZ,
+                        WINDING_TRIP_CURRENT, WINDING_CLEAR_CURRENT);
   for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
     thermal_start(&windings[i], &winding_plan);
   }
@@ -299,13 +299,13 @@ static void start_services(void)
 
 int main(void)
 {
-  SCB_CPACR |= 0xFU << 20; /* a compensator in f32 needs the FPU */
+  SCB_CPACR |= 0xFU << 20; /* a compensator in single precision needs the FPU */
   start_clocks();
   start_pins();
   start_services();
   start_app();
-  stage_start();
-  place_start();
+  power_stage_start();
+  position_input_start();
   serial_start();
   start_watchdog();
   start_ticks();

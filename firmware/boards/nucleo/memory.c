@@ -4,15 +4,15 @@
 #include "registers.h"
 #include "services/store.h"
 
-#define SECTOR 6U /* and sector 7, 128 KiB each; board.ld excludes them from the program */
+#define SECTOR 6U /* sectors 6 and 7, 128 KiB each; board.ld excludes them from the program */
 #define SECTOR_ADDRESS 0x08040000U
 #define SECTOR_BYTES 0x20000U
-#define WORDS (sizeof(memory_set) / sizeof(uint32_t))
+#define SET_WORDS (sizeof(memory_set) / sizeof(uint32_t))
 
 /* Places a function in RAM, because the flash cannot be read while it is written. */
 #define IN_RAM(name) __attribute__((section(".data.memory_" name), noinline))
 
-/* Executes one flash command to its end. Returns 1 if it succeeded. */
+/* Executes one flash command and waits for its end. Returns 1 if it succeeded. */
 IN_RAM("work") static int run_command(uint32_t command, volatile uint32_t *at, uint32_t word)
 {
   FLASH_SR = FLASH_SR_ERRORS;
@@ -80,10 +80,10 @@ int memory_load(memory_set *set)
   const store_flash flash = flash_access();
   uint32_t count;
   const volatile uint32_t *stored = store_read(&flash, &count);
-  if (stored == 0 || count != WORDS || !is_valid((const memory_set *)(uintptr_t)stored)) {
+  if (stored == 0 || count != SET_WORDS || !is_valid((const memory_set *)(uintptr_t)stored)) {
     return 0;
   }
-  for (uint32_t i = 0; i < WORDS; i++) {
+  for (uint32_t i = 0; i < SET_WORDS; i++) {
     ((uint32_t *)set)[i] = stored[i];
   }
   return 1;
@@ -92,5 +92,5 @@ int memory_load(memory_set *set)
 int memory_save(const memory_set *set)
 {
   const store_flash flash = flash_access();
-  return store_write(&flash, (const uint32_t *)set, WORDS);
+  return store_write(&flash, (const uint32_t *)set, SET_WORDS);
 }

@@ -12,22 +12,22 @@
 
 #define MEMORY_LAYOUT 1U
 
-/* A set of complete 32-bit words. */
+/* The stored set; a multiple of 32 bits. */
 typedef struct {
   uint32_t layout; /* MEMORY_LAYOUT */
-  calibration gap; /* codes of the ADCs of the chip, values q30 */
+  calibration gap; /* calibrations of the codes of the chip's ADCs, values q30 */
   calibration force;
   calibration current;
-  calibration position; /* codes of place.h, values q31 */
-  uint32_t source;      /* source of the position: PLACE_ENCODER or PLACE_CONVERTER */
-  uint32_t words;       /* words of the block; 0: the built-in block is used */
+  calibration position;     /* calibration of the codes of place.h, values q31 */
+  uint32_t position_source; /* source of the position: POSITION_FROM_... */
+  uint32_t words;           /* number of words of the block; 0: the built-in block is used */
   int16_t block[ANHYST_BLOCK_MOST_WORDS];
 } memory_set;
 
 /* Reads the last stored set. Returns 1, or 0 if there is none; *set is then unchanged. */
 int memory_load(memory_set *set);
 
-/* Stores a set with interrupts off. Returns 1, or 0 if the flash failed and the last set is
+/* Stores a set with interrupts off. Returns 0 if the flash failed; the last set is then
    unchanged. */
 int memory_save(const memory_set *set);
 

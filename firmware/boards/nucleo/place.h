@@ -2,7 +2,7 @@
 /* Position sensor: the code of an incremental encoder or of a 16-bit ADC.
 
        PB6 (D10), PB7 (CN7)  encoder, lines A and B: timer 4 counts every edge
-       PB10 (D6)             ADC: starts on the falling edge, PLACE_CONVERT_NS after the tick
+       PB10 (D6)             ADC: starts on the falling edge, POSITION_CONVERSION_NS after the tick
        PB13 (CN10)           ADC: clock, 20.75 MHz; bits change on its rising edge
        PC2 (CN7)             ADC: data, 16 bits, most significant first, straight binary
 
@@ -14,18 +14,18 @@
 
 #include <stdint.h>
 
-#define PLACE_ENCODER 0U
-#define PLACE_CONVERTER 1U
+#define POSITION_FROM_ENCODER 0U
+#define POSITION_FROM_CONVERTER 1U
 
-/* Duration of the start signal of the ADC before the read. */
-#define PLACE_CONVERT_NS 1000U
+/* Duration of the start pulse of the ADC, before its result is read. */
+#define POSITION_CONVERSION_NS 1000U
 
-void place_start(void);
+void position_input_start(void);
 
-/* Returns the edges since the start, modulo 2^32. At most 32767 edges between two calls. */
-int32_t place_encoder(void);
+/* Returns the encoder edges since the start, modulo 2^32; at most 32767 between two calls. */
+int32_t read_encoder_position(void);
 
 /* Returns the code of the ADC at this tick, 0..65535; -1 if the ADC has not answered. */
-int32_t place_converter(void);
+int32_t read_converter_position(void);
 
 #endif

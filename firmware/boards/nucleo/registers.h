@@ -48,7 +48,7 @@
 #define FLASH_KEY_1 0x45670123U
 #define FLASH_KEY_2 0xCDEF89ABU
 #define FLASH_SR REGISTER(0x40023C0CU)
-#define FLASH_SR_ERRORS 0x1F2U /* cleared by writing ones */
+#define FLASH_SR_ERRORS 0x1F2U /* bits that are cleared by writing ones */
 #define FLASH_SR_BSY (1U << 16)
 #define FLASH_CR REGISTER(0x40023C10U)
 #define FLASH_CR_PG (1U << 0)
@@ -100,8 +100,8 @@
 #define TIM1_CCR2 REGISTER(0x40010038U)
 #define TIM1_CCR3 REGISTER(0x4001003CU)
 #define TIM1_BDTR REGISTER(0x40010044U)
-#define TIM1_BDTR_OSSI (1U << 10) /* outputs are low, not floating, after a break */
-#define TIM1_BDTR_BKE (1U << 12)  /* break by a low input */
+#define TIM1_BDTR_OSSI (1U << 10) /* the outputs are low, not floating, after a break */
+#define TIM1_BDTR_BKE (1U << 12)  /* enables a break by a low input */
 #define TIM1_BDTR_MOE (1U << 15)
 
 /* Timer 2: the tick; channel 3 starts the 16-bit ADC. */
@@ -123,9 +123,9 @@
 #define TIM4_CR1 REGISTER(0x40000800U)
 #define TIM4_CR1_CEN 1U
 #define TIM4_SMCR REGISTER(0x40000808U)
-#define TIM4_SMCR_ENCODER 3U /* every edge of both lines */
+#define TIM4_SMCR_ENCODER 3U /* counts every edge of both lines */
 #define TIM4_CCMR1 REGISTER(0x40000818U)
-#define TIM4_CCMR1_FILTERED 0x3131U /* direct inputs; 8 equal samples are an edge */
+#define TIM4_CCMR1_FILTERED 0x3131U /* direct inputs; 8 equal samples count as an edge */
 #define TIM4_CNT REGISTER(0x40000824U)
 #define TIM4_ARR REGISTER(0x4000082CU)
 

@@ -9,14 +9,14 @@
 
 #include <stdint.h>
 
-#define SERIAL_RING 2048U /* a power of two; 22 ms of the line */
+#define SERIAL_RING_BYTES 2048U /* bytes of a ring buffer, a power of two; 22 ms of the line */
 
 typedef struct {
-  uint32_t port;                          /* base address of its registers */
-  uint32_t stream;                        /* base address of its DMA stream */
-  volatile uint8_t received[SERIAL_RING]; /* circular buffer, written by DMA */
-  uint16_t read_at;
-  volatile uint8_t to_send[SERIAL_RING];
+  uint32_t port_registers;                      /* base address of its registers */
+  uint32_t dma_stream;                          /* base address of its DMA stream */
+  volatile uint8_t received[SERIAL_RING_BYTES]; /* circular buffer, written by DMA */
+  uint16_t read_index;
+  volatile uint8_t to_send[SERIAL_RING_BYTES];
   volatile uint16_t send_head; /* written only by main */
   volatile uint16_t send_tail; /* written only by the interrupt */
 } serial;

@@ -7,9 +7,9 @@
 #define PIN_STOP 4U
 #define PIN_AMPLIFIER 5U
 #define PIN_OVER_CURRENT 12U
-#define PULSE_COUNTS 4096U /* counts per pulse: 12 bits, as the analogue reference */
+#define PULSE_COUNTS 4096U /* counts per pulse: 12 bits, like the analogue reference */
 
-void stage_start(void)
+void power_stage_start(void)
 {
   GPIOB_PUPDR |=
       GPIO_PULL_DOWN(PIN_STOP) | GPIO_PULL_DOWN(PIN_AMPLIFIER) | GPIO_PULL_DOWN(PIN_OVER_CURRENT);
@@ -33,7 +33,7 @@ static uint32_t duty_cycle(int32_t current) { return current > 0 ? (uint32_t)cur
 
 static int is_high(uint32_t pin) { return (GPIOB_IDR & (1U << pin)) != 0U; }
 
-void stage_drive(const int32_t *currents, int on)
+void power_stage_drive(const int32_t *currents, int on)
 {
   TIM1_CCR2 = duty_cycle(currents[0]);
   TIM1_CCR3 = duty_cycle(currents[1]);
@@ -44,7 +44,7 @@ void stage_drive(const int32_t *currents, int on)
   }
 }
 
-uint32_t stage_status(void)
+uint32_t power_stage_status(void)
 {
   uint32_t status = 0;
   if (!is_high(PIN_STOP)) {

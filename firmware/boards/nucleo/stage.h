@@ -15,14 +15,15 @@
 
 #include <stdint.h>
 
-void stage_start(void);
+void power_stage_start(void);
 
-/* Sets the references of both currents (q31), and switches the stage on or off. At zero currents
-   and a high over-current input, it enables outputs again that the hardware switched off. */
-void stage_drive(const int32_t *currents, int on);
+/* Sets the references of both currents (q31), and switches the power stage on or off. If the
+   hardware switched the outputs off, enables them again when both currents are zero and the
+   over-current input is high. */
+void power_stage_drive(const int32_t *currents, int on);
 
 /* Returns the bits of port_sample.status. */
-uint32_t stage_status(void);
+uint32_t power_stage_status(void);
 
 /* Sets all outputs low immediately. */
 void stage_panic(void);

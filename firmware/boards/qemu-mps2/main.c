@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Board Arm MPS2 (AN385, Cortex-M3) in QEMU. UART0 is the link, UART1 the bus of the virtual plant,
-   which gives the ticks, and UART2 carries XCP (XCP on TCP if QEMU connects it to a socket). Static
-   memory; the processor sleeps while idle. */
+   which gives the ticks, and UART2 carries XCP (XCP on TCP if QEMU connects it to a socket). All
+   memory is static. The processor sleeps while idle. */
 #include <stdint.h>
 
 #include "lockstep.h"
 #include "startup.h"
 #include "xcp/line.h"
 
-/* CMSDK UART: one byte of buffer in each direction. */
+/* CMSDK UART, with a buffer of one byte in each direction. */
 #define UART_LINK 0x40004000U
 #define UART_PLANT 0x40005000U
 #define UART_XCP 0x40006000U
@@ -26,7 +26,7 @@
 #define UART_RX_INTERRUPT_ENABLE 8U
 #define UART_TX_INTERRUPT 1U
 #define UART_RX_INTERRUPT 2U
-#define UART_FASTEST 16U
+#define UART_MIN_DIVIDER 16U
 
 #define IRQ_LINK_RX 0
 #define IRQ_LINK_TX 1
@@ -34,13 +34,13 @@
 #define IRQ_XCP_RX 4
 #define IRQ_XCP_TX 5
 
-#define RING 1024U /* a power of two, because indices wrap around */
+#define RING_BYTES 1024U /* ring size: a power of two, because indices wrap around */
 
-/* Written by an interrupt, read by main. */
+/* Written by an interrupt, read by the main loop. */
 typedef struct {
   volatile uint16_t head;
   volatile uint16_t tail;
-  volatile uint8_t bytes[RING];
+  volatile uint8_t bytes[RING_BYTES];
 } ring;
 
 static lockstep controller;
@@ -55,8 +55,8 @@ static void receive(uint32_t uart, ring *to)
   UART_INTERRUPT(uart) = UART_RX_INTERRUPT;
   while ((UART_STATE(uart) & UART_RX_FULL) != 0U) {
     const uint8_t byte = (uint8_t)(UART_DATA(uart) & 0xFFU);
-    if ((uint16_t)(to->head - to->tail) < RING) {
-      to->bytes[to->head % RING] = byte;
+    if ((uint16_t)(to->head - to->tail) < RING_BYTES) {
+      to->bytes[to->head % RING_BYTES] = byte;
       ++to->head;
     }
   }
@@ -66,7 +66,7 @@ static void receive_link(void) { receive(UART_LINK, &from_link); }
 static void receive_plant(void) { receive(UART_PLANT, &from_plant); }
 static void receive_xcp(void) { receive(UART_XCP, &from_xcp); }
 
-/* Only wakes main, which has more bytes to send. */
+/* Only wakes the main loop, which has more bytes to send. */
 static void stop_tx_interrupt(uint32_t uart)
 {
   UART_CONTROL(uart) &= ~UART_TX_INTERRUPT_ENABLE;
@@ -109,13 +109,13 @@ static uint16_t link_read(void *context, uint8_t *bytes, uint16_t size)
   (void)context;
   uint16_t count = 0;
   while (count < size && from_link.tail != from_link.head) {
-    bytes[count++] = from_link.bytes[from_link.tail % RING];
+    bytes[count++] = from_link.bytes[from_link.tail % RING_BYTES];
     ++from_link.tail;
   }
   return count;
 }
 
-/* Sends the bytes that the UART accepts without waiting; the interrupt wakes main for the rest. */
+/* Sends the bytes that the UART accepts now. The interrupt wakes main for the remaining bytes. */
 static uint16_t write_available(uint32_t uart, const uint8_t *bytes, uint16_t count)
 {
   uint16_t taken = 0;
@@ -139,7 +139,7 @@ static int serve_xcp(void)
 {
   uint16_t count = 0;
   int has_moved = 0;
-  const uint8_t byte = from_xcp.bytes[from_xcp.tail % RING];
+  const uint8_t byte = from_xcp.bytes[from_xcp.tail % RING_BYTES];
   if (from_xcp.tail != from_xcp.head && xcp_line_take(&xcp, &byte, 1) > 0U) {
     ++from_xcp.tail;
     has_moved = 1;
@@ -150,13 +150,13 @@ static int serve_xcp(void)
   return has_moved || count > 0U;
 }
 
-/* The plant waits for the drive, so there is no current to switch off. */
+/* The plant waits for the drive record. Therefore, there is no current to switch off. */
 void board_panic(void) {}
 
 /* Opens a UART. QEMU's multiplexer holds earlier bytes until one byte is read. */
 static void open_uart(uint32_t uart)
 {
-  UART_DIVIDER(uart) = UART_FASTEST;
+  UART_DIVIDER(uart) = UART_MIN_DIVIDER;
   UART_CONTROL(uart) = UART_TX_ENABLE | UART_RX_ENABLE | UART_RX_INTERRUPT_ENABLE;
   if ((UART_STATE(uart) & UART_RX_FULL) == 0U) {
     (void)UART_DATA(uart);
@@ -175,16 +175,16 @@ int main(void)
   for (;;) {
     app_poll(&controller.firmware);
     while (from_plant.tail != from_plant.head) {
-      const uint8_t byte = from_plant.bytes[from_plant.tail % RING];
+      const uint8_t byte = from_plant.bytes[from_plant.tail % RING_BYTES];
       ++from_plant.tail;
       receive_from_plant(byte);
     }
     while (serve_xcp()) {
     }
-    startup_interrupts_off(); /* otherwise a byte could arrive between check and sleep */
+    startup_interrupts_off(); /* with interrupts on, a byte could arrive between check and sleep */
     if (from_plant.tail == from_plant.head && from_link.tail == from_link.head &&
         (from_xcp.tail == from_xcp.head || xcp.out_count > 0U)) {
-      startup_wait_for_interrupt(); /* a pending interrupt wakes it although interrupts are off */
+      startup_wait_for_interrupt(); /* a pending interrupt wakes it even while interrupts are off */
     }
     startup_interrupts_on();
   }

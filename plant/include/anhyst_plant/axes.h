@@ -10,13 +10,13 @@
 extern "C" {
 #endif
 
-/* Initialises a force controller in double precision that calls one in single precision, which must
-   live as long. For one in fixed point see force_coded_real.h. */
+/* Initialises a controller in double precision that calls a force controller in single precision.
+   The inner controller must live as long as this one. For fixed point see force_coded_real.h. */
 void anhyst_axes_drive_init_f32(anhyst_force_controller_f64 *c, anhyst_force_controller_f32 *force);
 
-/* Returns the state of a controller and its losses: 16*(state of states.h) + phase + 256*(highest
-   number of a lost magnet). */
-uint16_t anhyst_axes_word(uint16_t state, uint32_t lost);
+/* Returns the state of a controller and its lost magnets: 16*(state of states.h) + phase +
+   256*(highest number of a lost magnet). */
+uint16_t anhyst_axes_state_word(uint16_t state, uint32_t lost);
 
 #ifdef __cplusplus
 }

@@ -29,9 +29,9 @@
 
    The caller advances the body tick by tick: it reads the sensors at the start of a tick, then
    advances by one tick with the computed commands. The currents take effect `delay` sub-steps after
-   the reading. The integration uses a fixed sub-step: the velocity by half a sub-step, the pose,
-   the windings by the trapezoidal rule, the velocity by the other half. It is of second order in
-   the sub-step. In one coordinate with d = +1 or -1, all other factors are one or zero. */
+   the reading. The integration has a fixed sub-step. It advances the velocity by half a sub-step,
+   the pose, the windings by the trapezoidal rule, and the velocity by the other half. It is of
+   second order. In one coordinate with d = +1 or -1, all other factors are one or zero. */
 #ifndef ANHYST_PLANT_BODY_H
 #define ANHYST_PLANT_BODY_H
 
@@ -45,20 +45,20 @@ extern "C" {
 #define ANHYST_PLANT_AXES 6 /* x y z, and rotations about them */
 
 typedef struct {
-  double r[3]; /* from the reference point of the pose, m */
+  double r[3]; /* vector from the reference point of the pose, m */
   double d[3]; /* unit vector */
 } anhyst_plant_line;
 
 typedef struct {
   double limit; /* supply voltage, V */
-  double gain;  /* of the current controller, V/A; 0: the command is a voltage */
+  double gain;  /* proportional gain of the current controller, V/A; 0: the command is a voltage */
   double reset; /* integral gain of the current controller, V/(A s) */
-  double low;   /* range of the command, A or V */
+  double low;   /* ends of the command range, A or V */
   double high;
-  double step; /* of the digital-analogue converter */
+  double step; /* step of the digital-analogue converter, A or V */
 } anhyst_plant_amplifier;
 
-/* A magnet with its position, amplifier and sensors. It pulls the body along its line. */
+/* A magnet with its line, amplifier and sensors. It pulls the body in the direction of its line. */
 typedef struct {
   anhyst_plant_magnet magnet;
   anhyst_plant_line line;
@@ -66,15 +66,15 @@ typedef struct {
   anhyst_plant_amplifier amplifier;
   anhyst_plant_sensor current_sensor;
   anhyst_plant_sensor flux_probe;
-  int has_probe; /* otherwise its flux density reads as NAN */
+  int has_probe; /* 0: without a probe, the flux density reads as NAN */
 } anhyst_plant_actuator;
 
-/* Mounting of a head. FRAME: on the frame. BODY: on the body, measuring past the frame to a long
-   target; a loop adds the motion of the frame along its line. GROUND: on the ground, from where it
-   sees another point of the body as the body moves; its line is relative to frame plus pose. */
+/* Mounting of a head. FRAME: on the frame. BODY: on the body; it measures to a long target next to
+   the frame, and a loop adds the motion of the frame along its line. GROUND: on the ground; its
+   point on the body changes as the body moves, and its line is relative to frame plus pose. */
 typedef enum { ANHYST_PLANT_FRAME, ANHYST_PLANT_BODY, ANHYST_PLANT_GROUND } anhyst_plant_base;
 
-/* A position sensor: an interferometer, or a gap sensor (zero: the gap, d: away from it). */
+/* A position sensor: an interferometer, or a gap sensor (`d` points away from the gap). */
 typedef struct {
   anhyst_plant_line line;
   double zero; /* reading at pose zero, m */
@@ -84,38 +84,38 @@ typedef struct {
 
 typedef struct {
   double at[3];     /* attachment point on the body, m */
-  double stiffness; /* N/m; 0: no cable */
+  double stiffness; /* stiffness, N/m; 0: no cable */
   double damping;   /* N s/m */
 } anhyst_plant_cable;
 
 typedef struct {
   anhyst_plant_line line;
-  double share;          /* part of a force step that its amplifier passes in one sub-step */
-  double damping;        /* damping that its controller produces, N s/m */
-  double stiffness;      /* stiffness that its controller produces, N/m */
-  double rest;           /* position without a force of the stiffness, m */
-  double encoder_step;   /* m; 0: none */
-  double velocity_share; /* part of a step that its velocity filter passes in a tick */
+  double share;          /* fraction of a force step that its amplifier passes in one sub-step */
+  double damping;        /* damping from the load's controller, N s/m */
+  double stiffness;      /* stiffness from the load's controller, N/m */
+  double rest;           /* position at which the stiffness gives no force, m */
+  double encoder_step;   /* resolution, m; 0: ideal */
+  double velocity_share; /* fraction of a velocity step that its filter passes in a tick */
 } anhyst_plant_load;
 
 /* A free coordinate, in m and N or rad and N m. */
 typedef struct {
   int axis;        /* 0..5 */
-  double rest;     /* position of the body without currents */
-  double damping;  /* of the guide */
-  double stop_low; /* positions of the end stops */
+  double rest;     /* position of the body without currents, m or rad */
+  double damping;  /* damping of the guide */
+  double stop_low; /* lower and upper position of the end stops */
   double stop_high;
   double stop_stiffness;
-  double stop_damping; /* during contact */
+  double stop_damping; /* additional damping during contact with a stop */
 } anhyst_plant_coordinate;
 
 /* The arrays belong to the caller and have the lengths stated here. */
 typedef struct {
   int coordinates;                                       /* 1..6 */
-  anhyst_plant_coordinate coordinate[ANHYST_PLANT_AXES]; /* in ascending order of their axes */
+  anhyst_plant_coordinate coordinate[ANHYST_PLANT_AXES]; /* sorted by axis */
   double mass;                                           /* kg */
   double centre[3];                                      /* centre of mass, m */
-  double inertia[3][3];                                  /* about the centre of mass, kg m^2 */
+  double inertia[3][3];                                  /* inertia about the centre, kg m^2 */
   double gravity[3];                                     /* m/s^2 */
   int magnets;
   const anhyst_plant_actuator *actuator;
@@ -124,79 +124,78 @@ typedef struct {
   anhyst_plant_load load;
   anhyst_plant_cable cable;
   double force_along[3];            /* unit vector: direction of the force sensor */
-  anhyst_plant_sensor force_sensor; /* of the magnets' net force */
+  anhyst_plant_sensor force_sensor; /* sensor of the magnets' net force */
   double tick;                      /* length of a tick, s */
-  int substeps;                     /* per tick, >= 1 */
-  int delay; /* from reading to output, sub-steps, 0..ANHYST_PLANT_DELAY_MOST/2 */
+  int substeps;                     /* sub-steps per tick, >= 1 */
+  int delay; /* dead time from reading to output, sub-steps, 0..ANHYST_PLANT_MAX_DELAY/2 */
 } anhyst_plant_body;
 
-/* Destinations of the readings. */
+/* Destinations of the sensor readings. */
 typedef struct {
-  double *head;    /* of each head, m */
-  double *current; /* of each magnet, A */
-  double *density; /* flux density of each magnet, T */
+  double *head;    /* readings of the position heads, m */
+  double *current; /* current readings of the magnets, A */
+  double *density; /* flux density readings of the magnets, T */
   double force;    /* N */
 } anhyst_plant_readings;
 
-/* Failure of an amplifier. OPEN: open circuit; the current flows back to the supply through diodes,
-   then it is zero. SHORT: short circuit; the current decays in the winding. */
+/* Failure of an amplifier. OPEN: open circuit; the current flows back to the supply through diodes
+   until it is zero. SHORT: short circuit; the current decays in the winding. */
 typedef enum { ANHYST_PLANT_WORKS, ANHYST_PLANT_OPEN, ANHYST_PLANT_SHORT } anhyst_plant_failure;
 
 typedef struct {
   anhyst_plant_coil coil;
-  double gap;                           /* true value, m */
-  double output;                        /* output of the converter, A or V */
-  anhyst_plant_failure failure;         /* of the amplifier; set from outside */
-  double line[ANHYST_PLANT_DELAY_MOST]; /* outputs that are not yet effective */
+  double gap;                          /* true gap, m */
+  double output;                       /* output of the digital-analogue converter, A or V */
+  anhyst_plant_failure failure;        /* failure of the amplifier; the caller sets it */
+  double line[ANHYST_PLANT_MAX_DELAY]; /* converter outputs that are not yet effective */
   anhyst_plant_sensing current_sensing;
   anhyst_plant_sensing flux_sensing;
 } anhyst_plant_actuator_state;
 
 typedef struct {
-  double position; /* true value, m */
+  double position; /* true position, m */
   anhyst_plant_sensing sensing;
 } anhyst_plant_head_state;
 
 typedef struct {
-  double pose[ANHYST_PLANT_AXES];                    /* true values relative to the frame; m, rad */
-  double velocity[ANHYST_PLANT_AXES];                /* absolute, m/s, rad/s */
-  double frame_velocity[ANHYST_PLANT_AXES];          /* of the frame; set from outside */
-  double frame[ANHYST_PLANT_AXES];                   /* position of the frame; set from outside */
-  double wrench[ANHYST_PLANT_AXES];                  /* sum of the magnets, N, N m */
-  double force;                                      /* of the magnets along the force sensor, N */
+  double pose[ANHYST_PLANT_AXES];                    /* true pose relative to the frame, m, rad */
+  double velocity[ANHYST_PLANT_AXES];                /* absolute velocity, m/s, rad/s */
+  double frame_velocity[ANHYST_PLANT_AXES];          /* velocity of the frame; the caller sets it */
+  double frame[ANHYST_PLANT_AXES];                   /* position of the frame; the caller sets it */
+  double wrench[ANHYST_PLANT_AXES];                  /* total wrench of the magnets, N, N m */
+  double force;                                      /* magnets' force along the sensor, N */
   double load;                                       /* force of the load drive, N */
-  double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* velocity change per half sub-step and N or N
-                                                        m */
-  double tie[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES];  /* force of a cable of 1 N/m per m or rad */
+  double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* velocity change per force in a half-step */
+  double tie[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES];  /* cable force per N/m and coordinate */
   double weight[ANHYST_PLANT_AXES];                  /* force and moment of gravity, N, N m */
   int can_turn;                                      /* whether a rotation is a free coordinate */
   anhyst_plant_actuator_state *actuator;             /* array of the caller, one for each magnet */
   anhyst_plant_head_state *head;                     /* array of the caller, one for each head */
-  unsigned char due[ANHYST_PLANT_DELAY_MOST]; /* whether new outputs take effect in a sub-step */
-  unsigned at;                                /* sub-step modulo ANHYST_PLANT_DELAY_MOST */
-  double load_velocity;                       /* estimate of the load drive, m/s */
-  double load_position;                       /* last encoder reading, m */
+  unsigned char due[ANHYST_PLANT_MAX_DELAY]; /* whether new outputs take effect in each sub-step */
+  unsigned at;                               /* sub-step modulo ANHYST_PLANT_MAX_DELAY */
+  double load_velocity;                      /* velocity that the load drive estimates, m/s */
+  double load_position;                      /* last encoder reading of the load's controller, m */
   anhyst_plant_sensing force_sensing;
   anhyst_plant_noise noise;
 } anhyst_plant_state;
 
 /* Initialises the state at rest without current or load, with demagnetised iron; the two arrays of
-   the state must be set. Returns 0 if mass and inertia are not those of a body. */
+   the state must be set. Returns 0 if the mass or the inertia is impossible. */
 int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state, uint64_t seed);
 
-/* Moves the body to a pose and velocity, one number for each free coordinate. */
+/* Sets pose and velocity of the body; each array has one number per free coordinate. */
 void anhyst_plant_place(const anhyst_plant_body *body, anhyst_plant_state *state,
                         const double *pose, const double *velocity);
 
-/* Moves the frame, one number for each free coordinate. Heads on the ground are settled there. */
+/* Moves the frame, one number for each free coordinate. Heads on the ground settle at its end. */
 void anhyst_plant_ride(const anhyst_plant_body *body, anhyst_plant_state *state,
                        const double *frame);
 
-/* Changes the current of a magnet so slowly that nothing is induced. Its amplifier keeps it. */
+/* Changes the current of a magnet so slowly that nothing is induced; its amplifier keeps it. */
 void anhyst_plant_hold(const anhyst_plant_body *body, anhyst_plant_state *state, int magnet,
                        double current);
 
-/* Reads all sensors. Call once per tick, because every reading takes new noise. */
+/* Reads all sensors. Call this once per tick, because every reading contains new noise. */
 void anhyst_plant_read(const anhyst_plant_body *body, anhyst_plant_state *state,
                        anhyst_plant_readings *readings);
 
@@ -205,7 +204,8 @@ void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *sta
                           const double *command, double load);
 
 /* Returns the displacement of a body at this pose along a line, m. */
-double anhyst_plant_moved(const anhyst_plant_line *line, const double pose[ANHYST_PLANT_AXES]);
+double anhyst_plant_displacement(const anhyst_plant_line *line,
+                                 const double pose[ANHYST_PLANT_AXES]);
 
 #ifdef __cplusplus
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A firmware with a position controller as the controller of a loop: sensor readings in, current
-   references out. This adapter only converts signals between SI units and codes. Targets and
-   commands come over the firmware's own link; those of the loop have no effect. */
+/* A firmware with a position controller as the controller of a simulated loop: sensor readings in,
+   current references out. This adapter only converts signals between SI units and codes. Targets
+   and commands of the loop have no effect: the firmware gets them over its own link. */
 #ifndef ANHYST_PLANT_BUS_H
 #define ANHYST_PLANT_BUS_H
 
@@ -17,15 +17,15 @@ extern "C" {
 
 typedef struct {
   anhyst_position_scales scales;
-  uint32_t tick;                          /* of the last sample; 0 before the first */
-  uint32_t drive[ANHYST_BUS_DRIVE_WORDS]; /* the last answer of the firmware */
+  uint32_t tick;                          /* tick of the last sample; 0 before the first sample */
+  uint32_t drive[ANHYST_BUS_DRIVE_WORDS]; /* the last record from the firmware */
   void *firmware;
-  /* Tick of the firmware: words of a sample to words of a drive; NULL after its end. */
+  /* Runs a firmware tick: words of a sample to words of a drive. NULL after the firmware ended. */
   void (*firmware_tick)(void *firmware, const void *sample, void *drive);
 } anhyst_bus_controller;
 
-/* Tick of an anhyst_loop_controller whose self is the anhyst_bus_controller. Sets `gone` if the
-   firmware has ended, or has answered another tick. */
+/* The tick function of an anhyst_loop_controller whose member `self` is the anhyst_bus_controller.
+   Sets the member `gone` if the firmware has ended or has answered a different tick. */
 void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
                                 anhyst_loop_answer *answer);
 

@@ -13,22 +13,22 @@ typedef struct {
   int heads;
   int coordinates;
   const double *head;     /* readings of the position heads, m; NAN: the sample was dropped */
-  const double *position; /* sum of pose and frame position, measured by an interferometer */
-  const double *current;  /* shunt readings of each magnet, A */
-  const double *flux;     /* flux probe readings of each magnet, T; NAN without a probe */
+  const double *position; /* absolute position of each coordinate: pose plus frame position */
+  const double *current;  /* current of each magnet, from a shunt, A */
+  const double *flux;     /* flux density of each magnet, from a probe, T; NAN without a probe */
   const double *target;   /* target position of each coordinate */
   const double *load;     /* feedforward force of each coordinate */
   uint32_t command;       /* 0 none, 1 condition, 2 demagnetised, 3 lift, 4 land, 5 stop, 6 clear */
 } anhyst_loop_sample;
 
-/* Answer of a controller; all arrays are zero before the call. */
+/* Answer of a controller. All arrays are zero before the call. */
 typedef struct {
-  double *current;   /* references of the amplifiers, A, limited and on the converter's grid */
+  double *current;   /* references of the amplifiers, A; limited, on the converter's grid */
   double *reference; /* present reference position of each coordinate */
   double *demand;    /* demanded net force of each coordinate */
-  uint16_t state; /* 16*state + phase, see levitation.h, + 256*(highest number of a lost magnet) */
-  uint16_t flags; /* see levitation.h and flags.h; combined by OR over the drives */
-  int gone;       /* 1: the controller has ended; the other members are not valid */
+  uint16_t state;    /* 16*state + phase (levitation.h) + 256*(highest number of a lost magnet) */
+  uint16_t flags;    /* flags of levitation.h and flags.h, combined by OR over the drives */
+  int gone;          /* 1: the controller has ended; the other members are not valid */
 } anhyst_loop_answer;
 
 typedef struct {
@@ -36,9 +36,9 @@ typedef struct {
   void (*tick)(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer);
 } anhyst_loop_controller;
 
-/* One of the product's controllers in one number format, and the scales of its signals. The tick
-   function is that of an anhyst_loop_controller whose self is the adapter. */
-#define ANHYST_PLANT_ADAPTER(kind, f)                                                              \
+/* One of the product's controllers in one number format, and the scales of its signals. Its tick
+   function is that of an anhyst_loop_controller whose member `self` is this adapter. */
+#define ANHYST_PLANT_DECLARE_ADAPTER(kind, f)                                                      \
   typedef struct {                                                                                 \
     anhyst_##kind##_##f *kind;                                                                     \
     anhyst_##kind##_scales scales;                                                                 \

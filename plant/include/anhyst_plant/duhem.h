@@ -2,17 +2,17 @@
 /* A Duhem iron after Coleman and Hodgdon: the field depends on the polarisation, its path and its
    direction.
 
-     H = x + h,   J = curve(x),   dh = q(J)*dJ - rate*h*|dJ|,   B = mu0*H + J
-     q = rate*coercivity*(1 - fading*(J/saturation)^2)
+        H = x + h,   J = curve(x),   dh = q(J)*dJ - rate*h*|dJ|,   B = mu0*H + J
+        q = rate*coercivity*(1 - fading*(J/saturation)^2)
 
    On every monotone path, the solution has a closed form: h approaches a parabola exponentially
-   over J. The result does not depend on the speed and on the division of a path into steps. This
-   iron has no return-point memory. A minor loop about a bias is not closed but drifts towards the
-   curve, by exp(-2*rate*height) per cycle, and a larger loop does not delete a smaller one exactly.
+   over J. The result does not depend on the speed or on the division of a path into steps. This
+   iron has no return-point memory. A minor loop about a bias does not close. It drifts towards the
+   curve by a factor of exp(-2*rate*height) per cycle, where `height` is the height of the loop. A
+   larger loop does not delete a smaller one exactly. With f = fading and n = rate*saturation: if
+   f*(1 + 2/n + 2/n^2) <= 1, h stays between the two parabolas, and paths dissipate energy:
 
-   With f = fading and n = rate*saturation: if f*(1 + 2/n + 2/n^2) <= 1, h stays between the two
-   parabolas, and paths dissipate energy: H*dJ - d(stored) >= 0, stored = integral of x dJ +
-   h^2/(2*q). */
+        H*dJ - d(stored) >= 0,   stored = integral of x dJ + h^2/(2*q). */
 #ifndef ANHYST_PLANT_DUHEM_H
 #define ANHYST_PLANT_DUHEM_H
 

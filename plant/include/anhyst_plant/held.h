@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A rig with a force controller: an actuator whose armature is moved from outside, its amplifier
-   and its sensors, tick by tick.
+/* A rig with a force controller: an actuator whose armature moves on a given path, its amplifier
+   and its sensors.
 
    At tick n, the gap is set, the present current of the amplifier flows, and the sensors are read.
    The amplifier gets the controller's reference at tick n + 1, and its current changes from then
@@ -22,13 +22,13 @@ enum { ANHYST_HELD_GAP, ANHYST_HELD_FORCE, ANHYST_HELD_CURRENT, ANHYST_HELD_SENS
 typedef struct {
   anhyst_plant_magnet magnet;
   double seconds; /* length of a tick, s; 0: so slow that nothing is induced */
-  double low;     /* range of the converter, A */
+  double low;     /* ends of the converter's range, A */
   double high;
   double step;
-  double share; /* part of the control error that the amplifier removes in a tick */
+  double share; /* fraction of the control error that the amplifier removes in one tick */
   double most;  /* maximum change of the current per tick, A */
-  double zero;  /* reading of its shunt without current, A */
-  anhyst_plant_sensor sensor[ANHYST_HELD_SENSORS]; /* noise comes from outside */
+  double zero;  /* reading of the amplifier's shunt without current, A */
+  anhyst_plant_sensor sensor[ANHYST_HELD_SENSORS]; /* noise is an input of each tick */
 } anhyst_plant_held;
 
 /* All zeros: demagnetised, no current. */
@@ -40,8 +40,8 @@ typedef struct {
   int begun;
 } anhyst_plant_held_state;
 
-/* Columns of a tick: current, A; force, N; and the sensor readings. */
-#define ANHYST_HELD_COLUMNS (2 + ANHYST_HELD_SENSORS)
+/* Columns of a recorded tick: current, A; force, N; and the sensor readings. */
+#define ANHYST_HELD_COLUMN_COUNT (2 + ANHYST_HELD_SENSORS)
 
 /* Executes one tick: the reference of the last tick, the present gap, and the noise of each sensor
    in the unit of its quantity. */

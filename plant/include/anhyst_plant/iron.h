@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Irons of several families with one interface; none of them is a Jiles-Atherton material. An iron
-   is its steel and its memory. Every family computes the end of a monotone path of one coordinate:
-   field and flux density, which both rise with the coordinate, and their slopes at the end. For
-   cells and the Duhem iron, the coordinate is the field of the curve; for the Preisach iron, it is
-   the field of the relays. */
+/* Irons of several families with one interface. No iron is a Jiles-Atherton material. An iron
+   consists of its steel (parameters) and its memory (state). Every family computes the end of a
+   monotone path of one coordinate: the field and the flux density, which both rise with the
+   coordinate, and their slopes at the end. The coordinate is the field of the anhysteretic curve
+   for cells and the Duhem iron, and the field of the relays for the Preisach iron. */
 #ifndef ANHYST_PLANT_IRON_H
 #define ANHYST_PLANT_IRON_H
 
@@ -30,13 +30,13 @@ typedef struct {
   } own;
 } anhyst_plant_memory;
 
-/* A possible end of a path. */
+/* A possible end point of a monotone path. */
 typedef struct {
   double at;            /* A/m */
   double field;         /* A/m */
-  double density;       /* flux density there, T */
-  double field_slope;   /* of the field over the coordinate */
-  double density_slope; /* of the flux density over the coordinate, T m/A */
+  double density;       /* flux density at this end, T */
+  double field_slope;   /* slope of the field over the coordinate, no unit */
+  double density_slope; /* slope of the flux density over the coordinate, T m/A */
   union {
     anhyst_plant_cells_goal cells;
     anhyst_plant_preisach_goal preisach;
@@ -46,14 +46,14 @@ typedef struct {
 
 typedef struct anhyst_plant_iron anhyst_plant_iron;
 
-/* An additional term n(B) of the equation besides b*B: any rising function, with its slope. */
+/* An additional term n(B) of the equation, next to b*B: any rising function, with its slope. */
 typedef struct {
   double (*needs)(void *self, double density, double *slope);
   void *self;
 } anhyst_plant_beyond;
 
-/* Completes a goal, whose coordinate is given. If the coordinate does not change, the slopes are
-   those of a continued movement. */
+/* Computes the other members of a goal from its coordinate. If the coordinate does not change, the
+   slopes are those of a movement in the last direction. */
 typedef void (*anhyst_plant_look)(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
                                   anhyst_plant_goal *goal);
 
@@ -63,7 +63,7 @@ typedef struct {
   void (*field)(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
                 double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
                 anhyst_plant_goal *goal);
-  /* Moves the memory to a goal: its density and own. */
+  /* Moves the memory to a goal: sets the density and the state of the family. */
   void (*move)(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
                const anhyst_plant_goal *goal);
 } anhyst_plant_family;
@@ -74,7 +74,7 @@ extern const anhyst_plant_family anhyst_plant_of_duhem;
 
 struct anhyst_plant_iron {
   const anhyst_plant_family *family;
-  double slack; /* maximum change of the coordinate beyond the change of the field, A/m */
+  double slack; /* upper bound of the change of the coordinate minus the change of the field, A/m */
   union {
     anhyst_plant_cell_steel cells;
     anhyst_plant_preisach_steel preisach;
@@ -83,7 +83,7 @@ struct anhyst_plant_iron {
 };
 
 /* Finds the field H with a*H + b*B(H) + n(B) = r for a > 0 and b >= 0, on a monotone path. Does not
-   change the memory. |a*H + b*B + n - r| <= tolerance. beyond null: n = 0. */
+   change the memory. |a*H + b*B + n - r| <= tolerance. If `beyond` is null, n is 0. */
 void anhyst_plant_field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
                         double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
                         anhyst_plant_goal *goal);

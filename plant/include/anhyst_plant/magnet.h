@@ -37,21 +37,21 @@ extern "C" {
 #endif
 
 /* The working gap of a solenoid: a plunger in front of a stop with a control cone. Three flux paths
-   are parallel: the flat face, the wall of the cone, into which the plunger dips and whose thin end
-   saturates, and leakage without a force. At ampere-turns u
+   are parallel: the flat face, the wall of the cone, and leakage without a force. The plunger dips
+   into the wall, whose thin end saturates. At ampere-turns u
 
-     flux(u) = (face + leakage)*u + cone*u/sqrt(1 + (cone*u/limit)^2)
+        flux(u) = (face + leakage)*u + cone*u/sqrt(1 + (cone*u/limit)^2)
 
    and the force is the decrease of the coenergy (integral of the flux over u) per metre. */
 typedef struct {
   double leakage;    /* permeance parallel to the working gap, H */
   double side;       /* side of a square with the area of the flat face, m */
-  double fringe;     /* widening of this square on each side by fringing, divided by the gap */
+  double fringe;     /* widening of this square on each side by fringing, relative to the gap */
   double around;     /* circumference of the wall, m */
-  double clearance;  /* radial, between plunger and wall, m */
-  double depth;      /* gap at which the plunger starts to dip in, m */
-  double onset;      /* length over which this start is smoothed, m */
-  double thickness;  /* of the wall at its end, m */
+  double clearance;  /* radial clearance between plunger and wall, m */
+  double depth;      /* gap at which the plunger starts to dip into the wall, m */
+  double onset;      /* length over which the start of the overlap is smoothed, m */
+  double thickness;  /* thickness of the wall at its end, m */
   double taper;      /* increase of the wall thickness per metre of depth */
   double saturation; /* flux density at which the wall saturates, T */
 } anhyst_plant_cone;
@@ -59,7 +59,7 @@ typedef struct {
 /* Permeances at one gap, H, and their derivatives per metre. */
 typedef struct {
   double gap;      /* m */
-  double straight; /* permeance of face and leakage together */
+  double straight; /* permeance of face and leakage together, H */
   double d_face;
   double cone;
   double d_cone;
@@ -67,9 +67,10 @@ typedef struct {
   double d_limit;
 } anhyst_plant_cone_gap;
 
-void anhyst_plant_cone_at(const anhyst_plant_cone *cone, double gap, anhyst_plant_cone_gap *at);
+void anhyst_plant_evaluate_cone(const anhyst_plant_cone *cone, double gap,
+                                anhyst_plant_cone_gap *at);
 
-/* Returns the ampere-turns for a flux, A, with a search from `near`; sets their slope, 1/H. */
+/* Returns the ampere-turns for a flux, A. The search starts at `near`. *slope: in A per Wb, 1/H. */
 double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, double near,
                              double *slope);
 
@@ -86,26 +87,26 @@ typedef struct {
   double joints;      /* reluctance of air in the core, in series with the whole circuit, 1/H */
   double eddy;        /* field that opposes a change of flux density, A s/(m T) */
   double bias;        /* magnetomotive force per m of motion, A/m; 0: the gaps produce the force */
-  double middle;      /* gap without this magnetomotive force, m */
-  double spring;      /* force against the motion independent of the flux, N/m */
-  const anhyst_plant_solid *solid; /* null: all of it is laminated, as always with a cone */
-  const anhyst_plant_cone *cone;   /* null: two gaps */
+  double middle;      /* gap at which the magnetomotive force of the bias is zero, m */
+  double spring;      /* spring constant that acts independently of the flux, N/m */
+  const anhyst_plant_solid *solid; /* null: the whole core is laminated, as always with a cone */
+  const anhyst_plant_cone *cone;   /* cone of a solenoid; null: two gaps */
 } anhyst_plant_circuit;
 
-/* Coefficients of the drive and the output of a model at one gap. */
+/* Coefficients of the drive and the output of an identified model at one gap. */
 typedef struct {
   double drive;     /* c_H, 1/m */
   double gap_ratio; /* rho */
   double gain;      /* c_out, N/T^2 */
   double offset;    /* output without flux, N */
-  double zero;      /* current without drive, A */
-  double density;   /* flux density in the gap over that of the law (free scale) */
+  double zero;      /* current at which the drive is zero, A */
+  double density;   /* ratio of the flux density in the gap to that of the law (free scale) */
 } anhyst_plant_row;
 
-/* Flux linkage over current (0..current_high, equal steps) and gap (equal steps), rising along the
-   current. It is interpolated linearly, odd in the current, and extrapolated linearly. */
+/* Flux linkage as a function of current (0..current_high, equal steps) and gap (equal steps). It
+   rises with the current and is odd in it. Interpolation and extrapolation are linear. */
 typedef struct {
-  const double *psi; /* one row for each gap, one entry for each current, Wb */
+  const double *psi; /* one row per gap, one entry per current, Wb */
   int currents;      /* >= 2 */
   int gaps;          /* >= 2 */
   double current_high;
@@ -115,9 +116,9 @@ typedef struct {
 
 typedef struct {
   const anhyst_iron_f64 *iron;
-  const anhyst_plant_row *rows; /* over the gaps of the table: equal steps, linear interpolation */
+  const anhyst_plant_row *rows; /* at equal gap steps of the table, interpolated linearly */
   int row_count;                /* >= 2 */
-  double eddy;                  /* gamma, A s/(m T) */
+  double eddy;                  /* eddy-current coefficient gamma, A s/(m T) */
   anhyst_plant_flux_table table;
 } anhyst_plant_law;
 
@@ -128,44 +129,44 @@ typedef struct {
   double resistance; /* ohm */
 } anhyst_plant_magnet;
 
-/* Source of the winding over one step: u = gain*(reference - current) + integral + voltage, within
-   limits; at a limit the integral does not change. gain and reset 0 are a voltage source. */
+/* Source of the winding in one step: u = gain*(reference - current) + integral + voltage, limited.
+   At a limit the integral does not change. With gain and reset 0, it is a voltage source. */
 typedef struct {
   double reference; /* A */
   double gain;      /* V/A, >= 0 */
-  double reset;     /* gain of the integral over reference - current, V/(A s) */
+  double reset;     /* integral gain of reference - current, V/(A s) */
   double voltage;   /* V */
-  double limit;     /* largest |u|, V */
+  double limit;     /* voltage limit: largest |u|, V */
 } anhyst_plant_source;
 
 /* All zeros: demagnetised, no current. */
 typedef struct {
-  anhyst_plant_memory iron;    /* of a circuit: its laminated part */
-  anhyst_plant_memory *volume; /* of its solid iron, the surface first; array of the caller */
+  anhyst_plant_memory iron;    /* circuit only: state of the laminated iron */
+  anhyst_plant_memory *volume; /* state of the solid iron, the surface first; array of the caller */
   anhyst_memory_f64 law;
-  double over;     /* with a cone: ampere-turns over the gap, A */
-  double stride;   /* of a law: last change of the flux density, T */
+  double over;     /* with a cone: ampere-turns across the gap, A */
+  double stride;   /* law only: last change of the flux density, T */
   double psi;      /* flux linkage, Wb */
   double current;  /* A */
-  double steady;   /* current without the part of the eddy currents in the iron, A */
+  double steady;   /* current without that of the eddy currents in the iron, A */
   double voltage;  /* V */
-  double integral; /* integral of the source, V */
+  double integral; /* state of the source's integral term, V */
   double force;    /* N */
   double density;  /* flux density in the gap, T */
-  double heat;     /* total heat in the winding's resistance so far, J */
-  double energy;   /* total energy from the amplifier so far, J */
+  double heat;     /* total heat in the winding's resistance since the start, J */
+  double energy;   /* total energy from the amplifier since the start, J */
 } anhyst_plant_coil;
 
 /* Executes one step of `seconds` that ends at this gap. */
 void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             const anhyst_plant_source *source, double gap, double seconds);
 
-/* Moves to a current at a gap in one step of 1/per_second, with the voltage that is necessary; 0:
-   so slow that nothing is induced. */
+/* Moves to a current at a gap in one step of 1/per_second, with the necessary voltage. If
+   per_second is 0, the step is so slow that nothing is induced. */
 void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             double current, double gap, double per_second);
 
-/* Moves linearly to a current in `seconds`, in a few such steps. */
+/* Moves linearly to a current in `seconds`, divided into eight equal steps. */
 void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                               double current, double gap, double seconds);
 

@@ -15,16 +15,16 @@ extern "C" {
 /* Scales of the signals. */
 typedef struct {
   double gap_middle; /* gap at position 0, m */
-  double position;   /* full scales, only for fixed point: m */
+  double position;   /* full scale of the position, m; only fixed point needs full scales */
   double current;    /* A */
   double demand;     /* N */
   double load;       /* N */
-  double flux;       /* flux density, T */
+  double flux;       /* full scale of the flux density, T */
 } anhyst_position_scales;
 
-ANHYST_PLANT_ADAPTER(position, q31);
-ANHYST_PLANT_ADAPTER(position, f64);
-ANHYST_PLANT_ADAPTER(position, f32);
+ANHYST_PLANT_DECLARE_ADAPTER(position, q31);
+ANHYST_PLANT_DECLARE_ADAPTER(position, f64);
+ANHYST_PLANT_DECLARE_ADAPTER(position, f32);
 
 #ifdef __cplusplus
 }

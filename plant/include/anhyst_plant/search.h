@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The search for the field of an iron. Inline, with the look function of each family. */
+/* The search for the field of an iron, inline with the evaluate_goal function of each family. */
 #ifndef ANHYST_PLANT_SEARCH_H
 #define ANHYST_PLANT_SEARCH_H
 
 #include "anhyst_plant/iron.h"
 
 #define ANHYST_PLANT_MAX_ITERATIONS 100
-/* Iterations before the bracket is halved: if a field has folds, tangents may not converge. */
+/* Newton iterations before bisection: if the field has folds, Newton's method may not converge. */
 #define ANHYST_PLANT_NEWTON_ITERATIONS 30
 
-/* Solves the equation of anhyst_plant_field by Newton's method in a bracket. */
+/* Solves the equation of anhyst_plant_field by Newton's method within a bracket. */
 static inline void anhyst_plant_search(anhyst_plant_look look, const anhyst_plant_iron *iron,
                                        const anhyst_plant_memory *memory, double a, double b,
                                        double r, double tolerance,
@@ -33,7 +33,7 @@ static inline void anhyst_plant_search(anhyst_plant_look look, const anhyst_plan
     if (fabs(residual) <= tolerance) {
       return;
     }
-    /* The residual falls by at least a per A/m of field, which gives a bracket. */
+    /* The left side rises by at least `a` per A/m of field, which gives a bracket. */
     if (residual > 0.0) {
       const double end = at + residual / a + iron->slack;
       low = at;
@@ -52,7 +52,7 @@ static inline void anhyst_plant_search(anhyst_plant_look look, const anhyst_plan
 }
 
 /* Defines the interface of a family from the functions evaluate_goal and move of its file. */
-#define ANHYST_PLANT_FAMILY(name)                                                                  \
+#define ANHYST_PLANT_DEFINE_FAMILY(name)                                                           \
   static void field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,    \
                     double b, double r, double tolerance, const anhyst_plant_beyond *beyond,       \
                     anhyst_plant_goal *goal)                                                       \

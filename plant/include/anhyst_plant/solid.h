@@ -1,30 +1,30 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Solid iron in the path of a magnet, in series with laminations of the same steel: a slab that the
-   field enters at its surface, divided into volumes. Each volume has a share of the cross-section,
-   a field and a memory. S_j is the flux in volume j and all deeper ones. A change of S_j drives
-   eddy currents between volume j and the volume outside it, which oppose the field:
+/* Solid iron in the flux path of a magnet, in series with laminations of the same steel: a slab
+   that the field enters at its surface, divided into volumes. Each volume has a share of the
+   cross-section, a field and a memory. S_j is the flux in volume j and all deeper volumes. A change
+   of S_j drives eddy currents between volume j and the volume outside it, which oppose the field:
 
-     H_(j-1) = H_j + drag_j*dS_j/dt,   H_0: field at the surface
-     a*(part*H_surface + (1 - part)*H_sheets(S_1)) + b*S_1 = r
+        H_(j-1) = H_j + drag_j*dS_j/dt,   H_0: field at the surface
+        a*(part*H_surface + (1 - part)*H_sheets(S_1)) + b*S_1 = r
 
-   The time derivative uses the implicit Euler rule: for any steps, no path returns more energy than
-   it took. Every left side rises with the fluxes. Therefore, the solution is the minimum of a
-   convex function. */
+   The time derivative uses the implicit Euler rule. For any steps, no path returns more energy than
+   it has taken up. Every left side rises with the fluxes. Therefore, the solution is the minimum of
+   a convex function. */
 #ifndef ANHYST_PLANT_SOLID_H
 #define ANHYST_PLANT_SOLID_H
 
 #include "anhyst_plant/iron.h"
 
-#define ANHYST_PLANT_VOLUMES 16
+#define ANHYST_PLANT_MAX_VOLUMES 16
 
 typedef struct {
-  int volumes;                        /* >= 1 */
-  double part;                        /* solid part of the path, 0 < part <= 1 */
-  double share[ANHYST_PLANT_VOLUMES]; /* of the cross-section, the surface first; their sum is 1 */
-  double drag[ANHYST_PLANT_VOLUMES];  /* outside each volume, A s/(m T) */
+  int volumes;                            /* >= 1 */
+  double part;                            /* solid fraction of the path, 0 < part <= 1 */
+  double share[ANHYST_PLANT_MAX_VOLUMES]; /* shares of the cross-section, surface first; sum 1 */
+  double drag[ANHYST_PLANT_MAX_VOLUMES];  /* eddy-current drag of each volume, A s/(m T) */
 } anhyst_plant_solid;
 
-/* Equation of the whole path: a*H + b*B = r, and 1/s of the step; 0 for an infinitely long step. */
+/* Equation of the whole path: a*H + b*B = r. per_second: 1/s of the step; 0: infinitely long. */
 typedef struct {
   double a;
   double b;
@@ -34,10 +34,10 @@ typedef struct {
 
 /* Result of a step. */
 typedef struct {
-  double at[ANHYST_PLANT_VOLUMES]; /* coordinate of each volume, A/m */
+  double at[ANHYST_PLANT_MAX_VOLUMES]; /* coordinate of each volume, A/m */
   anhyst_plant_goal sheets;
-  double field;   /* mean over the path, A/m */
-  double density; /* mean over the cross-section, T */
+  double field;   /* mean field over the path, A/m */
+  double density; /* mean flux density over the cross-section, T */
 } anhyst_plant_soaked;
 
 /* Solves a step. Does not change the memories of volumes (surface first) and laminations. */

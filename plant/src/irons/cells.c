@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst_plant/search.h"
 
-/* A cell at the edge of its play counts as moving. At the present field, the slope is therefore
-   that of a continued movement. */
+/* A cell at the edge of its play counts as moving. Therefore, the slope at the present field is
+   that of a movement in the last direction. */
 static inline void evaluate_goal(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
                                  anhyst_plant_goal *goal)
 {
@@ -51,4 +51,4 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
   memory->density = ANHYST_PLANT_MU0 * at + rest;
 }
 
-ANHYST_PLANT_FAMILY(cells);
+ANHYST_PLANT_DEFINE_FAMILY(cells);

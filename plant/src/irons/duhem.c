@@ -4,8 +4,8 @@
 #include "anhyst/numeric/elementary.h"
 #include "anhyst_plant/search.h"
 
-/* Returns the parabola over the polarisation that h approaches while that rises, A/m. */
-static double parabola(const anhyst_plant_duhem_steel *steel, double polarisation)
+/* Returns the parabola over the polarisation that h approaches on a rising path, A/m. */
+static double limit_parabola(const anhyst_plant_duhem_steel *steel, double polarisation)
 {
   const double saturation = steel->curve.sharp + steel->curve.slow;
   const double inverse_rate = 1.0 / (steel->rate * saturation);
@@ -29,9 +29,10 @@ static inline void evaluate_goal(const anhyst_plant_iron *iron, const anhyst_pla
   end->polarisation = anhyst_plant_polarisation(&steel->curve, goal->at, &slope);
   share = end->polarisation / saturation;
   q = steel->rate * steel->coercivity * (1.0 - steel->fading * share * share);
-  end->friction = direction * parabola(steel, direction * end->polarisation) +
-                  (start->friction - direction * parabola(steel, direction * start->polarisation)) *
-                      anhyst_exp_f64(-steel->rate * fabs(end->polarisation - start->polarisation));
+  end->friction =
+      direction * limit_parabola(steel, direction * end->polarisation) +
+      (start->friction - direction * limit_parabola(steel, direction * start->polarisation)) *
+          anhyst_exp_f64(-steel->rate * fabs(end->polarisation - start->polarisation));
   goal->field = goal->at + end->friction;
   goal->field_slope = 1.0 + (q - direction * steel->rate * end->friction) * slope;
   goal->density = ANHYST_PLANT_MU0 * goal->field + end->polarisation;
@@ -46,4 +47,4 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
   memory->density = goal->density;
 }
 
-ANHYST_PLANT_FAMILY(duhem);
+ANHYST_PLANT_DEFINE_FAMILY(duhem);

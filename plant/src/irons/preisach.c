@@ -5,12 +5,12 @@
 #include "anhyst_plant/search.h"
 
 typedef struct {
-  int node;     /* index of the node below, not the last one */
-  double share; /* position between the two nodes, 0..1 */
-  double slope; /* nodes per A/m */
+  int node;     /* index of the node below x; never the last node */
+  double share; /* fraction of the interval between the two nodes, 0..1 */
+  double slope; /* slope of the node position, nodes per A/m */
 } position;
 
-static position locate(const anhyst_plant_preisach_steel *steel, double x)
+static position locate_node(const anhyst_plant_preisach_steel *steel, double x)
 {
   const double last = (double)(steel->nodes - 1);
   const double scale = last / (2.0 * steel->reach);
@@ -61,9 +61,9 @@ static int is_rising(const anhyst_plant_memory *memory)
   return own->turn[turns - 1].at < (turns > 1 ? own->turn[turns - 2].at : 0.0);
 }
 
-/* Returns the number of reversal points after a monotone path to x; one more than before after a
-   reversal at the present field. */
-static int count_turns(const anhyst_plant_memory *memory, double x)
+/* Returns the number of reversal points after a monotone path to x. If the path starts with a
+   reversal, the present field is one of them. */
+static int count_reversals(const anhyst_plant_memory *memory, double x)
 {
   const anhyst_plant_preisach *own = &memory->own.preisach;
   const double way = x - memory->at;
@@ -73,10 +73,10 @@ static int count_turns(const anhyst_plant_memory *memory, double x)
     return turns;
   }
   if (is_upward != is_rising(memory) && !(turns == 0 && memory->at == 0.0)) {
-    if (turns < ANHYST_PLANT_TURNS) {
+    if (turns < ANHYST_PLANT_MAX_REVERSALS) {
       turns++;
     } else if (is_upward ? x <= own->turn[turns - 1].at : x >= own->turn[turns - 1].at) {
-      return turns; /* the memory is full: back on the same branch */
+      return turns; /* the memory is full: the path returns on the same branch */
     } else {
       turns--;
     }
@@ -97,19 +97,19 @@ static inline void evaluate_goal(const anhyst_plant_iron *iron, const anhyst_pla
 {
   const anhyst_plant_preisach_steel *steel = &iron->steel.preisach;
   const anhyst_plant_preisach *own = &memory->own.preisach;
-  const int turns = count_turns(memory, goal->at);
-  const position end = locate(steel, goal->at);
+  const int turns = count_reversals(memory, goal->at);
+  const position end = locate_node(steel, goal->at);
   double slope;
   double polarisation = anhyst_plant_polarisation(&steel->curve, goal->at, &slope);
   double relays;
   if (turns > 0) {
     const int is_reversed = turns > own->turns;
     const double from = is_reversed ? memory->at : own->turn[turns - 1].at;
-    const everett way = interpolate_everett(steel, locate(steel, from), end);
+    const everett way = interpolate_everett(steel, locate_node(steel, from), end);
     relays = (is_reversed ? own->relays : own->turn[turns - 1].relays) + way.change;
     slope += end.slope * way.by_end;
   } else {
-    const everett way = interpolate_everett(steel, locate(steel, -goal->at), end);
+    const everett way = interpolate_everett(steel, locate_node(steel, -goal->at), end);
     relays = 0.5 * way.change;
     slope += 0.5 * end.slope * (way.by_end - way.by_begin);
   }
@@ -137,4 +137,4 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
   memory->density = goal->density;
 }
 
-ANHYST_PLANT_FAMILY(preisach);
+ANHYST_PLANT_DEFINE_FAMILY(preisach);

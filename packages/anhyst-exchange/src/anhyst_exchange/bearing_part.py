@@ -43,7 +43,7 @@ PLANT_CORE_FILES = (
     *("compensator/play_map.c", *(f"compensator/force_controller_{of}.c" for of in FLOAT_FORMATS)),
     *(f"control/{name}_{of}.c" for name in ("pidd2", "position") for of in FLOAT_FORMATS),
 )
-"""C files of the core that the plant needs in addition to those of a compiled controller."""
+"""C files of the core that the plant needs in addition to the files of a compiled controller."""
 
 
 def bearing_part(rig_path: PathLike) -> Part:
@@ -53,7 +53,7 @@ def bearing_part(rig_path: PathLike) -> Part:
     currents. The component runs at the rate of the controller, whose file is next to the rig file.
     """
     rig, controller = read_files(rig_path, None)
-    ready = check_inputs(rig, controller)
+    checked_inputs = check_inputs(rig, controller)
     compensation = controller.settings.compensation
     if compensation.variant not in {"full", "simplified"} or compensation.format != "fixed":
         raise InputError(
@@ -62,11 +62,11 @@ def bearing_part(rig_path: PathLike) -> Part:
             code="not-compiled-controller",
             key="compensation",
         )
-    refuse_law_magnet(ready.rig)
+    refuse_law_magnet(checked_inputs.rig)
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compile_actuator(
-            model_to_compile(ready.rig, ready.identify_magnet(), compensation.variant),
+            model_to_compile(checked_inputs.rig, checked_inputs.identify_magnet(), compensation.variant),
             folder,
             kind="full" if compensation.variant == "full" else "simplified",
             io="q31",
@@ -75,12 +75,12 @@ def bearing_part(rig_path: PathLike) -> Part:
         manifest, sources = compiled_sources(folder)
     wrapper_files = ("bearing.c", "bearing_controller.c", "bearing_controller.h", "virtual_plant.h")
     sources = plant_sources("axes|piezo|held", PLANT_CORE_FILES, wrapper_files) | sources
-    sources["bearing_numbers.h"] = plant_header(ready.rig).encode()
+    sources["bearing_numbers.h"] = plant_header(checked_inputs.rig).encode()
     sources["controller_numbers.h"] = _controller_header(manifest["name"]).encode()
     title = rig.settings.name
     text = f"{title}, controlled by '{controller.settings.name}', {compensation.variant} in fixed point"
     rate, limits = rig.settings.timing.rate_Hz, controller.settings.limits
-    variables = _bearing_variables(ready.rig, (limits.gap_low_m, limits.gap_high_m))
+    variables = _bearing_variables(checked_inputs.rig, (limits.gap_low_m, limits.gap_high_m))
     return Part(title, text, rate, variables, sources)
 
 
@@ -98,13 +98,13 @@ def plant_sources(
     excluded_pattern: str,
     core_paths: Iterable[str] = (),
     wrapper_files: Iterable[str] = (),
-    memories: int = 1,
+    memory_count: int = 1,
 ) -> dict[str, bytes]:
-    """Return the C of the plant, without files that match a pattern, and the given other files.
+    """Return the C files of the plant, without files that match a pattern, and further files.
 
-    ``core_paths`` are files of the core, and ``wrapper_files`` those of the component itself.
+    ``core_paths`` are further files of the core, and ``wrapper_files`` are files of the component.
     """
-    sources = {path: text.encode() for path, text in core_files(core_paths, memories).items()}
+    sources = {path: text.encode() for path, text in core_files(core_paths, memory_count).items()}
     sources |= {name: (WRAPPER_FOLDER / name).read_bytes() for name in wrapper_files}
     folder = shipped_folder("anhyst_exchange", "plant", "_plant", "include/anhyst_plant/body.h")
     for path in sorted(folder.rglob("*.[ch]")):
@@ -114,20 +114,20 @@ def plant_sources(
     return sources
 
 
-def c_initialiser(numbers: object) -> str:
+def c_initialiser(value: object) -> str:
     """Return a C initialiser for a dictionary (structure), a list (array) or a single value."""
-    if isinstance(numbers, Mapping):
-        return "{" + ", ".join(f".{name} = {c_initialiser(number)}" for name, number in numbers.items()) + "}"
-    if isinstance(numbers, list):
-        return "{" + ", ".join(map(c_initialiser, numbers)) + "}"
-    return str(numbers)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f".{name} = {c_initialiser(member)}" for name, member in value.items()) + "}"
+    if isinstance(value, list):
+        return "{" + ", ".join(map(c_initialiser, value)) + "}"
+    return str(value)
 
 
 def _iron_initialiser(steel: AnySteel) -> tuple[str, str]:
     """Return the C initialiser of the iron of all magnets, and the arrays to which it points."""
-    numbers, table = steel.plant_parameters(), ""
-    members: dict[str, object] = {key: value for key, value in numbers.items() if key not in CURVE_KEYS}
-    members["curve"] = {key: numbers[key] for key in CURVE_KEYS}
+    parameters, table = steel.plant_parameters(), ""
+    members: dict[str, object] = {key: value for key, value in parameters.items() if key not in CURVE_KEYS}
+    members["curve"] = {key: parameters[key] for key in CURVE_KEYS}
     slack = 0.0
     if isinstance(steel, CellSteel):
         family = "cells"
@@ -137,31 +137,31 @@ def _iron_initialiser(steel: AnySteel) -> tuple[str, str]:
         family, everett_values = "preisach", everett_table(steel, True)
         table = c_array_definition("bearing_everett", everett_values.ravel())
         members |= {"everett": "bearing_everett", "nodes": len(everett_values)}
-        saturation = numbers["sharp"] + numbers["slow"]
-        slack = abs(numbers["feedback"]) * (float(everett_values.max()) + 2.0 * saturation)
+        saturation = parameters["sharp"] + parameters["slow"]
+        slack = abs(parameters["feedback"]) * (float(everett_values.max()) + 2.0 * saturation)
     else:
-        family, slack = "duhem", 4.0 * numbers["coercivity"]
+        family, slack = "duhem", 4.0 * parameters["coercivity"]
     iron = {"family": f"&anhyst_plant_of_{family}", "slack": slack, "steel": {family: members}}
     return c_initialiser(iron), table
 
 
 def _controller_header(name: str) -> str:
     """Return the header that defines the names of the compiled controller for the component."""
-    macro = name.upper()
-    scales = [
-        f"{macro}_CONTROLLER_GAP_MIDDLE_M",
-        *(f"{macro}_CONTROLLER_FULL_SCALE_{name}" for name in ("POSITION_M", "CURRENT_A", "DEMAND_N")),
+    macro_prefix = name.upper()
+    scale_macros = [
+        f"{macro_prefix}_CONTROLLER_GAP_MIDDLE_M",
+        *(f"{macro_prefix}_CONTROLLER_FULL_SCALE_{name}" for name in ("POSITION_M", "CURRENT_A", "DEMAND_N")),
     ]
-    defined = {
-        "CONTROLLER_SCALES": "{" + ", ".join([*scales, "1.0", "1.0"]) + "}",
+    macros = {
+        "CONTROLLER_SCALES": "{" + ", ".join([*scale_macros, "1.0", "1.0"]) + "}",
         "CONTROLLER": f"{name}_controller",
         "CONTROLLER_INIT": f"{name}_controller_init",
         "CONTROLLER_LIMITS": f"{name}_controller_limits",
         "CONTROLLER_SETTINGS": f"{name}_controller_settings",
-        "CONTROLLER_KERNEL": kernel_expression(f"{macro}_KERNEL", f"{name}_parameters"),
+        "CONTROLLER_KERNEL": kernel_expression(f"{macro_prefix}_KERNEL", f"{name}_parameters"),
         "CONTROLLER_PARAMETERS": f"{name}_parameters",
     }
-    return header_text("controller_numbers", defined, f'#include "{name}_controller.h"\n\n')
+    return header_text("controller_numbers", macros, f'#include "{name}_controller.h"\n\n')
 
 
 def magnet_definition(
@@ -176,13 +176,13 @@ def magnet_definition(
     winding = {key: numbers.pop(key) for key in ("turns", "resistance")}
     text, members = everett_table, {"iron": iron, **numbers}
     if solid is not None:
-        share, drag = solid.layer_parameters()
+        layer_shares, layer_drags = solid.layer_parameters()
         length_share = solid.length / circuit["iron_length"]
         solid_members = {
             "volumes": solid.volumes,
             "part": length_share,
-            "share": c_array_literal(share),
-            "drag": c_array_literal(drag),
+            "share": c_array_literal(layer_shares),
+            "drag": c_array_literal(layer_drags),
         }
         text += f"static const anhyst_plant_solid magnet_solid = {c_initialiser(solid_members)};\n"
         members["solid"] = "&magnet_solid"
@@ -201,35 +201,35 @@ def volume_count(solid: SolidIron | None) -> int:
 def plant_header(rig: BodyRig) -> str:
     """Return the header with the parameters of the plant."""
     settings = rig.settings
-    numbers = plant_parameters(rig)
+    parameters = plant_parameters(rig)
     circuit = circuit_parameters(settings.magnet.poles, settings.magnet.eddy_time_s, settings.gap_m)
     magnet, circuits = magnet_definition(settings.steel, circuit, settings.magnet.solid_iron)
-    actuators = [{"magnet": magnet, **actuator} for actuator in numbers.actuators]
+    actuators = [{"magnet": magnet, **actuator} for actuator in parameters.actuators]
     bearing = {
-        **numbers.body,
-        "coordinates": len(numbers.body["coordinate"]),
+        **parameters.body,
+        "coordinates": len(parameters.body["coordinate"]),
         "magnets": len(actuators),
         "actuator": "bearing_actuators",
-        "heads": len(numbers.heads),
+        "heads": len(parameters.heads),
         "head": "bearing_heads",
-        "load": numbers.load,
+        "load": parameters.load,
     }
     text = (
         '#include "anhyst_plant/body.h"\n\n'
         f"{circuits}"
         f"static const anhyst_plant_actuator bearing_actuators[] = {c_initialiser(actuators)};\n"
-        f"static const anhyst_plant_head bearing_heads[] = {c_initialiser(numbers.heads)};\n"
+        f"static const anhyst_plant_head bearing_heads[] = {c_initialiser(parameters.heads)};\n"
         f"static const anhyst_plant_body bearing = {c_initialiser(bearing)};\n\n"
     )
-    defined = {
+    macros = {
         "BEARING_MAGNETS": len(actuators),
         "BEARING_COORDINATES": bearing["coordinates"],
         "BEARING_VOLUMES": volume_count(settings.magnet.solid_iron),
         "BEARING_SEED": f"UINT64_C({noise_seed(rig, 0)})",
-        "BEARING_HEADS": len(numbers.heads),
+        "BEARING_HEADS": len(parameters.heads),
         "BEARING_CURRENT_LOOPS": c_initialiser(current_controllers(rig)),
     }
-    return header_text("bearing_numbers", defined, text)
+    return header_text("bearing_numbers", macros, text)
 
 
 def _bearing_variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable]:

@@ -62,7 +62,7 @@ class Platform:
 
 
 # By default, zig first compiles the start-up code of Windows and a run-time library for each
-# processor, which takes more than a minute. These sources need neither: C functions come from the
+# processor, which takes over a minute. An FMU does not need this code: C functions come from the
 # library of the system, and a library without constructors needs no entry point.
 _LINUX_LINK_OPTIONS = ("-Wl,-z,defs", "-lc", "-lm")
 _MACOS_LINK_OPTIONS = ("-lc",)
@@ -82,39 +82,39 @@ PLATFORMS = {
 PLATFORM_NAMES = tuple(PLATFORMS)
 
 REPRODUCIBLE_OPTIONS = ("-ffp-contract=off",)
-"""Options that forbid fused multiply-add, so that the bits equal those of the core in Python."""
+"""Options that forbid fused multiply-add, so that the bits equal the bits of the core in Python."""
 
 
 def compile_all(
     sources: Path, name: str, platforms: Sequence[str], progress: Progress | None
 ) -> dict[str, bytes]:
-    """Compile all C of a folder to a library for each platform; return the libraries."""
+    """Compile all C files of a folder to a library for each platform; return the libraries."""
     compiler = zig_cc("fmu")
     files = sorted(path.relative_to(sources).as_posix() for path in sources.rglob("*.c"))
 
     def compile_one(platform: str) -> bytes:
         target = PLATFORMS[platform]
-        binary = sources.with_name(f"{platform}-{name}") / f"{name}{target.suffix}"
-        binary.parent.mkdir()
+        binary_path = sources.with_name(f"{platform}-{name}") / f"{name}{target.suffix}"
+        binary_path.parent.mkdir()
         options = ["-target", target.target, "-std=c99", "-O2", *REPRODUCIBLE_OPTIONS, "-I.", "-Iinclude"]
         if (
             target.link_options is _WINDOWS_LINK_OPTIONS
         ):  # without the start-up code, zig does not find its headers
             options += ["-isystem", str(_windows_headers())]
-        options += ["-shared", "-fPIC", "-s", "-nostdlib", "-o", str(binary)]
+        options += ["-shared", "-fPIC", "-s", "-nostdlib", "-o", str(binary_path)]
         command = [*compiler, *options, *files, *target.link_options]
-        result = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
-        if result.returncode != 0:
-            raise RuntimeError(f"{target.target}: {result.stderr.strip()[-500:]}")
-        return binary.read_bytes()
+        compiler_run = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
+        if compiler_run.returncode != 0:
+            raise RuntimeError(f"{target.target}: {compiler_run.stderr.strip()[-500:]}")
+        return binary_path.read_bytes()
 
     binaries = {}
-    with ThreadPoolExecutor(core_count()) as pool:
-        jobs: dict[Future[bytes], str] = {
-            pool.submit(compile_one, platform): platform for platform in platforms
+    with ThreadPoolExecutor(core_count()) as thread_pool:
+        platform_by_future: dict[Future[bytes], str] = {
+            thread_pool.submit(compile_one, platform): platform for platform in platforms
         }
-        for count, ready in enumerate(as_completed(jobs), start=1):
-            binaries[jobs[ready]] = ready.result()
+        for count, finished_future in enumerate(as_completed(platform_by_future), start=1):
+            binaries[platform_by_future[finished_future]] = finished_future.result()
             if progress is not None:
                 progress(count, len(platforms))
     return {platform: binaries[platform] for platform in platforms}
@@ -145,14 +145,14 @@ def export_fmu(
 ) -> Path:
     """Write an FMU for co-simulation: the compensator or the actuator of a model, or a rig.
 
-    A compensator (inputs: demand and gap; output: current) runs at its own rate. It gives the same
-    bits as the compiled fixed-point C on a controller. Inputs and outputs are held between ticks.
+    A compensator (inputs: demand and gap; output: current) runs at its own rate. Its bits equal the
+    bits of the compiled fixed-point C on a controller. Inputs and outputs are held between ticks.
     An actuator (inputs: current and gap; output: force) takes each step of the tool as one sample,
     as the stepper of the model does. A bearing (inputs: demanded gap and load; outputs: gap, force
     and currents), a stage (inputs: set-point and feedforward) and a piezo stage (input: demanded
     displacement) contain the plant and the controller of ``anhyst simulate``. A rig for force
-    control (inputs: demand and gap; outputs: current and force) contains those of ``anhyst
-    force-control``. States can be read, set and serialised.
+    control (inputs: demand and gap; outputs: current and force) contains the plant and the
+    controller of ``anhyst force-control``. States can be read, set and serialised.
     """
     path = Path(out)
     if path.suffix != ".fmu":
@@ -176,7 +176,7 @@ def export_fmu(
     if fmi == "3.0":
         files["sources/buildDescription.xml"] = build_description(c_files)
     files |= {f"sources/{name}": text for name, text in sources.items()}
-    files |= _binaries(sources, fmi, platforms, progress)
+    files |= _compile_binaries(sources, fmi, platforms, progress)
     with tempfile.TemporaryFile() as archive_file:
         with zipfile.ZipFile(archive_file, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, content in files.items():
@@ -187,9 +187,9 @@ def export_fmu(
 
 
 RIG_PART_FACTORIES: Registry[Callable[[PathLike], Part]] = Registry(
-    "anhyst.exports", {}, lambda found, _: "" if callable(found) else "and it is not a function"
+    "anhyst.exports", {}, lambda factory, _: "" if callable(factory) else "and it is not a function"
 )
-"""For each kind of rig, by its word: a function that returns the component of a rig file.
+"""Functions that return the component of a rig file, by the word of the kind of rig.
 
 They are the entry points ``anhyst.exports`` of installed packages.
 """
@@ -238,18 +238,18 @@ def part_of(model: Model | PathLike, of: ExportedPart | None, rate: float | None
     return compensator_part(model, rate, kind or "full")
 
 
-def _binaries(
+def _compile_binaries(
     sources: Mapping[str, bytes], fmi: FmiVersion, platforms: Sequence[str], progress: Progress | None
 ) -> dict[str, bytes]:
     """Compile the sources for each platform; return the binaries by their paths in the FMU."""
-    with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as scratch:
-        root = Path(scratch) / "sources"
+    with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as temporary_folder:
+        source_folder = Path(temporary_folder) / "sources"
         for name, text in sources.items():
-            (root / name).parent.mkdir(parents=True, exist_ok=True)
-            (root / name).write_bytes(text)
-        compiled = compile_all(root, MODEL_IDENTIFIER, platforms, progress)
+            (source_folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (source_folder / name).write_bytes(text)
+        binary_by_platform = compile_all(source_folder, MODEL_IDENTIFIER, platforms, progress)
     binaries = {}
-    for platform, content in compiled.items():
+    for platform, content in binary_by_platform.items():
         target = PLATFORMS[platform]
         folder = target.fmi2_folder if fmi == "2.0" else platform
         binaries[f"binaries/{folder}/{MODEL_IDENTIFIER}{target.suffix}"] = content
@@ -266,9 +266,9 @@ def export_sfunction(
 ) -> Path:
     """Write a level-2 C S-function: its sources, and the MATLAB function that builds it.
 
-    It contains the same component as an FMU of :func:`~anhyst_exchange.exporter.export_fmu`.
-    Outputs that follow from the inputs of a sample appear at the next sample. The sample time of an
-    actuator in s is the parameter of the block.
+    The component is the same as in an FMU of :func:`~anhyst_exchange.exporter.export_fmu`.
+    Outputs that follow from the inputs of a sample appear at the next sample. The parameter of
+    the block of an actuator is the sample time in s.
     """
     folder = Path(out)
     if folder.is_dir() and any(folder.iterdir()) and not [*folder.glob("build_sfun_*.m")]:
@@ -285,13 +285,13 @@ def export_sfunction(
 
 
 def _build_script(block: str, part: Part, sources: list[str]) -> str:
-    """Return the MATLAB function that compiles the sources."""
-    ports = [
+    """Return the text of the MATLAB function that compiles the sources."""
+    port_comments = [
         f"%   {kind} {index}: {variable.name} ({variable.unit or '1'}), {variable.text}"
         for kind in ("input", "output")
         for index, variable in enumerate(part.variables_with_causality(kind), start=1)
     ]
-    timed = (
+    time_comments = (
         f"%   It samples {part.rate:g} times a second."
         if part.rate > 0.0
         else "%   The parameter of the block is its sample time, s."
@@ -303,8 +303,8 @@ def _build_script(block: str, part: Part, sources: list[str]) -> str:
             f"%BUILD_{block.upper()} Compile the S-function '{block}'; written by anhyst "
             f"{running_version()}.",
             f"%   {part.text}",
-            *ports,
-            timed,
+            *port_comments,
+            time_comments,
             "here = fileparts(mfilename('fullpath'));",
             "names = {",
             f"{files}}};",
@@ -357,9 +357,9 @@ def export_tables(model: Model, out: PathLike) -> Path:
         write_csv(path, {head: values.ravel() for head, values in columns.items()})
         return path
     content = {head: values.tolist() for head, values in branches.items()}
-    about = {"format": "anhyst-tables", "model": model.name}
+    table_head = {"format": "anhyst-tables", "model": model.name}
     with atomic_writer(path) as stream:
-        stream.write(json_text(about | {"axes": {k: v.tolist() for k, v in axes.items()}} | content))
+        stream.write(json_text(table_head | {"axes": {k: v.tolist() for k, v in axes.items()}} | content))
     return path
 
 

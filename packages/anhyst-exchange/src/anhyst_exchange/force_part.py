@@ -27,8 +27,8 @@ def force_part(rig_path: PathLike) -> Part:
     excluded_pattern = "axes|piezo|position|body|loop|controller"
     sources = plant_sources(excluded_pattern, LAW_CORE_FILES, ["force.c"]) | dict(compensator.sources)
     # The compensator is a component inside the component of the FMU.
-    renamed = b"#define anhyst_the_part anhyst_compensator_part\n"
-    sources["compensator_numbers.h"] = renamed + sources["compensator_numbers.h"]
+    rename_macro = b"#define anhyst_the_part anhyst_compensator_part\n"
+    sources["compensator_numbers.h"] = rename_macro + sources["compensator_numbers.h"]
     demand, *gaps = compensator.variables_with_causality("input")
     sources["force_numbers.h"] = _force_header(rig, gaps).encode()
     title = rig.settings.name
@@ -40,7 +40,7 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
     """Return the header with the parameters of the plant and the gap range of the compensator."""
     solid = None
     if (file := rig.solenoid_file) is not None:
-        circuit, cone = file.circuit.circuit_parameters(file.iron), file.circuit.cone_parameters()
+        circuit, cone = (file.circuit.circuit_parameters(file.iron), file.circuit.cone_parameters())
         magnet, text = magnet_definition(file.iron, circuit, None, cone)
     else:
         table = rig.settings.magnet
@@ -49,27 +49,27 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
             rig.settings.steel, circuit_parameters(table.poles, 0.0, 1e-3), solid
         )
     sensors = rig.sensor_parameters(rig.dt)
-    plant = {
+    plant_values = {
         "magnet": magnet,
         **rig.amplifier_parameters(),
         "sensor": [{**sensors[name]} for name in SENSOR_ORDER],
     }
     text = (
         f'#include "anhyst_plant/held.h"\n\n{text}'
-        f"static const anhyst_plant_held force_held = {c_initialiser(plant)};\n\n"
+        f"static const anhyst_plant_held force_held = {c_initialiser(plant_values)};\n\n"
     )
     gap_range = (gaps[0].low, gaps[0].high) if gaps else (0.0, 1.0)
-    defined = {
+    macros = {
         "FORCE_VOLUMES": volume_count(solid),
         "FORCE_HAS_GAP": len(gaps),
         "FORCE_GAP_LOW": gap_range[0],
         "FORCE_GAP_HIGH": gap_range[1],
     }
-    return header_text("force_numbers", defined, text)
+    return header_text("force_numbers", macros, text)
 
 
 def _force_variables(rig: ForceControlRig, demand: Variable, gaps: list[Variable]) -> list[Variable]:
-    """Return the inputs and outputs; the names are those of recordings."""
+    """Return the inputs and outputs, with the names of recordings."""
     gap_text = "true gap; the armature is moved there"
     gap_range = (gaps[0].low, gaps[0].high) if gaps else (None, None)
     noise_text = "noise that is added to the reading of the sensor"

@@ -42,7 +42,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Part:
-    """A component: its variables, and the C that computes them."""
+    """A component: its variables, and the C code that computes them."""
 
     name: str  # name and description
     text: str
@@ -52,13 +52,13 @@ class Part:
     sources: Mapping[str, bytes]  # C files and headers by path
 
     def variables_with_causality(self, causality: Causality) -> list[Variable]:
-        """Return the variables of one causality."""
+        """Return the variables of one causality: inputs, outputs or constants."""
         return [variable for variable in self.variables if variable.causality == causality]
 
     def add_wrapper(self, wrapper: Iterable[str]) -> tuple[str, dict[str, bytes]]:
         """Return the token that identifies this component, and all files to compile."""
-        common = ("part.h", "component.h", "component.c", *wrapper)
-        files = dict(self.sources) | {name: (WRAPPER_FOLDER / name).read_bytes() for name in common}
+        common_files = ("part.h", "component.h", "component.c", *wrapper)
+        files = dict(self.sources) | {name: (WRAPPER_FOLDER / name).read_bytes() for name in common_files}
         content = b"".join(files[name] for name in sorted(files))
         token = hashlib.sha256(content + repr(self.variables).encode()).hexdigest()[:32]
         files["part_values.h"] = self._values_header(token).encode()
@@ -100,9 +100,9 @@ def kernel_expression(kernel: str, words: str) -> str:
 
 def header_text(name: str, macros: Mapping[str, object], first_lines: str = "") -> str:
     """Return a C header: some lines, then macros."""
-    guard = f"{name.upper()}_H"
+    guard_macro = f"{name.upper()}_H"
     lines = "".join(f"#define {key} {value}\n" for key, value in macros.items())
-    return f"/* Generated. */\n#ifndef {guard}\n#define {guard}\n\n{first_lines}{lines}\n#endif\n"
+    return f"/* Generated. */\n#ifndef {guard_macro}\n#define {guard_macro}\n\n{first_lines}{lines}\n#endif\n"
 
 
 FmiVersion = Literal["2.0", "3.0"]
@@ -135,16 +135,16 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
         "fmiModelDescription",
         {
             "fmiVersion": version,
-            "modelName": _printable(part.name),
+            "modelName": _to_xml_text(part.name),
             "guid" if is_fmi2 else "instantiationToken": token,
-            "description": _printable(part.text),
+            "description": _to_xml_text(part.text),
             "generationTool": f"anhyst {running_version()}",
             "variableNamingConvention": "flat",
         },
     )
     state_flag = "canGetAndSetFMUstate" if is_fmi2 else "canGetAndSetFMUState"
     serialise_flag = "canSerializeFMUstate" if is_fmi2 else "canSerializeFMUState"
-    simulation = Xml.SubElement(
+    simulation_element = Xml.SubElement(
         root,
         "CoSimulation",
         {
@@ -155,14 +155,14 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
         },
     )
     if is_fmi2:
-        files = Xml.SubElement(simulation, "SourceFiles")
+        files = Xml.SubElement(simulation_element, "SourceFiles")
         for name in sources:
             Xml.SubElement(files, "File", {"name": name})
     _add_units(root, [variable.unit for variable in part.variables if variable.unit is not None])
-    experiment = {"startTime": "0.0"}
+    experiment_attributes = {"startTime": "0.0"}
     if part.rate > 0.0:  # the step of the controller
-        experiment["stepSize"] = repr(1.0 / part.rate)
-    Xml.SubElement(root, "DefaultExperiment", experiment)
+        experiment_attributes["stepSize"] = repr(1.0 / part.rate)
+    Xml.SubElement(root, "DefaultExperiment", experiment_attributes)
     if is_fmi2:
         _add_variables_fmi2(root, part.variables)
     else:
@@ -170,7 +170,7 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
     return _to_xml(root)
 
 
-def _printable(text: str) -> str:
+def _to_xml_text(text: str) -> str:
     """Replace the characters that XML cannot contain."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
@@ -194,22 +194,22 @@ def _add_units(root: Xml.Element, symbols: Sequence[str]) -> None:
             Xml.SubElement(unit, "BaseUnit", _BASE_UNITS[symbol])
 
 
-def _common_attributes(variable: Variable, reference: int) -> dict[str, str]:
-    constant = variable.causality == "constant"
+def _common_attributes(variable: Variable, value_reference: int) -> dict[str, str]:
+    is_constant = variable.causality == "constant"
     return {
         "name": variable.name,
-        "valueReference": str(reference),
-        "causality": "local" if constant else variable.causality,
-        "variability": "constant" if constant else "discrete",
+        "valueReference": str(value_reference),
+        "causality": "local" if is_constant else variable.causality,
+        "variability": "constant" if is_constant else "discrete",
         "description": variable.text,
     }
 
 
 def _value_attributes(variable: Variable) -> dict[str, str]:
-    numbers = {"unit": variable.unit} if variable.unit is not None else {}
+    attributes = {"unit": variable.unit} if variable.unit is not None else {}
     if variable.low is not None and variable.high is not None:
-        numbers |= {"min": repr(variable.low), "max": repr(variable.high)}
-    return numbers | ({"start": repr(variable.start)} if variable.causality != "output" else {})
+        attributes |= {"min": repr(variable.low), "max": repr(variable.high)}
+    return attributes | ({"start": repr(variable.start)} if variable.causality != "output" else {})
 
 
 def _add_variables_fmi2(root: Xml.Element, variables: Sequence[Variable]) -> None:
@@ -275,8 +275,8 @@ def actuator_part(model: Model) -> Part:
         )
     valid_range = model.valid.schedule if model.valid else None
     schedule_values = valid_range or model.nodes or (0.0,)
-    middle = 0.5 * (float(schedule_values[0]) + float(schedule_values[-1]))
-    require_core(model, middle)
+    initial_schedule = 0.5 * (float(schedule_values[0]) + float(schedule_values[-1]))
+    require_core(model, initial_schedule)
     circuit_macros, rows = _circuit_macros(model)
     macros = _law_macros(model) | circuit_macros | _creep_macros(model) | _layer_macros(model)
     files = {name: text.encode() for name, text in core_files(LAW_CORE_FILES).items()}
@@ -286,7 +286,7 @@ def actuator_part(model: Model) -> Part:
         f"{model.output.name.replace('_', ' ').capitalize()} of a {model.input.name}, including "
         f"hysteresis: {model.operator_law.title}"
     )
-    return Part(model.name or "actuator", text, 0.0, _actuator_variables(model, middle), files)
+    return Part(model.name or "actuator", text, 0.0, _actuator_variables(model, initial_schedule), files)
 
 
 def _law_macros(model: Model) -> dict[str, object]:
@@ -325,14 +325,14 @@ def _circuit_macros(model: Model) -> tuple[dict[str, object], str]:
         curve = model.curves.get(spec.name)
         if curve is None or curve.nodes.size < 2:
             value = model.interpolate_parameter(spec.name, [0.0])
-            coordinate, parts = "PLAIN", (value, value, value, value)
+            coordinate, arrays = "PLAIN", (value, value, value, value)
         else:
-            curve_heights, slopes = curve.straight()
+            curve_heights, node_slopes = curve.straight()
             coordinate = spec.coordinate.upper()
-            parts = (curve.nodes, curve.values, curve_heights, slopes)
-        names = [f"{spec.name}_{part}" for part in ("nodes", "values", "heights", "slopes")]
-        rows += [c_array_definition(name, part) for name, part in zip(names, parts, strict=True)]
-        curves.append(f"{{{len(parts[0])}, ANHYST_CURVE_{coordinate}, {', '.join(names)}}}")
+            arrays = (curve.nodes, curve.values, curve_heights, node_slopes)
+        names = [f"{spec.name}_{array_name}" for array_name in ("nodes", "values", "heights", "slopes")]
+        rows += [c_array_definition(name, array) for name, array in zip(names, arrays, strict=True)]
+        curves.append(f"{{{len(arrays[0])}, ANHYST_CURVE_{coordinate}, {', '.join(names)}}}")
     return {
         "ACTUATOR_POWER": model.power,
         "ACTUATOR_HAS_SCHEDULE": int(model.schedule is not None),
@@ -360,23 +360,23 @@ def _layer_macros(model: Model) -> dict[str, object]:
     }
 
 
-def _actuator_variables(model: Model, middle: float) -> list[Variable]:
+def _actuator_variables(model: Model, initial_schedule: float) -> list[Variable]:
     low, high = model.valid.input if model.valid else (None, None)
-    start = 0.0 if low is None or high is None else min(max(0.0, low), high)
+    initial_drive = 0.0 if low is None or high is None else min(max(0.0, low), high)
     text = "drive, from the beginning of a step"
-    variables = [Variable(model.input.name, "input", model.input.unit, text, start, low, high)]
+    variables = [Variable(model.input.name, "input", model.input.unit, text, initial_drive, low, high)]
     if model.schedule is not None:
         schedule_range = model.valid.schedule if model.valid else None
         low, high = schedule_range or (None, None)
         text = "scheduling variable; the curves of the model are straight lines outside its nodes"
         name, unit = model.schedule.name, model.schedule.unit
-        variables.append(Variable(name, "input", unit, text, middle, low, high))
+        variables.append(Variable(name, "input", unit, text, initial_schedule, low, high))
     text = "output at the end of a step"
     variables.append(Variable(model.output.name, "output", model.output.unit, text))
     variables.append(
-        Variable("iron_flux_density", "output", "T", "flux density of the iron, in the gauge of the model")
+        Variable("iron_flux_density", "output", "T", "flux density of the iron, scaled as in the model")
     )
-    variables.append(Variable("iron_field", "output", "A/m", "field in the iron, in the gauge of the model"))
+    variables.append(Variable("iron_field", "output", "A/m", "field in the iron, scaled as in the model"))
     return [*variables, *_constant_variables(model)]
 
 
@@ -415,7 +415,7 @@ def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
 
 
 def compiled_sources(folder: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return the manifest of a compiled folder, and its C without the example."""
+    """Return the manifest of a compiled folder, and its C files without the example."""
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     paths = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
     paths += folder.glob(f"{manifest['name']}_*.[ch]")
@@ -427,7 +427,7 @@ def _compensator_header(manifest: Mapping[str, Any]) -> str:
     name, signals = manifest["name"], manifest["signals"]
     gap = signals.get("gap")
     gap_range = gap or {"low": 0.0, "high": 0.0}
-    defined = {
+    macros = {
         "COMPENSATOR_KERNEL": kernel_expression(f"{name.upper()}_KERNEL", f"{name}_parameters"),
         "COMPENSATOR_WORDS": f"{name.upper()}_PARAMETERS_WORDS",
         "COMPENSATOR_FULL_SCALE_DEMAND": float(signals["demand"]["scale"]),
@@ -437,7 +437,7 @@ def _compensator_header(manifest: Mapping[str, Any]) -> str:
         "COMPENSATOR_GAP_HIGH": float(gap_range["high"]),
         "compensator_parameters": f"{name}_parameters",
     }
-    return header_text("compensator_numbers", defined, f'#include "{name}_parameters.h"\n\n')
+    return header_text("compensator_numbers", macros, f'#include "{name}_parameters.h"\n\n')
 
 
 def _compensator_variables(manifest: Mapping[str, Any]) -> list[Variable]:

@@ -37,26 +37,26 @@ def piezo_part(rig_path: PathLike) -> Part:
     """Return a piezo stage with its controller as a component.
 
     The input is the demanded displacement; the outputs are the position and the voltage. The
-    component runs at the rate of the controller. Its inverse model comes from simulated loops of
+    component runs at the rate of the controller. The inverse model comes from simulated loops of
     the stage.
     """
     rig = read_piezo_rig(rig_path)
-    inverse = find_inverses(rig)["full"]
-    block = parameter_block(inverse)
+    inverse_model = find_inverses(rig)["full"]
+    parameters = parameter_block(inverse_model)
     sources = {
-        name: text.encode() for name, text in core_files(_PIEZO_CORE_FILES, block.memory_count).items()
+        name: text.encode() for name, text in core_files(_PIEZO_CORE_FILES, parameters.memory_count).items()
     }
     sources |= plant_sources("^(?!.*piezo)")
     sources["piezo.c"] = (WRAPPER_FOLDER / "piezo.c").read_bytes()
     compensator = {
-        "PIEZO_KERNEL": kernel_expression(f"anhyst_kernel_{block.kind}", "words"),
-        "PIEZO_WORDS": c_initialiser(block.words.tolist()),
+        "PIEZO_KERNEL": kernel_expression(f"anhyst_kernel_{parameters.kind}", "words"),
+        "PIEZO_WORDS": c_initialiser(parameters.words.tolist()),
     }
-    numbers = compensator | _piezo_macros(rig, controller_arguments(rig, inverse))
-    sources["piezo_numbers.h"] = header_text("piezo_numbers", numbers).encode()
+    macros = compensator | _piezo_macros(rig, controller_arguments(rig, inverse_model))
+    sources["piezo_numbers.h"] = header_text("piezo_numbers", macros).encode()
     title, rate = rig.settings.name, rig.settings.timing.rate_Hz
     text = f"{title}, piezo stage controlled by feedforward and integrator, full in fixed point"
-    return Part(title, text, rate, _piezo_variables(rig, inverse.scales.demand), sources)
+    return Part(title, text, rate, _piezo_variables(rig, inverse_model.scales.demand), sources)
 
 
 def _piezo_macros(rig: PiezoRig, controller: PiezoControllerArguments) -> dict[str, object]:

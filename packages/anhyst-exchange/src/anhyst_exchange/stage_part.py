@@ -50,15 +50,15 @@ def stage_part(rig_path: PathLike) -> Part:
     rig = read_stage(rig_path)
     _refuse_stage(rig)
     refuse_law_magnet(rig)
-    setup = make_stage(rig, identify_stage_magnet(rig), "full")
-    layers = max(block.memory_count for block in parameter_blocks(setup))
+    stage_setup = make_stage(rig, identify_stage_magnet(rig), "full")
+    memory_count = max(block.memory_count for block in parameter_blocks(stage_setup))
     files = ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h")
-    sources = plant_sources("piezo|position|held", _STAGE_CORE_FILES, files, layers)
+    sources = plant_sources("piezo|position|held", _STAGE_CORE_FILES, files, memory_count)
     sources["bearing_numbers.h"] = plant_header(rig).encode()
-    sources["stage_numbers.h"] = _controller_header(setup, _compensator_macros(setup)).encode()
+    sources["stage_numbers.h"] = _controller_header(stage_setup, _compensator_macros(stage_setup)).encode()
     title = rig.settings.name
-    precision = "fixed point" if setup.compensator.format == "fixed" else "double precision"
-    text = f"{title}, controlled by PID and feedforward, full in {precision}"
+    precision_text = "fixed point" if stage_setup.compensator.format == "fixed" else "double precision"
+    text = f"{title}, controlled by PID and feedforward, full in {precision_text}"
     return Part(title, text, rig.settings.timing.rate_Hz, _stage_variables(rig), sources)
 
 
@@ -138,12 +138,12 @@ def _axes_settings(
     file: RigFile, rows: Mapping[str, FloatArray], allocation: Mapping[str, object]
 ) -> dict[str, object]:
     """Return the settings of the controller, without its current limits."""
-    pull = magnet_rows(file)
+    pull_rows = magnet_rows(file)
     return {
         "layout": {
-            "axes": pull.shape[1],
-            "drives": pull.shape[0],
-            "pull": f"(const double[]){c_array_literal(pull.ravel())}",
+            "axes": pull_rows.shape[1],
+            "drives": pull_rows.shape[0],
+            "pull": f"(const double[]){c_array_literal(pull_rows.ravel())}",
             "against": f"(const uint16_t[]){c_initialiser(opposing_magnets(file))}",
             "pair": allocation,
             "least": min_single_force(file),
@@ -178,10 +178,10 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
             for axis, (name_suffix, unit) in units_of_axes
         ]
 
-    stroke = "position of the long stroke at the end of the tick"
+    stroke_text = "position of the long stroke at the end of the tick"
     gap = "gap at the magnet, reading of its sensor at the last tick"
     # for a single coordinate, force_N is the wrench
-    wrench = (
+    wrench_variables = (
         variables_of_axes("wrench", "output", "wrench of the magnets", _WRENCH_UNITS)
         if len(file.body.free) > 1
         else []
@@ -190,11 +190,11 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
         "state": "state of the controller: 16*state + phase + 256*(highest lost magnet)",
         "flags": "flags of the controller",
     }
-    states = [Variable(name, "output", "1", text) for name, text in controller_states.items()]
+    state_variables = [Variable(name, "output", "1", text) for name, text in controller_states.items()]
     return [
         *variables_of_axes("reference", "input", "demanded position"),
         *variables_of_axes("feedforward", "input", "net force of the feedforward", _WRENCH_UNITS),
-        *variables_of_axes("frame", "input", f"{stroke}; initial position"),
+        *variables_of_axes("frame", "input", f"{stroke_text}; initial position"),
         Variable("load_N", "input", "N", "force on the body along the set-point"),
         *variables_of_axes("position_noise", "input", "noise that is added to the pose reading"),
         Variable("command", "input", "1", _COMMAND_TEXT, 0.0, 0.0, 7.0),
@@ -205,19 +205,19 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
             for number in range(1, count + 1)
         ),
         *variables_of_axes("demand", "output", "demanded net force", _WRENCH_UNITS),
-        *states,
+        *state_variables,
         *variables_of_axes("velocity", "output", "velocity of the body", _VELOCITY_UNITS),
-        *wrench,
+        *wrench_variables,
         *magnet_variables("net force of the magnets along the set-point", count),
     ]
 
 
 _COMMAND_TEXT = "command, which acts when it changes: " + ", ".join(
-    f"{one.value} {one.name.lower()}" for one in (Command.NONE, Command.LIFT, Command.LAND, Command.IDLE)
+    f"{code.value} {code.name.lower()}" for code in (Command.NONE, Command.LIFT, Command.LAND, Command.IDLE)
 )
 
 _AxisUnits = tuple[tuple[str, str], tuple[str, str]]
-"""Units of a linear and of an angular quantity: each with the suffix of names and the unit for
+"""Units of a linear and of an angular quantity: each with its suffix in names and its unit for
 tools."""
 _POSITION_UNITS: _AxisUnits = (("m", "m"), ("rad", "rad"))
 _VELOCITY_UNITS: _AxisUnits = (("m_per_s", "m/s"), ("rad_per_s", "rad/s"))

@@ -15,7 +15,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst_exchange import stage_part
 from anhyst_exchange.exporter import REPRODUCIBLE_OPTIONS, export_fmu, export_sfunction
 from tests.cli.command import quick as run
-from tests.core.test_c_core import quietly, tool
+from tests.core.test_c_core import run_command, tool
 from tests.exchange.slave import HERE, RATE, fmpy, needs_binary, slave
 from tests.exchange.test_actuator import STEP, drives, gaps, magnet
 from tests.exchange.test_bearing import planar_made, stage_made
@@ -41,7 +41,7 @@ def built(folder: Path) -> Path:
     program = folder / name
     warnings = ("-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror")
     stops = ("-fsanitize=float-cast-overflow", "-fsanitize-undefined-trap-on-error")
-    quietly(
+    run_command(
         *(tool("cc", "gcc", "clang"), "-std=c99", "-O2", *REPRODUCIBLE_OPTIONS, *warnings, *stops),
         *("-DMATLAB_MEX_FILE", f"-DS_FUNCTION_NAME={name}", "-o", str(program)),
         *(f"-I{place}" for place in (INTERFACE, folder / "src", folder / "src" / "include")),

@@ -15,7 +15,7 @@ import anhyst
 from anhyst.support.numeric import FloatArray
 from anhyst_exchange import stage_part
 from anhyst_exchange.exporter import ExportedPart, compile_all, export_fmu
-from tests.core.test_c_core import quietly, tool
+from tests.core.test_c_core import run_command, tool
 from tests.exchange import test_piezo
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import RATE, fmpy, needs_binary, slave
@@ -71,7 +71,7 @@ def in_both(
     library = tmp_path / "anhyst.dll"
     library.write_bytes(compile_all(tmp_path / "sources", "anhyst", [WINDOWS], None)[WINDOWS])
     loader = tmp_path / "load"
-    quietly(
+    run_command(
         *(tool("cc", "gcc", "clang"), "-std=gnu99", "-Wall", "-Wextra", "-Werror", "-Wno-pedantic"),
         *(str(LOADER), "-o", str(loader), "-lm"),
     )

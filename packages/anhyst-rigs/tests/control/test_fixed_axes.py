@@ -66,11 +66,11 @@ class Shared(NamedTuple):
 
 def share(one: DriveLayout, wrench: FloatArray, lost: list[int]) -> list[Shared]:
     """Allocate rows of wrenches without the lost drives."""
-    full = np.full(len(one.yield_weights), 4096.0)
+    full = np.full(len(one.drop_weights), 4096.0)
     fixed = FixedWrench(*make_fixed_allocation(one, full, FORCE))
     wide = WrenchLayout(
         np.ascontiguousarray(one.unit_wrench), one.opponents, one.allocation, one.idle_force,
-        one.force_min, one.force_max, yields=one.yield_weights,
+        one.force_min, one.force_max, yields=one.drop_weights,
     )  # fmt: skip
     for drive in lost:
         fixed.lose(drive)
@@ -174,7 +174,7 @@ def pid_of(crossover: float, rate: float) -> list[float]:
 
 def body(one: DriveLayout, rng: np.random.Generator) -> Body:
     """Return a body of random mass and centre, with at least one sensor head per coordinate."""
-    axes = len(one.yield_weights)
+    axes = len(one.drop_weights)
     at = np.vstack([np.eye(axes), rng.uniform(-1.0, 1.0, (int(rng.integers(0, 4)), axes))])
     apart = np.eye(axes) + np.triu(rng.uniform(-0.01, 0.01, (axes, axes)), 1)
     heads, reach = len(at), rng.uniform(1e-4, 4e-4, (axes, 1))
@@ -203,7 +203,7 @@ def controllers(made: Body) -> tuple[FixedController, FixedAxes, TrackingAxes]:
     own = fixed.make_core([force.reset_copy().native for _ in range(count)], 2.0)
     layout = WrenchLayout(
         np.ascontiguousarray(drives.unit_wrench), drives.opponents, drives.allocation, drives.idle_force,
-        drives.force_min, drives.force_max, yields=drives.yield_weights,
+        drives.force_min, drives.force_max, yields=drives.drop_weights,
     )  # fmt: skip
     settings = {key: value for key, value in made.settings.items() if key != "idle"}
     full = {"flux_full": 2.0}
@@ -242,7 +242,7 @@ def test_the_wrench_of_any_body_is_that_of_double_precision() -> None:
 def test_unusable_sensor_heads_are_flagged_and_full_scale_saturates() -> None:
     made = body(bodies(1, 14)[0], np.random.default_rng(6))
     fixed, own, _ = controllers(made)
-    count, axes, heads = (len(made.drives.unit_wrench), len(made.drives.yield_weights), len(made.rows["at"]))
+    count, axes, heads = (len(made.drives.unit_wrench), len(made.drives.drop_weights), len(made.rows["at"]))
     none, largest = [0] * count, int(FULL) - 1
     current, demand, flags, _, _ = own.tick([0] * heads, [largest] * axes, none, none)
     assert demand == [largest] * axes
@@ -273,7 +273,7 @@ def test_feedforward_is_the_wrench_of_mass_and_weight() -> None:
 @pytest.mark.parametrize(("crossover", "code"), [(1e-3, "small"), (2e4, "large")])
 def test_gains_beyond_32_bits_are_refused(crossover: float, code: str) -> None:
     made = body(bodies(1, 16)[0], np.random.default_rng(8))
-    rows = made.rows | {"pid": np.array([pid_of(crossover, 20e3)] * len(made.drives.yield_weights))}
+    rows = made.rows | {"pid": np.array([pid_of(crossover, 20e3)] * len(made.drives.drop_weights))}
     if code == "large":
         rows["pid"][:, :3] *= 1e9
     key = "control.integral_ratio" if code == "small" else "control.crossover_Hz"

@@ -55,4 +55,4 @@ def test_an_input_file_is_not_replaced(tmp_path: Path) -> None:
     path = tmp_path / "loops.csv"
     path.touch()
     with pytest.raises(InputError, match=r"loops\.csv"):
-        check_recording(path, reads=[path])
+        check_recording(path, input_files=[path])

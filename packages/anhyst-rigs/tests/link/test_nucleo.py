@@ -238,8 +238,7 @@ def bearing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def kept_set(position: tuple[int, ...], source: int) -> bytes:
-    """Return a flash with a stored set: calibrations and source of the position, without a block.
-    """
+    """Return a flash with a stored set: calibrations and source of the position, without a block."""
     live_zero = (410, 327760, 0, 80, 4015)
     numbers = [1, *live_zero * 3, *position, source, 0]
     payload = struct.pack(f"<{len(numbers)}i", *numbers) + bytes(2 * MAX_BLOCK_WORDS)

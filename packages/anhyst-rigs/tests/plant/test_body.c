@@ -169,9 +169,9 @@ static void make_body(anhyst_plant_body *b, int magnets, int substeps)
   b->mass = 2.0;
   b->tick = 50e-6;
   b->substeps = substeps;
-  b->delay = ANHYST_PLANT_DELAY_MOST / 2;
+  b->delay = ANHYST_PLANT_MAX_DELAY / 2;
   b->force_along[0] = -1.0;
-  b->force_sensor = sensor(-500.0, 500.0, ANHYST_PLANT_DELAY_MOST - 1);
+  b->force_sensor = sensor(-500.0, 500.0, ANHYST_PLANT_MAX_DELAY - 1);
 }
 
 /* Six coordinates: pairs along x and y, four magnets from above, a displaced centre of mass. */
@@ -239,7 +239,7 @@ static int run(const anhyst_plant_body *b, const char *name, int ticks)
 {
   static anhyst_plant_actuator_state own[MOST];
   static anhyst_plant_head_state seen[6];
-  static anhyst_plant_memory volumes[MOST][ANHYST_PLANT_VOLUMES];
+  static anhyst_plant_memory volumes[MOST][ANHYST_PLANT_MAX_VOLUMES];
   static anhyst_plant_state state;
   double head[6];
   double current[MOST];
@@ -289,7 +289,7 @@ static int run(const anhyst_plant_body *b, const char *name, int ticks)
 static int run_held(const anhyst_plant_magnet *magnet, const char *name, double seconds)
 {
   static anhyst_plant_held_state state;
-  static anhyst_plant_memory volumes[ANHYST_PLANT_VOLUMES];
+  static anhyst_plant_memory volumes[ANHYST_PLANT_MAX_VOLUMES];
   const anhyst_plant_held held = {
       *magnet, seconds, 0.0,
       4.5,     1e-3,    0.6,
@@ -304,9 +304,9 @@ static int run_held(const anhyst_plant_magnet *magnet, const char *name, double 
   for (tick = 0; tick < TICKS; tick++) {
     const double gap = 0.45e-3 + 0.25e-3 * ((double)(tick % 200) / 100.0 - 1.0);
     const double noise[ANHYST_HELD_SENSORS] = {1e-7 * command(&seed), command(&seed), 0.0};
-    double row[ANHYST_HELD_COLUMNS];
+    double row[ANHYST_HELD_COLUMN_COUNT];
     anhyst_plant_held_tick(&held, &state, command(&seed), gap, noise, row);
-    for (j = 0; j < ANHYST_HELD_COLUMNS; j++) {
+    for (j = 0; j < ANHYST_HELD_COLUMN_COUNT; j++) {
       if (!isfinite(row[j])) {
         return 1;
       }

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
+from tests.core.test_c_core import ROOT, can_sanitize, run_command, tool
 
 pytestmark = pytest.mark.depends("core", "plant", "tests/core", "packages/anhyst-rigs/tests/plant")
 
@@ -41,7 +41,7 @@ def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
     if not can_sanitize(compiler, tmp_path):
         pytest.skip(f"{compiler} has no sanitizers here")
     program = tmp_path / "test_body"
-    quietly(
+    run_command(
         compiler,
         "-std=c99",
         "-O1",

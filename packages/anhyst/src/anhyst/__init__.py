@@ -1,7 +1,7 @@
 """Identify models of actuators from measured loops, and compile them to verified C.
 
-Every command is a function with the same names and defaults. The classes are the types of the
-results. Each name is imported when it is first used::
+Every command is a function with the same option names and defaults. The exported classes are the
+types of the results. Each name is imported when it is first used::
 
     import anhyst
 
@@ -14,11 +14,11 @@ results. Each name is imported when it is first used::
     anhyst.compile(model, "controller", rate=20e3)
     anhyst.verify("controller")
 
-Commands of other installed packages are available too, such as ``anhyst.simulate`` of anhyst-rigs. If
-you need their types, import them from that package.
+Commands of other installed packages are available too, such as ``anhyst.simulate`` of anhyst-rigs.
+The types of such results must be imported from the other package.
 
-Every result has ``to_dataframe()``, ``plot(ax=None)`` and ``save(path)``, and a short text form. Bad
-input raises `InputError`, and a negative result `NegativeResult`.
+Every result has ``to_dataframe()``, ``plot(ax=None)`` and ``save(path)``, and a short text form.
+Bad input raises `InputError`, and a negative result `NegativeResult`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from anhyst.support.lazy import lazy_names
 from anhyst.support.verbs import missing_package as _missing_package
 from anhyst.support.verbs import modules as _modules
 
-if TYPE_CHECKING:  # for type checkers and editors; other commands work too, but without types
+if TYPE_CHECKING:  # types for editors; commands of other packages have none here
     __version__: str
 
     from anhyst.compilation.compiled_stage import CompiledStage as CompiledStage

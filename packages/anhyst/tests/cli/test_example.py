@@ -9,7 +9,7 @@ import pytest
 
 from anhyst import InputError, example_files
 from anhyst.data.examples import EXAMPLES as EXAMPLE_NAMES
-from anhyst.verbs.example import Name
+from anhyst.verbs.example import ExampleName
 from tests.cli.command import contents, quick, refused
 from tests.refusals import says
 from tests.repository import ROOT
@@ -37,7 +37,7 @@ def test_an_unknown_example_is_refused_with_the_list_of_examples(tmp_path: Path)
     message = refused("example", "motor", "--out", "my", cwd=tmp_path)
     known = ("bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels")
     assert "'motor' is not one of " + ", ".join(f"'{name}'" for name in known) in message
-    assert get_args(Name) == tuple(EXAMPLE_NAMES) == known
+    assert get_args(ExampleName) == tuple(EXAMPLE_NAMES) == known
     with pytest.raises(InputError, match=f"motor.*{', '.join(known)}"):
         example_files("motor")
 

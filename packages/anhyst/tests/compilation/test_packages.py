@@ -226,7 +226,7 @@ def test_library_manifests_describe_the_folder(case: Plain, tmp_path: Path) -> N
 def test_another_ecosystem_is_one_record(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = Ecosystem(
         "own library",
-        places={"include": "h", "src": "c", "headers": "h", "sources": "c"},
+        folders={"include": "h", "src": "c", "headers": "h", "sources": "c"},
         templates={"{name}.json": "platformio/library.json.j2"},
     )
     monkeypatch.setitem(PACKAGES, "own", own)

@@ -153,7 +153,7 @@ def test_fit_and_prediction_use_the_same_history_at_other_gaps(law: str) -> None
 
 
 def test_a_history_at_a_withheld_gap_is_interpolated() -> None:
-    past = InputHistory(np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0])).renumbered([0, 2, 3])
+    past = InputHistory(np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0])).with_renumbered_gaps([0, 2, 3])
     assert past.gap_position.tolist() == [0.0, 0.5, 1.0]
 
 

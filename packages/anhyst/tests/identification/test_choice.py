@@ -329,7 +329,7 @@ def test_identify_drops_a_candidate_that_fails_and_names_it(monkeypatch: pytest.
 def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    finish, tried = model_selection._finish, list[FoundModel]()
+    finish, tried = model_selection._finish_fit, list[FoundModel]()
 
     def fail_once(run: SearchRun, loops: Loops, found: FoundModel) -> tuple[FoundModel, str]:
         tried.append(found)
@@ -337,7 +337,7 @@ def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
             raise np.linalg.LinAlgError("singular matrix")
         return finish(run, loops, found)
 
-    monkeypatch.setattr(model_selection, "_finish", fail_once)
+    monkeypatch.setattr(model_selection, "_finish_fit", fail_once)
     loops = bent_loops()
     candidates = fit_of(identify(loops)).candidates
     assert [candidate.note for candidate in candidates].count("chosen") == 1
@@ -350,7 +350,7 @@ def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
     def fail(*_: object) -> None:
         raise InputError("no answer", code="sample-refused")
 
-    monkeypatch.setattr(model_selection, "_finish", fail)
+    monkeypatch.setattr(model_selection, "_finish_fit", fail)
     with refused("sample-refused"):  # every candidate failed
         identify(loops)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anhyst.identification.paper_parameters import Variables, run_simplex
-from anhyst.identification.paper_search import EvolutionStrategy, reflected
+from anhyst.identification.paper_search import EvolutionStrategy, reflect_into_bounds
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 
@@ -113,7 +113,7 @@ def test_candidates_without_a_finite_cost_have_no_offspring() -> None:
 def test_reflection_folds_distant_values_into_the_bounds() -> None:
     values = np.array([0.3, -0.2, 1.1, 2.4, -3.3])
     expected = [0.3, 0.2, 0.9, 0.4, 0.7]
-    np.testing.assert_allclose(reflected(values, np.zeros(5), np.ones(5)), expected)
+    np.testing.assert_allclose(reflect_into_bounds(values, np.zeros(5), np.ones(5)), expected)
 
 
 def test_a_simplex_begun_at_a_bound_turns_inward() -> None:

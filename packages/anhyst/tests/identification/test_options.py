@@ -20,7 +20,7 @@ def test_a_rig_file_has_every_option_of_the_command_by_the_same_name() -> None:
 def test_both_take_the_same_words() -> None:
     for words, ours in (
         (command.GapMap, identifyoptions.GapMap),
-        (command.Search, identifyoptions.Search),
+        (command.SearchMethod, identifyoptions.Search),
         (command.Weights, identifyoptions.Weights),
     ):
         assert set(get_args(words)) == set(get_args(ours))

@@ -338,7 +338,7 @@ def test_coordinates_and_parameters_agree(loops: Loops, records: FitRecords) -> 
     back = variables.to_parameters(variables.to_coordinates(SET))
     for name, value in SET.items():
         assert float(back[name]) == pytest.approx(value, rel=1e-12)
-    assert variables.only(["c_H", "k"]).names == ("k", "c_H")
+    assert variables.restrict_to(["c_H", "k"]).names == ("k", "c_H")
 
 
 def test_batch_and_exact_law_cost_the_same(loops: Loops, records: FitRecords) -> None:

@@ -91,7 +91,7 @@ def space_of(form: ResponseForm, gap_map: GapMap, count: int) -> CoordinateSpace
         FitRecord(
             str(gap),
             gap,
-            InputHistory.at(np.empty(0), gap),
+            InputHistory.at_one_gap(np.empty(0), gap),
             PATH,
             PATH,
             is_cycle=False,

@@ -14,7 +14,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA_NAME, Dynamics
 from anhyst.model.schema import Uncertainty
 from anhyst.reports.sections_fit import rate_corner, section_rate
-from anhyst.reports.subject import Evidence, ModelSubject
+from anhyst.reports.subject import Measurements, ModelSubject
 from anhyst.support.page import PageTable, Picture, Text
 from tests.identification.test_rate import measured, truth
 
@@ -29,8 +29,8 @@ def about(model: Model, loops: Loops) -> ModelSubject:
     fitted = tuple(
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output for loop in loops.loops
     )
-    evidence = Evidence(loops, fitted, None, assess_loops(loops), (), ())
-    return ModelSubject(model, None, Acceptance(None, None), evidence)
+    measurements = Measurements(loops, fitted, None, assess_loops(loops), (), ())
+    return ModelSubject(model, None, Acceptance(None, None), measurements)
 
 
 def test_each_speed_has_a_row_and_the_corner_its_interval() -> None:

@@ -26,7 +26,7 @@ from anhyst.reports.figures import figure_differences, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between_gaps
 from anhyst.reports.page import gather_subject, make_headline
 from anhyst.reports.sections_model import section_gap_map
-from anhyst.reports.subject import ModelSubject, current_figures, gather_evidence
+from anhyst.reports.subject import ModelSubject, current_figures, gather_measurements
 from anhyst.support.figures import svg_text, write_png
 from anhyst.support.units import QUANTITIES, Quantity
 from tests.page import NAMESPACES, Page
@@ -95,7 +95,7 @@ def finished(model: Model, loops: Loops, left_out: Mapping[str, float] | None = 
     settings = {"gap_map_reason": "it predicts best", "read_history": "settled"}
     origin = Provenance("1.2.3", 7, sources, settings)
     model = replace(model, provenance=origin)
-    fit, _ = current_figures(model, gather_evidence(model, Path(loops.sources[0].path).parent))
+    fit, _ = current_figures(model, gather_measurements(model, Path(loops.sources[0].path).parent))
     assert fit is not None
     return replace(model, fit=replace(fit, left_out=left_out or {}))
 
@@ -193,13 +193,13 @@ def test_every_figure_has_a_text_description(page: Page) -> None:
 
 
 def test_hysteresis_is_drawn_by_itself(subject: ModelSubject) -> None:
-    evidence = subject.evidence
-    assert evidence is not None
-    figure = figure_differences(evidence.loops, evidence.fitted, evidence.baseline)
-    largest = max(float(np.abs(loop.output).max()) for loop in evidence.loops.loops)
+    measurements = subject.measurements
+    assert measurements is not None
+    figure = figure_differences(measurements.loops, measurements.fitted, measurements.baseline)
+    largest = max(float(np.abs(loop.output).max()) for loop in measurements.loops.loops)
     drawn = [np.asarray(line.get_ydata()) for ax in figure.axes for line in ax.lines]
     most = max(float(np.abs(values).max()) for values in drawn)
-    worst = evidence.verdict.single_worst
+    worst = measurements.verdict.single_worst
     assert most < 0.3 * largest  # without the curve itself
     assert most == pytest.approx(worst, rel=0.5)
     ax = figure.axes[0]
@@ -287,7 +287,7 @@ def test_measurements_that_have_changed_are_not_used(tmp_path: Path) -> None:
     with (tmp_path / "loops.csv").open("a") as stream:
         stream.write("# edited\n")
     subject = gather_subject(model, tmp_path)
-    assert subject.evidence is None
+    assert subject.measurements is None
     assert "file changed after the identification" in subject.missing_reason
     assert "file changed" in str(make_headline(subject).notes)
 
@@ -340,9 +340,11 @@ def test_a_model_worse_than_a_single_valued_curve_is_reported(subject: ModelSubj
     ("level", "title"), [("yes", "Worth it"), ("little", "Small gain"), ("no", "Barely worth it")]
 )
 def test_the_verdict_is_that_of_the_measurement(subject: ModelSubject, level: Level, title: str) -> None:
-    assert subject.evidence is not None
-    judged = replace(subject.evidence.verdict, level=level)
-    reported = make_headline(replace(subject, evidence=replace(subject.evidence, verdict=judged))).notes[0]
+    assert subject.measurements is not None
+    judged = replace(subject.measurements.verdict, level=level)
+    reported = make_headline(
+        replace(subject, measurements=replace(subject.measurements, verdict=judged))
+    ).notes[0]
     assert reported.title == title
     assert reported.tone == ("good" if level == "yes" else "warn")
     assert "% of the error of the curve" in reported.text.replace("\xa0", " ")
@@ -355,8 +357,8 @@ def test_a_model_that_cannot_be_run_over_its_loops_is_still_reported(
 ) -> None:
     eddy = replace(subject.model, parameters={**subject.model.parameters, "gamma": 1.0})
     found = gather_subject(eddy, folder)  # the file has no time column
-    assert found.evidence is not None
-    assert found.evidence.fitted == (None,) * 6
+    assert found.measurements is not None
+    assert found.measurements.fitted == (None,) * 6
     assert "cannot be computed" in found.warnings[0]
     assert found.fit == eddy.fit
     text, _ = report_of(replace(eddy, fit=None), folder_beside(folder))
@@ -376,10 +378,12 @@ def test_noise_is_reported_from_the_record_before_thinning(tmp_path: Path) -> No
     drive = np.concatenate([half, half[-2::-1]])
     output = model.predict(drive, history="settled").output
     rows = [f"{h!r},{b!r}" for h, b in zip(drive.tolist(), output.tolist(), strict=True)]
-    evidence = gather_evidence(finished(model, measured(tmp_path, ["H_A_per_m,B_T", *rows])), tmp_path)
-    assert evidence.inspection is not None
-    assert evidence.inspection.loops[0].samples == 5199
-    assert evidence.loops.loops[0].n <= 4000
+    measurements = gather_measurements(
+        finished(model, measured(tmp_path, ["H_A_per_m,B_T", *rows])), tmp_path
+    )
+    assert measurements.inspection is not None
+    assert measurements.inspection.loops[0].samples == 5199
+    assert measurements.loops.loops[0].n <= 4000
 
 
 def bare_model() -> Model:
@@ -410,17 +414,17 @@ def test_a_report_that_cannot_be_written_leaves_no_file(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_plots_are_written_as_pictures(subject: ModelSubject, tmp_path: Path) -> None:
-    evidence = subject.evidence
-    assert evidence is not None
-    found = write_plots(subject.model, evidence.loops, evidence.fitted, tmp_path / "demo")
+    measurements = subject.measurements
+    assert measurements is not None
+    found = write_plots(subject.model, measurements.loops, measurements.fitted, tmp_path / "demo")
     names = ["loops", "residuals", "parameters", "between_gaps", "reduction"]
     assert [path.name for path in found] == [f"{name}.png" for name in names]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in found)
-    write_png(figure_residuals(evidence.loops, evidence.fitted), tmp_path / "again.png")
+    write_png(figure_residuals(measurements.loops, measurements.fitted), tmp_path / "again.png")
     assert (tmp_path / "again.png").read_bytes() == found[1].read_bytes()
 
 
 def test_fit_metrics_of_a_perfect_model_do_not_divide_by_zero(subject: ModelSubject) -> None:
     none = FitFigures(0.0, 0.0, 0.0, 0.0)
-    head = make_headline(replace(subject, fit=none, evidence=None))
+    head = make_headline(replace(subject, fit=none, measurements=None))
     assert [tile.value for tile in head.tiles] == ["0\xa0N"] * 3

@@ -13,7 +13,7 @@ def test_an_error_comes_back_from_another_process_as_it_was() -> None:
     back = pickle.loads(pickle.dumps(sent))
     assert type(back) is SampleError
     assert (back.args, back.code, back.key) == (sent.args, "sample-refused", "drive")
-    assert (back.sample, back.what) == (3, "is too large")
+    assert (back.sample, back.fault) == (3, "is too large")
 
 
 def test_an_error_is_the_same_at_its_place() -> None:

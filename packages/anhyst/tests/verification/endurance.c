@@ -10,8 +10,7 @@
 #include "check.h"
 
 enum { WORDS = MAGNET_PARAMETERS_WORDS, LAST = 32767, SETTLE = 2000, HELD = 300 };
-enum { STEP = 16 };                /* rounding of the converter, codes: tolerance of claims about
-                                    * currents */
+enum { STEP = 16 };                /* rounding of the converter, codes; tolerance of currents */
 enum { MOVED_AT_REST = 4 * STEP }; /* tolerance, codes of the current */
 
 static const int16_t *const words = magnet_parameters;
@@ -113,7 +112,7 @@ static double codes_moved_at_rest(double from, long ticks)
     const int16_t noisy = (int16_t)(demand + (int16_t)drawn(9) - 4);
     (void)tick(&c, noisy, (int16_t)(16000U + drawn(9)));
     here = c;
-    keep_worst(&worst, abs(anhyst_compensator_solve_q15(&here, demand, 16004) - first));
+    keep_largest(&worst, abs(anhyst_compensator_solve_q15(&here, demand, 16004) - first));
   }
   return worst;
 }
@@ -143,10 +142,10 @@ static void a_long_past_is_wiped_out(long ticks)
   for (int i = 0; i < 400; i++) {
     const int16_t demand = demand_at(0.5 + 0.15 * sin(i * 0.157079632679));
     const int16_t current = tick(&old, demand, 0);
-    keep_worst(&worst, abs(current - tick(&new, demand, 0)));
+    keep_largest(&worst, abs(current - tick(&new, demand, 0)));
     if (i % 40 == 0) {
       static int16_t before;
-      keep_worst(&open, i >= 80 ? abs(current - before) : 0);
+      keep_largest(&open, i >= 80 ? abs(current - before) : 0);
       before = current;
     }
   }
@@ -175,13 +174,13 @@ static void any_bit_of_the_state_may_turn(void)
     anhyst_compensator_demagnetise(&c);
     wipe(&c);
     anhyst_compensator there = right;
-    keep_worst(&worst, abs(tick(&c, demand_at(0.5), 0) - tick(&there, demand_at(0.5), 0)));
+    keep_largest(&worst, abs(tick(&c, demand_at(0.5), 0) - tick(&there, demand_at(0.5), 0)));
   }
   CHECK_BELOW("bits of the state that were tried", -tried, -600);
   CHECK_BELOW("codes of the current after a start-up", worst, STEP);
 }
 
-static void seal(int16_t *block)
+static void set_checksum(int16_t *block)
 {
   uint32_t sum = 0xFFFFFFFFUL;
   for (int i = 0; i < WORDS; i++) {
@@ -208,7 +207,7 @@ static void any_bit_of_the_block_may_turn(void)
     memcpy(faulty, words, sizeof faulty);
     faulty[bit / 16] = (int16_t)(faulty[bit / 16] ^ (1 << bit % 16));
     refused += anhyst_block_check(&MAGNET_KERNEL, faulty, WORDS) != ANHYST_OK;
-    seal(faulty);
+    set_checksum(faulty);
     anhyst_compensator c;
     if (anhyst_compensator_init(&c, &MAGNET_KERNEL, faulty, WORDS) != ANHYST_OK) {
       sealed++;

@@ -134,8 +134,8 @@ static double output_from_flux(const surroundings *around, double flux)
   return around->gain * (ACTUATOR_POWER == 2 ? flux * flux : flux) + around->output_zero;
 }
 
-/* Returns the present contribution of creep to the flux density. Each slow part has followed the
- * flux density of earlier steps. */
+/* Returns the present contribution of creep to the flux density. Each creep state has followed
+ * the flux density of earlier steps. */
 static double creep(const state_of *state, double seconds, double *creep_flux)
 {
   static const double times[] = ACTUATOR_TIMES;

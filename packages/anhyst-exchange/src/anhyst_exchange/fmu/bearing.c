@@ -7,7 +7,7 @@
 #include "controller_numbers.h"
 #include "virtual_plant.h"
 
-/* From PLANT on in the order of write_plant_outputs. */
+/* The values from PLANT on have the order of write_plant_outputs. */
 enum { TARGET = 1, LOAD, COMMAND, GAP_READ, REFERENCE, DEMAND, STATE, FLAGS, PLANT };
 
 typedef struct {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Compiled separately from the plant, because both define the state of a hysteresis law
- * differently. */
+/* This file is compiled separately from the plant, because both define the state of a hysteresis
+ * law differently. */
 #include "bearing_controller.h"
 
 #include "anhyst_plant/position.h"

@@ -5,7 +5,7 @@
 
 #include "anhyst_plant/controller.h"
 
-/* Tick of an anhyst_loop_controller; self is the anhyst_position_q31. */
+/* Runs one tick of an anhyst_loop_controller; self is the anhyst_position_q31. */
 void anhyst_bearing_controller_tick(void *self, const anhyst_loop_sample *sample,
                                     anhyst_loop_answer *answer);
 

@@ -8,7 +8,7 @@
 #include "part.h"
 #include "part_values.h"
 
-#define ROUNDING 1e-6 /* in ticks: times are sums of steps */
+#define ROUNDING 1e-6 /* tolerance in ticks, because times are sums of steps */
 #define FIRST_OUTPUT (1 + PART_INPUTS)
 
 /* Head of a byte array; the state of the part follows it. */

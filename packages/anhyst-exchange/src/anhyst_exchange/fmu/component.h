@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A component that a simulation tool steps, independent of the interface of the tool: values by
- * reference, a clock and states. Its part defines what it computes.
+ * reference, a clock and states. A linked part defines what the component computes.
  *
  * A part with a rate ticks at this rate, whatever the steps are. A tick at the beginning of a step
  * uses the inputs at this time. Inputs and outputs are held between ticks. A part without a rate
@@ -34,7 +34,7 @@ anhyst_component *anhyst_component_new(void);
 void anhyst_component_free(anhyst_component *component);
 const char *anhyst_component_reset(anhyst_component *component);
 
-/* Change the phase. The last function returns whether a phase is active. */
+/* These functions change the phase; the last one returns whether a phase is active. */
 const char *anhyst_component_begin(anhyst_component *component, double start);
 const char *anhyst_component_run(anhyst_component *component);
 const char *anhyst_component_end(anhyst_component *component);
@@ -55,7 +55,7 @@ const char *anhyst_component_save(const anhyst_component *component, void **stat
 const char *anhyst_component_restore(anhyst_component *component, const void *state);
 void anhyst_component_forget(void **state);
 
-/* The state as bytes, which another process can read. */
+/* Convert the state to bytes, which another process can read, and back. */
 size_t anhyst_component_bytes(void);
 const char *anhyst_component_write(const void *state, unsigned char *bytes, size_t n);
 const char *anhyst_component_read(const unsigned char *bytes, size_t n, void **state);

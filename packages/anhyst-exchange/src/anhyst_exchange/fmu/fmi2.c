@@ -214,7 +214,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean 
 
 fmi2Status fmi2CancelStep(fmi2Component c) { return to_status(c, "no step is ever pending"); }
 
-/* A step is complete when it returns. */
+/* A step is complete when its function returns. */
 #define NO_STATUS(kind, type)                                                                      \
   fmi2Status fmi2Get##kind(fmi2Component c, const fmi2StatusKind what, type *value)                \
   {                                                                                                \

@@ -44,8 +44,8 @@ static int start(const void *tables, void *state, double *values)
 /* Returns the gap as the compensator of a firmware gets it, rounded to the codes of its sensor. */
 static double quantise_gap(double gap)
 {
-  const double share =
-      anhyst_plant_bound((gap - FORCE_GAP_LOW) / (FORCE_GAP_HIGH - FORCE_GAP_LOW), 0.0, 1.0);
+  const double share = anhyst_plant_limit_to_range(
+      (gap - FORCE_GAP_LOW) / (FORCE_GAP_HIGH - FORCE_GAP_LOW), 0.0, 1.0);
   return FORCE_GAP_LOW +
          (FORCE_GAP_HIGH - FORCE_GAP_LOW) * (floor(share * GAP_CODES + 0.5) / GAP_CODES);
 }
@@ -54,8 +54,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
 {
   state_of *now = (state_of *)state;
   double signals[4] = {0.0, values[DEMAND]};
-  if (!(values[GAP] >= 1e-9 && values[GAP] <= 1.0)) { /* the iron could not recover from such a
-                                                       * value */
+  if (!(values[GAP] >= 1e-9 && values[GAP] <= 1.0)) { /* the iron could not recover from it */
     return "a gap is from 1e-9 to 1 m";
   }
   anhyst_plant_held_tick(&force_held, &now->plant, values[COMMAND], values[GAP], values + NOISE,

@@ -109,7 +109,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
   int i;
   (void)seconds;
   for (i = REFERENCE; i <= NOISE; i++) {
-    if (!(fabs(values[i]) <= 1.0)) { /* the integral could not recover from such a value */
+    if (!(fabs(values[i]) <= 1.0)) { /* the integral could not recover from it */
       return "a reference, a load and a noise are at most 1 m";
     }
   }

@@ -23,7 +23,7 @@ static void mdlInitializeSizes(SimStruct *S)
   int i;
   ssSetNumSFcnParams(S, PARAMETERS);
   if (ssGetNumSFcnParams(S) != ssGetSFcnParamsCount(S)) {
-    return; /* Simulink reports it itself */
+    return; /* Simulink reports this error itself */
   }
   if (PARAMETERS > 0) {
     ssSetSFcnParamTunable(S, 0, 0);

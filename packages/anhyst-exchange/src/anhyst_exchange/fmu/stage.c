@@ -7,7 +7,7 @@
 #include "stage_controller.h"
 #include "virtual_plant.h"
 
-/* One value per coordinate (GAP_READ: per gap sensor); from PLANT on in the order of
+/* One value per coordinate (GAP_READ: per gap sensor). The values from PLANT on have the order of
  * write_plant_outputs. */
 enum {
   AXES = BEARING_COORDINATES,

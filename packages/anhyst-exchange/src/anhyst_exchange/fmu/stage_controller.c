@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* PID, allocation and force controllers as `anhyst simulate` runs them: the first two in double
- * precision, the others in fixed point or in double precision. They are compiled separately from
- * the plant, because both define the state of a hysteresis law differently. */
+ * precision, the others in fixed point or in double precision. The controllers are compiled
+ * separately from the plant, which defines the state of a hysteresis law differently. */
 #include "stage_controller.h"
 
 #include <stddef.h>
@@ -14,7 +14,7 @@
 /* Calibrated corrections of each magnet; without a calibration {1, 0, 1, 0}. */
 static const anhyst_correction_f64 corrections[STAGE_DRIVES] = STAGE_CORRECTIONS;
 
-/* All different parameter blocks, and the position of the block of each drive. */
+/* The words of all different parameter blocks, and the position of the block of each drive. */
 static const STAGE_WORD words[] = STAGE_WORDS;
 static const struct {
   uint32_t first;
@@ -23,7 +23,7 @@ static const struct {
 
 #ifdef STAGE_CODES
 
-/* Compensators in fixed point, and the physical values of 1.0 of their codes. */
+/* Compensators in fixed point, and the physical values that the code 1.0 represents. */
 static const anhyst_code_scales_f64 codes = STAGE_CODES;
 
 typedef anhyst_force_controller_q31 force_controller;
@@ -46,7 +46,7 @@ static anhyst_status start_force(force_controller *force, int i)
   return INIT_FORCE(force, &STAGE_KERNEL, words + blocks[i].first, blocks[i].count);
 }
 
-/* Sets the pointers of a force controller again. */
+/* Sets the pointers of a force controller, as at every tick. */
 static void relink_force(force_controller *force, int i)
 {
   force->method = &COMPENSATOR_METHOD;
@@ -86,14 +86,14 @@ static void run_law(anhyst_axes_f64 *law, anhyst_force_controller_f64 *const *dr
   law->drive = drive;
   anhyst_axes_tick_f64(law, &in, &out);
   answer->flags = out.flags;
-  answer->state = anhyst_axes_word(out.state, out.lost);
+  answer->state = anhyst_axes_state_word(out.state, out.lost);
 }
 
 typedef struct {
   force_controller force[STAGE_DRIVES];
   anhyst_corrected_f64 corrected[STAGE_DRIVES];
   anhyst_axes_f64 law;
-  /* Set again at every tick. */
+  /* The pointers below are set again at every tick. */
   anhyst_force_controller_f64 corrected_force[STAGE_DRIVES];
 #ifdef STAGE_CODES
   anhyst_coded_f64 coded[STAGE_DRIVES];

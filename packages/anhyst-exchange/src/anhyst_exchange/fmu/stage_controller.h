@@ -13,7 +13,7 @@ typedef double anhyst_stage_controller[768 + 320 * STAGE_DRIVES];
 /* Starts at rest with demagnetised iron. Returns 0, or -1 if parameters are damaged. */
 int anhyst_stage_controller_start(anhyst_stage_controller controller);
 
-/* Tick of an anhyst_loop_controller; self is the anhyst_stage_controller. */
+/* Runs one tick of an anhyst_loop_controller; self is the anhyst_stage_controller. */
 void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
                                   anhyst_loop_answer *answer);
 

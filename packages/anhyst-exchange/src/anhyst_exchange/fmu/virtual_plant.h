@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The virtual plant in a component, with any controller. Its parameters are constants. */
+/* The virtual plant in a component, with any controller. Parameters of the plant are constants. */
 #ifndef ANHYST_VIRTUAL_PLANT_H
 #define ANHYST_VIRTUAL_PLANT_H
 
@@ -19,7 +19,7 @@ typedef struct {
   uint64_t ticks;
   /* Working memory of one tick. It is static, because a stack frame of more than a page needs a
    * run-time library. */
-  double workspace[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
+  double workspace[ANHYST_LOOP_STORAGE_SIZE(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
   double record[MAX_RECORDED_VALUES];
 } virtual_plant;
 
@@ -32,7 +32,7 @@ static void link_plant(virtual_plant *now)
   }
 }
 
-/* As anhyst_plant_start, which does not keep the pointers to the states of solid iron. */
+/* Starts the plant, and sets its pointers, which anhyst_plant_start does not keep. */
 static int start_plant(virtual_plant *now)
 {
   static const anhyst_plant_current_loop current_loops[] = BEARING_CURRENT_LOOPS;

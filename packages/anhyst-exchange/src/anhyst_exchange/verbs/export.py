@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 PLACE = 25, "Use a model"
 
-Form = Literal["fmu", "simulink", "lut"]
+ExportForm = Literal["fmu", "simulink", "lut"]
 """Forms of the export: FMU, S-function, or tables."""
-Of = Literal["compensator", "actuator"]
+ModelComponent = Literal["compensator", "actuator"]
 """Part of a model that is exported."""
-Kind = Literal["full", "simplified"]
+CompensatorKind = Literal["full", "simplified"]
 """Kinds of compensator."""
 FmiVersion = Literal["2.0", "3.0"]
 """Versions of the FMI standard."""
@@ -27,10 +27,10 @@ def export(
     model: Model | PathLike,
     out: PathLike,
     *,
-    as_: Form = "fmu",
-    of: Of | None = None,
+    as_: ExportForm = "fmu",
+    of: ModelComponent | None = None,
     rate: float | None = None,
-    kind: Kind | None = None,
+    kind: CompensatorKind | None = None,
     fmi: FmiVersion = "2.0",
     platforms: Sequence[str] | None = None,
     progress: Progress | None = None,
@@ -38,10 +38,11 @@ def export(
     """Export a model or a rig for other tools, as FMU, S-function or tables.
 
     A compensator gives the same results as the compiled fixed-point C on a controller, and an
-    actuator the same as the model. A rig file of any kind is exported as plant and controller in one FMU. An FMU
-    contains the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink,
-    Amesim, Dymola, OpenModelica and fmpy read it. An S-function is C that MATLAB compiles with the
-    script in the same folder. For C without a wrapper, use anhyst compile.
+    actuator the same as the model. A rig file of any kind is exported as plant and controller in
+    one FMU. An FMU contains the sources, and binaries for Linux, Windows and macOS (extra
+    'verify'). Simulink, Amesim, Dymola, OpenModelica and fmpy can import an FMU. An S-function is C
+    code that MATLAB compiles with the script in the same folder. For C without a wrapper, use
+    anhyst compile.
 
     Parameters
     ----------

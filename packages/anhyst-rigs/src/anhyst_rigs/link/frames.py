@@ -11,7 +11,7 @@ from enum import IntEnum
 from typing import ClassVar, NamedTuple, Self
 
 VERSION = 4
-PAYLOAD_MOST = 240
+MAX_PAYLOAD_BYTES = 240
 PLANT_MAGIC = 0x616E6879
 
 
@@ -21,7 +21,7 @@ class Reason(IntEnum):
     NONE = 0
     VERSION = 1  # different protocol version; detail: the controller's version
     TYPE = 2  # unknown request
-    LENGTH = 3  # wrong length of the payload; detail: its length
+    LENGTH = 3  # wrong length of the payload; detail: length of the payload
     # the sequence number is older than the last one; detail: 1 if a request with this number was answered, otherwise 0
     OLD = 4
     STATE = 5  # not allowed in this state; detail: the state
@@ -29,7 +29,7 @@ class Reason(IntEnum):
     ORDER = 7  # block data without block_begin or with a wrong offset; detail: the expected offset
     CHECKSUM = 8  # the received block does not have the announced checksum
     BLOCK = 9  # the block is invalid, or has a different kind or layout
-    GENERATION = 10  # the block has a different generation; detail: its generation
+    GENERATION = 10  # the block has a different generation; detail: generation of the block
     SESSION = 11  # no session is open: send hello first
     CURRENT = 12  # current still flows; repeat the request at zero current
     # the block has different full scales, gaps, rate or units; detail: number of the first word that differs
@@ -69,12 +69,12 @@ class Setting(IntEnum):
 
 
 class SettingRange(NamedTuple):
-    """What a setting may be."""
+    """Range and default value of a setting."""
 
     low: int
     high: int
     start: int
-    start_ms: int  # the same of a setting in ticks, else 0
+    start_ms: int  # default of a setting in ticks, ms; otherwise 0
     while_running: bool
 
 
@@ -141,13 +141,13 @@ class PlantRecord:
         cls.FIXED = struct.Struct(form)
 
     def pack(self) -> bytes:
-        """Return the record with its check."""
+        """Return the bytes of the record, with its check word."""
         body = self.FIXED.pack(*vars(self).values())
         return body + struct.pack("<I", _check(body))
 
     @classmethod
     def unpack(cls, record: bytes) -> Self:
-        """Return what the record says; ValueError where length or check are wrong."""
+        """Return the record in these bytes; raise ValueError if length or check word are wrong."""
         body = record[:-4]
         if len(body) != cls.FIXED.size or record[-4:] != struct.pack("<I", _check(body)):
             raise ValueError(f"{cls.__name__}: not a record of the plant's bus")
@@ -184,7 +184,7 @@ class DemandRequest(Message, code=0x03, answer=0x82, form="<i"):
     It has an effect only in the state RUN of a force controller.
     """
 
-    force: int  # q31 of the full-scale force
+    force: int  # demanded force, q31 of the full scale
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class BlockBeginRequest(Message, code=0x07, answer=0x83, form="<HHI"):
 
     words: int  # length of the block
     generation: int  # generation of the block
-    checksum: int  # CRC-32 of all its words, low byte first
+    checksum: int  # CRC-32 of all words of the block, low byte first
 
 
 @dataclass(frozen=True)
@@ -258,7 +258,7 @@ class TargetRequest(Message, code=0x0E, answer=0x82, form="<i"):
     A position outside the range is rejected, and a force controller rejects every target.
     """
 
-    position: int  # q31 of the position controller's full scale
+    position: int  # target position, q31 of the controller's full scale
 
 
 @dataclass(frozen=True)
@@ -370,8 +370,8 @@ class PlantSample(PlantRecord, form="<IiiiiiI"):
 
     tick: int  # number of the tick, from 1 on
     gap: int  # gap, q30: 0 is the smallest gap of the model, 1.0 the largest
-    force: int  # q30 of the full-scale force
-    position: int  # q31 of the position controller's full scale
+    force: int  # force, q30 of the full scale
+    position: int  # position, q31 of the controller's full scale
     current: int  # current of the first magnet, q30 of full scale
     current_2: int  # current of the second magnet, q30 of full scale
     status: int  # status bits PORT_... of port/port.h
@@ -384,8 +384,8 @@ class PlantDrive(PlantRecord, form="<IiiIIiiii"):
     tick: int  # tick of the sample from which the record was computed
     drive: int  # commanded current of the first magnet, q31 of full scale
     drive_2: int  # commanded current of the second magnet, q31 of full scale
-    state: int  # state + 256*fault
-    mode: int  # flags + 65536*phase
+    state: int  # number of the state + 256*(reason of the fault)
+    mode: int  # bit mask of the flags + 65536*phase
     demand: int  # active demand, q31 of the full-scale force
     reference: int  # reference position, q31 of the controller's full scale
     flux: int  # flux of the first magnet after the commit, as its model predicts, q30

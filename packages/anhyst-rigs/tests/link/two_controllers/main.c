@@ -18,7 +18,7 @@
 #define UART_TX_FULL 1U
 #define UART_RX_FULL 2U
 #define UART_BOTH_ENABLE 3U
-#define UART_FASTEST 16U
+#define UART_MIN_DIVIDER 16U
 
 typedef struct {
   app firmware;
@@ -101,7 +101,7 @@ static void start(controller *c, uint32_t uart)
                             .keep = keep};
   c->port = port;
   c->uart = uart;
-  UART_DIVIDER(uart) = UART_FASTEST;
+  UART_DIVIDER(uart) = UART_MIN_DIVIDER;
   UART_CONTROL(uart) = UART_BOTH_ENABLE;
   app_start(&c->firmware, &c->body, &lockstep_board, &c->port);
 }

@@ -29,31 +29,31 @@ public:
     const auto found = take<nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>>(name);
     same_length(rows, found.shape(0), name.c_str());
     same_length(columns, found.shape(1), name.c_str());
-    kept_.emplace_back(found); // a copy if the rows are not contiguous
+    kept_.emplace_back(found); // a copy if the rows in Python are not contiguous
     return found.data();
   }
-  const int32_t *codes(const std::string &name, size_t rows, size_t columns)
+  const int32_t *code_table(const std::string &name, size_t rows, size_t columns)
   {
     return table<int32_t>(name, rows, columns);
   }
-  anhyst_rows_q31 rows(const std::string &name, size_t rows, size_t columns)
+  anhyst_rows_q31 matrix(const std::string &name, size_t rows, size_t columns)
   {
-    return {codes(name, rows, columns), table<uint16_t>(name + "_shift", rows, 1)};
+    return {code_table(name, rows, columns), table<uint16_t>(name + "_shift", rows, 1)};
   }
 
 private:
   std::vector<nb::ndarray<nb::ro>> kept_;
 };
 
-anhyst_wrench_layout_q31 take_layout(Words &words, Settings &given)
+anhyst_wrench_layout_q31 read_layout(Words &words, Settings &given)
 {
   const auto axes = given.take<uint16_t>("axes");
   const auto drives = given.take<uint16_t>("drives");
   return {axes,
           drives,
           words.table<uint16_t>("against", drives, 1),
-          {words.rows("whole", drives, axes), words.codes("whole_apart", drives, drives)},
-          {words.rows("yields", drives, axes), words.codes("yields_apart", drives, drives)},
+          {words.matrix("whole", drives, axes), words.code_table("whole_apart", drives, drives)},
+          {words.matrix("yields", drives, axes), words.code_table("yields_apart", drives, drives)},
           {given.take<int32_t>("idle"), given.take<uint16_t>("allocation")},
           given.take<int32_t>("least"),
           given.take<int32_t>("most")};
@@ -65,7 +65,7 @@ public:
   FixedWrench(const nb::dict &words, const nb::dict &settings) : words_(words)
   {
     Settings given(settings);
-    layout_ = take_layout(words_, given);
+    layout_ = read_layout(words_, given);
     given.finish();
     words_.finish();
     if (anhyst_wrench_init_q31(&wrench_, &layout_) != ANHYST_OK) {
@@ -88,7 +88,7 @@ private:
 };
 
 // Returns the nearest code of a signal, or Q31_MIN for NaN; equals support/fixed_point.py.
-int32_t code_of(double value, double full)
+int32_t to_code(double value, double full)
 {
   const double place = std::floor(value / full * 2147483648.0 + 0.5);
   if (std::isnan(place)) {
@@ -104,18 +104,18 @@ public:
       : words_(words)
   {
     Settings given(settings);
-    settings_.layout = take_layout(words_, given);
+    settings_.layout = read_layout(words_, given);
     const size_t axes = settings_.layout.axes;
     const size_t heads = given.take<uint16_t>("heads");
     settings_.heads = static_cast<uint16_t>(heads);
-    settings_.see = words_.rows("see", axes, heads);
-    settings_.decouple = words_.rows("decouple", axes, axes);
-    settings_.weigh = words_.rows("weigh", axes, axes);
-    settings_.without = words_.rows("without", heads * axes, heads);
-    settings_.reach = words_.codes("reach", axes, 1);
-    settings_.land = words_.codes("land", axes, 1);
-    settings_.lift = words_.codes("lift", axes, 1);
-    const int32_t *pid = words_.codes("pid", axes, 5);
+    settings_.see = words_.matrix("see", axes, heads);
+    settings_.decouple = words_.matrix("decouple", axes, axes);
+    settings_.weigh = words_.matrix("weigh", axes, axes);
+    settings_.without = words_.matrix("without", heads * axes, heads);
+    settings_.reach = words_.code_table("reach", axes, 1);
+    settings_.land = words_.code_table("land", axes, 1);
+    settings_.lift = words_.code_table("lift", axes, 1);
+    const int32_t *pid = words_.code_table("pid", axes, 5);
     for (const int32_t *p = pid; p != pid + 5 * axes; p += 5) {
       pid_.push_back({p[0], p[1], p[2], p[3], static_cast<uint16_t>(p[4])});
     }
@@ -196,20 +196,20 @@ private:
       for (size_t j = 0; j < axes; j++) {
         off -= c.at_[i * axes + j] * sample->target[j];
       }
-      head.push_back(code_of(off, c.head_full_));
+      head.push_back(to_code(off, c.head_full_));
     }
     for (size_t j = 0; j < axes; j++) {
-      forward.push_back(code_of(sample->load[j], c.wrench_full_[j]));
+      forward.push_back(to_code(sample->load[j], c.wrench_full_[j]));
     }
     for (size_t i = 0; i < drives; i++) {
       gap.push_back(
-          code_of(std::clamp(sample->head[i] - c.gap_low_, 0.0, c.gap_range_), c.gap_range_));
-      flux.push_back(code_of(sample->flux[i], c.flux_full_));
-      read.push_back(code_of(sample->current[i], c.current_full_));
+          to_code(std::clamp(sample->head[i] - c.gap_low_, 0.0, c.gap_range_), c.gap_range_));
+      flux.push_back(to_code(sample->flux[i], c.flux_full_));
+      read.push_back(to_code(sample->current[i], c.current_full_));
     }
     const auto out = c.run(head, forward, gap, flux, read, static_cast<uint16_t>(sample->command));
     answer->flags = out.flags;
-    answer->state = anhyst_axes_word(out.state, out.lost);
+    answer->state = anhyst_axes_state_word(out.state, out.lost);
     for (size_t i = 0; i < drives; i++) {
       answer->current[i] = c.current_[i] / 2147483648.0 * c.current_full_;
     }

@@ -47,7 +47,7 @@ const char *status_text(int status)
   }
 }
 
-Out of_each(double (*function)(double), const In &x)
+Out apply_to_each(double (*function)(double), const In &x)
 {
   const size_t n = x.shape(0);
   Out value = make_array(n);
@@ -96,8 +96,8 @@ NB_MODULE(_native, m)
       .def_prop_ro("steepest", &CellIron::steepest);
   m.def("demagnetised", [] { return from_state({0.0, 0.0, 0.0}); });
   m.def("status_text", &status_text, "status"_a);
-  m.def("exp", [](const In &x) { return of_each(anhyst_exp_f64, x); }, "x"_a.noconvert());
-  m.def("log", [](const In &x) { return of_each(anhyst_log_f64, x); }, "x"_a.noconvert());
+  m.def("exp", [](const In &x) { return apply_to_each(anhyst_exp_f64, x); }, "x"_a.noconvert());
+  m.def("log", [](const In &x) { return apply_to_each(anhyst_log_f64, x); }, "x"_a.noconvert());
   m.def(
       "langevin",
       [](const In &z) {

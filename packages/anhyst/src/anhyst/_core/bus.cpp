@@ -14,8 +14,7 @@ using OutWords = nb::ndarray<nb::numpy, uint32_t, nb::ndim<2>>;
 
 class Bus : public LoopController {
 public:
-  // Addresses of library_tick and of the memory of a controller
-  // (firmware/boards/library/library.h). Both must be valid until end().
+  // Addresses of library_tick and of a controller's memory (library.h), valid until end().
   Bus(uintptr_t tick, uintptr_t firmware, const nb::dict &scales)
   {
     Settings from(scales);
@@ -34,7 +33,7 @@ public:
   uint32_t last() const { return bus_.tick; }
 
   // Returns the answers since the last call, one row per tick.
-  OutWords take()
+  OutWords take_answers()
   {
     const size_t rows = answers_.size() / ANHYST_BUS_DRIVE_WORDS;
     auto *owned = new std::vector<uint32_t>(std::move(answers_));
@@ -65,7 +64,7 @@ void bind_bus(nb::module_ &m)
 {
   nb::class_<Bus, LoopController>(m, "BusController")
       .def(nb::init<uintptr_t, uintptr_t, const nb::dict &>(), "tick"_a, "firmware"_a, "scales"_a)
-      .def("take", &Bus::take)
+      .def("take", &Bus::take_answers)
       .def("end", &Bus::end)
       .def_prop_ro("tick", &Bus::last);
 }

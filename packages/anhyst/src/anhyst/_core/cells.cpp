@@ -105,7 +105,7 @@ private:
     return now;
   }
 
-  // Returns the end of each drive from the starts of all drives.
+  // Returns the end index of each drive, from the start indices of all drives.
   static std::vector<size_t> ends_of(const Places &begins, size_t n)
   {
     std::vector<size_t> ends;

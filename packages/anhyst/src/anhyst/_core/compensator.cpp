@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The compensator of each number format in Python: the same functions that run on a controller.
+// The compensator in Python, in each number format, with the C functions of a real controller.
 #include <nanobind/stl/string.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ template <class T> Row<T> make_row(size_t n)
   return Row<T>(data, {n}, owner);
 }
 
-// Common part of all formats. Python has states and records of the type Shown.
+// Base class of all formats. Shown is the number type of states and records in Python.
 template <class F, class Shown> class Base {
 public:
   Base(const std::string &kind, const Words<F> &words)
@@ -48,8 +48,8 @@ public:
     words_.swap(next);
   }
 
-  // Five values, followed by the plays if the law has any. Then the same for each deeper layer,
-  // with the flux deficit of diffusion.
+  // Returns five values, followed by the play positions if the law has plays.
+  // Each deeper layer adds the same values and the flux deficit of its diffusion.
   Row<Shown> memory() const
   {
     std::vector<Shown> shown;
@@ -63,8 +63,8 @@ public:
     return out;
   }
 
-  // Accepts also three values of a law without plays: the history is unknown, and the path reverses
-  // here.
+  // For a law without plays, three values are also accepted.
+  // The last reversal is then unknown, and the present point counts as a reversal.
   void set_memory(const InRow<Shown> &shown)
   {
     const Shown *at = shown.data();
@@ -72,9 +72,9 @@ public:
     if (has_plays()) {
       constexpr size_t each = 5 + ANHYST_CELLS;
       same_length(each + deeper() * (each + 1), n, "memory");
-      take(at, state_.memory, state_.plays);
+      read_memory(at, state_.memory, state_.plays);
       for (size_t i = 0; i < deeper(); i++) {
-        take(at, state_.deeper[i].memory, state_.deeper[i].plays);
+        read_memory(at, state_.deeper[i].memory, state_.deeper[i].plays);
         state_.deeper[i].flux_deficit = static_cast<Number>(*at++);
       }
     } else {
@@ -103,7 +103,7 @@ private:
     return static_cast<typename F::Size>(words.size());
   }
   bool has_plays() const { return state_.kernel->keep != nullptr; }
-  // Number of layers below the first.
+  // Returns the number of layers below the surface layer.
   size_t deeper() const
   {
     const int layers = has_plays() ? static_cast<int>(words_[ANHYST_WORD_SOLID_LAYERS]) : 0;
@@ -139,16 +139,16 @@ private:
       shown.push_back(static_cast<Shown>(number(copy, i)));
     }
   }
-  static int32_t integer(Shown a)
+  static int32_t to_integer(Shown a)
   {
     constexpr double most = 1e9;
     const double value = static_cast<double>(a);
     return static_cast<int32_t>(std::isnan(value) ? 0.0 : std::clamp(value, -most, most));
   }
-  static void take(const Shown *&at, typename F::Memory &memory, Number *plays)
+  static void read_memory(const Shown *&at, typename F::Memory &memory, Number *plays)
   {
-    memory.cells = {static_cast<Number>(at[0]), static_cast<Number>(at[1]), integer(at[2]),
-                    integer(at[3]), static_cast<Number>(at[4])};
+    memory.cells = {static_cast<Number>(at[0]), static_cast<Number>(at[1]), to_integer(at[2]),
+                    to_integer(at[3]), static_cast<Number>(at[4])};
     std::transform(at + 5, at + 5 + ANHYST_CELLS, plays,
                    [](Shown a) { return static_cast<Number>(a); });
     at += 5 + ANHYST_CELLS;
@@ -203,7 +203,7 @@ public:
   }
 };
 
-// SOLVE and the other arguments are the functions of one format.
+// Defines the compensator NAME for the format F; f is the suffix of its C functions.
 #define REAL_COMPENSATOR(NAME, F, f)                                                               \
   class NAME : public Base<F, double> {                                                            \
   public:                                                                                          \

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The position controller in Python, in each format: the same functions that run on a controller.
+// The PIDD2 controller in Python, in each format, with the C functions of a real controller.
 #include "gains.h"
 
 namespace {
@@ -22,7 +22,7 @@ public:
 
   void commit(number applied) { Format::commit(&gains_, &state_, &candidate_, applied); }
 
-  void change(const typename Format::row &gains, number reference, number position, number load)
+  void set_gains(const typename Format::row &gains, number reference, number position, number load)
   {
     const typename Format::gains to = valid_gains<Format>(gains);
     Format::change(&gains_, &to, &state_, reference, position, load);
@@ -50,7 +50,8 @@ template <class Format> void bind(nb::module_ &m, const char *name)
       .def("start", &Bound::start, "reference"_a, "position"_a, "load"_a, "output"_a)
       .def("solve", &Bound::solve, "reference"_a, "position"_a, "load"_a)
       .def("commit", &Bound::commit, "applied"_a)
-      .def("change", &Bound::change, "gains"_a.noconvert(), "reference"_a, "position"_a, "load"_a)
+      .def("change", &Bound::set_gains, "gains"_a.noconvert(), "reference"_a, "position"_a,
+           "load"_a)
       .def_prop_ro("wanted", &Bound::wanted)
       .def_prop_ro("state", &Bound::state);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The force controller of a magnet in Python, in each format: the same functions that run on a
-// controller.
+// The force controller of a magnet in Python, in each number format.
+// It runs the same C functions as a real controller.
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 
@@ -8,8 +8,8 @@
 
 namespace {
 
-// Returns n for 2^n segments.
-uint16_t exponent(size_t entries)
+// Returns the exponent n of a table axis with 2^n segments.
+uint16_t to_exponent(size_t entries)
 {
   uint16_t n = 0;
   while ((size_t{1} << n) + 1 < entries) {
@@ -45,7 +45,7 @@ template <class F> void bind_real(nb::module_ &m, const char *name)
 anhyst_map_q31 FixedForceController::table(const Entries &entries)
 {
   tables_.emplace_back(entries.data(), entries.data() + entries.size());
-  return {tables_.back().data(), exponent(entries.shape(1)), exponent(entries.shape(0))};
+  return {tables_.back().data(), to_exponent(entries.shape(1)), to_exponent(entries.shape(0))};
 }
 
 FixedForceController::Made FixedForceController::map(const Entries &entries, int32_t low,

@@ -117,7 +117,7 @@ public:
   int flags() const { return state_.flags; }
   int32_t conditioning_length() const { return F::conditioning_length(&state_); }
   Real conditioning(int32_t tick) const { return F::conditioning(&state_, tick); }
-  // Pointer for a position controller that runs this one; valid as long as this object exists.
+  // Pointer for a position controller that runs this object; valid as long as the object exists.
   typename F::State *get() { return &state_; }
 
 private:
@@ -211,7 +211,7 @@ public:
   {
     return anhyst_force_controller_conditioning_q31(&state_, tick);
   }
-  // Pointer for a position controller that runs this one; valid as long as this object exists.
+  // Pointer for a position controller that runs this object; valid as long as the object exists.
   anhyst_force_controller_q31 *get() { return &state_; }
 
 private:

@@ -31,7 +31,7 @@ FORMAT(F32, float, float, uint32_t, _f32);
 FORMAT(F64, double, double, uint32_t, _f64);
 #undef FORMAT
 
-// Converts the words of a parameter block from Python.
+// Python array with the words of a parameter block.
 template <class F>
 using Words = nb::ndarray<const typename F::Entry, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 

@@ -27,7 +27,7 @@ struct GainsQ31 {
   static constexpr auto commit = anhyst_pidd2_commit_q31;
   static constexpr auto change = anhyst_pidd2_change_q31;
 
-  static int16_t half(int32_t word)
+  static int16_t to_int16(int32_t word)
   {
     if (word < INT16_MIN || word > INT16_MAX) {
       refuse_gains();
@@ -35,14 +35,14 @@ struct GainsQ31 {
     return static_cast<int16_t>(word);
   }
 
-  static gains read(const row &words)
+  static gains read_values(const row &words)
   {
     same_length(19, words.shape(0), "gains");
     std::array<anhyst_factor, 8> f;
     for (size_t i = 0; i < f.size(); i++) {
-      f[i] = {half(words(2 * i)), half(words(2 * i + 1))};
+      f[i] = {to_int16(words(2 * i)), to_int16(words(2 * i + 1))};
     }
-    return {f[0], f[1],      f[2],     f[3], f[4], f[5], f[6], f[7], half(words(16)),
+    return {f[0], f[1],      f[2],     f[3], f[4], f[5], f[6], f[7], to_int16(words(16)),
             0,    words(17), words(18)};
   }
 };
@@ -54,7 +54,7 @@ template <class Number, class Gains, class State, class Candidate> struct RealGa
   using state = State;
   using candidate = Candidate;
 
-  static gains read(const row &values)
+  static gains read_values(const row &values)
   {
     same_length(11, values.shape(0), "gains");
     std::array<Number, 11> v;
@@ -78,10 +78,10 @@ GAINS(F64, double, f64);
 GAINS(F32, float, f32);
 #undef GAINS
 
-// Returns gains after the check of the core.
+// Reads gains, and throws an error if the core rejects them.
 template <class Format> typename Format::gains valid_gains(const typename Format::row &row)
 {
-  const typename Format::gains gains = Format::read(row);
+  const typename Format::gains gains = Format::read_values(row);
   if (Format::check(&gains) != ANHYST_OK) {
     refuse_gains();
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Functions for a search: the law in normalised units with derivatives, and batches of parameters.
+// Functions for a parameter search: the normalised law with derivatives, and batch simulation.
 #include <nanobind/stl/string.h>
 
 #include <memory>
@@ -102,10 +102,10 @@ private:
   anhyst_operator_f64 law_;
 };
 
-// From the base level to the best one that processors have.
+// Names of the instruction sets, from the base level to the best one.
 const char *const LEVELS[] = {"base", "avx2", "avx512"};
 
-// Determined once, because this is slow on a virtual machine.
+// The best level is determined only once, because this is slow on a virtual machine.
 anhyst_batch_level best_level()
 {
   static const anhyst_batch_level best = anhyst_batch_best();

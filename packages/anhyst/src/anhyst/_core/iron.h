@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Irons: a hysteresis law with its tables, computed over whole records.
+// Iron classes: each simulates whole records with a hysteresis law and its tables.
 #pragma once
 
 #include <memory>

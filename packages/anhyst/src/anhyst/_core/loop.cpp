@@ -24,12 +24,12 @@ public:
                                 given.take<double>("reset"), given.take<double>("limit"), 0.0});
       given.finish();
     }
-    room_.resize(
-        static_cast<size_t>(ANHYST_LOOP_ROOM(body->magnets, body->heads, body->coordinates)));
+    room_.resize(static_cast<size_t>(
+        ANHYST_LOOP_STORAGE_SIZE(body->magnets, body->heads, body->coordinates)));
     loop_ = {body, plant.state(), controller.handle(), current_loops_.data(), room_.data(), 0};
   }
 
-  // Returns signal, unit and number of its magnet, head or coordinate for each column.
+  // Returns, for each column, signal, unit, and number of the magnet, head or coordinate.
   nb::list signals() const
   {
     const anhyst_plant_body *body = loop_.body;

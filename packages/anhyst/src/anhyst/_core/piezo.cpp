@@ -17,7 +17,7 @@ public:
   {
     nb::list drives;
     drives.append(drive);
-    drives_.start(drives, take_scales(given));
+    drives_.add_magnets(drives, read_scales(given));
     for (nb::handle filter : filters) {
       filters_.push_back(to_biquad(nb::cast<In>(filter)));
     }
@@ -52,7 +52,7 @@ public:
     Settings given(stage);
     const size_t creeps = creep_times.shape(0);
     same_length(creeps, creep_shares.shape(0), "creep_shares");
-    if (creeps > ANHYST_PIEZO_CREEPS) {
+    if (creeps > ANHYST_PIEZO_MAX_CREEP_TERMS) {
       throw std::invalid_argument("a stack creeps in at most 8 terms");
     }
     piezo_.stroke_per_volt = given.take<double>("stroke_per_volt");
@@ -71,7 +71,7 @@ public:
     std::copy(creep_shares.data(), creep_shares.data() + creeps, piezo_.creep_share);
   }
 
-  // Starts after a long rest. Returns the position at each tick, whose command holds from then on.
+  // Returns the position at each tick, at which a new command begins, after a long rest.
   Out run(const In &command) const
   {
     anhyst_piezo_state state{};
@@ -97,7 +97,7 @@ public:
     loop_.sensor_step = sensor_step;
   }
 
-  // Starts a controller at rest, or continues from the previous one with a change of its integral.
+  // Starts a controller at rest, or takes over from the previous one and changes its integral.
   void control(nb::handle drive, const nb::list &filters, const In &pid, const nb::dict &settings,
                std::optional<double> change)
   {

@@ -7,7 +7,7 @@
 
 namespace {
 
-// A single winding, held at currents and gaps or driven by a voltage.
+// A single winding at imposed currents and gaps, or driven by a voltage.
 class Coil {
 public:
   explicit Coil(const Magnet &magnet) : magnet_(magnet.get()), volumes_(magnet.volumes())
@@ -17,29 +17,29 @@ public:
   Coil(const Coil &) = delete;
   Coil &operator=(const Coil &) = delete;
 
-  double hold(double current, double gap)
+  double hold_current(double current, double gap)
   {
     anhyst_plant_coil_lead(&magnet_, &coil_, current, gap, 0.0);
     return coil_.force;
   }
-  void lead(double current, double gap, double seconds)
+  void lead_current(double current, double gap, double seconds)
   {
     anhyst_plant_coil_lead(&magnet_, &coil_, current, gap, 1.0 / seconds);
   }
-  void step(double voltage, double gap, double seconds)
+  void apply_voltage(double voltage, double gap, double seconds)
   {
     const anhyst_plant_source source = {0.0, 0.0, 0.0, voltage, HUGE_VAL};
     anhyst_plant_coil_step(&magnet_, &coil_, &source, gap, seconds);
   }
-  // Applies currents, slowly or within the given seconds each. Returns rows of pull, flux linkage
-  // and flux density in the gap.
+  // Applies currents, slowly or within the given seconds each.
+  // Returns rows of force, flux linkage and flux density in the gap.
   OutTable run(const In &current, const In &gap, double seconds)
   {
     same_length(current.shape(0), gap.shape(0), "gap");
     OutTable out = make_table(current.shape(0), 3);
     for (size_t i = 0; i < current.shape(0); i++) {
       if (std::isinf(seconds)) {
-        hold(current(i), gap(i));
+        hold_current(current(i), gap(i));
       } else {
         anhyst_plant_coil_follow(&magnet_, &coil_, current(i), gap(i), seconds);
       }
@@ -103,20 +103,20 @@ public:
   HeldPlant(const HeldPlant &) = delete;
   HeldPlant &operator=(const HeldPlant &) = delete;
 
-  void hold(double current, double gap)
+  void hold_current(double current, double gap)
   {
     anhyst_plant_coil_lead(&held_.magnet, &state_.coil, current, gap, 0.0);
   }
-  // Returns rows of current, force, and the readings of gap, force and current.
+  // Returns rows of current, force, and the sensor readings of gap, force and current.
   OutTable run(const In &reference, const In &gap, const InTable &noise)
   {
     same_length(reference.shape(0), gap.shape(0), "gap");
     same_length(reference.shape(0), noise.shape(0), "noise");
     same_length(noise.shape(1), ANHYST_HELD_SENSORS, "a row of noise");
-    OutTable out = make_table(reference.shape(0), ANHYST_HELD_COLUMNS);
+    OutTable out = make_table(reference.shape(0), ANHYST_HELD_COLUMN_COUNT);
     for (size_t i = 0; i < reference.shape(0); i++) {
       anhyst_plant_held_tick(&held_, &state_, reference(i), gap(i), &noise(i, 0),
-                             out.data() + i * ANHYST_HELD_COLUMNS);
+                             out.data() + i * ANHYST_HELD_COLUMN_COUNT);
     }
     return out;
   }
@@ -128,7 +128,7 @@ private:
 };
 
 // Returns a row per magnet: gap, current, flux linkage, pull, energy input and heat output.
-OutTable coils(Plant &plant)
+OutTable coil_rows(Plant &plant)
 {
   const auto magnets = static_cast<size_t>(plant.body()->magnets);
   OutTable out = make_table(magnets, 6);
@@ -171,9 +171,9 @@ void bind_plant(nb::module_ &m)
            nb::keep_alive<1, 3>());
   nb::class_<Coil>(m, "Coil")
       .def(nb::init<const Magnet &>(), "magnet"_a, nb::keep_alive<1, 2>())
-      .def("hold", &Coil::hold, "current"_a, "gap"_a)
-      .def("lead", &Coil::lead, "current"_a, "gap"_a, "seconds"_a)
-      .def("step", &Coil::step, "voltage"_a, "gap"_a, "seconds"_a)
+      .def("hold", &Coil::hold_current, "current"_a, "gap"_a)
+      .def("lead", &Coil::lead_current, "current"_a, "gap"_a, "seconds"_a)
+      .def("step", &Coil::apply_voltage, "voltage"_a, "gap"_a, "seconds"_a)
       .def("run", &Coil::run, "current"_a.noconvert(), "gap"_a.noconvert(), "seconds"_a = HUGE_VAL)
       .def_prop_ro("force", [](const Coil &c) { return c.get().force; })
       .def_prop_ro("psi", [](const Coil &c) { return c.get().psi; })
@@ -187,7 +187,7 @@ void bind_plant(nb::module_ &m)
   nb::class_<HeldPlant>(m, "HeldPlant")
       .def(nb::init<const nb::dict &, const std::vector<nb::dict> &, const Magnet &>(), "numbers"_a,
            "sensors"_a, "magnet"_a, nb::keep_alive<1, 4>())
-      .def("hold", &HeldPlant::hold, "current"_a, "gap"_a)
+      .def("hold", &HeldPlant::hold_current, "current"_a, "gap"_a)
       .def("run", &HeldPlant::run, "reference"_a.noconvert(), "gap"_a.noconvert(),
            "noise"_a.noconvert());
   nb::class_<Plant>(m, "Plant")
@@ -196,14 +196,14 @@ void bind_plant(nb::module_ &m)
            "body"_a, "actuators"_a, "heads"_a, "load"_a, "magnets"_a, "seed"_a)
       .def("read", &Plant::read)
       .def("advance", &Plant::advance, "commands"_a, "load"_a)
-      .def("place", &Plant::place, "pose"_a, "velocity"_a)
+      .def("place", &Plant::set_pose, "pose"_a, "velocity"_a)
       .def("set_load", &Plant::set_load, "damping"_a, "stiffness"_a)
-      .def("hold", &Plant::hold, "current"_a, "magnet"_a)
+      .def("hold", &Plant::hold_current, "current"_a, "magnet"_a)
       .def_prop_rw("supply", &Plant::supply, &Plant::set_supply)
       .def_prop_ro("pose", [](Plant &p) { return p.along(p.state()->pose); })
       .def_prop_ro("velocities", [](Plant &p) { return p.along(p.state()->velocity); })
       .def_prop_ro("wrench", [](Plant &p) { return p.along(p.state()->wrench); })
-      .def("coils", coils)
+      .def("coils", coil_rows)
       .def_prop_ro("gap", [](Plant &p) { return p.state()->actuator[0].gap; })
       .def_prop_ro("velocity", [](Plant &p) { return p.along(p.state()->velocity).front(); })
       .def_prop_ro("force", [](Plant &p) { return p.state()->force; })

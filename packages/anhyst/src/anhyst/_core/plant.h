@@ -33,16 +33,16 @@ public:
     circuit_.middle = given.take<double>("middle");
     circuit_.spring = given.take<double>("spring");
     magnet_.circuit = &circuit_;
-    winding(given);
+    read_winding(given);
   }
 
-  // The same with solid iron in its path. `share`: share of the cross-section of each volume.
-  // `drag`: eddy-current coefficient of each volume. The surface comes first.
+  // An iron with solid volumes in its path, the surface first.
+  // `share` and `drag`: fraction of the cross-section and eddy-current coefficient per volume.
   Magnet(const nb::dict &numbers, const Steel &steel, double part, const In &share, const In &drag)
       : Magnet(numbers, steel)
   {
     same_length(share.shape(0), drag.shape(0), "drag");
-    if (share.shape(0) < 1 || share.shape(0) > ANHYST_PLANT_VOLUMES ||
+    if (share.shape(0) < 1 || share.shape(0) > ANHYST_PLANT_MAX_VOLUMES ||
         !(part > 0.0 && part <= 1.0)) {
       throw std::invalid_argument("1 to 16 volumes, in a part of the path above 0 and up to 1");
     }
@@ -53,7 +53,7 @@ public:
     circuit_.solid = &solid_;
   }
 
-  // A solenoid: the same iron with a conical gap.
+  // A solenoid: an iron in a circuit with a conical gap.
   Magnet(const nb::dict &numbers, const Steel &steel, const nb::dict &cone) : Magnet(numbers, steel)
   {
     Settings given(cone);
@@ -88,7 +88,7 @@ public:
                   given.take<double>("gap_low"),
                   given.take<double>("gap_high")};
     magnet_.law = &law_;
-    winding(given);
+    read_winding(given);
   }
   Magnet(const Magnet &) = delete;
   Magnet &operator=(const Magnet &) = delete;
@@ -101,7 +101,7 @@ public:
   }
 
 private:
-  void winding(Settings &given)
+  void read_winding(Settings &given)
   {
     magnet_.turns = given.take<double>("turns");
     magnet_.resistance = given.take<double>("resistance");
@@ -125,7 +125,7 @@ inline anhyst_plant_sensor to_sensor(const nb::dict &numbers)
                                      given.take<double>("offset"), given.take<double>("noise"),
                                      given.take<double>("share"),  given.take<int>("delay")};
   given.finish();
-  if (found.delay < 0 || found.delay >= ANHYST_PLANT_DELAY_MOST) {
+  if (found.delay < 0 || found.delay >= ANHYST_PLANT_MAX_DELAY) {
     throw std::invalid_argument("a sensor is late by 0 to 255 sub-steps");
   }
   return found;
@@ -211,13 +211,13 @@ public:
     same_length(command.size(), actuators_.size(), "command");
     anhyst_plant_advance(&body_, &state_, command.data(), load);
   }
-  void place(const std::vector<double> &pose, const std::vector<double> &velocity)
+  void set_pose(const std::vector<double> &pose, const std::vector<double> &velocity)
   {
     same_length(pose.size(), static_cast<size_t>(body_.coordinates), "pose");
     same_length(velocity.size(), static_cast<size_t>(body_.coordinates), "velocity");
     anhyst_plant_place(&body_, &state_, pose.data(), velocity.data());
   }
-  void hold(double current, int magnet)
+  void hold_current(double current, int magnet)
   {
     if (magnet < 0 || magnet >= body_.magnets) {
       throw std::invalid_argument("no such magnet");
@@ -240,7 +240,7 @@ public:
   const anhyst_plant_body *body() const { return &body_; }
   anhyst_plant_state *state() { return &state_; }
 
-  // Returns the values of the free coordinates.
+  // Returns the values in the free coordinates only.
   std::vector<double> along(const double *axes) const
   {
     std::vector<double> found;
@@ -289,7 +289,7 @@ private:
     if (body_.coordinates < 1) {
       throw std::invalid_argument("a body is free in one coordinate or more");
     }
-    if (body_.substeps < 1 || body_.delay < 0 || body_.delay > ANHYST_PLANT_DELAY_MOST / 2) {
+    if (body_.substeps < 1 || body_.delay < 0 || body_.delay > ANHYST_PLANT_MAX_DELAY / 2) {
       throw std::invalid_argument("one sub-step or more, and a delay of 0 to 128 of them");
     }
   }

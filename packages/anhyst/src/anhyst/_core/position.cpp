@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controllers of a levitating armature in Python: the same functions that run on a controller.
+// The controllers of a levitating armature in Python, with the C functions of a real controller.
 #include "position.h"
 
 #include <nanobind/stl/pair.h>
@@ -26,7 +26,7 @@ struct FixedFormat {
   static constexpr auto init = anhyst_position_init_q31;
   static constexpr auto tick = anhyst_position_adapter_tick_q31;
 
-  static void units(Settings &from, Chosen &to, anhyst_position_scales &scales, size_t magnets)
+  static void read_units(Settings &from, Chosen &to, anhyst_position_scales &scales, size_t magnets)
   {
     for (size_t i = 0; i < magnets; i++) {
       const std::string which = std::to_string(i + 1);
@@ -44,7 +44,7 @@ template <class N> struct RealFormat {
   using Number = N;
 
   template <class Chosen>
-  static void units(Settings &from, Chosen &to, anhyst_position_scales &scales, size_t magnets)
+  static void read_units(Settings &from, Chosen &to, anhyst_position_scales &scales, size_t magnets)
   {
     for (size_t i = 0; i < magnets; i++) {
       const std::string which = std::to_string(i + 1);
@@ -72,14 +72,14 @@ POSITION(F64, double, f64);
 POSITION(F32, float, f32);
 #undef POSITION
 
-anhyst_levitation_limits levitation_limits(Settings &from)
+anhyst_levitation_limits read_levitation_limits(Settings &from)
 {
   return {from.take<int32_t>("position_low"),  from.take<int32_t>("position_high"),
           from.take<int32_t>("position_step"), from.take<uint16_t>("max_missing_samples"),
           from.take<uint16_t>("hold"),         from.take<uint16_t>("selftest")};
 }
 
-anhyst_levitation_settings levitation_settings(Settings &from)
+anhyst_levitation_settings read_levitation_settings(Settings &from)
 {
   return {from.take<int32_t>("detect"),   from.take<int32_t>("rise"),
           from.take<int32_t>("descend"),  from.take<int32_t>("lift"),
@@ -105,7 +105,7 @@ public:
     if (states[0] == states[1]) {
       throw std::invalid_argument("each magnet of a pair has a force controller of its own");
     }
-    read(gains, settings);
+    read_settings(gains, settings);
     if (F::init(&state_, &limits_, &chosen_, states[0], states[1]) != ANHYST_OK) {
       throw std::invalid_argument("the settings of the controller are not valid");
     }
@@ -141,24 +141,24 @@ private:
     return found->get();
   }
 
-  void read(const typename F::Gains::row &gains, const nb::dict &settings)
+  void read_settings(const typename F::Gains::row &gains, const nb::dict &settings)
   {
     Settings from(settings);
     const auto number = [&](const char *name) { return from.take<Wide>(name); };
-    limits_.levitation = levitation_limits(from);
+    limits_.levitation = read_levitation_limits(from);
     limits_.current_low = static_cast<Number>(number("current_low"));
     limits_.current_high = static_cast<Number>(number("current_high"));
     limits_.current_step = static_cast<Number>(number("current_step"));
     limits_.release = static_cast<Number>(number("release"));
-    chosen_.levitation = levitation_settings(from);
+    chosen_.levitation = read_levitation_settings(from);
     chosen_.gains = valid_gains<typename F::Gains>(gains);
     chosen_.bias = static_cast<Number>(number("bias"));
     chosen_.measured = from.take<bool>("measured") ? 1 : 0;
-    F::units(from, chosen_, adapter_.scales, magnets_.size());
+    F::read_units(from, chosen_, adapter_.scales, magnets_.size());
     from.finish();
   }
 
-  // Type of the values from Python: floats are rounded to the format.
+  // Number type of values from Python, before they are rounded to the format.
   using Wide = std::conditional_t<std::is_integral_v<Number>, int32_t, double>;
 
   std::vector<nb::object> magnets_;

@@ -12,24 +12,24 @@
 
 class Steel {
 public:
-  // Pinned play cells.
+  // Creates a steel of pinned play cells.
   Steel(const nb::dict &numbers, const In &thresholds, const In &weights)
   {
     Settings given(numbers);
     anhyst_plant_cell_steel &steel = iron_.steel.cells;
     same_length(thresholds.shape(0), weights.shape(0), "weights");
-    if (thresholds.shape(0) < 1 || thresholds.shape(0) > ANHYST_PLANT_CELLS) {
+    if (thresholds.shape(0) < 1 || thresholds.shape(0) > ANHYST_PLANT_MAX_CELLS) {
       throw std::invalid_argument("an iron has 1 to 64 cells");
     }
     iron_.family = &anhyst_plant_of_cells;
     steel.cells = static_cast<int>(thresholds.shape(0));
     std::copy_n(thresholds.data(), thresholds.shape(0), steel.threshold);
     std::copy_n(weights.data(), weights.shape(0), steel.weight);
-    steel.curve = curve(given);
+    steel.curve = read_curve(given);
     given.finish();
   }
 
-  // Preisach relays, given by their Everett function.
+  // Creates a steel of Preisach relays from their Everett function.
   Steel(const nb::dict &numbers, const InTable &everett)
   {
     Settings given(numbers);
@@ -44,14 +44,14 @@ public:
     steel.knee = given.take<double>("knee");
     steel.reach = given.take<double>("reach");
     steel.feedback = given.take<double>("feedback");
-    steel.curve = curve(given);
+    steel.curve = read_curve(given);
     given.finish();
     const double relays = *std::max_element(everett_.begin(), everett_.end());
     iron_.slack =
         std::fabs(steel.feedback) * (relays + 2.0 * (steel.curve.sharp + steel.curve.slow));
   }
 
-  // A Duhem model.
+  // Creates a steel that is a Duhem model.
   explicit Steel(const nb::dict &numbers)
   {
     Settings given(numbers);
@@ -60,7 +60,7 @@ public:
     steel.coercivity = given.take<double>("coercivity");
     steel.rate = given.take<double>("rate");
     steel.fading = given.take<double>("fading");
-    steel.curve = curve(given);
+    steel.curve = read_curve(given);
     given.finish();
     iron_.slack = 4.0 * steel.coercivity;
   }
@@ -70,7 +70,7 @@ public:
   const anhyst_plant_iron &get() const { return iron_; }
 
 private:
-  static anhyst_plant_curve curve(Settings &given)
+  static anhyst_plant_curve read_curve(Settings &given)
   {
     return {given.take<double>("sharp"), given.take<double>("knee_sharp"),
             given.take<double>("slow"), given.take<double>("knee_slow")};
@@ -80,12 +80,12 @@ private:
   std::vector<double> everett_;
 };
 
-// A piece of steel with its state; it starts demagnetised.
+// A piece of steel with its hysteresis state, which is initially demagnetised.
 class Piece {
 public:
   explicit Piece(const Steel &steel) : iron_(steel.get()) {}
 
-  // Returns the flux density and its slope over the field, if the field moved there.
+  // Returns the flux density and dB/dH that a change to this field would give.
   nb::tuple flux_density(double field) const
   {
     const anhyst_plant_goal goal = seek(1.0, 0.0, field);

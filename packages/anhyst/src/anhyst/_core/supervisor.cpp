@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The reason why a controller refuses a command: the same function that refuses it on a board.
+// The reason why a controller refuses a command, from the C function of a real controller.
 #include "anhyst/control/supervisor.h"
 #include "arrays.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controllers of a body that follows a set-point, in floating point: the same functions that
-// run on a controller.
+// The controllers of a body that follows a set-point, in floating point.
+// They run the same C functions as a real controller.
 #include "tracking.h"
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 
 namespace {
 
-// Directions of the pulls of the magnets, row by row.
+// Directions in which the magnets pull, row by row.
 class Layout {
 public:
   Layout(const InTable &pull, const std::vector<uint16_t> &against, uint16_t kind, double idle,
@@ -87,7 +87,7 @@ public:
       pid_.push_back({{p[0], p[1], p[2]}, {p[3], p[4]}});
     }
     Settings given(settings);
-    drives_.start(magnets, take_scales(given));
+    drives_.add_magnets(magnets, read_scales(given));
     same_length(drives_.size(), wide.drives, "magnets");
     current_.resize(wide.drives);
     demand_.resize(axes);
@@ -136,11 +136,11 @@ public:
     }
   }
 
-  void correct(const InTable &rows) { drives_.correct(rows); }
+  void correct(const InTable &rows) { drives_.apply_correction(rows); }
   anhyst_loop_controller handle() override { return {this, loop_tick}; }
 
-  // Runs one tick without a plant; head positions are relative to the target. Returns currents,
-  // wrench, flags, lost drives, state.
+  // Runs one tick without a plant; head positions are relative to the target.
+  // Returns currents, wrench, flags, lost drives and state.
   nb::tuple tick(const Row &head, const Row &forward, const Row &gap, const Row &read,
                  uint16_t command, const Row &target)
   {
@@ -165,8 +165,8 @@ private:
     return out;
   }
 
-  // Tick for a simulated loop. Its heads are the gap sensors, one per magnet, followed by the
-  // position heads. Its load is the wrench that is fed forward.
+  // Runs one tick of a simulated loop; the load of its sample is the wrench that is fed forward.
+  // The heads are the gap sensors, one per magnet, followed by the position heads.
   static void loop_tick(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
   {
     auto &c = *static_cast<TrackingAxes *>(self);
@@ -183,7 +183,7 @@ private:
               Row(sample->current, sample->current + drives),
               static_cast<uint16_t>(sample->command), Row(sample->target, sample->target + axes));
     answer->flags = out.flags;
-    answer->state = anhyst_axes_word(out.state, out.lost);
+    answer->state = anhyst_axes_state_word(out.state, out.lost);
     std::copy(c.current_.begin(), c.current_.end(), answer->current);
     std::copy(c.demand_.begin(), c.demand_.end(), answer->demand);
     std::copy(sample->target, sample->target + axes, answer->reference);
@@ -192,7 +192,7 @@ private:
   Drives<F> drives_;
   std::vector<double> at_;
   std::vector<uint16_t> axis_; // axis of each coordinate if the heads are on the ground; else empty
-  std::deque<Row> rows_;       // rows to which the settings point
+  std::deque<Row> rows_;       // storage of the rows to which the settings point
   Row current_;
   Row demand_;
   std::vector<typename F::Filter> pid_;

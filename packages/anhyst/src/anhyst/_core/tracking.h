@@ -12,7 +12,7 @@
 #include "settings.h"
 
 // Returns the physical values of the codes of fixed-point force controllers.
-inline anhyst_code_scales_f64 take_scales(Settings &given)
+inline anhyst_code_scales_f64 read_scales(Settings &given)
 {
   const anhyst_code_scales_f64 scales = {
       given.take<double>("demand_full"), given.take<double>("current_full"),
@@ -32,7 +32,7 @@ public:
   Drives(const Drives &) = delete;
   Drives &operator=(const Drives &) = delete;
 
-  void start(const nb::list &magnets, const anhyst_code_scales_f64 &scales)
+  void add_magnets(const nb::list &magnets, const anhyst_code_scales_f64 &scales)
   {
     for (size_t i = 0; i < magnets.size(); i++) {
       for (size_t j = 0; j < i; j++) {
@@ -46,7 +46,7 @@ public:
   }
 
   // Applies the calibrated correction of each magnet, in the order of anhyst_correction.
-  void correct(const InTable &rows)
+  void apply_correction(const InTable &rows)
   {
     using Real = typename F::Real;
     same_shape(drives_.size(), 4, rows, "rows");
@@ -96,10 +96,10 @@ private:
   }
 
   std::vector<nb::object> magnets_;
-  std::deque<typename F::Coded> coded_; // a deque keeps their addresses
+  std::deque<typename F::Coded> coded_; // a deque, because elements must keep their addresses
   std::deque<typename F::Drive> in_si_;
   std::vector<typename F::Drive *> drives_;
-  std::vector<typename F::Corrected> corrected_; // one per drive, or none
+  std::vector<typename F::Corrected> corrected_; // corrected drives; empty without correction
   std::vector<typename F::Drive> behind_;
 };
 

@@ -96,22 +96,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as fault:
         if "ANHYST_TRACE" in os.environ:
             raise
-        culprit = f"the package {package}" if (package := package_at_fault(fault)) else "anhyst"
+        faulty_package = f"the package {package}" if (package := package_at_fault(fault)) else "anhyst"
         print_error(
-            f"{type(fault).__name__}: {fault}; this is a fault of {culprit}, not of your input: run "
+            f"{type(fault).__name__}: {fault}; this is a fault of {faulty_package}, not of your input: run "
             "again with ANHYST_TRACE=1 and report what it prints"
         )
         return EXIT_FAULT
     if code == EXIT_INTERRUPTED:
         print(f"anhyst: interrupted{saved_text}", file=sys.stderr)
         # CPython stores an interrupt that passed through exec(), which dataclasses use on import,
-        # and would kill itself with it at exit. Another exec() clears it.
+        # and would kill itself with it at exit. Another exec() clears the interrupt.
         exec("")
     return code
 
 
 def _run_verb(arguments: Sequence[str] | None) -> int:
-    """Run one command. A fault of its input is printed as one line."""
+    """Run one command. An error in the input is printed as one line."""
     try:
         with warnings.catch_warnings():
             # Commands report what a user has to know. Warnings of libraries are for developers.
@@ -130,7 +130,7 @@ def _run_verb(arguments: Sequence[str] | None) -> int:
         text = str(error)
     except _ClickError as error:
         if not (message := error.format_message()):
-            return EXIT_BAD_INPUT  # the help was shown
+            return EXIT_BAD_INPUT  # the help was printed, and nothing else is to do
         message = message.replace("Value error, ", "")
         stop = "" if message.endswith((".", "?")) else "."
         text = f"{message}{stop} See 'anhyst --help'."
@@ -139,9 +139,9 @@ def _run_verb(arguments: Sequence[str] | None) -> int:
     except BrokenPipeError:
         raise
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
+        location = f"{error.filename}: " if error.filename else ""
         advice = "; free some space" if error.errno == errno.ENOSPC else ""
-        text = f"{where}{error.strerror or error}{advice}"
+        text = f"{location}{error.strerror or error}{advice}"
     print_error(text)
     return EXIT_BAD_INPUT
 

@@ -28,7 +28,7 @@ class ParameterDoc:
     type_text: str = ""  # type field
     text: str = ""
     flag: str | None = None  # option, if its name differs from the parameter
-    metavar: str | None = None  # placeholder of the value
+    metavar: str | None = None  # placeholder of the value in the help
     minimum: float | None = None  # limits of a number
     maximum: float | None = None
 
@@ -58,13 +58,13 @@ def read_docstring(function: Callable[..., object]) -> Docstring:
     """Read the docstring of a function."""
     text = inspect.getdoc(function) or ""
     headings = [*_SECTION_PATTERN.finditer(text)]
-    ends = [*(head.start() for head in headings), len(text)]
+    section_ends = [*(head.start() for head in headings), len(text)]
     sections = {
         head[1]: text[head.end() : end].strip("\n")
-        for head, (_, end) in zip(headings, pairwise(ends), strict=True)
+        for head, (_, end) in zip(headings, pairwise(section_ends), strict=True)
     }
     return Docstring(
-        summary=text[: ends[0]].strip(),
+        summary=text[: section_ends[0]].strip(),
         parameters=_parse_parameters(sections.get("Parameters", "")),
         examples=tuple(filter(None, map(str.strip, sections.get("Examples", "").split("\n")))),
     )
@@ -72,16 +72,16 @@ def read_docstring(function: Callable[..., object]) -> Docstring:
 
 def _parse_parameters(text: str) -> dict[str, ParameterDoc]:
     """Return the descriptions by parameter name. Several names can share one description."""
-    found: dict[str, ParameterDoc] = {}
+    parameters: dict[str, ParameterDoc] = {}
     for block in re.split(r"\n(?=\S)", text):
-        head, _, rest = block.partition("\n")
-        names, _, kind = head.partition(" : ")
-        described = _parse_parameter(kind, " ".join(rest.split()))
-        found |= {name.strip(): described for name in names.split(",")}
-    return found
+        head, _, description_lines = block.partition("\n")
+        names, _, type_field = head.partition(" : ")
+        description = _parse_parameter(type_field, " ".join(description_lines.split()))
+        parameters |= {name.strip(): description for name in names.split(",")}
+    return parameters
 
 
 def use_option_names(text: str, flags: Mapping[str, str]) -> str:
     """Replace parameters by options in a text: `name` becomes --name."""
-    renamed = _NAME_PATTERN.sub(lambda found: flags.get(found[1], f"'{found[1]}'"), text)
-    return renamed.replace("``", "")
+    text_with_options = _NAME_PATTERN.sub(lambda match: flags.get(match[1], f"'{match[1]}'"), text)
+    return text_with_options.replace("``", "")

@@ -51,12 +51,12 @@ _SHARED_TEXT_MARK = "as of `read_loops`"
 class Verb:
     """A command: its module, its function, and how its result is presented.
 
-    The module can define these names. ``PLACE``: the rank and the panel in the help. ``PROGRESS``:
-    the title of the progress bar. ``preview``: the output before the work. ``show``: the terminal
-    output of the result. ``warnings``: the texts for standard error. ``as_json``: the result for
-    ``--json``. ``refuse``: raises an error if the result, which has been shown, is negative.
-    ``stopped``: the message after Ctrl-C. ``show_started``: the output when a command that runs
-    until Ctrl-C has started.
+    The module can define these names. ``PLACE`` is the rank and the panel in the help, ``PROGRESS``
+    the title of the progress bar. ``preview`` returns the output before the work, and ``show`` the
+    output of the result. ``warnings`` returns the texts for standard error, ``as_json`` the
+    result for ``--json``. ``refuse`` raises an error if the result, which has been shown, is
+    negative. ``stopped`` returns the message after Ctrl-C. ``show_started`` returns the output when
+    a command that runs until Ctrl-C has started.
     """
 
     name: str
@@ -70,8 +70,8 @@ class Verb:
     @property
     def function(self) -> Callable[..., Any]:
         """The function that does the work."""
-        found: Callable[..., Any] = getattr(self.module, self.name)
-        return found
+        function: Callable[..., Any] = getattr(self.module, self.name)
+        return function
 
     @property
     def place(self) -> tuple[int, str]:
@@ -79,20 +79,20 @@ class Verb:
         place: tuple[int, str] = getattr(self.module, "PLACE", (99, "More"))
         return place
 
-    def hook(self, name: str, default: Callable[..., Any]) -> Callable[..., Any]:
+    def module_function(self, name: str, default: Callable[..., Any]) -> Callable[..., Any]:
         """Return a function of the module, or the default if the module does not define it."""
-        found: Callable[..., Any] = getattr(self.module, name, default)
-        return found
+        function: Callable[..., Any] = getattr(self.module, name, default)
+        return function
 
     @cached_property
     def parameters(self) -> dict[str, inspect.Parameter]:
         """Parameters of the function that become options or arguments of the command."""
-        shown = dict(inspect.signature(self.function).parameters)
-        described = self.docstring.parameters.items()
-        hidden = {name for name, parameter in described if "only in Python" in parameter.type_text}
-        if shown.pop("reading", None) is not None and "**reading" not in hidden:
-            shown |= _READING_PARAMETERS
-        return {name: one for name, one in shown.items() if name not in hidden | _CALLBACK_NAMES}
+        parameters = dict(inspect.signature(self.function).parameters)
+        docs = self.docstring.parameters.items()
+        hidden = {name for name, parameter in docs if "only in Python" in parameter.type_text}
+        if parameters.pop("reading", None) is not None and "**reading" not in hidden:
+            parameters |= _READING_PARAMETERS
+        return {name: value for name, value in parameters.items() if name not in hidden | _CALLBACK_NAMES}
 
     @cached_property
     def docstring(self) -> Docstring:
@@ -110,7 +110,7 @@ def load_verbs() -> list[Verb]:
 
     A command of another author's package that cannot be used is left out with a warning.
     """
-    found = []
+    usable_verbs = []
     for fault in verbs.faults():
         print_warning(f"left out: {fault}")
     project_verbs = verbs.modules(is_project_only=True)
@@ -121,12 +121,12 @@ def load_verbs() -> list[Verb]:
             if list(map(type, verb.place)) != [int, str]:
                 raise TypeError("PLACE must be a rank and the name of a panel")
             inspect.Signature(_command_parameters(verb))
-            found.append(verb)
+            usable_verbs.append(verb)
         except (Exception, SystemExit) as error:
             if name in project_verbs:
                 raise
             print_warning(f"left out: the verb {name} of {module_name}: {error}; update its package")
-    return sorted(found, key=lambda verb: (verb.place, verb.name))
+    return sorted(usable_verbs, key=lambda verb: (verb.place, verb.name))
 
 
 def add_command(app: typer.Typer, verb: Verb) -> None:
@@ -137,15 +137,15 @@ def add_command(app: typer.Typer, verb: Verb) -> None:
 
     run.__signature__ = inspect.Signature(_command_parameters(verb))  # type: ignore[attr-defined]
     run.__annotations__ = {option.name: option.annotation for option in _command_parameters(verb)}
-    about = [use_option_names(verb.docstring.summary, _option_names(verb))]
-    about += [f"Example: {example}" for example in verb.docstring.examples]
-    app.command(verb.command, help="\n\n".join(about), no_args_is_help=True, rich_help_panel=verb.place[1])(
-        run
-    )
+    help_texts = [use_option_names(verb.docstring.summary, _option_names(verb))]
+    help_texts += [f"Example: {example}" for example in verb.docstring.examples]
+    app.command(
+        verb.command, help="\n\n".join(help_texts), no_args_is_help=True, rich_help_panel=verb.place[1]
+    )(run)
 
 
 def add_missing_command(app: typer.Typer, name: str, package: str) -> None:
-    """Add a hidden command that names the package to install, with any arguments."""
+    """Add a hidden command that accepts any arguments and names the package to install."""
     command = name.replace("_", "-")
 
     def refuse() -> None:
@@ -153,15 +153,15 @@ def add_missing_command(app: typer.Typer, name: str, package: str) -> None:
             f"{command} is in the package {package}: pip install {package}", code="not-installed"
         )
 
-    takes_all = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
-    app.command(command, hidden=True, context_settings=takes_all)(refuse)
+    settings = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
+    app.command(command, hidden=True, context_settings=settings)(refuse)
 
 
 def _option_names(verb: Verb) -> dict[str, str]:
     """Return the option of each parameter."""
-    described = verb.docstring.parameters
+    descriptions = verb.docstring.parameters
     return {
-        name: (name in described and described[name].flag) or f"--{name.strip('_').replace('_', '-')}"
+        name: (name in descriptions and descriptions[name].flag) or f"--{name.strip('_').replace('_', '-')}"
         for name in verb.parameters
     }
 
@@ -169,28 +169,28 @@ def _option_names(verb: Verb) -> dict[str, str]:
 @cache
 def _command_parameters(verb: Verb) -> list[inspect.Parameter]:
     """Return the parameters of a command in the form that typer needs."""
-    flags, shared = _option_names(verb), read_docstring(read_options).parameters
+    flags, reading_parameters = _option_names(verb), read_docstring(read_options).parameters
     checked_annotation = ""  # annotation of the arguments whose file kind is checked
     options: list[tuple[str, Any, Any]] = []
     for name, parameter in verb.parameters.items():
-        described = verb.docstring.parameters.get(name) or shared.get(name) or ParameterDoc()
-        described = shared[name] if _SHARED_TEXT_MARK in described.type_text else described
-        is_required = "required on the command line" in described.type_text
+        description = verb.docstring.parameters.get(name) or reading_parameters.get(name) or ParameterDoc()
+        description = reading_parameters[name] if _SHARED_TEXT_MARK in description.type_text else description
+        is_required = "required on the command line" in description.type_text
         is_required = is_required or parameter.default is parameter.empty
         kind = _option_type(parameter, verb.module)
-        settings = _typer_settings(described, flags)
-        if "argument" in described.type_text or (is_required and name != "out"):
+        settings = _typer_settings(description, flags)
+        if "argument" in description.type_text or (is_required and name != "out"):
             checked_annotation = checked_annotation or parameter.annotation
             if parameter.annotation == checked_annotation and name != "out":
                 settings["callback"] = check_file_kind
-            info = typer.Argument(**{"metavar": name.upper()} | settings)
+            argument_or_option = typer.Argument(**{"metavar": name.upper()} | settings)
         else:
             spellings = (flags[name], *(["-o"] if name == "out" else []))
-            info = typer.Option(*spellings if parameter.default is not True else (), **settings)
+            argument_or_option = typer.Option(*spellings if parameter.default is not True else (), **settings)
         default = inspect.Parameter.empty if is_required else parameter.default
         default = Path(default) if kind is Path and isinstance(default, str) else default
         kind = kind if default is not None else kind | None
-        options.append((name, Annotated[kind, info], default))
+        options.append((name, Annotated[kind, argument_or_option], default))
     if not verb.is_endless:
         options += [("as_json", AsJson, False), ("_verbose", Verbose, False)]
     return [
@@ -199,25 +199,25 @@ def _command_parameters(verb: Verb) -> list[inspect.Parameter]:
     ]
 
 
-def _typer_settings(described: ParameterDoc, flags: Mapping[str, str]) -> dict[str, Any]:
+def _typer_settings(description: ParameterDoc, flags: Mapping[str, str]) -> dict[str, Any]:
     """Return the settings of a typer option or argument, except its type."""
     settings = {
-        "help": use_option_names(described.text, flags),
-        "metavar": described.metavar,
-        "min": described.minimum,
-        "max": described.maximum,
+        "help": use_option_names(description.text, flags),
+        "metavar": description.metavar,
+        "min": description.minimum,
+        "max": description.maximum,
     }
     return {name: value for name, value in settings.items() if value is not None}
 
 
 _PATH_TYPES = ((r"\bSequence\[.*PathLike|\bLoopSource\b", list[Path]), (r"\bPath(Like)?\b", Path))
-"""Patterns of the annotations that are paths on the command line, and their types there."""
+"""Patterns of type annotations that accept a path, and the type of the option for each pattern."""
 
 
 def _option_type(parameter: inspect.Parameter, module: ModuleType) -> Any:
     """Return the type of a parameter on the command line."""
     text, annotation = (inspect.formatannotation(parameter.annotation).strip("'"), parameter.annotation)
-    with suppress(Exception):  # a name that is imported for type checkers only
+    with suppress(Exception):  # the name can be imported for type checkers only
         annotation = eval(annotation, vars(module)) if isinstance(annotation, str) else annotation
     if NoneType in get_args(annotation):
         annotation = get_args(annotation)[0]
@@ -232,21 +232,21 @@ def _run_verb(verb: Verb, options: dict[str, Any]) -> None:
     options.pop("_verbose", None)
     arguments = _function_arguments(verb, options)
     if not as_json:
-        print_parts(*verb.hook("preview", _no_output)(arguments))
+        print_parts(*verb.module_function("preview", _no_output)(arguments))
     try:
         result = _call_function(verb, arguments)
     except KeyboardInterrupt:
-        if saved_text := "".join(verb.hook("stopped", _no_output)(arguments)):
+        if saved_text := "".join(verb.module_function("stopped", _no_output)(arguments)):
             raise Interrupted(saved_text) from None
         raise
-    warnings = tuple(verb.hook("warnings", lambda of: getattr(of, "warnings", ()))(result))
+    warnings = tuple(verb.module_function("warnings", lambda of: getattr(of, "warnings", ()))(result))
     if as_json:
         for text in warnings:
             print_warning(text)
-        print(json_text(verb.hook("as_json", _result_as_json)(result, arguments)), end="")
+        print(json_text(verb.module_function("as_json", _result_as_json)(result, arguments)), end="")
     else:
-        print_with_warnings(warnings, *verb.hook("show", _show_result)(result, arguments))
-    verb.hook("refuse", _no_output)(result, arguments)
+        print_with_warnings(warnings, *verb.module_function("show", _show_result)(result, arguments))
+    verb.module_function("refuse", _no_output)(result, arguments)
 
 
 def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -267,15 +267,15 @@ def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any
 def _call_function(verb: Verb, arguments: Mapping[str, Any]) -> Any:
     """Call the function, and show a progress bar until it ends or reports that it has started."""
     parameters = inspect.signature(verb.function).parameters
-    with ExitStack() as stack:
+    with ExitStack() as exit_stack:
         callbacks: dict[str, Any] = {}
         if "progress" in parameters:
             title = getattr(verb.module, "PROGRESS", verb.command)
-            callbacks["progress"] = stack.enter_context(progress_bar(title))
+            callbacks["progress"] = exit_stack.enter_context(progress_bar(title))
         if verb.is_endless:
 
             def started(*values: Any) -> None:
-                stack.close()  # removes the bar
+                exit_stack.close()  # removes the progress bar
                 print_parts(*verb.module.show_started(*values))
 
             callbacks["started"] = started
@@ -295,6 +295,6 @@ def _result_as_json(result: Any, _: Arguments) -> Mapping[str, Any]:
 
 def _show_result(result: Any, arguments: Arguments) -> Iterable[OutputPart]:
     """Return the terminal output for a module without ``show``: the facts and the output file."""
-    facts = result if isinstance(result, Mapping) else getattr(result, "facts", dict)()
-    written = [f"written: {arguments['out']}"] if arguments.get("out") is not None else []
-    return [*(f"{name}: {text}" for name, text in facts.items()), *written]
+    fact_lines = result if isinstance(result, Mapping) else getattr(result, "facts", dict)()
+    output_line = [f"written: {arguments['out']}"] if arguments.get("out") is not None else []
+    return [*(f"{name}: {text}" for name, text in fact_lines.items()), *output_line]

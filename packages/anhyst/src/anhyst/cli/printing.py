@@ -21,7 +21,7 @@ MAX_LINES = 25
 """Maximum number of lines that a command prints without ``--verbose``."""
 MIN_LINES = 12
 """Minimum number of lines for results, even if there are many warnings."""
-MAX_CELL = 34
+MAX_CELL_WIDTH = 34
 """Width beyond which the text of a cell is wrapped, in columns."""
 _COLUMN_GAP = "  "
 _INDENT = "    "
@@ -50,51 +50,51 @@ class TerminalTable:
             _Column(name, [row[index] for row in self.rows], is_first=index == 0)
             for index, name in enumerate(self.head)
         ]
-        first, rest = columns[0], columns[1:]
+        label_column, others = columns[0], columns[1:]
         blocks: list[list[_Column]] = []
-        while rest or not blocks:
-            fitting = [first]
-            while rest and sum(c.width + len(_COLUMN_GAP) for c in (*fitting, rest[0])) <= width + 2:
-                fitting.append(rest.pop(0))
-            if len(fitting) == 1 and rest:
-                fitting.append(rest.pop(0))
+        while others or not blocks:
+            fitting = [label_column]
+            while others and sum(one.width + len(_COLUMN_GAP) for one in (*fitting, others[0])) <= width + 2:
+                fitting.append(others.pop(0))
+            if len(fitting) == 1 and others:
+                fitting.append(others.pop(0))
             blocks.append(fitting)
         text = wrap_sentence(self.title, width) if self.title else []
         for block in blocks if is_verbose else blocks[:1]:
             text += _table_lines(block)
-        hidden = [column.name for block in blocks[1:] for column in block[1:] if column.name]
-        if hidden and not is_verbose:
-            text += wrap_sentence(f"more columns with --verbose: {', '.join(hidden)}", width)
+        hidden_columns = [column.name for block in blocks[1:] for column in block[1:] if column.name]
+        if hidden_columns and not is_verbose:
+            text += wrap_sentence(f"more columns with --verbose: {', '.join(hidden_columns)}", width)
         return text
 
 
 class _Column:
-    """A column of a table, its cells wrapped."""
+    """A column of a table with wrapped cells."""
 
     def __init__(self, name: str, cells: Sequence[str], *, is_first: bool) -> None:
         self.name = name
-        self.head = textwrap.wrap(name, MAX_CELL) or [""]
-        self.cells = [textwrap.wrap(cell, MAX_CELL) or [""] for cell in cells]
+        self.head = textwrap.wrap(name, MAX_CELL_WIDTH) or [""]
+        self.cells = [textwrap.wrap(cell, MAX_CELL_WIDTH) or [""] for cell in cells]
         lines = [line for cell in (self.head, *self.cells) for line in cell]
         self.width = max(map(len, lines))
-        filled = [cell[0] for cell in self.cells if cell[0]]
-        has_numbers = sum(map(bool, map(_NUMBER_PATTERN.match, filled))) > len(filled) // 2
+        first_lines = [cell[0] for cell in self.cells if cell[0]]
+        has_numbers = sum(map(bool, map(_NUMBER_PATTERN.match, first_lines))) > len(first_lines) // 2
         self.is_right = has_numbers and not is_first
 
-    def pad(self, text: str) -> str:
+    def pad_text(self, text: str) -> str:
         return text.rjust(self.width) if self.is_right else text.ljust(self.width)
 
 
 def _table_lines(columns: Sequence[_Column]) -> list[str]:
-    """Return the heading and the rows of columns next to each other."""
+    """Return the lines of a table: the heading, then the rows."""
     lines = []
-    for cells in zip(*([c.head, *c.cells] for c in columns), strict=True):
+    for cells in zip(*([table_column.head, *table_column.cells] for table_column in columns), strict=True):
         for index in range(max(map(len, cells))):
-            parts = (
-                column.pad(cell[index] if index < len(cell) else "")
+            padded_cells = (
+                column.pad_text(cell[index] if index < len(cell) else "")
                 for column, cell in zip(columns, cells, strict=True)
             )
-            lines.append(_COLUMN_GAP.join(parts).rstrip())
+            lines.append(_COLUMN_GAP.join(padded_cells).rstrip())
     return lines
 
 
@@ -102,11 +102,11 @@ def wrap_sentence(text: str, width: int) -> list[str]:
     """Wrap a sentence between words; a path and a command to paste stay in one piece."""
     if text.lstrip().startswith("anhyst "):
         return [text]
-    start = text[: len(text) - len(text.lstrip())]
+    indent = text[: len(text) - len(text.lstrip())]
     lines = textwrap.wrap(
         _VALUE_WITH_UNIT_PATTERN.sub("\\1\N{NO-BREAK SPACE}\\2", text),
         width,
-        subsequent_indent=start + _INDENT,
+        subsequent_indent=indent + _INDENT,
         break_long_words=False,
         break_on_hyphens=False,
     )
@@ -124,11 +124,11 @@ class Printer:
 
     def reserve(self, texts: Iterable[str]) -> None:
         """Reserve lines for warnings."""
-        needed = sum(-(-len(text) // WIDTH) for text in texts)
-        self.max_lines = max(MIN_LINES, MAX_LINES - needed)
+        needed_lines = sum(-(-len(text) // WIDTH) for text in texts)
+        self.max_lines = max(MIN_LINES, MAX_LINES - needed_lines)
 
     def print(self, parts: Iterable[str | TerminalTable]) -> None:
-        """Print tables and sentences while there are lines left, and keep the others for `finish`.
+        """Print tables and sentences while there are lines left, and keep the rest for `finish`.
 
         A sentence is printed completely or not at all. After a part that did not fit, nothing more
         is printed.
@@ -137,19 +137,19 @@ class Printer:
         for part in parts:
             if isinstance(part, TerminalTable):
                 lines = part.lines(width, is_verbose=self.is_verbose)
-                fitting = len(lines) if self.is_verbose else self.max_lines - 1 - self.used_lines
+                lines_that_fit = len(lines) if self.is_verbose else self.max_lines - 1 - self.used_lines
             else:
                 lines = [line for text in part.split("\n") for line in wrap_sentence(text, width)]
                 has_room = self.is_verbose or self.used_lines + len(lines) < self.max_lines
-                fitting = len(lines) if has_room else 0
-            fitting = 0 if self.pending else max(fitting, 0)
-            for index, line in enumerate(lines[:fitting]):
+                lines_that_fit = len(lines) if has_room else 0
+            lines_that_fit = 0 if self.pending else max(lines_that_fit, 0)
+            for index, line in enumerate(lines[:lines_that_fit]):
                 _print_line(line, is_bold=isinstance(part, TerminalTable) and index == 0)
-            self.used_lines += len(lines[:fitting])
-            self.pending += lines[fitting:]
+            self.used_lines += len(lines[:lines_that_fit])
+            self.pending += lines[lines_that_fit:]
 
     def finish(self) -> None:
-        """Print the pending lines if there is room, or else their number."""
+        """Print the pending lines if they fit, or else the number of pending lines."""
         if self.used_lines + len(self.pending) <= self.max_lines:
             for line in self.pending:
                 _print_line(line)

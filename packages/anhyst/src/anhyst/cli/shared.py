@@ -1,7 +1,7 @@
 """Functions that all commands share: options, messages and progress.
 
-Results go to standard output, everything else to standard error. On a terminal, the progress is a
-bar. Elsewhere it is one line per minute.
+Results go to standard output, everything else to standard error. Progress is a bar on a
+terminal, and elsewhere one line per minute.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ def check_file_kind(context: typer.Context, value: Any) -> Any:
 
     verb = str(context.info_name)
     paths = value if isinstance(value, list) else [value] if value else []
-    accepted = accepted_kinds(verb)
-    for path in paths if accepted else []:
-        require_kind(path, accepted, verb)
+    kinds = accepted_kinds(verb)
+    for path in paths if kinds else []:
+        require_kind(path, kinds, verb)
     return value
 
 
@@ -64,8 +64,8 @@ def print_warning(text: str) -> None:
 
 def fold_to_line(text: str) -> str:
     """Fold a text into one line, and replace control characters by question marks."""
-    folded = " ".join(text.split())
-    return "".join(sign if sign.isprintable() else "?" for sign in folded)
+    folded_text = " ".join(text.split())
+    return "".join(character if character.isprintable() else "?" for character in folded_text)
 
 
 OutputPart = Union[str, TerminalTable, "PageTable"]
@@ -79,8 +79,8 @@ def print_parts(*parts: OutputPart) -> None:
             printer.print([part])
         else:  # a table of a page, and its caption
             rows = [[cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in row] for row in part.rows]
-            drawn = TerminalTable(part.title, part.head, rows)
-            printer.print([drawn, part.caption] if part.caption else [drawn])
+            drawn_parts = TerminalTable(part.title, part.head, rows)
+            printer.print([drawn_parts, part.caption] if part.caption else [drawn_parts])
 
 
 def print_with_warnings(warnings: Sequence[str], *parts: OutputPart) -> None:
@@ -94,17 +94,17 @@ def print_with_warnings(warnings: Sequence[str], *parts: OutputPart) -> None:
 PROGRESS_INTERVAL_S = 60.0
 """Time between two progress lines without a terminal, s."""
 _MIN_SHARE_FOR_ESTIMATE = 0.01
-"""Share of the work that must be done before the remaining time is estimated."""
+"""Fraction of the work that must be done before the remaining time is estimated."""
 
 
 class ProgressEstimate:
-    """The share of the work that is done, and the remaining time at the average speed until now."""
+    """The fraction of the work that is done, and the remaining time at the average speed."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._start_time = clock()
         self.share = 0.0
-        """Part of the work that is done, 0 to 1; it never falls."""
+        """Fraction of the work that is done, 0 to 1; it never decreases."""
 
     def update(self, done: float, total: float) -> None:
         """Set the work done and the total work, in the same unit."""
@@ -163,10 +163,10 @@ def _show_bar(title: str) -> Iterator[Progress]:
 @contextmanager
 def _print_lines(title: str) -> Iterator[Progress]:
     estimate = ProgressEstimate()
-    finished = Event()
+    has_finished = Event()
 
     def print_progress() -> None:
-        while not finished.wait(PROGRESS_INTERVAL_S):
+        while not has_finished.wait(PROGRESS_INTERVAL_S):
             print(f"anhyst: {title}: {estimate}", file=sys.stderr, flush=True)
 
     # A separate thread, because a step of the work can take longer than a minute.
@@ -175,5 +175,5 @@ def _print_lines(title: str) -> Iterator[Progress]:
     try:
         yield estimate.update
     finally:
-        finished.set()
+        has_finished.set()
         printer_thread.join()

@@ -61,11 +61,11 @@ class Block:
     """Parameter block with the scales of its signals."""
 
     kind: Kind
-    words: WordArray  # in floating point, the value that a fixed-point word represents
+    words: WordArray  # in floating point, the value that the fixed-point word represents
     scales: Scales
     limits: DemandLimits
     tables: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    """First word and number of entries of each table, by the name of the word that points to it."""
+    """First word and number of entries of each table, by the name of the word with its position."""
 
     @property
     def is_fixed(self) -> bool:
@@ -78,7 +78,7 @@ class Block:
         return self.words.nbytes
 
     def code_of_one(self, word: Word) -> float:
-        """Return the code for 1.0 of a word, or of an entry of its table."""
+        """Return the code that represents 1.0 in a word, or in an entry of its table."""
         return CODE_OF_ONE[word.format] if self.is_fixed else 1.0
 
     def integer(self, name: str) -> int:
@@ -90,7 +90,7 @@ class Block:
         return float(self.words[WORD_INDEX_OF_KIND[self.kind][name]])
 
     def single_precision(self, name: str) -> float:
-        """Return a number of two words by its name in the layout."""
+        """Return a single-precision number, which takes two words, by its name in the layout."""
         index = WORD_INDEX_OF_KIND[self.kind][name]
         if not self.is_fixed:
             return float(self.words[index])
@@ -103,13 +103,13 @@ class Block:
 
     @property
     def memory_count(self) -> int:
-        """Number of hysteresis states: one per layer, and one for a laminated part."""
+        """Number of hysteresis states: one per layer, and one for a laminated part of the path."""
         if self.kind != "cells":
             return 1
         return max(self.integer("SOLID_LAYERS"), 1) + (self.word_value("SOLID_LAMINATED") > 0)
 
     def word_unit(self, word: Word, names: SignalUnits) -> WordUnit:
-        """Return scale and unit of 1.0 in a word, or in an entry of its table."""
+        """Return the value of 1.0 in a word, or in an entry of its table, and the unit."""
         scale = {"": 1.0, "demand": self.scales.demand, "current": self.scales.current}[word.of]
         units = {"demand": names.output, "current": names.input}
         units |= {"output": names.output, "input": names.input}
@@ -118,7 +118,7 @@ class Block:
         return WordUnit(word.factor * scale * 2.0**shift, units.get(unit_name, unit_name))
 
     def table(self, name: str) -> WordArray:
-        """Return the entries of a table, by the name of the word that points to it."""
+        """Return the entries of a table, by the name of the word with its position."""
         first_index, entries = self.tables[name]
         return self.words[first_index : first_index + entries]
 

@@ -2,7 +2,7 @@
 
 The currents of the compensator are applied to the exact model in double precision. The error is the
 output minus the demand, over nested loops, random reversals, full-range jumps in one sample, and a
-moving gap. These paths differ from those of the search. The drift of a held demand is measured
+moving gap. The table search uses other demand paths. The drift of a held demand is measured
 separately (:mod:`.output_drift`).
 """
 
@@ -29,18 +29,18 @@ class Budget:
     reference_output: float  # output that is 100 %
     unit: str  # unit of the output
     required: float | None  # requested accuracy, in units of the output; None: none was requested
-    parts: tuple[BudgetPart, ...]  # errors of the steps, each switched on alone
+    parts: tuple[BudgetPart, ...]  # error of each compilation step, measured alone
     compiled: BudgetPart  # error of all compilation steps together
-    # sum of compiled, sample rate, rate and model fit: worst errors are added, which no path need
-    # reach; rms values are added in quadrature
+    # sum of the rows compiled, sample rate, rate and model fit: worst errors are added, although no
+    # path need reach the sum; rms values are added in quadrature
     total: BudgetPart
-    drift: BudgetPart  # drift of a held output within `HOLD_TIME_S`
-    held_demands: tuple[HeldDemand, ...]  # all held demands
+    drift: BudgetPart  # drift of the output at constant demand within `HOLD_TIME_S`
+    held_demands: tuple[HeldDemand, ...]  # results for all held demands
     # runs of the compiled block, and the error along each
     runs: tuple[tuple[PathRun, FloatArray], ...]
 
     def part(self, name: str) -> BudgetPart | None:
-        """Return the part with a name, or None."""
+        """Return the error contribution with a name, or None."""
         return next((part for part in self.parts if part.name == name), None)
 
 
@@ -83,7 +83,7 @@ def _drift_part(held_demands: Sequence[HeldDemand], model: Model) -> BudgetPart:
         f"drift of a held {model.output.name.replace('_', ' ')} in {HOLD_TIME_S:g} s",
         worst_demand.drift,
         rms(drifts),
-        f"in addition to compiled, at standstill and with small movements; worst at {worst_demand.demand:.3g} "
+        f"in addition to the compiled error: at rest and with small movements; worst at {worst_demand.demand:.3g} "
         f"{model.output.unit} while {worst_demand.title}",
     )
 
@@ -99,14 +99,14 @@ def _model_fit_part(plan: Plan) -> BudgetPart:
 ADVICE = {
     "law": "a straight anhysteretic curve cannot be more accurate",
     "tables": "the tables of a block cannot be larger",
-    "quantisation": "its words have no more bits",
+    "quantisation": "the words of this format have no more bits",
     "gap_interpolation": "narrow the range of the gap in the model's [valid]",
 }
-"""Reason why a part cannot be smaller, or a remedy."""
+"""For each error contribution, why it cannot be smaller, or a remedy."""
 
 
 def is_within_allowance(plan: Plan, budget: Budget) -> bool:
-    """Whether formats and tables keep the allowance on the paths of the budget."""
+    """Whether the error of formats and tables is within the allowance on the budget's paths."""
     tables = budget.part("tables")
     assert tables is not None
     evaluated_part = budget.compiled if plan.request.kind == "full" else tables
@@ -153,7 +153,7 @@ def drift_error(plan: Plan, budget: Budget) -> NegativeResult:
 
 
 def largest_part(budget: Budget) -> BudgetPart:
-    """Return the largest part that compilation adds."""
+    """Return the largest error contribution of compilation."""
     compiled_parts = [part for part in budget.parts if part.name in ADVICE]
     return max(compiled_parts, key=lambda part: part.worst or 0.0)
 
@@ -164,7 +164,7 @@ def is_accuracy_reached(budget: Budget) -> bool:
 
 
 def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
-    """Return the error for an accuracy that is not reached, with the largest part and a remedy."""
+    """Return the error for an accuracy that is not reached, with its main cause and a remedy."""
     assert budget.required is not None
     reached_error, part = budget.compiled.worst or 0.0, largest_part(budget)
     advice = f"compile with {better_options}" if better_options else ADVICE[part.name]

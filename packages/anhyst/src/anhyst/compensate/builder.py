@@ -1,8 +1,8 @@
 """Build parameter blocks of one model in any number format and table size.
 
 A block contains the tables of a compensator and its scales. The output range and the fit of the
-simplified law do not depend on table sizes. `BlockBuilder` calculates them once and shares them
-between all blocks.
+simplified law do not depend on table sizes. `BlockBuilder` calculates both once and shares the
+results between all blocks.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 
 MAX_SHIFTED_DEMAND_SHARE = 0.998
-"""Largest value of demand minus offset, as a fraction of the full-scale output. It limits how far
-the simplified law may lower the offset."""
+"""Largest value of demand minus offset, as a fraction of the full-scale output. This margin limits
+how far the simplified law may lower the offset."""
 
 FINE_SIZES = TableSizes(
     gap_segments=4,
@@ -36,8 +36,8 @@ FINE_SIZES = TableSizes(
     octave_segments=5,
     root_knee=8,
 )
-"""Table sizes that are finer than any block needs. The search keeps the other sizes at these values
-while it varies one of them."""
+"""Table sizes that are finer than any block needs. The search keeps all other sizes at these values
+while it varies one size."""
 
 LAW_GAP_SEGMENTS = 4
 """Exponent of the number of gaps of the simplified law: it is fitted at 2**LAW_GAP_SEGMENTS + 1
@@ -59,7 +59,7 @@ class BlockBuilder:
 
     @property
     def block_kind(self) -> Kind:
-        """Kind of the blocks. It is "cells" for a full compensator of a law with play cells."""
+        """Kind of the blocks. A full compensator of a law with play cells has the kind "cells"."""
         with_cells = self.kind == "full" and self.model.operator_law.cells is not None
         return "cells" if with_cells else self.kind
 
@@ -82,7 +82,7 @@ class BlockBuilder:
         return "f32" if self.io == "f32" else "fixed"
 
     def __call__(self, sizes: TableSizes) -> Block:
-        """Return a block with these sizes, without eddy-current lag."""
+        """Return a block with given table sizes, without eddy-current lag."""
         return self.build(sizes, self.number_format, is_static=True)
 
     def exact_block(self, sizes: TableSizes) -> Block:
@@ -93,7 +93,7 @@ class BlockBuilder:
         return self.build(replace(sizes, iterations=FINE_SIZES.iterations), "f64", is_static=True)
 
     def dynamic_block(self, sizes: TableSizes, number_format: NumberFormat | None = None) -> Block:
-        """Return a block with these sizes, including the layers or the lag of the model."""
+        """Return a block with given sizes, including the layers or the lag of the model."""
         return self.build(sizes, number_format or self.number_format, is_static=self.dynamic_model is None)
 
     def build(self, sizes: TableSizes, number_format: NumberFormat, *, is_static: bool) -> Block:

@@ -1,9 +1,8 @@
 """Make the tables of a parameter block for a law with play cells (block kind "cells").
 
 A play cell is a play operator with its own magnetisation curve. Along a monotonic path, the cells
-start to move one after the other, in the order of their thresholds. Each row of the tables contains
-the summed magnetisation of the first cells, 1, 2, ... of them, that move together with the
-effective field, as a function of this field.
+start to move one after the other, in the order of their thresholds. Row n of the table contains the
+total magnetisation of the first n cells, which move together, as a function of the effective field.
 """
 
 from __future__ import annotations
@@ -23,10 +22,10 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 FIELD_MARGIN = 1.02
-"""Largest field of the rows, relative to the largest field for currents within their limits."""
+"""Largest field of the table rows, relative to the largest field for allowed currents."""
 
 SOLID_FIELD_MARGIN = 2.0
-"""The same factor for a solid core, where the field at the surface is ahead of the mean field."""
+"""Field margin for a solid core, where the field at the surface is ahead of the mean field."""
 
 ZONE_EXPONENTS = range(6)
 """Tested exponents of the inner zone: narrow segments end at 2**-exponent of the largest field."""
@@ -34,7 +33,7 @@ ZONE_EXPONENTS = range(6)
 
 @dataclass(frozen=True)
 class RowGrid:
-    """Fields at the entries of a row: narrow segments around zero, wide segments outside."""
+    """Fields at the entries of a table row: narrow segments around zero, wide segments outside."""
 
     segment_exponent: int  # there are 2**segment_exponent narrow segments on each side of zero
     zone_exponent: int  # the zone ends at 2**-zone_exponent of the largest field
@@ -51,12 +50,12 @@ class RowGrid:
 
     @property
     def wide_segments(self) -> int:
-        """Number of wide segments on each side; their width is 2**zone_exponent narrow ones."""
+        """Number of wide segments on each side, each as wide as 2**zone_exponent narrow ones."""
         return self.narrow_segments - (self.narrow_segments >> self.zone_exponent)
 
     @property
     def fields(self) -> FloatArray:
-        """Fields of the entries, as fractions of the largest one."""
+        """Fields of the entries, as fractions of the largest field."""
         outer_fields = np.linspace(self.zone_end, 1.0, self.wide_segments + 1)[1:]
         positive_fields = np.concatenate(
             [np.linspace(0.0, self.zone_end, self.narrow_segments + 1)[1:], outer_fields]
@@ -68,11 +67,11 @@ class RowGrid:
 class CellRows:
     """Tables of a law with play cells; fields in A/m."""
 
-    max_field: float  # largest field of the rows
+    max_field: float  # largest field of the table rows
     thresholds: FloatArray  # thresholds above 0, in increasing order; shape (n,)
     grid: RowGrid  # fields at the entries of a row
-    # magnetisation of the first 1, 2, ... cells while they move, over fields of both signs,
-    # relative to saturation; shape (n + 1, m)
+    # total magnetisation of the first 1, 2, ... cells while they move, as a function of the field
+    # of either sign, relative to saturation; shape (n + 1, m)
     magnetisation: FloatArray
 
 
@@ -90,7 +89,7 @@ def initial_magnetisation(weights: CellWeights, field: float) -> float:
 def find_max_field(
     weights: CellWeights, coefficients: CurrentCoefficients, current: tuple[float, float]
 ) -> float:
-    """Return the largest ``|x|`` for currents within their limits, A/m."""
+    """Return the largest effective field ``|x|`` for currents within their limits, A/m."""
     return max(
         _solve_field(weights, coefficients.air_flux, abs(limit - bias), flux_coefficient, field_coefficient)
         for bias, flux_coefficient, field_coefficient in zip(
@@ -121,8 +120,8 @@ def merge_cells(weights: CellWeights, max_cells: int, max_field: float) -> CellW
     their thresholds, weighted by their magnetisation, where this moves the thresholds least.
     """
     sums = weights.weights.sum(axis=1)
-    reachable = [i for i in range(1, sums.size) if weights.thresholds[i] < max_field and sums[i] > 0.0]
-    merged_cells = [(weights.thresholds[i], weights.weights[i]) for i in reachable]
+    reachable_cells = [i for i in range(1, sums.size) if weights.thresholds[i] < max_field and sums[i] > 0.0]
+    merged_cells = [(weights.thresholds[i], weights.weights[i]) for i in reachable_cells]
     while len(merged_cells) > max_cells:
         row_sums = np.array([row.sum() for _, row in merged_cells])
         levels = np.array([level for level, _ in merged_cells])
@@ -146,7 +145,7 @@ def make_cell_rows(
     *,
     is_solid: bool = False,
 ) -> CellRows:
-    """Return the rows of a law for all fields that currents within their limits produce."""
+    """Return the table rows of a law for all fields that currents within their limits produce."""
     largest_field = find_max_field(weights, coefficients, limits.current)
     max_field = (SOLID_FIELD_MARGIN if is_solid else FIELD_MARGIN) * largest_field
     merged_weights = merge_cells(weights, sizes.cells, largest_field)
@@ -163,14 +162,14 @@ def make_cell_rows(
         return np.asarray(np.cumsum(outputs, axis=0) / weights.saturation)
 
     def tabulate(grid: RowGrid) -> tuple[FloatArray, float]:
-        """Return the entries of the rows, and the largest deviation of a chord from the curve."""
+        """Return the entries of the rows, and the largest deviation of a chord from its curve."""
         field = max_field * grid.fields
-        ends, middles = magnetisation(field), magnetisation(0.5 * (field[1:] + field[:-1]))
-        deviation = 0.5 * (ends[:, 1:] + ends[:, :-1]) - middles
+        ends, mid_values = magnetisation(field), magnetisation(0.5 * (field[1:] + field[:-1]))
+        deviation = 0.5 * (ends[:, 1:] + ends[:, :-1]) - mid_values
         padded_deviation = np.pad(deviation, ((0, 0), (1, 1)), mode="edge")
-        # All chords are on one side of the curve. Moving the entries by half the deviation of the
-        # chords halves the largest error. With few segments, moved entries may exceed saturation or
-        # lose their order.
+        # All chords of a table are on one side of the curve. Moving the entries by half the
+        # deviation of the chords halves the largest error. With few segments, moved entries may
+        # exceed saturation or lose their order.
         shifted_entries = np.clip(
             ends - 0.25 * (padded_deviation[:, 1:] + padded_deviation[:, :-1]), -1.0, 1.0
         )
@@ -199,27 +198,27 @@ def make_cell_law(frame: BlockFrame, *, is_static: bool) -> LawTables:
     return LawTables(law_coefficients, partial(_pack, frame, rows, None if is_static else model.layers))
 
 
-def _pack(frame: BlockFrame, rows: CellRows, layers: Layers | None, pack: Packer) -> None:
+def _pack(frame: BlockFrame, rows: CellRows, layers: Layers | None, packer: Packer) -> None:
     max_field = rows.max_field
-    pack.put_single("UNIT_FIELD", max_field)
-    pack.put_table("CELLS_THRESHOLDS", rows.thresholds / max_field, 32768.0, min_word=1)
-    pack.put_table("CELLS_ROWS", rows.magnetisation, 32767.0)
-    pack.put_number("CELLS_AIR", frame.coefficients.air_flux * max_field / 4.0, "h", min_word=1)
-    pack.put_integer("CELLS_COUNT", rows.thresholds.size)
-    pack.put_integer("CELLS_SEGMENTS", rows.grid.segment_exponent)
-    pack.put_integer("CELLS_ZONE", rows.grid.zone_exponent)
+    packer.put_single("UNIT_FIELD", max_field)
+    packer.put_table("CELLS_THRESHOLDS", rows.thresholds / max_field, 32768.0, min_word=1)
+    packer.put_table("CELLS_ROWS", rows.magnetisation, 32767.0)
+    packer.put_number("CELLS_AIR", frame.coefficients.air_flux * max_field / 4.0, "h", min_word=1)
+    packer.put_integer("CELLS_COUNT", rows.thresholds.size)
+    packer.put_integer("CELLS_SEGMENTS", rows.grid.segment_exponent)
+    packer.put_integer("CELLS_ZONE", rows.grid.zone_exponent)
     if layers is not None:
-        _pack_layers(pack, layers, *(field / max_field for field in frame.layer_fields(layers)))
+        _pack_layers(packer, layers, *(field / max_field for field in frame.layer_fields(layers)))
 
 
-def _pack_layers(pack: Packer, layers: Layers, rate_field: float, alpha_field: float) -> None:
-    """Set the words of a solid core: fields of a unit of flux, relative to the largest field."""
-    pack.put_weight("SOLID_HOLD", max(rate_field, 1.0 / WEIGHT_UNIT), "gamma")
-    pack.put_integer("SOLID_LAYERS", layers.count)
-    pack.put_number("SOLID_OWN", alpha_field / 4.0, "alpha")
+def _pack_layers(packer: Packer, layers: Layers, rate_field: float, alpha_field: float) -> None:
+    """Set the words of a solid core: fields for a flux of 1, relative to the largest field."""
+    packer.put_weight("SOLID_HOLD", max(rate_field, 1.0 / WEIGHT_UNIT), "gamma")
+    packer.put_integer("SOLID_LAYERS", layers.count)
+    packer.put_number("SOLID_OWN", alpha_field / 4.0, "alpha")
     surface = layers.surface
-    if pack.is_fixed:  # the shares of all layers must add up to 1
+    if packer.is_fixed:  # the fractions of all layers must add up to 1
         inner_share = round((1.0 - surface) / (layers.count - 1) * 32768)
         surface = 1.0 - inner_share * (layers.count - 1) / 32768
-    pack.put_number("SOLID_SURFACE", surface, "surface")
-    pack.put_number("SOLID_LAMINATED", layers.laminated, "laminated")
+    packer.put_number("SOLID_SURFACE", surface, "surface")
+    packer.put_number("SOLID_LAMINATED", layers.laminated, "laminated")

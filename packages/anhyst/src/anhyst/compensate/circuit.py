@@ -85,10 +85,10 @@ def flux_gain(model: Model, scales: Scales, gaps: FloatArray) -> FloatArray:
 class CurrentCoefficients:
     """Coefficients of ``bias + flux_coefficient*flux + field_coefficient*x`` at several gaps."""
 
-    # flux for an effective field ``x`` of 1 A/m without iron, as a fraction of that of saturated
+    # flux for an effective field ``x`` of 1 A/m without iron, relative to the flux of saturated
     # iron
     air_flux: float
-    # in units of the input: bias, for a flux of 1, for an effective field of 1 A/m; shape (n,)
+    # terms of the current in units of the input: bias, for a flux of 1, for x = 1 A/m; shape (n,)
     bias: FloatArray
     flux: FloatArray
     field: FloatArray

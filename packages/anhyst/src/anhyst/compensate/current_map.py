@@ -1,4 +1,4 @@
-"""Fit maps of the current over force and gap, without memory or with one play operator.
+"""Fit maps from force and gap to current, without memory or with one play operator.
 
 Single-valued maps are a constant ratio, a linearisation, a secant, or the best curve for the
 measured loops. The map with one play operator is the simplest law with hysteresis::
@@ -49,7 +49,7 @@ from anhyst.support.numeric import FloatArray, to_factor, to_q31
 
 @dataclass(frozen=True)
 class CurrentMap:
-    """Current over force and gap without memory."""
+    """Map from force and gap to current without memory."""
 
     # current, A, on a regular grid of gaps and of forces up to full scale; it increases with the
     # force. For fixed point both dimensions are 2^n + 1; shape (g, f)
@@ -93,7 +93,7 @@ def table_words(values: FloatArray, unit: float, name: str) -> NDArray[np.int16]
 
 
 def fit_single_valued_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Return the best single-valued current."""
+    """Return the best single-valued map for the measured loops."""
     return make_current_map(sources.surface().current, sources.operating, {})
 
 
@@ -111,24 +111,24 @@ def make_current_map(
 
 
 def fit_ratio_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Fit a constant force-current ratio around the operating point."""
+    """Fit a constant ratio of force to current around the operating point."""
     return _fit_tangent_map(sources, fit_line)
 
 
 def fit_linearised_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Fit force-current factor and stiffness around the operating point."""
+    """Fit the force-current factor and the stiffness around the operating point."""
     return _fit_tangent_map(sources, fit_plane, "k_s_N_per_m")
 
 
 def fit_secant_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Return a map with the ratio of force and current at the operating point, through the origin."""
+    """Return a map through the origin with the ratio of force to current at the operating point."""
     return _fit_tangent_map(sources, _fit_secant)
 
 
 def _fit_secant(surface: Surface, force: float, gap: float, _: float) -> Tangent:
     secant_force = force or float(surface.force[-1])
-    per_force = float(surface.current_at(np.array([secant_force]), gap)[0]) / secant_force
-    return Tangent(force * per_force, per_force, 0.0)
+    current_per_force = float(surface.current_at(np.array([secant_force]), gap)[0]) / secant_force
+    return Tangent(force * current_per_force, current_per_force, 0.0)
 
 
 def _fit_tangent_map(
@@ -136,7 +136,7 @@ def _fit_tangent_map(
     fit: Callable[[Surface, float, float, float], Tangent],
     stiffness_name: str | None = None,
 ) -> CurrentMap:
-    """Return the map of a tangent, with the constants of the tangent."""
+    """Return the map of a tangent, with the constants of this tangent."""
     surface, operating = sources.surface(), sources.operating
     tangent = fit(surface, operating.force, operating.gap, operating.force_max)
     force = surface.force[[0, -1]] - operating.force
@@ -150,7 +150,7 @@ def _fit_tangent_map(
 
 
 _RATIO_MAP_COLUMNS = 9
-"""Number of forces of the table. Its rows are straight lines, clipped at full-scale current."""
+"""Number of forces of the table. Table rows are straight lines, clipped at full-scale current."""
 
 _RAMP_SAMPLES = 200
 """Number of samples of a current ramp, up or down."""
@@ -162,8 +162,8 @@ _MAX_ENTRY_SHARE = 1.0 - 2.0**-15
 def fit_uncompensated_map(model: Model, scales: Scales) -> CurrentMap:
     """Return a constant force-current ratio, fitted to the steady-state loops of a model.
 
-    This is the method ``ratio``: one ratio, fitted around half of the largest force at the middle
-    gap. Simulated loops replace measured ones.
+    The method ``ratio`` is fitted around half of the largest force at the middle gap. Simulated
+    loops replace measured ones.
     """
     current_max, force_max = model.valid_range.input[1], model.valid_range.output[1]
     gap_range = scales.gap_low, scales.gap_high
@@ -171,12 +171,12 @@ def fit_uncompensated_map(model: Model, scales: Scales) -> CurrentMap:
     loops = [_simulate_loop(model, current_max, gap) for gap in (gap_range[0], middle_gap, gap_range[1])]
     model_loops = Loops(tuple(loops), model.input, model.output, model.schedule)
     surface = fit_surface(model_loops, (0.0, scales.demand), gap_range)
-    line = fit_line(surface, 0.5 * force_max, middle_gap, force_max)
+    ratio_line = fit_line(surface, 0.5 * force_max, middle_gap, force_max)
     force = np.linspace(0.0, scales.demand, _RATIO_MAP_COLUMNS)
-    row = line.current + line.current_per_force * (force - 0.5 * force_max)
+    row = ratio_line.current + ratio_line.current_per_force * (force - 0.5 * force_max)
     max_entry = _MAX_ENTRY_SHARE * scales.current
     entries = np.clip(np.tile(row, (2, 1)), -max_entry, max_entry)
-    return CurrentMap(entries, scales, (0.0, current_max), {"k_i_N_per_A": line.k_i})
+    return CurrentMap(entries, scales, (0.0, current_max), {"k_i_N_per_A": ratio_line.k_i})
 
 
 def _simulate_loop(model: Model, current_max: float, gap: float) -> Loop:
@@ -194,12 +194,12 @@ RADIUS_GRID_POINTS = 20
 """Number of radii on a grid, before the best one is refined."""
 
 _MAX_WORD = 2.0**15 - 1.0
-"""Word of the largest current."""
+"""Value of the word for the largest current."""
 
 
 @dataclass(frozen=True)
 class PlayMap:
-    """Current over force and gap with one play operator."""
+    """Map from force and gap to current with one play operator."""
 
     map: CurrentMap  # map without memory
     # half the width of the loop on the same grid, A; its change along the force is at most that of
@@ -210,7 +210,7 @@ class PlayMap:
 
     @property
     def scales(self) -> Scales:
-        """Full scales of the map."""
+        """Full scales of the map's signals."""
         return self.map.scales
 
     @property
@@ -253,7 +253,7 @@ class PlayMap:
         return pack_play(number_format, words, tables, model_hash)
 
     def widened(self, fraction: float) -> PlayMap:
-        """Return the map with loops that are wider by a fraction."""
+        """Return the map with loops whose width is increased by a fraction."""
         entry_steps = (1.0 - 1e-6) * np.diff(self.map.entries)
         half_width = limit_slope((1.0 + fraction) * self.half_width, entry_steps)
         return replace(self, half_width=half_width, radius=(1.0 + fraction) * self.radius)
@@ -262,8 +262,8 @@ class PlayMap:
         """Return the half-widths as words, limited by full scale and by the slope of the map."""
         entries = self.map.entry_words().astype(np.float64)
         half_width_table = table_words(self.half_width, self.scales.current, "half-width")
-        limited = np.minimum(half_width_table, _MAX_WORD - np.abs(entries))
-        return limit_slope(limited, np.diff(entries)).astype(np.int16)
+        limited_half_width = np.minimum(half_width_table, _MAX_WORD - np.abs(entries))
+        return limit_slope(limited_half_width, np.diff(entries)).astype(np.int16)
 
 
 def fit_play_map(sources: Sources, _: NumberFormat) -> PlayMap:
@@ -286,15 +286,16 @@ def _make_play_map(
 def measure_half_widths(surface: Surface, loops: Loops) -> FloatArray:
     """Return half the width of the loops on the grid of a surface.
 
-    At each force it is half the difference between the largest and the smallest current of the
-    loops at a gap, smoothed. Between the gaps it is interpolated by a monotone cubic. Its change
-    along the force is limited to that of the surface, so that no branch of a loop falls.
+    At each force, the half-width is half the difference between the largest and the smallest
+    current of the loops at a gap, smoothed. Between the gaps, it is interpolated by a monotone
+    cubic. Its change along the force is limited to that of the surface, so that no branch of a loop
+    falls.
     """
-    from scipy.signal import savgol_filter  # imported here because it loads slowly
+    from scipy.signal import savgol_filter  # imported here because SciPy loads slowly
 
     knots, rows = [], []
-    for gap, members in loops.by_schedule().items():
-        low, high = current_envelope(members, surface.force)
+    for gap, gap_loops in loops.by_schedule().items():
+        low, high = current_envelope(gap_loops, surface.force)
         half_width = 0.5 * (high - low)
         is_known = np.isfinite(half_width)
         filled_half_width = np.interp(surface.force, surface.force[is_known], half_width[is_known])
@@ -375,7 +376,7 @@ class ConstantRatio(Memoryless):
     """Current proportional to the force: the paper's uncompensated case."""
 
     gaps: FloatArray  # gaps, m; shape (g,)
-    ratio: FloatArray  # N/A; one value if it does not depend on the gap; shape (g,)
+    ratio: FloatArray  # N/A; a single value if independent of the gap; shape (g,)
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Return the currents for forces, A, shape (n,)."""
@@ -426,9 +427,9 @@ def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:
     """Fit a constant ratio at every gap, with least squares of the force up to `force_max`."""
     groups = loops.by_schedule()
     ratios = []
-    for members in groups.values():
-        current = np.concatenate([loop.input for loop in members])
-        force = np.concatenate([loop.output for loop in members])
+    for gap_loops in groups.values():
+        current = np.concatenate([loop.input for loop in gap_loops])
+        force = np.concatenate([loop.output for loop in gap_loops])
         is_used = force <= force_max
         ratios.append(float(force[is_used] @ current[is_used] / (current[is_used] @ current[is_used])))
     return ConstantRatio(np.array(list(groups), dtype=np.float64), np.array(ratios))
@@ -443,12 +444,12 @@ def fit_single_valued(loops: Loops, force_max: float) -> SingleValued:
     levels = np.linspace(0.0, force_max, FORCE_LEVEL_COUNT)
     groups = loops.by_schedule()
     table = []
-    for gap, members in groups.items():
-        middle = mid_current(members, levels)
-        is_known = np.isfinite(middle)
+    for gap, gap_loops in groups.items():
+        middle_current = mid_current(gap_loops, levels)
+        is_known = np.isfinite(middle_current)
         if not is_known[-1]:
             text = f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
             raise InputError(text, code="force-not-reached", key="loops")
-        filled_middle = np.interp(levels, levels[is_known], middle[is_known])
+        filled_middle = np.interp(levels, levels[is_known], middle_current[is_known])
         table.append(fit_monotone(filled_middle, np.ones(FORCE_LEVEL_COUNT)))
     return SingleValued(np.array(list(groups), dtype=np.float64), levels, np.array(table))

@@ -84,7 +84,7 @@ class MethodParameters(Protocol):
 
     @property
     def flux_full_scale(self) -> float:
-        """Flux density that is 1.0 in fixed point, T; 1 if the method does not measure it."""
+        """Flux density that 1.0 represents in fixed point, T; 1 if the method measures none."""
 
     @property
     def constants(self) -> Mapping[str, float]:
@@ -143,8 +143,10 @@ class ForceController(Compensator):
         used_gap = scales.gap_low if gap is None else gap
         if not isinstance(native, _core.FixedForceController):
             return native.commit(applied, used_gap)
-        expected = native.commit(to_q31(applied / scales.current), to_q31(scales.gap_fraction(used_gap)))
-        return expected / _Q31 * scales.demand
+        expected_force = native.commit(
+            to_q31(applied / scales.current), to_q31(scales.gap_fraction(used_gap))
+        )
+        return expected_force / _Q31 * scales.demand
 
     def follow(self, applied: FloatArray, gap: FloatArray) -> FloatArray:
         """Update the state along a path of applied currents, A; return the expected forces, N."""
@@ -198,11 +200,11 @@ class Twin(Compensator):
 
 
 Step = Callable[[Any, Any], Any]
-"""Solve or commit of the core: takes a demand or a current, and a gap."""
+"""Function solve or commit of the core, which takes a demand or a current, and a gap."""
 
 
 def select_steps(core: FixedCompensator, io: str) -> tuple[Step, Step]:
-    """Return solve and commit of a fixed-point compensator for a signal format."""
+    """Return the functions solve and commit of a fixed-point compensator for a signal format."""
     if io == "q15":
         return core.solve_q15, core.commit_q15
     return core.solve_q31, core.commit_q31
@@ -295,7 +297,7 @@ class FixedTwin(Twin):
         return currents / self.code_of_one * self.block.scales.current
 
     def run_with_losses(self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray) -> FloatArray:
-        """Run with an amplifier that deviates by `loss`, as a fraction of its range."""
+        """Run with an amplifier whose current deviates by `loss`, as a fraction of its range."""
         limits = self.current_codes(self.block.limits.current).tolist()
         losses = ((limits[1] - limits[0]) * loss).round().astype(int)
         inputs = self.demand_codes(demand), self.gap_codes(gap, loss.size), losses
@@ -337,7 +339,7 @@ class RealTwin(Twin):
         return self._core.output()
 
     def set_memory(self, memory: ArrayLike) -> None:
-        """Set the hysteresis state: x, y, p, turn, level."""
+        """Set the hysteresis state: ``x``, ``y``, ``p``, ``turn`` and ``level``."""
         self._core.set_memory(np.array(memory, dtype=np.float64))
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
@@ -348,7 +350,7 @@ class RealTwin(Twin):
         return self._core.run(demands, at)
 
     def run_with_losses(self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray) -> FloatArray:
-        """Run with an amplifier that deviates by `loss`, as a fraction of its range."""
+        """Run with an amplifier whose current deviates by `loss`, as a fraction of its range."""
         low, high = self.block.limits.current
         gaps = np.full(loss.size, self._gap_or_lowest(None)) if gap is None else gap
         inputs = demand, gaps, (high - low) * loss

@@ -1,8 +1,8 @@
 """Make the tables of a parameter block for the Jiles-Atherton law (block kind "full").
 
 The tables contain the anhysteretic curve, the ascending branch of a fully pinned iron, and the
-inverse of the anhysteretic curve. They extend to the largest field that any current within its
-limits produces. With them, the compensator calculates the exact step of the law.
+inverse of the anhysteretic curve. The tables extend to the largest field that any current within
+its limits produces. From the tables, the compensator calculates the exact step of the law.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ FIELD_MARGIN = 1.02
 
 
 FIXED_POINT_STEPS = 100
-"""Number of fixed-point iterations from above. Each iterate is an upper bound of the largest field.
-"""
+"""Number of fixed-point iterations from above. Each iteration gives an upper bound of the largest
+field."""
 
 MAX_RELATIVE_FIELD = 95.0
 """Maximum of the largest field, relative to the shape field. The slope of the curve in a table is
 then 32 at most: the initial slope of the anhysteretic curve is a third of this value."""
 
 MAX_Q8 = 32767 / 256
-"""Largest steepness that a word can store. It affects only the Newton steps."""
+"""Largest steepness that a word can store. The steepness affects only the Newton steps."""
 
 
 @dataclass(frozen=True)
 class NormalisedLaw:
     """Parameters of the law in units of the shape field, and coefficients of the current."""
 
-    a: float  # shape field of the anhysteretic curve, A/m; the unit of all fields
+    a: float  # shape field ``a`` of the anhysteretic curve, A/m; the unit of all fields
     kappa: float  # pinning field ``k/a``
-    c: float  # reversible fraction
+    c: float  # reversible fraction of the magnetisation
     dead_band: float  # half-width ``r_d/a`` of the dead band
     # ``h = a/((1-alpha)*M_s)``: flux, relative to that of saturated iron, for a field ``x = 1``
     air_flux: float
@@ -89,8 +89,8 @@ def _max_field_on_ascending_branch(
 ) -> float:
     """Return the largest field on the ascending branch, where the magnetisation is lowest.
 
-    For each drive, the remaining drive decreases with the field. The last drive with a positive
-    remainder gives the largest field.
+    At each gap, the required drive increases with the field. At the largest field, it equals the
+    available drive at one gap and exceeds it at all others.
     """
     if drive.size == 0:
         return 0.0
@@ -123,9 +123,9 @@ class FullTables:
 
     max_field: float  # largest field of the tables
     curve: FloatArray  # anhysteretic curve over fields from 0 to the largest; shape (2**n + 1,)
-    # ascending branch of a fully pinned iron, over fields of both signs; shape (2**(n + 1) + 1,)
+    # ascending branch of a fully pinned iron, for fields of both signs; shape (2**(n + 1) + 1,)
     branch: FloatArray
-    inverse: FloatArray  # field over the anhysteretic curve from 0 to 1; shape (2**m + 1,)
+    inverse: FloatArray  # field for anhysteretic magnetisations from 0 to 1; shape (2**m + 1,)
 
 
 def make_full_law(frame: BlockFrame) -> LawTables:
@@ -156,18 +156,18 @@ def make_full_tables(law: NormalisedLaw, limits: DemandLimits, sizes: TableSizes
     return FullTables(max_field, curve, ascending_branch(law.kappa, field), inverse)
 
 
-def _pack(law: NormalisedLaw, tables: FullTables, sizes: TableSizes, pack: Packer) -> None:
+def _pack(law: NormalisedLaw, tables: FullTables, sizes: TableSizes, packer: Packer) -> None:
     max_field = tables.max_field
-    pack.put_single("UNIT_FIELD", max_field * law.a)
-    pack.put_table("FULL_CURVE", tables.curve, 32768.0)
-    pack.put_table("FULL_BRANCH", tables.branch, 32768.0)
-    pack.put_table("FULL_INVERSE", tables.inverse / max_field, 32767.0)
-    pack.put_weight("FULL_RATE", max_field / (law.kappa * np.log(2.0)) / 16.0, "k")
+    packer.put_single("UNIT_FIELD", max_field * law.a)
+    packer.put_table("FULL_CURVE", tables.curve, 32768.0)
+    packer.put_table("FULL_BRANCH", tables.branch, 32768.0)
+    packer.put_table("FULL_INVERSE", tables.inverse / max_field, 32767.0)
+    packer.put_weight("FULL_RATE", max_field / (law.kappa * np.log(2.0)) / 16.0, "k")
     steepness = max_field / law.kappa
-    pack.put_number("FULL_STEEPNESS", min(steepness, MAX_Q8) if pack.is_fixed else steepness, "k", 1)
-    pack.put_number("FULL_AIR", law.air_flux * max_field / 4.0, "h", min_word=1)
-    pack.put_number("FULL_REVERSIBLE", law.c, "c")
-    pack.put_number("FULL_PLAY", law.dead_band / max_field, "r_d")
-    pack.put_integer("FULL_ITERATIONS", sizes.iterations)
-    pack.put_integer("FULL_CURVE_SEGMENTS", sizes.curve_segments)
-    pack.put_integer("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)
+    packer.put_number("FULL_STEEPNESS", min(steepness, MAX_Q8) if packer.is_fixed else steepness, "k", 1)
+    packer.put_number("FULL_AIR", law.air_flux * max_field / 4.0, "h", min_word=1)
+    packer.put_number("FULL_REVERSIBLE", law.c, "c")
+    packer.put_number("FULL_PLAY", law.dead_band / max_field, "r_d")
+    packer.put_integer("FULL_ITERATIONS", sizes.iterations)
+    packer.put_integer("FULL_CURVE_SEGMENTS", sizes.curve_segments)
+    packer.put_integer("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)

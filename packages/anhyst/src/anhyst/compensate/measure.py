@@ -1,8 +1,8 @@
-"""Measure the error of a compensator, part by part, with the exact model.
+"""Measure each contribution to the error of a compensator with the exact model.
 
-Each part of the error is measured alone, while everything else is exact. The currents of the
-compensator are applied to the exact model in double precision. The error is the model's output
-minus the demand.
+Each contribution is measured alone, while everything else is exact. The currents of the compensator
+are applied to the exact model in double precision. The error is the model's output minus the
+demand.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 LOSS_PERIOD_TICKS = 4
-"""On the path with losses, the amplifier deviates from the demanded current in one of this number
-of ticks."""
+"""On the path with losses, the amplifier delivers a wrong current once in this number of ticks."""
 
 LOSS_SEED = 3
 
@@ -44,7 +43,7 @@ class PathRun:
 
 @dataclass(frozen=True, slots=True)
 class OutputDeviation:
-    """Worst and root-mean-square deviation of the output, in its unit, and the path of the worst."""
+    """Worst and root-mean-square deviation of the output, in its unit, and the worst path."""
 
     worst: float
     rms: float
@@ -58,7 +57,7 @@ def run_twin(model: Model, block: Block, io: SignalFormat, path: DemandPath) -> 
 
 
 def run_with_losses(model: Model, block: Block, io: SignalFormat, path: DemandPath) -> PathRun:
-    """Run a compensator whose amplifier deviates in some ticks; otherwise as `run_twin`."""
+    """Do the same as `run_twin` with an amplifier that deviates from the demand in some ticks."""
     size = path.demand.size
     is_evaluated = np.arange(size) % LOSS_PERIOD_TICKS != LOSS_PERIOD_TICKS - 1
     loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
@@ -138,7 +137,7 @@ def compare_outputs(
     )
 
 
-def snap_gaps(
+def move_gaps_to_knots(
     paths: Sequence[DemandPath], model: Model, scales: Scales, sizes: TableSizes
 ) -> list[DemandPath]:
     """Return the paths with every gap moved to the nearest knot of the gap tables."""
@@ -176,8 +175,8 @@ def measure_gap_interpolation(
         demand_above_offset = path.demand - interpolate(circuit.out_0)
         gain = interpolate((1.0 / circuit.c_out) ** (1.0 / power)) / unit
         flux = gain * (np.sqrt(np.maximum(demand_above_offset, 0.0)) if power == 2 else demand_above_offset)
-        exact = model.circuit(gap, np.zeros(gap.size))
-        reached_record = model.invert(exact.output(flux * unit), gap, history="demagnetised")
+        circuit_at_knots = model.circuit(gap, np.zeros(gap.size))
+        reached_record = model.invert(circuit_at_knots.output(flux * unit), gap, history="demagnetised")
         x = (1.0 - alpha) * reached_record.field + alpha * reached_record.flux_density / MU_0
         current = (
             interpolate(coefficients.bias)
@@ -195,7 +194,7 @@ BUDGET_SEED = 2
 BUDGET_PATH_LENGTH = 4
 
 CROSSING_TIME_S = 0.5
-"""Time in which demand and gap cross their ranges, for the part 'sample rate'."""
+"""Time in which demand and gap cross their ranges when the error 'sample rate' is measured."""
 
 MAX_CROSSING_TICKS = 400
 """Maximum number of simulated ticks of a crossing. At higher sample rates the error is scaled down
@@ -206,16 +205,16 @@ in proportion."""
 class BudgetPart:
     """One row of the budget, in units of the output."""
 
-    name: str  # identifier
+    name: str  # identifier of the row
     title: str
     worst: float | None  # errors; None if there is nothing to measure
     rms: float | None
-    note: str  # what was switched on, and the path of the worst error
+    note: str  # active error sources, and the path of the worst error
 
 
 @dataclass(frozen=True)
 class CompensatorTrial:
-    """Measures the parts of the budget of a compensator; shared results are calculated once."""
+    """Measures all rows of a compensator's error budget; shared results are calculated once."""
 
     builder: BlockBuilder
     sizes: TableSizes
@@ -224,7 +223,7 @@ class CompensatorTrial:
 
     @cached_property
     def exact_block(self) -> Block:
-        """The same tables in double precision, without eddy-current lag."""
+        """Block with the same tables in double precision, without eddy-current lag."""
         return self.builder.exact_block(self.sizes)
 
     @cached_property
@@ -264,15 +263,15 @@ class CompensatorTrial:
 
     def _measure_tables(self) -> BudgetPart:
         builder, model = self.builder, self.builder.model
-        snapped_paths = snap_gaps(self.paths, model, builder.scales, self.sizes)
+        knot_paths = move_gaps_to_knots(self.paths, model, builder.scales, self.sizes)
         if builder.kind == "full":
             part = _make_part(
-                "tables", "tables", *compare_with_demand(model, self.exact_block, "f64", snapped_paths)
+                "tables", "tables", *compare_with_demand(model, self.exact_block, "f64", knot_paths)
             )
             note = f"in double precision, at the gaps of the tables; {part.note}"
             return replace(part, note=note)
         fine_block = builder.exact_block(replace(FINE_SIZES, gap_segments=self.sizes.gap_segments))
-        deviation = compare_compensators(model, (self.exact_block, "f64"), (fine_block, "f64"), snapped_paths)
+        deviation = compare_compensators(model, (self.exact_block, "f64"), (fine_block, "f64"), knot_paths)
         note = "selected tables compared with fine tables, in double precision, at the gaps of the tables"
         return BudgetPart("tables", "tables", deviation.worst, deviation.rms, note)
 
@@ -309,20 +308,20 @@ class CompensatorTrial:
         return [BudgetPart("gap_interpolation", "gap interpolation", deviation.worst, deviation.rms, note)]
 
     def _measure_sampling(self) -> BudgetPart:
-        """Return the error if each current is applied two ticks late.
+        """Return the error if each current acts two ticks late.
 
-        One tick is the delay, and the other is the end of the hold.
+        One tick is the delay, and the second tick is the time for which the current is held.
         """
         builder = self.builder
         rate, output_range = builder.conditioning.rate, builder.output_range
-        crossing = rate * CROSSING_TIME_S
-        ticks = int(np.clip(crossing, 8, MAX_CROSSING_TICKS))
+        crossing_ticks = rate * CROSSING_TIME_S
+        ticks = int(np.clip(crossing_ticks, 8, MAX_CROSSING_TICKS))
         wave = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # two cycles 0..1..0
         gap = builder.scales.gap_at(wave)
         demand = output_range.demand(0.05 + 0.9 * np.roll(wave, ticks // 2), gap, above_remanence=True)
-        error = ticks / crossing * _delayed_error(builder.model, demand, gap)[2 * ticks :]
+        error = ticks / crossing_ticks * _delayed_error(builder.model, demand, gap)[2 * ticks :]
         note = (
-            f"{rate:g} Hz: a current at the end of its hold after one tick of delay, while demand and "
+            f"{rate:g} Hz: each current acts for one tick after one tick of delay, while demand and "
             f"gap cross their ranges in {CROSSING_TIME_S:g} s; proportional to their speed"
         )
         deviation = summarise_errors([("sample_rate", error)])
@@ -351,11 +350,11 @@ class CompensatorTrial:
                 errors.append((path.name, demand_error(run, builder.limits, step)))
             return summarise_errors(errors)
 
-        compiled, static = measure(self.block), measure(self.static_block)
+        compiled, static_error = measure(self.block), measure(self.static_block)
         titles = " and ".join(path.title for path in paths)
         note = (
             f"{titles}, compared with the model with layers; without eddy currents it would be "
-            f"{100.0 * static.worst / reference_output:.2g} %"
+            f"{100.0 * static_error.worst / reference_output:.2g} %"
         )
         return [BudgetPart("rate", "rate", compiled.worst, compiled.rms, note)]
 
@@ -363,7 +362,7 @@ class CompensatorTrial:
 def _make_part(
     name: str, title: str, deviation: OutputDeviation, runs: Sequence[tuple[PathRun, FloatArray]]
 ) -> BudgetPart:
-    """Return the part of some runs, with the path of the worst error in its note."""
+    """Return the budget row of some runs, with the path of the worst error in its note."""
     worst_path = next(run.path.title for run, _ in runs if run.path.name == deviation.path)
     return BudgetPart(name, title, deviation.worst, deviation.rms, f"worst in {worst_path}")
 
@@ -372,8 +371,8 @@ def _delayed_error(model: Model, demand: FloatArray, gap: FloatArray) -> FloatAr
     """Return output minus demand if each current is applied two ticks late, at the later gap.
 
     The hysteresis state is updated at the ticks only. Between ticks, the gap moves under a constant
-    current that then jumps. Real iron returns from such ripples. The law of the model drifts along
-    them at any sample rate, and this drift is not a sampling error.
+    current that then jumps. Real iron returns to its state after such ripples. The law of the model
+    drifts along such ripples at any sample rate, and this drift is not a sampling error.
     """
     iron, state = model.iron_at(float(gap[0])), np.zeros(model.operator_law.states)
     circuit = model.circuit(gap, np.zeros(gap.size))

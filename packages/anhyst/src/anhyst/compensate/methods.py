@@ -80,7 +80,7 @@ class HysteresisInverse:
 
     @property
     def scales(self) -> Scales:
-        """Full scales of the block."""
+        """Full scales of the block's signals."""
         return self.block.scales
 
     @property
@@ -126,7 +126,7 @@ def compile_inverse(
 
 @dataclass(frozen=True)
 class FluxGains:
-    """Gains of the loop that corrects the current by the measured flux density."""
+    """Gains of the feedback loop that corrects the current by the measured flux density."""
 
     proportional: float  # proportional gain, A/T
     integral: float  # integral gain per tick, A/T
@@ -148,12 +148,12 @@ def design_flux_loop(
 
     The flux follows the current immediately, except for delay and lag. A pure integral would
     therefore close the loop. The proportional part cancels the lag once. The remaining loop is an
-    integral with the delay and half a tick of its own. The crossover frequency is half the inverse
-    of their sum. Without lag, this gives a phase margin of 61 degrees. The proportional part treats
-    the lag of several low-passes as one first-order lag, which reduces the margin: to 52 degrees
-    with amplifier and probe of the bundled bearing, and to 34 degrees with additional eddy currents
-    of 100 us. The gain is that of the gap with the largest flux per current, so that no gap has a
-    higher crossover.
+    integrator with a dead time: the delay plus half a tick. The crossover frequency is half the
+    inverse of the dead time. Without lag, the phase margin is then 61 degrees. The proportional
+    part treats the lag of several low-passes as one first-order lag, which reduces the margin: to
+    52 degrees with amplifier and probe of the bundled bearing, and to 34 degrees with additional
+    eddy currents of 100 us. The gain is that of the gap with the largest flux per current, so that
+    no gap has a higher crossover.
     """
     tick = 1.0 / rate
     column = int(np.clip(np.searchsorted(surface.force, force), 1, surface.force.size - 2))
@@ -171,8 +171,8 @@ def design_flux_loop(
 
 
 MAX_ADDED_CURRENT_SHARE = 0.05
-"""Largest current that a flux loop adds to that of a law, relative to the largest current. If the
-probe fails, the accuracy decreases, but the armature stays levitated."""
+"""Largest current that a flux loop adds to the current of a law, relative to the largest current.
+If the probe fails, the accuracy decreases, but the armature stays levitated."""
 
 
 @dataclass(frozen=True)
@@ -180,8 +180,8 @@ class FluxLoop:
     """Correction of the current of a method by the measured flux density."""
 
     # demanded flux density, T, at the smallest and largest force, on a regular grid of gaps; shape
-    # (g, 2). In between it is proportional to the square root of the force, or linear if forces
-    # have both signs
+    # (g, 2). Between these forces, it is proportional to the square root of the force, or linear if
+    # forces have both signs
     flux_table: FloatArray
     scales: Scales  # full scales of the method
     gains: FluxGains
@@ -189,7 +189,7 @@ class FluxLoop:
 
     @cached_property
     def full_scale(self) -> float:
-        """Flux density that is 1.0 in fixed point, T."""
+        """Flux density that 1.0 represents in fixed point, T."""
         return round_full_scale(float(self.flux_table.max()))
 
     @property
@@ -236,12 +236,12 @@ class FluxFeedback:
 
     @property
     def scales(self) -> Scales:
-        """Full scales of the map."""
+        """Full scales of the map's signals."""
         return self.map.scales
 
     @property
     def flux_full_scale(self) -> float:
-        """Flux density that is 1.0 in fixed point, T."""
+        """Flux density that 1.0 represents in fixed point, T."""
         return self.loop.full_scale
 
     @property
@@ -281,12 +281,12 @@ class FusedInverse:
 
     @property
     def scales(self) -> Scales:
-        """Full scales of the inverse."""
+        """Full scales of the inverse's signals."""
         return self.inverse.scales
 
     @property
     def flux_full_scale(self) -> float:
-        """Flux density that is 1.0 in fixed point, T."""
+        """Flux density that 1.0 represents in fixed point, T."""
         return self.loop.full_scale
 
     @property
@@ -309,7 +309,7 @@ class FusedInverse:
 
 
 def compile_fused_inverse(sources: Sources, number_format: NumberFormat) -> FusedInverse:
-    """Compile the full law, and design the flux loop for it."""
+    """Compile the full law, and design its flux loop."""
     inverse, operating = compile_inverse("full", sources, number_format), sources.operating
     force_low = -operating.is_bipolar * inverse.scales.demand
     loop = _make_flux_loop(sources, sources.surface(), inverse.scales)
@@ -325,7 +325,7 @@ class Method:
 
     # ``"model"``: uses a model; ``"sensor"``: uses a Hall probe; ``"baseline"``: uses neither
     role: Role
-    # fits the parameters from the sources, for a number format
+    # function that fits the parameters to the sources, for a number format
     fit: Callable[[Sources, NumberFormat], MethodParameters]
 
 

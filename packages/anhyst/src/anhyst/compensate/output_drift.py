@@ -1,10 +1,10 @@
 """Measure how far a held output drifts while gap or sensors repeat small movements.
 
 A Jiles-Atherton law accommodates with the travel of the field. Any difference between compiled law
-and model then accumulates: even table errors under a vibrating gap are enough. The simulation holds
-a demand while the gap vibrates or walks, or while the sensors are noisy. At each return of demand
-and gap to their home values, it compares the output with that of the first return. The change due
-to the first movement is not drift; the accuracy budget includes it.
+and model accumulates. Even table errors under a vibrating gap are enough. The simulation holds a
+demand while the gap vibrates or walks randomly, or while the sensors are noisy. At each return of
+demand and gap to their nominal values, the simulation compares the output with that of the first
+return. The change due to the first movement is not drift; the accuracy budget includes it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MAX_SIMULATED_RATE_HZ = 20_000.0
 """Maximum simulated sample rate. A faster controller divides the same movements more finely."""
 
 RETURN_PERIOD_S = 0.01
-"""Period after which gap and demand return exactly to the home values: a vibration of 100 Hz."""
+"""Period after which gap and demand return exactly to nominal values: a vibration of 100 Hz."""
 
 MIN_RETURN_TICKS = 16
 """Minimum number of ticks of a return period. A slow controller gets a slower vibration."""
@@ -58,18 +58,18 @@ GAP_NOISE = 5e-4
 SEED = 5
 APPROACH_RAMP_TICKS = 100
 """Ticks of each of two ramps before a hold: up to the largest demand and down to the held one.
-Without this detour, one ramp up has twice as many ticks."""
+Without the detour over the largest demand, a single ramp has twice as many ticks."""
 
 _STATE_TOLERANCE = 1e-12
 
 Movement = Callable[[np.random.Generator, int], tuple[FloatArray, FloatArray]]
-"""Returns the changes of demand and gap from home during one return, as fractions of their ranges.
+"""Changes of demand and gap from their nominal values in one period, as fractions of their ranges.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class HeldDemand:
-    """One demand that was held."""
+    """Result for one held demand."""
 
     title: str  # description of the movement
     demand: float  # held demand, in units of the output
@@ -126,8 +126,8 @@ def _make_vibration(amplitude: float) -> Movement:
 
 def _sample_walk(random: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatArray]:
     walk = np.cumsum(random.standard_normal(ticks)) / np.sqrt(ticks)
-    bridge = 2.0 * WALK_SPREAD * (walk - walk[-1] * np.arange(1, ticks + 1) / ticks)
-    return np.zeros(ticks), np.clip(bridge, -3.0 * WALK_SPREAD, 3.0 * WALK_SPREAD)
+    random_bridge = 2.0 * WALK_SPREAD * (walk - walk[-1] * np.arange(1, ticks + 1) / ticks)
+    return np.zeros(ticks), np.clip(random_bridge, -3.0 * WALK_SPREAD, 3.0 * WALK_SPREAD)
 
 
 def _sample_noise(random: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatArray]:
@@ -137,31 +137,31 @@ def _sample_noise(random: np.random.Generator, ticks: int) -> tuple[FloatArray, 
 
 
 def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: float) -> HeldDemand:
-    """Hold one demand after an ascending and after a descending approach; return the larger drift."""
+    """Hold one demand after an ascending and after a descending ramp; return the larger drift."""
     scales = plan.block.scales
-    span, home_gap = scales.gap_span, 0.5 * (scales.gap_low + scales.gap_high)
+    span, nominal_gap = scales.gap_span, 0.5 * (scales.gap_low + scales.gap_high)
     extreme_gaps = np.array(
-        [home_gap - case.gap_amplitude * span, home_gap, home_gap + case.gap_amplitude * span]
+        [nominal_gap - case.gap_amplitude * span, nominal_gap, nominal_gap + case.gap_amplitude * span]
     )
     lowest_demand = float(output_range.demand(np.zeros(3), extreme_gaps, above_remanence=True).max())
     highest_demand = float(output_range.demand(np.ones(3), extreme_gaps).min())
     demand = lowest_demand + level * (highest_demand - lowest_demand)
-    ascending = np.linspace(lowest_demand, demand, 2 * APPROACH_RAMP_TICKS)
-    descending = np.concatenate(
+    after_ascent = np.linspace(lowest_demand, demand, 2 * APPROACH_RAMP_TICKS)
+    after_descent = np.concatenate(
         [
             np.linspace(lowest_demand, highest_demand, APPROACH_RAMP_TICKS),
             np.linspace(highest_demand, demand, APPROACH_RAMP_TICKS),
         ]
     )
     drift = max(
-        _max_drift(plan, home_gap, case, approach_path, highest_demand - lowest_demand)
-        for approach_path in (ascending, descending)
+        _max_drift(plan, nominal_gap, case, approach_path, highest_demand - lowest_demand)
+        for approach_path in (after_ascent, after_descent)
     )
     return HeldDemand(case.title, demand, case.seconds, drift)
 
 
 def _max_drift(
-    plan: Plan, home_gap: float, case: _Case, approach_path: FloatArray, demand_span: float
+    plan: Plan, nominal_gap: float, case: _Case, approach_path: FloatArray, demand_span: float
 ) -> float:
     """Return the largest change of the output since the first return, in its unit.
 
@@ -170,8 +170,8 @@ def _max_drift(
     random = np.random.default_rng(SEED)
     rate = min(plan.request.rate, MAX_SIMULATED_RATE_HZ)
     ticks = max(round(RETURN_PERIOD_S * rate), MIN_RETURN_TICKS)
-    pair = _CompensatedModel(plan, home_gap)
-    pair.run(approach_path, np.full(approach_path.size, home_gap))
+    pair = _CompensatedModel(plan, nominal_gap)
+    pair.run(approach_path, np.full(approach_path.size, nominal_gap))
     demand, span = float(approach_path[-1]), plan.block.scales.gap_span
     first_output: float | None = None
     drift, memory = 0.0, pair.memory
@@ -179,11 +179,11 @@ def _max_drift(
         demand_change, gap_change = np.hstack(
             [case.movement(random, ticks) for _ in range(RETURNS_PER_BATCH)]
         )
-        returned = pair.run(demand + demand_span * demand_change, home_gap + span * gap_change)[
+        returned_outputs = pair.run(demand + demand_span * demand_change, nominal_gap + span * gap_change)[
             ticks - 1 :: ticks
         ]
-        first_output = float(returned[0]) if first_output is None else first_output
-        drift = max(drift, float(np.abs(returned - first_output).max()))
+        first_output = float(returned_outputs[0]) if first_output is None else first_output
+        drift = max(drift, float(np.abs(returned_outputs - first_output).max()))
         if case.is_periodic and pair.has_returned(memory):
             break
         memory = pair.memory
@@ -191,12 +191,12 @@ def _max_drift(
 
 
 class _CompensatedModel:
-    """A compensator and the exact model that receives its currents; both keep their states."""
+    """A compensator and the exact model that receives its currents; both retain their states."""
 
-    def __init__(self, plan: Plan, home: float) -> None:
+    def __init__(self, plan: Plan, nominal_gap: float) -> None:
         self.model: Model = plan.model
         self.twin = make_twin(plan.static_block, plan.request.io)
-        self.iron = plan.model.iron_at(home if plan.model.needs_schedule else None)
+        self.iron = plan.model.iron_at(nominal_gap if plan.model.needs_schedule else None)
         self.state = np.zeros(plan.model.operator_law.states)
 
     def run(self, demand: FloatArray, gap: FloatArray) -> FloatArray:
@@ -204,20 +204,20 @@ class _CompensatedModel:
         used_gap = gap if self.model.needs_schedule else None
         current = self.twin.run(demand, used_gap)
         circuit = self.model.circuit(used_gap, np.zeros(demand.size))
-        reached, _, self.state, status, _ = self.iron.forward(
+        fields, _, self.state, status, _ = self.iron.forward(
             circuit.magnetomotive(current), circuit.rho, np.zeros(demand.size), self.state
         )
         assert status == 0
-        return circuit.output(reached)
+        return circuit.output(fields)
 
     @property
     def memory(self) -> tuple[FloatArray, FloatArray]:
         """Hysteresis states of compensator and model."""
         return np.array(self.twin.memory, dtype=np.float64), self.state.copy()
 
-    def has_returned(self, earlier: tuple[FloatArray, FloatArray]) -> bool:
-        """Whether both states are those of an earlier return; further returns then repeat."""
+    def has_returned(self, earlier_states: tuple[FloatArray, FloatArray]) -> bool:
+        """Whether both states are those of an earlier return; all further returns then repeat."""
         twin_memory, model_state = self.memory
-        return np.array_equal(twin_memory, earlier[0]) and np.allclose(
-            model_state, earlier[1], _STATE_TOLERANCE, _STATE_TOLERANCE
+        return np.array_equal(twin_memory, earlier_states[0]) and np.allclose(
+            model_state, earlier_states[1], _STATE_TOLERANCE, _STATE_TOLERANCE
         )

@@ -112,7 +112,7 @@ class Packer:
         self._head[WORD_INDEX_OF_KIND[self.kind][name]] = value
 
     def put_number(self, name: str, value: float, key: str, min_word: int = -32767) -> None:
-        """Set a word to a number of at least `min_word`; messages contain `key`."""
+        """Set a word to a number, but at least to `min_word`; messages contain `key`."""
         index = WORD_INDEX_OF_KIND[self.kind][name]
         code_of_one = CODE_OF_ONE[WORD_FORMATS[self.kind, name]]
         self._head[index] = max(as_word(value, code_of_one, key), min_word) if self.is_fixed else value
@@ -193,9 +193,9 @@ def _add_checksum(words: NDArray[Any]) -> WordArray:
     """Set the checksum of two words; it covers the bytes of all other words, low byte first."""
     index = WORD_INDEX["CRC"]
     crc = zlib.crc32(np.concatenate([words[:index], words[index + 2 :]]).tobytes())
-    halves = np.array([crc & 0xFFFF, crc >> 16])
+    crc_words = np.array([crc & 0xFFFF, crc >> 16])
     is_integer = np.issubdtype(words.dtype, np.integer)
-    words[index : index + 2] = halves.astype(np.uint16).view(np.int16) if is_integer else halves
+    words[index : index + 2] = crc_words.astype(np.uint16).view(np.int16) if is_integer else crc_words
     return words.astype(words.dtype.newbyteorder("="))
 
 
@@ -203,7 +203,7 @@ def _add_checksum(words: NDArray[Any]) -> WordArray:
 class LawTables:
     """Tables that a law adds to a block."""
 
-    # bias, and coefficients for a flux and for a field of 1, at each gap; shape (n,)
+    # bias, and coefficients of flux and field, at each gap; shape (n,)
     coefficients: tuple[FloatArray, FloatArray, FloatArray]
     pack: Callable[[Packer], None]  # sets words and tables
     offset: FloatArray | None = None  # output at zero flux at each gap; None: that of the model
@@ -226,11 +226,11 @@ class BlockFrame:
 
     @cached_property
     def coefficients(self) -> CurrentCoefficients:
-        """Coefficients of the current at these gaps."""
+        """Coefficients of the current at the gaps of the tables."""
         return current_coefficients(self.model, self.gaps)
 
     def layer_fields(self, layers: Layers) -> tuple[float, float]:
-        """Return the field in a layer for a flux of 1, A/m: by its change in a tick, and by itself.
+        """Return the field in a layer, A/m: for a flux change of 1 in a tick, and for a flux of 1.
 
         A tick is one implicit step of the diffusion equation. As in :func:`current_coefficients`,
         ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)`` in a layer.
@@ -244,20 +244,20 @@ class BlockFrame:
         self, kind: Kind, law: LawTables, model_hash: int, number_format: NumberFormat, *, is_static: bool
     ) -> Block:
         """Make the block of a law; `is_static` omits the lag of the flux."""
-        pack = Packer(kind, model_hash, number_format)
-        self._pack_signals(pack)
-        self._pack_flux(pack, law.offset)
+        packer = Packer(kind, model_hash, number_format)
+        self._pack_signals(packer)
+        self._pack_flux(packer, law.offset)
         lag = None if is_static else lag_coefficient(self.model, self.gaps, self.conditioning.rate)
-        self._pack_coefficients(pack, *law.coefficients, lag)
-        law.pack(pack)
-        block = pack.make_block(self.scales, self.limits)
+        self._pack_coefficients(packer, *law.coefficients, lag)
+        law.pack(packer)
+        block = packer.make_block(self.scales, self.limits)
         try:
             make_core(block)
         except ValueError as error:
             raise self._explain_rejection(block) from error
         return block
 
-    def _pack_signals(self, pack: Packer) -> None:
+    def _pack_signals(self, packer: Packer) -> None:
         """Set limits, units and start-up sequence."""
         model, scales, limits = self.model, self.scales, self.limits
         for name, value, scale in (
@@ -266,37 +266,37 @@ class BlockFrame:
             ("CURRENT_LOW", limits.current[0], scales.current),
             ("CURRENT_HIGH", limits.current[1], scales.current),
         ):
-            pack.put_limit(name, value, scale, name.lower())
-        pack.put_single("SCALE_RATE", self.conditioning.rate)
+            packer.put_limit(name, value, scale, name.lower())
+        packer.put_single("SCALE_RATE", self.conditioning.rate)
         gap = model.schedule.unit if model.schedule is not None else ""
         codes = [SIGNAL_UNITS.index(unit) for unit in (model.output.unit, model.input.unit, gap)]
-        pack.put_integer("SCALE_UNITS", codes[0] + 16 * codes[1] + 256 * codes[2])
-        pack.put_integer("CONDITION_CYCLES", self.conditioning.cycles)
-        pack.put_integer("CONDITION_TICKS", self.conditioning.ramp_ticks)
+        packer.put_integer("SCALE_UNITS", codes[0] + 16 * codes[1] + 256 * codes[2])
+        packer.put_integer("CONDITION_CYCLES", self.conditioning.cycles)
+        packer.put_integer("CONDITION_TICKS", self.conditioning.ramp_ticks)
 
-    def _pack_flux(self, pack: Packer, offset: FloatArray | None) -> None:
+    def _pack_flux(self, packer: Packer, offset: FloatArray | None) -> None:
         """Set the conversion from demand to flux; `offset` replaces that of the model."""
         model, scales = self.model, self.scales
-        pack.put_integer("POWER", model.power)
-        pack.put_integer("ROOT_KNEE", self.sizes.root_knee)
-        pack.put_integer("GAP_SEGMENTS", self.sizes.gap_segments if model.needs_schedule else 0)
+        packer.put_integer("POWER", model.power)
+        packer.put_integer("ROOT_KNEE", self.sizes.root_knee)
+        packer.put_integer("GAP_SEGMENTS", self.sizes.gap_segments if model.needs_schedule else 0)
         gain = flux_gain(model, scales, self.gaps)
-        shift = flux_shift(gain) if pack.is_fixed else 0
-        pack.put_integer("FLUX_SHIFT", shift)
-        pack.put_number("FLUX_LIMIT", 1.0, "flux")
-        pack.put_table("GAP_GAIN", gain / 2.0**shift, WEIGHT_UNIT, min_word=1)
+        shift = flux_shift(gain) if packer.is_fixed else 0
+        packer.put_integer("FLUX_SHIFT", shift)
+        packer.put_number("FLUX_LIMIT", 1.0, "flux")
+        packer.put_table("GAP_GAIN", gain / 2.0**shift, WEIGHT_UNIT, min_word=1)
         offset = model.interpolate_parameter("out_0", self.gaps) if offset is None else offset
-        pack.put_table("GAP_OFFSET", offset / scales.demand, 32768.0)
+        packer.put_table("GAP_OFFSET", offset / scales.demand, 32768.0)
 
     def _pack_coefficients(
         self,
-        pack: Packer,
+        packer: Packer,
         bias: FloatArray,
         flux_coefficient: FloatArray,
         field_coefficient: FloatArray,
         lag_coefficient: FloatArray | None,
     ) -> None:
-        """Set the coefficients of the current, A for each unit of flux, field and lag."""
+        """Set the coefficients of the current, in A per unit of flux, field and lag."""
         full_scale = self.scales.current
         columns = (
             (bias, flux_coefficient, field_coefficient)
@@ -305,7 +305,7 @@ class BlockFrame:
         )
         spans = [max(np.abs(column).max(), np.abs(np.diff(column)).max()) for column in columns]
         largest_coefficient = max(spans) / full_scale
-        shift = max(0, int(np.ceil(np.log2(largest_coefficient / MAX_WEIGHT)))) if pack.is_fixed else 0
+        shift = max(0, int(np.ceil(np.log2(largest_coefficient / MAX_WEIGHT)))) if packer.is_fixed else 0
         if shift > 8:
             raise InputError(
                 f"current: a unit of flux or field needs {largest_coefficient:.0f} times the full-scale current, "
@@ -314,12 +314,12 @@ class BlockFrame:
                 key="current",
             )
         unit = full_scale * 2.0**shift
-        pack.put_integer("CURRENT_SHIFT", shift)
-        pack.put_table("GAP_BIAS", bias / unit, WEIGHT_UNIT)
-        pack.put_table("GAP_FLUX_ARM", flux_coefficient / unit, WEIGHT_UNIT)
-        pack.put_table("GAP_FIELD_ARM", field_coefficient / unit, WEIGHT_UNIT, min_word=1)
+        packer.put_integer("CURRENT_SHIFT", shift)
+        packer.put_table("GAP_BIAS", bias / unit, WEIGHT_UNIT)
+        packer.put_table("GAP_FLUX_ARM", flux_coefficient / unit, WEIGHT_UNIT)
+        packer.put_table("GAP_FIELD_ARM", field_coefficient / unit, WEIGHT_UNIT, min_word=1)
         if lag_coefficient is not None:
-            pack.put_table("GAP_LAG_ARM", lag_coefficient / unit, WEIGHT_UNIT, min_word=0)
+            packer.put_table("GAP_LAG_ARM", lag_coefficient / unit, WEIGHT_UNIT, min_word=0)
 
     def _explain_rejection(self, block: Block) -> InputError:
         """Return the reason why the core rejects a block."""

@@ -19,11 +19,11 @@ from anhyst.support.numeric import FloatArray
 
 MAX_OUTPUT_SHARE = 0.98
 """Highest demand, as a fraction of the output range between the smallest and the largest current.
-The rest keeps every demand reachable."""
+The margin above this value keeps every demand reachable."""
 
 WALK_STEP = 0.005
-"""Standard deviation of one step of a random walk, as a fraction of the range. It is small, so that
-one stroke between two reversals takes many steps."""
+"""Standard deviation of one step of a random walk, as a fraction of the range. The steps are so
+small that the walk takes many of them between two reversals."""
 
 RANGE_GAPS = 33
 """Number of gaps at which the reachable output is calculated."""
@@ -32,7 +32,7 @@ FAST_CYCLES = 3
 """Number of cycles of a fast demand."""
 
 MAX_FAST_TICKS = 8000
-"""Maximum number of ticks of a fast demand, also if it then has fewer cycles."""
+"""Maximum number of ticks of a fast demand, even if the demand then has fewer cycles."""
 
 FAST_BAND = (0.1, 0.6)
 """Lowest and highest value of a fast demand, as fractions of the static range. A fast demand needs
@@ -44,7 +44,7 @@ class DemandPath:
     """A demand and a gap for each sample."""
 
     name: str  # short identifier, such as ``reversals``
-    title: str  # description for a reader
+    title: str  # description of the path for reports
     demand: FloatArray  # demand, in units of the output; shape (n,)
     # scheduling variable (gap), SI; None if the model does not need it; shape (n,)
     gap: FloatArray | None
@@ -165,23 +165,23 @@ def _make_shapes(has_gap: bool, seed: int, size: int) -> dict[str, tuple[str, Fl
 
 def _nested_triangles() -> FloatArray:
     """Return triangles of decreasing amplitude around three mean values; 0..1."""
-    corners = [0.0]
-    for middle in (0.5, 0.2, 0.8):
-        for half_size in min(middle, 1.0 - middle) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
-            corners += [middle + half_size, middle - half_size]
-    corners.append(0.0)
-    positions = np.linspace(0.0, len(corners) - 1.0, 1500)
-    return np.interp(positions, np.arange(len(corners)), corners)
+    reversal_levels = [0.0]
+    for mean_level in (0.5, 0.2, 0.8):
+        for half_size in min(mean_level, 1.0 - mean_level) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
+            reversal_levels += [mean_level + half_size, mean_level - half_size]
+    reversal_levels.append(0.0)
+    positions = np.linspace(0.0, len(reversal_levels) - 1.0, 1500)
+    return np.interp(positions, np.arange(len(reversal_levels)), reversal_levels)
 
 
 def _random_reversals(random: np.random.Generator, size: int, mean_interval: float = 25.0) -> FloatArray:
     """Return straight lines between random levels at random times; 0..1."""
-    times = np.concatenate([[0.0], np.cumsum(random.exponential(mean_interval, size))])
-    levels = random.random(times.size)
+    reversal_times = np.concatenate([[0.0], np.cumsum(random.exponential(mean_interval, size))])
+    levels = random.random(reversal_times.size)
     levels[0] = 0.0
-    is_extreme = random.random(times.size) < 0.15
+    is_extreme = random.random(reversal_times.size) < 0.15
     levels[is_extreme] = np.round(levels[is_extreme])
-    return np.interp(np.arange(size), times, levels)
+    return np.interp(np.arange(size), reversal_times, levels)
 
 
 def _random_levels(random: np.random.Generator, size: int) -> FloatArray:
@@ -201,7 +201,7 @@ def _random_walk(random: np.random.Generator, size: int) -> FloatArray:
 def _stepped_gaps(random: np.random.Generator, size: int, length: int) -> FloatArray:
     """Return fractions 0..1 of the gap range, each constant for `length` samples.
 
-    The first two are 0 and 1.
+    The first two fractions are 0 and 1.
     """
     levels = random.random(-(-size // length))
     levels[:2] = 0.0, 1.0

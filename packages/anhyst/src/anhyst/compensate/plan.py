@@ -1,7 +1,7 @@
 """Plan how a model is compiled: signal scales, limits, table sizes and the start-up sequence.
 
-`make_plan` selects all of them for a model and a `CompileRequest`. The search takes the smallest
-tables that keep the requested accuracy.
+`make_plan` makes all these choices for a model and a `CompileRequest`. The search selects the
+smallest tables that keep the requested accuracy.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from anhyst.support.cache import c_name, check_c_name
 from anhyst.support.errors import InputError, NegativeResult
 
 RAMP_TIME_S = 0.25
-"""Duration of one start-up ramp: slow for an amplifier. The number of ticks is limited to 2..32767.
-"""
+"""Duration of one start-up ramp, which is slow for an amplifier. The number of ticks is limited to
+2..32767."""
 
 MAX_CYCLES = 16
 MAX_REMAINING_SHARE = 0.1
 """Largest remaining difference after the start-up, as a fraction of the accuracy."""
 
 MAX_CYCLE_RATIO = 0.99
-"""A further start-up cycle is not used if it leaves more than this fraction of the remaining
-difference. A single cycle moves all play operators that it reaches."""
+"""A further start-up cycle is not used if more than this fraction of the previous difference would
+remain. A single cycle moves all play operators that it reaches."""
 
 RAMP_SAMPLES = 60
 """Number of samples of a ramp in the simulation. The model is exact at any sampling."""
 
 START_REVERSALS = (-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0)
-"""Last currents before the start-up, relative to the largest current, of the tested histories."""
+"""Last currents of the tested histories before the start-up, relative to the largest current."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +60,10 @@ def plan_start_up(
     ticks = int(np.clip(round(rate * RAMP_TIME_S), 2, 32767))
     cycles, remaining_difference = 1, difference_after_start_up(model, scales, limits, 1)
     while remaining_difference > MAX_REMAINING_SHARE * accuracy and cycles < MAX_CYCLES:
-        with_one_more = difference_after_start_up(model, scales, limits, cycles + 1)
-        if with_one_more > MAX_CYCLE_RATIO * remaining_difference:
+        next_difference = difference_after_start_up(model, scales, limits, cycles + 1)
+        if next_difference > MAX_CYCLE_RATIO * remaining_difference:
             break
-        cycles, remaining_difference = cycles + 1, with_one_more
+        cycles, remaining_difference = cycles + 1, next_difference
     return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining_difference)
 
 
@@ -93,7 +93,7 @@ def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits
 
 
 def _start_histories(high: float) -> list[History]:
-    reversal_texts = (f"conditioned:{part * high!r},0" for part in START_REVERSALS if part)
+    reversal_texts = (f"conditioned:{level * high!r},0" for level in START_REVERSALS if level)
     return [History.parse(text) for text in ("demagnetised", *reversal_texts)]
 
 
@@ -101,7 +101,7 @@ CHECKED_GAPS = 65
 """Number of gaps at which the flux gain of the model is checked."""
 
 ROUND_MANTISSAS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-"""Full-scale values are one of these numbers times a power of ten."""
+"""Mantissas of full-scale values, which are multiplied by a power of ten."""
 
 DEFAULT_ACCURACY_PERCENT = 0.1
 """Largest deviation due to formats and tables without ``--accuracy``, % of the largest output."""
@@ -114,7 +114,7 @@ RATE_RANGE_HZ = (1.0, 1e6)
 
 @dataclass(frozen=True, slots=True)
 class CompileRequest:
-    """Options of a compilation, as the user gives them."""
+    """Options of a compilation that the user gives."""
 
     kind: Kind  # ``"full"`` or ``"simplified"`` (``"euler"`` is the baseline of the benchmarks)
     io: SignalFormat  # format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``
@@ -157,22 +157,22 @@ class Plan:
     sizes: TableSizes  # sizes of tables and number of iterations
     block: Block  # parameter block
     static_block: Block  # block without eddy-current lag; the same block if the model has none
-    start_up: StartUp  # the start-up sequence
+    start_up: StartUp  # start-up sequence, and the difference that remains after it
     search_result: BlockSearchResult  # errors of all tested table sizes
-    reference_output: float  # 100 % of all relative errors; see :func:`reference_output`
+    reference_output: float  # output that is 100 % in relative errors; see :func:`reference_output`
     allowance: float  # largest deviation due to formats and tables, in units of the output
 
 
-def round_full_scale(largest: float) -> float:
+def round_full_scale(magnitude: float) -> float:
     """Return the next round value above the largest magnitude of a signal.
 
     >>> round_full_scale(291.5), round_full_scale(3.01), round_full_scale(0.1)
     (300.0, 4.0, 0.12)
     """
-    decade = 10.0 ** np.floor(np.log10(largest))
-    # The value 1.0 itself has no code.
+    decade = 10.0 ** np.floor(np.log10(magnitude))
+    # No code represents the value 1.0 itself.
     mantissa = next(
-        candidate for candidate in ROUND_MANTISSAS if candidate * decade > largest * (1.0 + 2.0**-15)
+        candidate for candidate in ROUND_MANTISSAS if candidate * decade > magnitude * (1.0 + 2.0**-15)
     )
     return float(f"{mantissa * decade:.6g}")
 
@@ -270,7 +270,7 @@ def find_limits(model: Model) -> DemandLimits:
 
 
 def _largest_demand_word(model: Model, limits: DemandLimits) -> float:
-    """Return the largest magnitude of a demand or of its distance from the output at zero flux."""
+    """Return the largest magnitude of a demand, or of a demand minus the output at zero flux."""
     largest_demand_value = largest_demand(limits)
     if output_map(model.output).has_natural_zero:
         return largest_demand_value

@@ -43,11 +43,11 @@ def pack_play(
     for word, halves in (("MAGIC", MAGIC), ("MODEL", (model_hash & 0xFFFF, model_hash >> 16))):
         row[WORD_INDEX[word] : WORD_INDEX[word] + 2] = halves
     end = MIN_BLOCK_WORDS
-    named: dict[str, float] = {"LAYOUT": LAYOUT_VERSION, "KIND": KINDS["play"], "SCALE_UNITS": _UNIT_CODES}
+    indices: dict[str, float] = {"LAYOUT": LAYOUT_VERSION, "KIND": KINDS["play"], "SCALE_UNITS": _UNIT_CODES}
     for name, values in tables.items():
-        named[name], end = end, end + values.size
-    for name, value in {**words, **named, "LENGTH": end}.items():
-        index, is_single = WORD_INDEX[name], name.startswith("SCALE") and name not in named
+        indices[name], end = end, end + values.size
+    for name, value in {**words, **indices, "LENGTH": end}.items():
+        index, is_single = WORD_INDEX[name], name.startswith("SCALE") and name not in indices
         if is_single and number_format == "fixed":
             row[index : index + 2] = split_single(value)
         else:
@@ -55,8 +55,8 @@ def pack_play(
     row = np.concatenate([row, *(values.ravel() for values in tables.values())])
     if number_format == "fixed":
         row %= 2**16
-    packed = row.astype(_WORD_TYPES[number_format])
+    packed_row = row.astype(_WORD_TYPES[number_format])
     crc = WORD_INDEX["CRC"]
-    checksum = zlib.crc32(np.delete(packed, [crc, crc + 1]).tobytes())
-    packed[crc : crc + 2] = checksum & 0xFFFF, checksum >> 16
-    return packed.view("<i2").astype(np.int16) if number_format == "fixed" else packed
+    checksum = zlib.crc32(np.delete(packed_row, [crc, crc + 1]).tobytes())
+    packed_row[crc : crc + 2] = checksum & 0xFFFF, checksum >> 16
+    return packed_row.view("<i2").astype(np.int16) if number_format == "fixed" else packed_row

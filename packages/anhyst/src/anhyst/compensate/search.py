@@ -1,8 +1,8 @@
 """Search for the smallest tables that keep the requested accuracy.
 
-The search measures the error of each table size alone, with all other sizes fine. Then it tests
-combinations in the order of their memory, and takes the first one whose total error is small
-enough.
+The search measures the error of each table size alone, with all other tables at their finest size.
+Then it tests combinations in the order of their memory, and selects the first one whose total error
+is small enough.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from anhyst.compensate.measure import (
     compare_outputs,
     compare_with_demand,
     measure_gap_interpolation,
+    move_gaps_to_knots,
     predict_outputs,
-    snap_gaps,
 )
 from anhyst.compensate.paths import DemandPath
 from anhyst.support.block_layout import MAX_BLOCK_WORDS, MIN_BLOCK_WORDS
 from anhyst.support.numeric import FloatArray
 
 TARGET_ALLOWANCE_RATIO = 0.9
-"""Fraction of the allowance that the search may use. The rest is a margin, because the budget is
-measured on other paths."""
+"""Fraction of the allowance that the search may use. The rest of the allowance is a margin, because
+the budget is measured on other paths."""
 
 MAX_CONVERGED_RATIO = 1.05
-"""The number of iterations is sufficient if the worst error is at most this factor above that of
-many iterations."""
+"""The number of iterations is sufficient if the worst error is at most this factor times the error
+with many iterations."""
 
 SEARCH_PATH_LENGTH = 2
 """Length of the paths of the search, relative to the standard paths."""
@@ -50,7 +50,7 @@ MAX_GAP_ERROR_SHARE = 0.1
 fraction of the error of the law itself."""
 
 MAX_KNEE_SHARE = 0.1
-"""Fraction of the accuracy that the linear start of the square root may use."""
+"""Fraction of the accuracy that the linear segment of the square root near zero may use."""
 
 GAP_SEGMENT_RANGE = range(7)
 CLOSED_FORM_SIZES = {"octaves": range(6, 15), "octave_segments": range(2, 6)}
@@ -79,7 +79,7 @@ class BlockSearchResult:
 
     sizes: TableSizes  # selected sizes
     error: float  # largest deviation on the paths of the search, in units of the output
-    # tested sizes of each table with their errors, while all other sizes are fine
+    # tested sizes of each table with their errors, while all other tables are finest
     axis_errors: Mapping[str, list[tuple[int, float]]]
 
 
@@ -104,7 +104,7 @@ class BlockSearch:
         self._fine_cache: dict[int, tuple[list[DemandPath], list[FloatArray]]] = {}
 
     def _select_root_knee(self) -> int:
-        """Return the exponent ``k`` of the flattest start of the square root with a small error.
+        """Return the exponent ``k`` with which the root is flattest at zero and accurate enough.
 
         The error is 2^(-2k)/4 of full scale. A small ``k`` makes the square root flatter at zero.
         """
@@ -114,14 +114,14 @@ class BlockSearch:
 
     def run(self) -> BlockSearchResult:
         """Run the search."""
-        axes = {"gap_segments": self._gap_axis()}
+        size_axes = {"gap_segments": self._gap_axis()}
         for name, values in TABLE_SIZES[self.kind].items():
-            axes[name] = [
+            size_axes[name] = [
                 (value, self._table_error(replace(FINE_SIZES, **{name: value}))) for value in values
             ]
         target = TARGET_ALLOWANCE_RATIO * self.allowance
         best_candidate: tuple[float, TableSizes] | None = None
-        for sizes in self._candidates(axes):
+        for sizes in self._candidates(size_axes):
             error = self._total_error(sizes)
             if best_candidate is None or error < best_candidate[0]:
                 best_candidate = error, sizes
@@ -131,10 +131,10 @@ class BlockSearch:
         best_error, sizes = best_candidate
         if self.kind != "cells":  # play cells are solved in closed form
             sizes = replace(sizes, iterations=self._select_iterations(sizes))
-        return BlockSearchResult(sizes, best_error, axes)
+        return BlockSearchResult(sizes, best_error, size_axes)
 
     def _select_iterations(self, sizes: TableSizes) -> int:
-        """Return one more than the smallest number of iterations that is as good as many."""
+        """Return one more than the smallest number of iterations that is as accurate as many."""
         b = self.builder
         paths = b.output_range.paths(seed=ITERATION_SEED, length=ITERATION_PATH_LENGTH)
 
@@ -146,7 +146,7 @@ class BlockSearch:
         return next((n + 1 for n in ITERATION_RANGE if max_error(n) <= target), FINE_SIZES.iterations)
 
     def _total_error(self, sizes: TableSizes) -> float:
-        """Return the error of some sizes.
+        """Return the total error for some table sizes.
 
         For a simplified law, the result is at least the error of its tables alone, so that the
         error of the law does not hide the error of the tables.
@@ -164,7 +164,7 @@ class BlockSearch:
 
     @cached_property
     def _fine_runs(self) -> Runs:
-        """Runs with fine tables in double precision."""
+        """Runs with the finest tables in double precision."""
         b = self.builder
         return compare_with_demand(b.model, b.exact_block(FINE_SIZES), "f64", self.paths)[1]
 
@@ -184,53 +184,51 @@ class BlockSearch:
             sizes = [replace(FINE_SIZES, gap_segments=n) for n in GAP_SEGMENT_RANGE]
             parts = b.model, b.scales, b.limits
             return [(s.gap_segments, measure_gap_interpolation(*parts, s, paths).worst) for s in sizes]
-        allowed = MAX_GAP_ERROR_SHARE * max(self._law_errors)
+        allowance = MAX_GAP_ERROR_SHARE * max(self._law_errors)
 
         def gap_error(sizes: TableSizes) -> float:
             runs = compare_with_demand(b.model, b.exact_block(sizes), "f64", self.paths)[1]
-            coarse, fine = ([run.output for run, _ in each[:-1]] for each in (runs, self._fine_runs))
+            coarse, fine = ([run.output for run, _ in series[:-1]] for series in (runs, self._fine_runs))
             return max(
-                self._excess_error(runs), compare_outputs(self.paths, coarse, fine).worst - allowed, 0.0
+                self._excess_error(runs), compare_outputs(self.paths, coarse, fine).worst - allowance, 0.0
             )
 
         return [(n, gap_error(replace(FINE_SIZES, gap_segments=n))) for n in range(LAW_GAP_SEGMENTS + 1)]
 
     def _table_error(self, sizes: TableSizes) -> float:
-        """Return the error of the law's tables alone, at gaps that are knots of the gap tables."""
+        """Return the error due to the law's tables only, at the knots of the gap tables."""
         b, block = self.builder, self.builder.exact_block(sizes)
         if b.kind == "full":
-            snapped_paths = snap_gaps(self.paths, b.model, b.scales, sizes)
-            return compare_with_demand(b.model, block, "f64", snapped_paths)[0].worst
-        snapped_paths, fine = self._fine_outputs(sizes.gap_segments)
-        return compare_outputs(
-            snapped_paths, predict_outputs(b.model, block, "f64", snapped_paths), fine
-        ).worst
+            knot_paths = move_gaps_to_knots(self.paths, b.model, b.scales, sizes)
+            return compare_with_demand(b.model, block, "f64", knot_paths)[0].worst
+        knot_paths, fine = self._fine_outputs(sizes.gap_segments)
+        return compare_outputs(knot_paths, predict_outputs(b.model, block, "f64", knot_paths), fine).worst
 
     def _fine_outputs(self, gap_segments: int) -> tuple[list[DemandPath], list[FloatArray]]:
-        """Return paths at knots of the gap tables, and the outputs of fine tables on them."""
+        """Return paths at knots of the gap tables, and the outputs of the finest tables there."""
         if gap_segments not in self._fine_cache:
             b, sizes = self.builder, replace(FINE_SIZES, gap_segments=gap_segments)
-            snapped_paths = snap_gaps(self.paths, b.model, b.scales, sizes)
+            knot_paths = move_gaps_to_knots(self.paths, b.model, b.scales, sizes)
             self._fine_cache[gap_segments] = (
-                snapped_paths,
-                predict_outputs(b.model, b.exact_block(sizes), "f64", snapped_paths),
+                knot_paths,
+                predict_outputs(b.model, b.exact_block(sizes), "f64", knot_paths),
             )
         return self._fine_cache[gap_segments]
 
-    def _candidates(self, axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
-        """Return the promising sizes by increasing memory; otherwise the most accurate sizes."""
+    def _candidates(self, size_axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
+        """Return promising sizes in the order of their memory; otherwise the most accurate ones."""
         finest_table_sizes = replace(FINE_SIZES, root_knee=self.root_knee)
-        rows = []
-        for choice in product(*axes.values()):
-            sizes = replace(finest_table_sizes, **{n: c[0] for n, c in zip(axes, choice, strict=True)})
+        candidate_rows = []
+        for choice in product(*size_axes.values()):
+            sizes = replace(finest_table_sizes, **{n: c[0] for n, c in zip(size_axes, choice, strict=True)})
             gap_error, *table_errors = (cost for _, cost in choice)
             words = count_words(self.kind, sizes) * (2 if self.builder.io == "f32" else 1)
             if words <= MAX_WORDS_BY_KIND[self.kind]:
-                rows.append((words, gap_error + max(table_errors), sizes))
-        promising_rows = [row for row in rows if row[1] <= self.allowance]
+                candidate_rows.append((words, gap_error + max(table_errors), sizes))
+        promising_rows = [row for row in candidate_rows if row[1] <= self.allowance]
         if promising_rows:
             return [sizes for *_, sizes in sorted(promising_rows, key=lambda row: row[:2])]
-        return [min(rows, key=lambda row: row[1])[2]]
+        return [min(candidate_rows, key=lambda row: row[1])[2]]
 
 
 def count_words(kind: Kind, sizes: TableSizes) -> int:

@@ -6,9 +6,9 @@ closed form with one state ``u`` between limits, which follows the flux (derivat
 
     current = bias(gap) + flux_coefficient(gap)*flux + lag_coefficient(gap)*u
 
-Its five constants are the three coefficients, the rate at which ``u`` follows, and ``nu``. They are
-not derived from the parameters of the model. They are fitted to its response, with the error in the
-output. A straight line through a curve is then most accurate in the working range.
+Its five constants are the three coefficients, the rate at which ``u`` follows, and ``nu``. The
+constants are not derived from the parameters of the model, but fitted to its response, with the
+error in the output. A straight line through a curve is then most accurate in the working range.
 """
 
 from __future__ import annotations
@@ -36,29 +36,29 @@ SAMPLES_PER_CYCLE = 160
 """Number of samples of one cycle of a demand. The closed form is exact at any sampling."""
 
 FIT_CYCLES = 3
-"""Number of cycles of each demand from the demagnetised state. The last one is fitted."""
+"""Number of cycles of each demand from the demagnetised state. The last cycle is fitted."""
 
 MAX_REVERSAL_SLOPE = 2000.0
-"""Largest slope after a reversal, rate/(1 - nu). It fits the number format with a small margin."""
+"""Largest slope after a reversal, rate/(1 - nu); it fits the number format with a small margin."""
 
 MAX_DEAD_BAND = 2.0**-11
 """Largest dead band of the flux, relative to the flux of saturated iron.
 
-It is wider than the noise of a 16-bit demand (4 codes) and of a 12-bit current. Without it, this
+It is wider than the noise of a 16-bit demand (4 codes) and of a 12-bit current. Without it, such
 noise moved the current of the bundled magnet by up to 1005 of 32,768 codes in 0.1 s at standstill.
 """
 
 MAX_DEAD_BAND_STATE = 2.0**-6
-"""Largest change of the state ``u`` within the dead band. A reversal of that size causes an error
-of this size."""
+"""Largest change of the state ``u`` within the dead band. A flux reversal of the size of the dead
+band causes an error of this size."""
 
 OFFSET_PENALTY = 0.01
-"""Relative penalty on the cost for the lowest possible offset. It keeps the offset from jumping
-between gaps where it has little effect."""
+"""Relative penalty on the cost for the lowest possible offset. The penalty keeps the offset from
+jumping between gaps at which the offset has little effect."""
 
 MIN_INDEPENDENT_SHARE = 1e-12
-"""Smallest part of a column that is independent of the columns before it, relative to its length. A
-column with less is ignored."""
+"""Smallest part of a column that is independent of the columns before it, relative to the length of
+the column. A column whose independent part is smaller is ignored."""
 
 REWEIGHTING_STEPS = 6
 """Number of reweighting steps from the least-squares fit toward the smallest maximum error."""
@@ -68,10 +68,10 @@ REWEIGHTING_STEPS = 6
 class ClosedForm:
     """Constants of the simplified law."""
 
-    rate: float  # distance ``z`` per unit of flux (that of saturated iron)
-    nu: float  # in [0, 1)
+    rate: float  # change of ``z`` per flux, in units of the flux of saturated iron
+    nu: float  # parameter of eq. 14, in [0, 1)
     gaps: FloatArray  # scheduling variable of the coefficients, SI; shape (g,)
-    bias: FloatArray  # in units of the input; shape (g,)
+    bias: FloatArray  # bias of the current, in units of the input; shape (g,)
     flux_coefficient: FloatArray
     lag_coefficient: FloatArray
     # errors relative to the full model over the fitted demands, in units of the output
@@ -87,7 +87,7 @@ class ClosedForm:
 
 @dataclass(frozen=True)
 class _FitTask:
-    """One demand at one gap: its flux, the current of the full model, and weights in N/A."""
+    """One demand at one gap: its flux, the full model's current, and weights in N/A."""
 
     demand: FloatArray
     flux: FloatArray
@@ -110,8 +110,8 @@ def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask
         inverse = model.invert(demand, np.full(demand.size, gap), history="demagnetised")
         flux = (inverse.flux_density / unit).astype(np.float64)
         last_cycle = slice(flux.size - SAMPLES_PER_CYCLE, None)
-        # Weight: change of the output per ampere. It is calculated from the flux, because current
-        # and flux are nearly proportional.
+        # Weight: change of the output per ampere. The weight is calculated from the flux, because
+        # current and flux are nearly proportional.
         current_per_flux = np.ptp(inverse.drive[last_cycle]) / np.ptp(flux[last_cycle])
         power = model.power
         weight = (
@@ -124,13 +124,13 @@ def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask
 def _apply_offset(model: Model, gap: float, tasks: list[_FitTask], offset: float) -> list[_FitTask]:
     """Return the same demands with the flux for another offset."""
     scale = float(model.interpolate_parameter("c_out", np.array([gap]))[0]) * flux_unit(model) ** 2
-    changed = []
+    changed_tasks = []
     for task in tasks:
         flux = np.sqrt(np.maximum(task.demand - offset, 0.0) / scale)
         current_per_flux = np.ptp(task.current[task.last_cycle]) / np.ptp(flux[task.last_cycle])
         weight = 2.0 * scale * flux[task.last_cycle] / current_per_flux
-        changed.append(_FitTask(task.demand, flux, task.current, weight, task.last_cycle))
-    return changed
+        changed_tasks.append(_FitTask(task.demand, flux, task.current, weight, task.last_cycle))
+    return changed_tasks
 
 
 def state_curve(nu: float, z: FloatArray) -> FloatArray:
@@ -157,42 +157,42 @@ def _dead_band(rate: float, nu: float) -> float:
     return min(MAX_DEAD_BAND, MAX_DEAD_BAND_STATE * (1.0 - nu) / rate)
 
 
-def _pack(rate: float, nu: float, dead_band: float, sizes: TableSizes, pack: Packer) -> None:
-    dead_band = 0.0 if pack.kind == "euler" else dead_band
-    pack.put_weight("SIMPLE_RATE", rate / 8.0, "rate of the simplified law")
+def _pack(rate: float, nu: float, dead_band: float, sizes: TableSizes, packer: Packer) -> None:
+    dead_band = 0.0 if packer.kind == "euler" else dead_band
+    packer.put_weight("SIMPLE_RATE", rate / 8.0, "rate of the simplified law")
     reversal_slope = rate / (1.0 - nu)
-    pack.put_weight("SIMPLE_HOLD", reversal_slope, "slope of the simplified law after a reversal")
-    pack.put_number("SIMPLE_REST", 1.0 - nu, "1 - nu", min_word=1)
-    pack.put_number("SIMPLE_BAND", dead_band, "dead band of the simplified law")
-    pack.put_integer("SIMPLE_ITERATIONS", sizes.iterations)
-    if pack.kind == "euler":
-        pack.put_integer("EULER_SUBSTEPS", sizes.substeps)
+    packer.put_weight("SIMPLE_HOLD", reversal_slope, "slope of the simplified law after a reversal")
+    packer.put_number("SIMPLE_REST", 1.0 - nu, "1 - nu", min_word=1)
+    packer.put_number("SIMPLE_BAND", dead_band, "dead band of the simplified law")
+    packer.put_integer("SIMPLE_ITERATIONS", sizes.iterations)
+    if packer.kind == "euler":
+        packer.put_integer("EULER_SUBSTEPS", sizes.substeps)
         return
     states = state_curve(nu, table_distances(sizes))
-    states = np.minimum(states, 32767 / 32768) if pack.is_fixed else states
-    pack.put_integer("SIMPLE_OCTAVES", sizes.octaves)
-    pack.put_integer("SIMPLE_SEGMENTS", sizes.octave_segments)
-    pack.put_table("SIMPLE_CURVE", states, 32768.0)
+    states = np.minimum(states, 32767 / 32768) if packer.is_fixed else states
+    packer.put_integer("SIMPLE_OCTAVES", sizes.octaves)
+    packer.put_integer("SIMPLE_SEGMENTS", sizes.octave_segments)
+    packer.put_table("SIMPLE_CURVE", states, 32768.0)
 
 
 def _simulate_states(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -> list[FloatArray]:
     """Return the state ``u`` along each row of fluxes, calculated by the C core."""
-    pack = Packer("simplified")
-    pack.put_integer("POWER", 1)
-    pack.put_integer("ROOT_KNEE", sizes.root_knee)
+    packer = Packer("simplified")
+    packer.put_integer("POWER", 1)
+    packer.put_integer("ROOT_KNEE", sizes.root_knee)
     for name in ("DEMAND", "CURRENT"):
-        pack.put_integer(f"{name}_LOW", -32767)
-        pack.put_integer(f"{name}_HIGH", 32767)
-    pack.put_integer("FLUX_SHIFT", 2)
-    pack.put_integer("FLUX_LIMIT", 16384)
-    pack.put_integer("CONDITION_TICKS", 2)
-    ones = np.ones(2)
+        packer.put_integer(f"{name}_LOW", -32767)
+        packer.put_integer(f"{name}_HIGH", 32767)
+    packer.put_integer("FLUX_SHIFT", 2)
+    packer.put_integer("FLUX_LIMIT", 16384)
+    packer.put_integer("CONDITION_TICKS", 2)
+    unit_pair = np.ones(2)
     for name, value in (("GAIN", 0.25), ("OFFSET", 0.0), ("BIAS", 0.0), ("FLUX_ARM", 0.0)):
-        pack.put_table(f"GAP_{name}", value * ones, 65536.0)
-    pack.put_table("GAP_FIELD_ARM", 0.25 * ones, 65536.0)
-    pack.put_integer("CURRENT_SHIFT", 2)
-    _pack(rate, nu, _dead_band(rate, nu), sizes, pack)
-    words = pack.make_block(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words
+        packer.put_table(f"GAP_{name}", value * unit_pair, 65536.0)
+    packer.put_table("GAP_FIELD_ARM", 0.25 * unit_pair, 65536.0)
+    packer.put_integer("CURRENT_SHIFT", 2)
+    _pack(rate, nu, _dead_band(rate, nu), sizes, packer)
+    words = packer.make_block(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words
     law, states = FixedCompensator("simplified", words), []
     initial_memory = law.memory
     flux_codes = np.rint(np.concatenate(fluxes) * 2.0**31)
@@ -379,5 +379,5 @@ def make_simplified_law(frame: BlockFrame, law: ClosedForm) -> LawTables:
         for coefficient in (law.bias, law.flux_coefficient, law.lag_coefficient)
     )
     bias, flux_coefficient, lag_coefficient = coefficients
-    pack = partial(_pack, law.rate, law.nu, law.dead_band, frame.sizes)
-    return LawTables((bias, flux_coefficient, lag_coefficient), pack, offset)
+    packer = partial(_pack, law.rate, law.nu, law.dead_band, frame.sizes)
+    return LawTables((bias, flux_coefficient, lag_coefficient), packer, offset)

@@ -1,6 +1,6 @@
 """Collect the inputs of a force controller: measured loops or a model, and the operating range.
 
-If no loops were measured, :func:`simulate_loops` calculates them from the model.
+If no loops were measured, :func:`simulate_loops` simulates loops of the model.
 """
 
 from __future__ import annotations
@@ -53,13 +53,14 @@ class FluxCalibration:
     def density_at(self, force: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density for a force, T; shape (gaps, forces).
 
-        At each measured gap it is a fitted constant times the square root of the force. If forces
-        have both signs, it is a fitted straight line. Between the gaps it is interpolated linearly.
+        At each measured gap, the density is a fitted constant times the square root of the force.
+        With forces of both signs, it is a fitted straight line. It is interpolated between the
+        gaps.
         """
         knots = np.unique(self.gap)
         if force[0] < 0.0:
-            fits = [np.polyfit(*self._points_at(knot), 1) for knot in knots.tolist()]
-            slope, intercept = (np.interp(gap, knots, column)[:, None] for column in np.transpose(fits))
+            line_fits = [np.polyfit(*self._points_at(knot), 1) for knot in knots.tolist()]
+            slope, intercept = (np.interp(gap, knots, column)[:, None] for column in np.transpose(line_fits))
             return np.asarray(intercept + slope * force)
         constants = []
         for knot in knots.tolist():
@@ -116,12 +117,12 @@ class OperatingRange:
 
 @dataclass(frozen=True)
 class Sources:
-    """Available information about a magnet; each method uses the part that it needs."""
+    """Available information about a magnet; each method uses what it needs."""
 
     operating: OperatingRange  # operating point and limits
     loops: Loops | None = None  # loops, current to force; required by methods without a model
-    model: Model | None = None  # from the same loops; required by methods with a model
-    # required by methods that measure the flux density
+    model: Model | None = None  # model of the same loops; required by methods with a model
+    # Hall probe; required by methods that measure the flux density
     flux_calibration: FluxCalibration | None = None
 
     def surface(self) -> Surface:

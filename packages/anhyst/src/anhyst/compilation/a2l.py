@@ -51,7 +51,7 @@ _COMMANDS = (
     "ALLOC_ODT_ENTRY",
 )
 _READ_ONLY_WORDS = {word.name for word in HEAD_WORDS} - {"GENERATION"}
-"""Words that a tool must not change: they are checked or recalculated."""
+"""Words that a tool must not change, because they are checked or recalculated."""
 
 _MAX_SINGLE_PRECISION = 3.4028234e38
 
@@ -66,7 +66,7 @@ class _Conversion:
     offset: float = 0.0
 
     def limits(self, low: float, high: float) -> dict[str, float]:
-        """Return the limits of the quantity."""
+        """Return the limits of the converted quantity."""
         first_value, second_value = self.slope * low + self.offset, self.slope * high + self.offset
         return {"low": min(first_value, second_value), "high": max(first_value, second_value)}
 
@@ -77,7 +77,7 @@ class _Conversions:
 
     by_content: dict[tuple[str, float, float], _Conversion] = field(default_factory=dict)
 
-    def get(self, unit: str, slope: float, offset: float = 0.0) -> _Conversion:
+    def find_or_add(self, unit: str, slope: float, offset: float = 0.0) -> _Conversion:
         """Return a conversion; new ones are numbered."""
         key = (unit, slope, offset)
         return self.by_content.setdefault(key, _Conversion(f"m{len(self.by_content)}", unit, slope, offset))
@@ -140,7 +140,7 @@ def make_a2l(manifest: Mapping[str, Any]) -> str:
 
 
 def tick_period(rate: float, max_count: int) -> tuple[int, int]:
-    """Return a tick period as a number up to `max_count`, and the power of 10 of its unit in ns."""
+    """Return a tick period as a count up to `max_count`, and the exponent n of its unit 10^n ns."""
     for exponent in range(10):
         ticks = (10 ** (9 - exponent) + int(rate) // 2) // int(rate)
         if ticks <= max_count:
@@ -175,24 +175,24 @@ def _select_conversion(
     if value.of == "position":
         controller = manifest["controller"]
         scale = controller["signals"]["position"]["scale"] if controller is not None else 1.0
-        return conversions.get("m", scale * step)
+        return conversions.find_or_add("m", scale * step)
     if value.of == "gap" and signals["gap"] is not None:
         low, high = signals["gap"]["low"], signals["gap"]["high"]
-        return conversions.get(signals["gap"]["unit"], (high - low) * step, low)
+        return conversions.find_or_add(signals["gap"]["unit"], (high - low) * step, low)
     if value.of in ("demand", "current"):
-        return conversions.get(signals[value.of]["unit"], signals[value.of]["scale"] * step)
-    return conversions.get("", step)
+        return conversions.find_or_add(signals[value.of]["unit"], signals[value.of]["scale"] * step)
+    return conversions.find_or_add("", step)
 
 
 def _limit_ticks(value: XcpValue, rate: float) -> XcpValue:
-    """Return a setting with the limit that the boards apply."""
+    """Return a setting; a number of ticks gets the upper limit that the boards apply."""
     if not value.name.endswith("_ticks"):
         return value
     return value._replace(high=min(value.high, math.ceil(rate * HEARTBEAT_MS / 1000)))
 
 
 def _limit_position(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
-    """Return an input with the limits of the controller: a target is limited to possible positions."""
+    """Return an input; a position gets the range that the controller accepts."""
     if value.of != "position":
         return value
     settings = manifest["controller"]["settings"]
@@ -201,17 +201,17 @@ def _limit_position(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
 
 def _head_entries(conversions: _Conversions) -> Iterator[dict[str, Any]]:
     for word in HEAD_WORDS:
-        double = word.size == 2
+        is_double_word = word.size == 2
         yield {
             "name": f"block.{word.name.lower()}",
             "doc": _quotable_text(word.doc),
             "at": _address(word.index),
-            "layout": "as_ULONG" if double else "as_UWORD",
+            "layout": "as_ULONG" if is_double_word else "as_UWORD",
             "entries": 1,
             "read_only": word.name in _READ_ONLY_WORDS,
-            "method": conversions.get("", 1.0).name,
-            "low": 0 if double else word.low,
-            "high": 0xFFFFFFFF if double else word.high,
+            "method": conversions.find_or_add("", 1.0).name,
+            "low": 0 if is_double_word else word.low,
+            "high": 0xFFFFFFFF if is_double_word else word.high,
         }
 
 
@@ -225,7 +225,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
             "read_only": False,
         }
         if word["format"] == "single":
-            conversion = conversions.get(word["unit"], 1.0)
+            conversion = conversions.find_or_add(word["unit"], 1.0)
             yield (
                 row
                 | {"low": -_MAX_SINGLE_PRECISION, "high": _MAX_SINGLE_PRECISION}
@@ -237,7 +237,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
                 }
             )
             continue
-        conversion = conversions.get(word["unit"], word["scale"] / CODE_OF_ONE[word["format"]])
+        conversion = conversions.find_or_add(word["unit"], word["scale"] / CODE_OF_ONE[word["format"]])
         yield (
             row
             | conversion.limits(word["low"], word["high"])

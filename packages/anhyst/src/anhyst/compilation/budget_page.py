@@ -39,7 +39,7 @@ def explain_choices(plan: Plan) -> list[Decision]:
     if plan.block.kind == "full":
         choices += [
             _axis_choice(plan, "curve_segments", "anhysteretic curve and branch", "these tables"),
-            _axis_choice(plan, "inverse_segments", "inverse of the anhysteretic", "this table"),
+            _axis_choice(plan, "inverse_segments", "inverse of the anhysteretic curve", "this table"),
         ]
     else:
         choices += _closed_form_table_choices(plan)
@@ -65,7 +65,7 @@ def _signal_choices(plan: Plan) -> list[Decision]:
     step = LSB[io]
     rows = [
         ("demand", scales.demand, plan.reference_output, model.output.unit),
-        ("current", scales.current, max(abs(end) for end in plan.block.limits.current), model.input.unit),
+        ("current", scales.current, max(abs(limit) for limit in plan.block.limits.current), model.input.unit),
     ]
     choices = [
         Decision(
@@ -92,14 +92,14 @@ def _signal_choices(plan: Plan) -> list[Decision]:
 
 
 def _axis_choice(plan: Plan, axis: str, name: str, subject: str) -> Decision:
-    chosen = getattr(plan.sizes, axis)
+    chosen_exponent = getattr(plan.sizes, axis)
     errors = dict(plan.search_result.axis_errors[axis])
     if axis == "gap_segments" and not plan.model.needs_schedule:
         return Decision(name, "constant", "nothing depends on the gap")
-    reason = f"{subject} cause an error of {_percent_text(plan, errors[chosen])}"
-    if chosen - 1 in errors:
-        reason += f"; with {2 ** (chosen - 1)} it would be {_percent_text(plan, errors[chosen - 1])}"
-    return Decision(name, f"{2**chosen} segment{'s' if chosen else ''}", reason)
+    reason = f"{subject} cause an error of {_percent_text(plan, errors[chosen_exponent])}"
+    if chosen_exponent - 1 in errors:
+        reason += f"; with {2 ** (chosen_exponent - 1)} it would be {_percent_text(plan, errors[chosen_exponent - 1])}"
+    return Decision(name, f"{2**chosen_exponent} segment{'s' if chosen_exponent else ''}", reason)
 
 
 def _closed_form_table_choices(plan: Plan) -> list[Decision]:
@@ -128,7 +128,7 @@ def _closed_form_table_choices(plan: Plan) -> list[Decision]:
 
 
 def _iteration_choice(plan: Plan) -> Decision:
-    subject = "a solve" if plan.block.kind == "full" else "a commit that differs from the solve"
+    subject = "a solve" if plan.block.kind == "full" else "a commit of another current than the solved one"
     return Decision(
         "iterations",
         f"{plan.sizes.iterations} in {subject}",
@@ -169,8 +169,8 @@ def _percent_text(plan: Plan, value: float) -> str:
 PANEL_HEIGHT_IN = 2.1  # inches
 """Height of a panel, inches."""
 MAX_PLOT_POINTS = 1200
-"""Maximum number of points of a plotted path. Each point shows the extremes of an interval, so that
-no peak is lost."""
+"""Maximum number of points of a plotted path. Each plotted point shows the extremes of an interval,
+so that no peak is lost."""
 
 
 def make_budget_page(
@@ -181,16 +181,16 @@ def make_budget_page(
     text = f"Compiled, the output is within {worst_percent:.2g} % of the output of the model"
     if budget.required is not None:
         text += f"; {percent(budget, budget.required):.3g} % was requested"
-    head = Headline(
+    headline = Headline(
         title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
-        description=f"{text}. Held, it drifts by {drift:.2g} % in {HOLD_TIME_S:g} s.",
+        description=f"{text}. A held output drifts by {drift:.2g} % in {HOLD_TIME_S:g} s.",
         basis="",
         notes=(),
         tiles=(),
         comparison=None,
-        validity=f"Per cent are of the largest demand, {budget.reference_output:.4g} {budget.unit}. Every "
-        "figure is measured: the currents of the compensator are applied to the model in double "
-        "precision, and its output is compared with the demand.",
+        validity=f"Values in % are relative to the largest demand, {budget.reference_output:.4g} {budget.unit}. All "
+        "values are measured: the currents of the compensator are applied to the model in double "
+        "precision, and the output of the model is compared with the demand.",
     )
     sections = (
         Section("parts", "Error of each step", (_parts_table(budget),)),
@@ -199,11 +199,11 @@ def make_budget_page(
         Section("choices", "Choices and reasons", _choice_section(plan, choices)),
         Section("signals", "Signals", (_signal_table(signals),)),
     )
-    return render_page(head, sections, version, kind="Accuracy budget", source="the model file")
+    return render_page(headline, sections, version, kind="Accuracy budget", source="the model file")
 
 
 def _parts_table(budget: Budget) -> PageTable:
-    """Return the table of all parts, each switched on alone, and of their sums."""
+    """Return the table of all error contributions, each measured alone, and of their sums."""
     sums = budget.compiled, budget.total, budget.drift
     largest_error = max(part.worst or 0.0 for part in (*budget.parts, *sums))
 
@@ -224,7 +224,7 @@ def _parts_table(budget: Budget) -> PageTable:
         "Parts and sums",
         ["part", "what was switched on", f"worst [{budget.unit}]", "worst [%]", "rms [%]"],
         [row(part) for part in (*budget.parts, *sums)],
-        "Each part is switched on alone, everything else exact.",
+        "Each contribution is measured alone, while everything else is exact.",
         texts=2,
     )
 
@@ -239,13 +239,13 @@ def _path_section(budget: Budget) -> tuple[Picture, PageTable]:
         ]
         for run, error in budget.runs
     ]
-    picture = Picture(
+    figure_markup = Picture(
         svg_text(_draw_deviations(budget), "paths"),
         "Deviation of the output from the demand along each path",
-        "All compilation steps are switched on. If the current is at a limit, only deviations that "
+        "All compilation steps are active. If the current is at a limit, only deviations that "
         "a current within the limits could reduce count.",
     )
-    return picture, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
+    return figure_markup, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
 
 
 def _held_demand_table(budget: Budget) -> PageTable:
@@ -291,8 +291,8 @@ def _draw_deviations(budget: Budget) -> Figure:
         ax.set_title(run.path.title)
         ax.set_xlabel("sample")
         if budget.required is not None:
-            for bound in (-percent(budget, budget.required), percent(budget, budget.required)):
-                ax.axhline(bound, color=ALARM_COLOUR, linewidth=0.8, dashes=(4, 3))
+            for accuracy_limit in (-percent(budget, budget.required), percent(budget, budget.required)):
+                ax.axhline(accuracy_limit, color=ALARM_COLOUR, linewidth=0.8, dashes=(4, 3))
     for ax in axes[0 : len(budget.runs) : 2]:
         ax.set_ylabel("deviation, %")
     return figure

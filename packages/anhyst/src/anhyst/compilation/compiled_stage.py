@@ -55,7 +55,7 @@ class CompiledStage(CompiledFolder):
         return dict(self.vectors)
 
     def draw(self, ax: Axes) -> None:
-        """Draw the currents of the flight."""
+        """Draw the currents of the simulated motion."""
         time = np.arange(len(self.vectors["flags"])) / self.manifest["rate_Hz"]
         for number in range(1, self.manifest["stage"]["magnets"] + 1):
             ax.plot(time, self.vectors[f"current_{number}"], lw=1.0, label=f"magnet {number}")

@@ -1,8 +1,8 @@
 """Convert a controller file to the constants of a position controller in C.
 
 `CheckedController` is a controller file that fits the requested compilation. `ControllerPlan`
-contains the controller in fixed point. The other functions write its limits, settings and gains as
-lines of C, each with its physical value.
+contains the controller in fixed point. The other functions write limits, settings and gains as
+lines of C with the physical values.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def _find_option_faults(table: ControllerTable, request: CompileRequest) -> list
     if table.rate_Hz != request.rate:
         text = f"is {table.rate_Hz:g} Hz here and {request.rate:g} Hz in --rate; make them equal"
         faults.append(FileFault(("rate_Hz",), text, code="option-differs"))
-    if compensation.variant not in ("full", "simplified"):  # others are for simulations
+    if compensation.variant not in ("full", "simplified"):  # other variants: only in simulations
         text = f'"{compensation.variant}" is for comparison in simulations; write "full" or "simplified"'
         faults.append(FileFault(("compensation", "variant"), text, code="not-compilable"))
     elif compensation.variant != request.kind:
@@ -188,8 +188,8 @@ _GAIN_COMMENTS = (
     ("derivative", "K_d/T*Y/U/4"),
     ("second", "K_dd/T^2*Y/U/4"),
     ("load", "K_l*L/U/8"),
-    ("back", "4*share of the excess that the integral removes"),
-    ("smoothing", "low-pass of the first derivative: minus the share of a tick"),
+    ("back", "4*fraction of the excess that the integral removes"),
+    ("smoothing", "low-pass of the first derivative: minus the fraction per tick"),
     ("smoothing_2", "low-pass of the second derivative"),
 )
 _MIN_INT32 = -(2**31)

@@ -44,10 +44,10 @@ def controller_bytes(magnets: int, block: Block) -> int:
         *("control/supervisor.h", "control/levitation.h", "numeric/factor.h", "control/pidd2.h"),
         *("compensator/compensator.h", "compensator/force_controller.h"),
     )
-    generic = ("compensator/generic/force_controller.h", "control/generic/position.h")
+    generic_headers = ("compensator/generic/force_controller.h", "control/generic/position.h")
     sizes = _structure_sizes(
         *(read_core(f"include/anhyst/{name}") for name in headers),
-        *(_as_q31_header(read_core(f"include/anhyst/{name}")) for name in generic),
+        *(_as_q31_header(read_core(f"include/anhyst/{name}")) for name in generic_headers),
         MAGNETS=POSITION_MAGNETS,
         CELLS=MAX_CELLS,
     )
@@ -76,9 +76,7 @@ def _structure_sizes(*texts: str, **numbers: int) -> dict[str, int]:
     sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2, "ANHYST_REAL": 4}
     for text in texts:
         uncommented = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
-        sizes |= {
-            name: sizes[original] for original, name in re.findall(r"typedef (\w+) (\w+);", uncommented)
-        }
+        sizes |= {name: sizes[source] for source, name in re.findall(r"typedef (\w+) (\w+);", uncommented)}
         definitions = re.findall(r"typedef (struct|union) (?:\w+ )?\{([^}]*)\} (\w+);", uncommented)
         for kind, members, name in definitions:
             sizes_of_members = _member_sizes(members, sizes, numbers)
@@ -210,7 +208,7 @@ REPORT_FILES = ("verify.json", "verify.md")
 
 @dataclass(frozen=True, repr=False)
 class CompiledFolder(Result):
-    """Folder of C that was written."""
+    """Folder of C files that was written."""
 
     out: Path
     manifest: dict[str, Any]
@@ -252,5 +250,5 @@ def write_folder(out: PathLike, files: Mapping[str, str | bytes], manifest: Mapp
     contents = {name: to_bytes(content) for name, content in files.items()}
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
     complete_manifest = {"product": PRODUCT, **manifest, "files": dict(sorted(hashes.items()))}
-    with atomic_folder(out, replace=True) as draft:
-        write_files(draft, {**files, MANIFEST_FILE: json_text(complete_manifest)})
+    with atomic_folder(out, replace=True) as draft_folder:
+        write_files(draft_folder, {**files, MANIFEST_FILE: json_text(complete_manifest)})

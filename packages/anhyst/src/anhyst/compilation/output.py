@@ -1,8 +1,8 @@
 """Compile a model, in memory or in a file, to a folder of C (``anhyst compile``).
 
-`compile_model` plans the tables, measures the accuracy budget and writes all files. It plans with a
-smaller allowance if the budget exceeds the allowed error. Without sufficient accuracy, it writes
-nothing and raises an error.
+`compile_model` plans the tables, measures the accuracy budget and writes all files. If the budget
+exceeds the allowed error, it plans again with a smaller allowance. If the accuracy stays
+insufficient, it writes nothing and raises an error.
 """
 
 from __future__ import annotations
@@ -97,14 +97,14 @@ class Compiled(CompiledFolder):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings for the user, one sentence each; usually none."""
+        """Warnings for the user, one sentence each; usually there are none."""
         notes = list(self.left_out)
         page = next(name for name in self.files if name.endswith("budget.html"))
         if not is_within_allowance(self.plan, self.budget):
             notes.append(
                 "the error due to formats and tables exceeds the default limit, "
                 f"{DEFAULT_ACCURACY_PERCENT:g} % of the largest output: "
-                f"{ADVICE[largest_part(self.budget).name]}; {self.out / page} shows each part"
+                f"{ADVICE[largest_part(self.budget).name]}; {self.out / page} shows each contribution"
             )
         if not is_drift_allowed(self.plan, self.budget):
             notes.append(explain_drift(self.plan, self.budget))
@@ -126,7 +126,7 @@ class Compiled(CompiledFolder):
         return rows_to_columns(budget_dict(self.budget)["parts"])
 
     def draw(self, ax: Axes) -> None:
-        """Draw the accuracy budget: the error of each part."""
+        """Draw the accuracy budget: the error contribution of each step."""
         budget = self.budget
         parts = [part for part in (*budget.parts, budget.compiled, budget.drift) if part.worst]
         bar_positions = range(len(parts))
@@ -190,7 +190,7 @@ def compile_model(
 
 
 def select_compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
-    """Return the part of a model that can be compiled, and sentences about the rest."""
+    """Return the model without what cannot be compiled, and a sentence about each omission."""
     if model.has_lag or (model.has_layers and request.kind == "full"):
         return model, list_omissions(model, has_layers=True)
     return model.at_rest, list_omissions(model)
@@ -200,10 +200,10 @@ def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]
     """Return a sentence for each dynamic part of a model that is not compiled."""
     dynamics, notes = model.dynamics, []
     if model.has_eddy_currents and not has_layers:
-        alternative = "; --kind full compiles it" if model.has_layers else ""
+        alternative_text = "; --kind full compiles it" if model.has_layers else ""
         notes.append(
             "the eddy-current lag (gamma) is not compiled: fast demands are compensated like slow ones, "
-            f"and anhyst predict with a column t_s shows the remaining error{alternative}"
+            f"and anhyst predict with a column t_s shows the remaining error{alternative_text}"
         )
     if dynamics is not None and dynamics.lag > 0.0:
         notes.append(f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand earlier by this time")
@@ -260,7 +260,7 @@ def _plan_within_allowance(
     if controller is not None:
         model = controller.restrict_model(model)
         shares = ALLOWANCE_SHARES[:1] if request.accuracy is None else ALLOWANCE_SHARES
-    total_steps = 2 * len(shares) + 1  # plan and budget for each share; files
+    total_steps = 2 * len(shares) + 1  # two progress steps per plan, one for files
     for index, share in enumerate(shares):
         plan = make_plan(model, request, model_hash, share)
         if progress is not None:

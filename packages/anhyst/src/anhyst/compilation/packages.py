@@ -34,14 +34,14 @@ class Ecosystem:
     title: str  # headline of the README
     # folder in the package for each part of the compiled folder: core headers, core sources, port,
     # headers and sources of the actuator, documents; a part without an entry is left out
-    places: Mapping[str, str]
+    folders: Mapping[str, str]
     # template of each further file; {name} in a path becomes the name of the actuator
     templates: Mapping[str, str]
-    print: str = "printf"  # function by which the example prints
-    # changes a C file: its path and its text, to its text
-    edit: Callable[[str, str, Values], str] | None = None
-    # makes further files of all files, such as an archive
-    archive: Callable[[Files, Values], Files] | None = None
+    print_function: str = "printf"  # function by which the example prints
+    # function that changes the text of a C file, given its path and its text
+    edit_source: Callable[[str, str, Values], str] | None = None
+    # function that makes further files from all files, such as an archive
+    make_archive: Callable[[Files, Values], Files] | None = None
 
 
 FP_CONTRACT_OFF = """\
@@ -62,8 +62,8 @@ def _forbid_fused_products(path: str, text: str, values: Values) -> str:
 def _prefix_symbols(path: str, text: str, values: Values) -> str:
     """Put the name of the actuator in front of every name of the core, except names of headers.
 
-    Each crate contains its own core. Two crates in one program must not share its symbols, because
-    their cores may differ in version or in size.
+    Each crate contains a copy of the core. Two crates in one program must not share its symbols,
+    because their cores may differ in version or in size.
     """
     return re.sub(r'(?<!")\banhyst_(?=\w)', f"{values['name']}_anhyst_", text)
 
@@ -71,7 +71,7 @@ def _prefix_symbols(path: str, text: str, values: Values) -> str:
 def _make_archive(files: Files, values: Values) -> Files:
     """Return the pack: all files in one archive.
 
-    They are not compressed, because the bytes would depend on the version of the compressor.
+    The archive is not compressed, because its bytes would depend on the version of the compressor.
     """
     archive_bytes = BytesIO()
     with zipfile.ZipFile(archive_bytes, "w") as archive:
@@ -95,7 +95,7 @@ MAIN_TEMPLATE = "golden_main.c.j2"
 PACKAGES: Mapping[str, Ecosystem] = {
     "cmsis-pack": Ecosystem(
         "CMSIS-Pack",
-        places=MODULE_FOLDERS,
+        folders=MODULE_FOLDERS,
         templates={
             "anhyst.{name}.pdsc": "cmsis/pack.pdsc.j2",
             "README.md": "cmsis/README.md.j2",
@@ -104,11 +104,11 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "examples/golden_vectors/golden_vectors.csolution.yml": "cmsis/csolution.yml.j2",
             "examples/golden_vectors/golden_vectors.cproject.yml": "cmsis/cproject.yml.j2",
         },
-        archive=_make_archive,
+        make_archive=_make_archive,
     ),
     "zephyr": Ecosystem(
         "Zephyr module",
-        places=MODULE_FOLDERS,
+        folders=MODULE_FOLDERS,
         templates={
             "zephyr/module.yml": "zephyr/module.yml.j2",
             "zephyr/CMakeLists.txt": "zephyr/CMakeLists.txt.j2",
@@ -120,11 +120,11 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "samples/golden_vectors/src/main.c": MAIN_TEMPLATE,
             "samples/golden_vectors/src/golden_vectors.h": VECTORS_TEMPLATE,
         },
-        print="printk",
+        print_function="printk",
     ),
     "platformio": Ecosystem(
         "PlatformIO library",
-        places={
+        folders={
             "include": "include", "src": "src", "port": "include", "headers": "include",
             "sources": "src", "docs": "docs", "example": "docs",
         },
@@ -138,7 +138,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
     ),
     "arduino": Ecosystem(
         "Arduino library",
-        places={
+        folders={
             "include": "src", "src": "src", "headers": "src", "sources": "src", "docs": "extras", "example": "extras",
         },
         templates={
@@ -148,11 +148,11 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "examples/golden_vectors/golden_vectors.ino": "arduino/golden_vectors.ino.j2",
             "examples/golden_vectors/golden_vectors.h": VECTORS_TEMPLATE,
         },
-        edit=_forbid_fused_products,
+        edit_source=_forbid_fused_products,
     ),
     "cargo": Ecosystem(
         "Rust crate",
-        places={
+        folders={
             "include": "c/include", "src": "c/src", "port": "c/port", "headers": "c/actuator",
             "sources": "c/actuator", "docs": "docs", "example": "docs",
         },
@@ -165,7 +165,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "c/actuator/{name}_binding.c": "cargo/binding.c.j2",
             "tests/golden_vectors.rs": "cargo/golden_vectors.rs.j2",
         },
-        edit=_prefix_symbols,
+        edit_source=_prefix_symbols,
     ),
 }  # fmt: skip
 """Package layouts by the name that --package accepts."""
@@ -183,7 +183,7 @@ def make_package_files(
 ) -> Mapping[str, str | bytes]:
     """Return the content of each file of a package by its path.
 
-    If no package is requested, these are the files of the compiled folder. ``files`` and
+    If no package is requested, the result is the files of the compiled folder. ``files`` and
     ``manifest`` describe the compiled folder; ``values`` are the template values of its example.
     """
     if package is None:
@@ -196,27 +196,27 @@ def make_package_files(
         if package_path is not None
     }
     template_values = _template_values(files, manifest, values)
-    template_values |= {"title": ecosystem.title, "print": ecosystem.print}
+    template_values |= {"title": ecosystem.title, "print": ecosystem.print_function}
     for pattern, template in ecosystem.templates.items():
         path = pattern.format(name=values["name"])
         contents[path] = _edit_file(ecosystem, path, render(f"packages/{template}", template_values), values)
     contents["LICENSE"] = license_text()
-    if ecosystem.archive is None:
+    if ecosystem.make_archive is None:
         return contents
-    return contents | ecosystem.archive(contents, template_values)
+    return contents | ecosystem.make_archive(contents, template_values)
 
 
 def _edit_file(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
     """Return the text of a file of the package. Only C files and the guide can be changed."""
     if path.endswith("/DROP_IN.md"):
         return _edit_guide(text)
-    if ecosystem.edit is None or not path.endswith((".c", ".h")):
+    if ecosystem.edit_source is None or not path.endswith((".c", ".h")):
         return text
-    return ecosystem.edit(path, text, values)
+    return ecosystem.edit_source(path, text, values)
 
 
 def _edit_guide(text: str) -> str:
-    """Return the drop-in guide without the files that a package has no use for."""
+    """Return the drop-in guide without the files that a package does not need."""
     text = re.sub(r"`anhyst.mk` and `anhyst.cmake` do both\.", "The package does both.", text)
     text = re.sub(
         r"`anhyst.mk` and `anhyst.cmake`( of both\s+folders)?", "the manifests of the packages", text
@@ -227,16 +227,16 @@ def _edit_guide(text: str) -> str:
 
 
 def _package_path(path: str, ecosystem: Ecosystem, name: str) -> str | None:
-    """Return the path in the package of a file of the folder, or None if the package omits it."""
+    """Return the path of a compiled file in the package, or None if the package omits it."""
     part, _, inner_path = path.partition("/")
     if not inner_path:
         part, inner_path = _folder_part(path, name), path
-    target_folder = ecosystem.places.get(part)
+    target_folder = ecosystem.folders.get(part)
     return None if target_folder is None else f"{target_folder}/{inner_path}"
 
 
 def _folder_part(file: str, name: str) -> str:
-    """Return the part of the folder that a file without a folder belongs to."""
+    """Return the part of the compiled folder to which a file without a folder belongs."""
     suffix = PurePosixPath(file).suffix
     if file.startswith(f"{name}_") and suffix in {".c", ".h"}:
         return "headers" if suffix == ".h" else "sources"
@@ -248,11 +248,11 @@ def _template_values(files: Mapping[str, str], manifest: Mapping[str, Any], valu
     version = re.match(r"\d+\.\d+\.\d+", values["version"])
     table = files["controller.csv" if values["control"] else "vectors.csv"]
     own_files = [name for name in files if name.startswith(f"{values['name']}_")]
-    core = sorted(name for name in files if name.startswith("src/") and name.endswith(".c"))
+    core_sources = sorted(name for name in files if name.startswith("src/") and name.endswith(".c"))
     return {
         **values,
         "semver": version[0] if version else "0.0.0",
-        "core": {name: PurePosixPath(name).stem for name in core},
+        "core": {name: PurePosixPath(name).stem for name in core_sources},
         # names of components have at least two characters
         "component": values["name"] if len(values["name"]) > 1 else f"actuator_{values['name']}",
         "core_files": sorted(name for name in files if name.startswith(("include/", "src/"))),
@@ -273,7 +273,7 @@ def _template_values(files: Mapping[str, str], manifest: Mapping[str, Any], valu
 
 RUST_TYPES = {"q15": "i16", "q31": "i32", "f32": "f32"}
 RUST_REALS = {"q15": "f32", "q31": "f64", "f32": "f32"}
-"""Types in which a code of each format can be written in SI units."""
+"""Rust type of a value in SI units, for each signal format."""
 
 
 def _rust_values(manifest: Mapping[str, Any]) -> dict[str, Any]:

@@ -117,7 +117,7 @@ def _table_lines(
     entries = block.words[first_index : first_index + count]
     unit = block.word_unit(word, names)
     values = entries / block.code_of_one(word) * unit.scale
-    names_text = " and ".join(each.name for each in words)
+    names_text = " and ".join(entry.name for entry in words)
     kind = f", {word.format}" if block.is_fixed else ""
     text = (f"{names_text}{kind}: {word.doc}, {values.min():.6g} to {values.max():.6g} {unit.name}").rstrip()
     yield from _wrap_comment(f"{first_index} {text}; {_describe_axis(word, block, schedule)}")
@@ -135,10 +135,10 @@ def _describe_axis(word: Word, block: Block, schedule: Quantity | None) -> str:
             f"{segments} steps of distance from 0 to 2^{4 - octaves}, then {segments} in each octave up to 16"
         )
     if word.axis == "moving plays":
-        narrow, zone_end = 2 ** block.integer("CELLS_SEGMENTS"), 2.0 ** -block.integer("CELLS_ZONE")
+        narrow_segments, zone_end = 2 ** block.integer("CELLS_SEGMENTS"), 2.0 ** -block.integer("CELLS_ZONE")
         return (
-            f"a row for each number of them: {2 * narrow} steps of field from -{zone_end:g} to "
-            f"{zone_end:g}, {narrow - round(narrow * zone_end)} on each side from there to 1"
+            f"a row for each number of moving plays: {2 * narrow_segments} steps of field from -{zone_end:g} to "
+            f"{zone_end:g}, {narrow_segments - round(narrow_segments * zone_end)} on each side from there to 1"
         )
     return {"play": "one per play", "field, both signs": f"{count} steps of field from -1 to 1"}.get(
         word.axis, f"{count} steps of {word.axis} from 0 to 1"

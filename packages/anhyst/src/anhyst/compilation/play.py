@@ -62,10 +62,10 @@ SMALL_CYCLE_SIZE = 0.1
 """Peak-to-peak size of the small cycles, relative to the largest force."""
 
 SMALL_CYCLES_PER_LEVEL = 4
-"""Number of small cycles at a level. The last one is evaluated."""
+"""Number of small cycles at a level. The last cycle is evaluated."""
 
 ForceModel = Callable[[FloatArray, float], FloatArray]
-"""Returns the forces for successive currents at a gap, starting from the demagnetised state."""
+"""Function that returns the forces for currents at a gap, beginning in the demagnetised state."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class CycleErrors:
     small: FloatArray  # small cycles at levels that were approached from above and from below
 
     def join(self, other: CycleErrors) -> CycleErrors:
-        """Return the errors of both."""
+        """Return the errors of two runs together."""
         return CycleErrors(
             np.concatenate([self.major, other.major]), np.concatenate([self.small, other.small])
         )
@@ -110,7 +110,7 @@ def measure_cycle_errors(
     error = force_model(compensator.run(demand, gap), gap) - demand
     error_by_ramp = np.split(error, np.cumsum([ramp.size for ramp in ramps])[:-1])
     errors = {
-        kind: np.concatenate([error_by_ramp[index] for index, of in evaluated_ramps if of == kind])
+        kind: np.concatenate([error_by_ramp[index] for index, label in evaluated_ramps if label == kind])
         for kind in ("major", "small")
     }
     return CycleErrors(errors["major"], errors["small"])
@@ -150,7 +150,7 @@ class CompiledPlay(CompiledFolder):
         return {"folder": str(self.out), "kind": "play", **errors}
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the errors of this map and of the best single-valued one, per cent."""
+        """Return the errors of the compiled map and of the best single-valued map, per cent."""
         rows = ((name, self.manifest["accuracy"][name]) for name in self.errors)
         return rows_to_columns([{"map": name, **accuracy} for name, accuracy in rows])
 
@@ -170,7 +170,7 @@ def compile_play(
     if io != "q31":
         text = f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31"
         raise InputError(text, code="option-not-for-this", key="--io")
-    CompileRequest("full", "q31", rate, name=name)  # checks rate and name
+    CompileRequest("full", "q31", rate, name=name)  # this checks the rate and the name
     check_folder(out)
     model = read_model(model_path).at_rest
     try:

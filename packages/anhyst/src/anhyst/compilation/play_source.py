@@ -40,5 +40,5 @@ def _comment_line(words: Words, first_index: int, end: int, text: str) -> str:
 
 
 def _value_list(words: Words, values: Iterable[float]) -> str:
-    write = str if words.dtype.kind == "i" else float_literal
-    return ", ".join(write(value) for value in values)
+    to_text = str if words.dtype.kind == "i" else float_literal
+    return ", ".join(to_text(value) for value in values)

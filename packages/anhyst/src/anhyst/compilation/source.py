@@ -38,7 +38,7 @@ def make_sources(
     signals: Sequence[str],
     controller: ControllerPlan | None = None,
 ) -> dict[str, str]:
-    """Return the C files and build files; `values` are those of :func:`example_values`."""
+    """Return the C files and build files; `values` is the result of :func:`example_values`."""
     is_float = not plan.block.is_fixed
     core_sources = (KIND_SOURCES_F32 if is_float else KIND_SOURCES)[plan.block.kind] + (
         CONTROL_SOURCES if controller else ()

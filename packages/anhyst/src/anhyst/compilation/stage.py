@@ -61,12 +61,12 @@ TABLE_COMMENTS = {
 """Tables of the controller with their comments, in the order of the C file."""
 FIXED_TABLE_COMMENTS = {
     "whole": "Least-squares forces of a wrench, one row per magnet.",
-    "yields": "The same if coordinates may be given up.",
+    "yields": "Least-squares forces if coordinates may be given up, one row per magnet.",
     **{key: TABLE_COMMENTS[key] for key in TABLE_COMMENTS if key not in ("pull", "yields")},
 }
 """Tables of a controller in fixed point; their values are codes."""
 SHIFT_COMMENT = "Number of fractional bits of each row of this table."
-REMAINDER_COMMENT = "Projection of forces to forces without a wrench, q30, one row per magnet."
+REMAINDER_COMMENT = "Projection of forces onto forces without a wrench, q30, one row per magnet."
 
 
 @dataclass(frozen=True)
@@ -75,11 +75,11 @@ class StageController:
 
     name: str  # name in C
     rig: str  # name of the rig file
-    sha256: str  # of the rig file
+    sha256: str  # SHA-256 of the rig file
     kind: str  # method from force to current
-    rate: float  # Hz
+    rate: float  # sample rate, Hz
     feedforward_lead: float  # time by which the feedforward leads the setpoint, s
-    free: Sequence[str]  # coordinates
+    free: Sequence[str]  # names of the controlled coordinates
     # tables of TABLE_COMMENTS; `at`: reading of each head for a pose; `pid`: one filter per
     # coordinate
     rows: Mapping[str, FloatArray]
@@ -90,7 +90,7 @@ class StageController:
     force_max: float  # largest force of each magnet, N
     magnets: Sequence[ForceController]  # force controllers, in single precision or in fixed point
     correction: FloatArray | None  # calibration corrections; one row per magnet
-    fixed_controller: FixedController | None = None  # the rest of the controller in fixed point
+    fixed_controller: FixedController | None = None  # other constants, in fixed point
 
     @property
     def distinct_magnets(self) -> list[ForceController]:
@@ -115,17 +115,17 @@ class StageController:
     def core_sources(self) -> tuple[str, ...]:
         """Sources of the core."""
         parameters = self.magnets[0].parameters
-        own: tuple[str, ...] = ()
+        law_sources: tuple[str, ...] = ()
         if isinstance(parameters, HysteresisInverse):
             block = parameters.block
-            own = (KIND_SOURCES if self.is_fixed else KIND_SOURCES_F32)[block.kind]
+            law_sources = (KIND_SOURCES if self.is_fixed else KIND_SOURCES_F32)[block.kind]
         elif isinstance(parameters, PlayMap):
-            own = PLAY_MAP_SOURCES_FIXED if self.is_fixed else PLAY_MAP_SOURCES_F32
+            law_sources = PLAY_MAP_SOURCES_FIXED if self.is_fixed else PLAY_MAP_SOURCES_F32
         if self.fixed_controller is not None:
-            return tuple(dict.fromkeys((*AXES_SOURCES_FIXED, *FORCE_SOURCES_FIXED, *own)))
+            return tuple(dict.fromkeys((*AXES_SOURCES_FIXED, *FORCE_SOURCES_FIXED, *law_sources)))
         force = FORCE_SOURCES_CODED if self.is_fixed else FORCE_SOURCES_F32
         correction_sources = () if self.correction is None else CORRECTED_SOURCES_F32
-        return tuple(dict.fromkeys((*AXES_SOURCES_F32, *force, *own, *correction_sources)))
+        return tuple(dict.fromkeys((*AXES_SOURCES_F32, *force, *law_sources, *correction_sources)))
 
     @property
     def parameters_bytes(self) -> int:
@@ -229,7 +229,7 @@ def _real_values(stage: StageController) -> dict[str, object]:
 
 
 def _code_values(stage: StageController, codes: FixedController) -> dict[str, object]:
-    """Return the same values in fixed point."""
+    """Return the values for pose, PIDs and allocation in fixed point."""
     numbers, scales, words = codes.integers, codes.scales, dict(codes.words)
     feedforward = make_feedforward_rows(stage.rows["mass"], stage.rows["weight"], scales)
     words |= dict(zip(("mass", "mass_shift", "weight"), feedforward, strict=True))
@@ -268,8 +268,8 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
     block = parameters.block if isinstance(parameters, HysteresisInverse) else None
     play = isinstance(stage.magnets[0].parameters, PlayMap)
     headers = ["force_by_play.h" if stage.is_fixed else "force_by_play_real.h"] * play
-    is_coded = stage.is_fixed and stage.fixed_controller is None
-    headers += ["force_coded_real.h"] * is_coded
+    uses_coded_controllers = stage.is_fixed and stage.fixed_controller is None
+    headers += ["force_coded_real.h"] * uses_coded_controllers
     headers += ["force_corrected_real.h"] * (stage.correction is not None)
     return {
         "type": _parameter_type(parameters, number_format),
@@ -279,8 +279,8 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
         "map_high": high,
         "fixed": stage.is_fixed,
         "law": number_format,
-        "coded": is_coded,
-        "inner": "inner" if is_coded else "magnet",
+        "coded": uses_coded_controllers,
+        "inner": "inner" if uses_coded_controllers else "magnet",
         "kernel": "" if block is None else _kernel_name(block),
         "memories": 1 if block is None else max(memory_counts(stage)),
         "scales": _row_text((scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high)),
@@ -324,7 +324,7 @@ def _table_text(name: str, values: FloatArray, *, is_integer: bool = False) -> d
     rows = [float_list(line) for line in lines]
     kind = "float"
     if is_integer:
-        rows = [", ".join(str(int(one)) for one in line) for line in lines]
+        rows = [", ".join(str(int(value)) for value in line) for line in lines]
         kind = "uint16_t" if name.endswith("_shift") else "int32_t"
     return {"name": name, "type": kind, "count": values.size, "rows": rows}
 
@@ -333,8 +333,8 @@ def _parameter_definitions(name: str, magnet: ForceController) -> str:
     """Return the definitions of the parameters of a magnet's method."""
     parameters, is_fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
-        words_of = f"{name.upper()}_PARAMETERS_WORDS"
-        return define_parameters(name, words_of, parameters.block, FORCE_CURRENT_UNITS, GAP_QUANTITY)
+        word_count_macro = f"{name.upper()}_PARAMETERS_WORDS"
+        return define_parameters(name, word_count_macro, parameters.block, FORCE_CURRENT_UNITS, GAP_QUANTITY)
     if isinstance(parameters, PlayMap):
         rows = play_initialiser(parameters.block(magnet.format))
         size, kind = f"{name.upper()}_PARAMETERS_WORDS", "int16_t" if is_fixed else "float"

@@ -53,11 +53,11 @@ def missing_modules(
 
 
 ACTUATOR_HEADER = "include/anhyst/actuator.h"
-"""Header that gives the actuator of a program one set of names."""
+"""Header with common names for the functions and types of a program's only actuator."""
 
 
 def actuator_defines(name: str) -> dict[str, str]:
-    """Return the macros that tell this header the name of the actuator."""
+    """Return the macros that define the actuator's name for this header."""
     return {"ACTUATOR_NAME": name, "ACTUATOR_MACRO": name.upper()}
 
 
@@ -192,7 +192,7 @@ AXES_SOURCES_F32 = (
 """
 
 AXES_SOURCES_FIXED = ("control/allocation.c", "control/wrench_fixed.c", "control/axes_fixed.c")
-"""The same in fixed point."""
+"""Sources of the controller of a stage in fixed point, in addition to its force controllers."""
 
 FORCE_SOURCES_F32 = (
     *("compensator/force_controller_f32.c", "compensator/map_f32.c"),

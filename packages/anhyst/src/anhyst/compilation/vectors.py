@@ -50,7 +50,7 @@ def make_golden_vectors(plan: Plan) -> list[VectorRow]:
 
 
 def _select_steps(plan: Plan) -> tuple[Step, Step]:
-    """Return solve and commit of a new compensator, in the format of its signals."""
+    """Return the functions solve and commit of a new compensator, in the format of its signals."""
     core = make_core(plan.block)
     if not isinstance(core, FixedCompensator):
         return core.solve, core.commit
@@ -114,13 +114,13 @@ LEVITATION_COLUMNS = (
     "flags",
 )
 LEVITATION_INPUT_COUNT = 5 + POSITION_MAGNETS
-"""Number of input columns. The others are outputs."""
+"""Number of input columns. All other columns are outputs."""
 
 _SUBSTEPS = 4
-_SENSOR_STEPS_PER_RANGE = 4096  # resolution of the position sensor, steps over the possible gaps
+_SENSOR_STEPS_PER_RANGE = 4096  # resolution: number of steps over the possible gaps
 _WAIT_S = 0.01
 _RAMP_S = 0.03  # duration of the force ramps at lift-off and after landing
-_MAX_TICKS = 20_000  # for one run
+_MAX_TICKS = 20_000  # time limit of one run
 _Q31 = 2.0**31
 
 LevitationRow = tuple[int, ...]
@@ -227,7 +227,7 @@ class _LevitationRun:
 
     def _output_codes(self, outputs: tuple[float, float, float, float, int, int]) -> Iterator[int]:
         settings, middle_gap = self.controller.settings, self.controller.control.gap_middle
-        yield from (to_q31(driven, settings["current_full"]) for driven in outputs[:2])
+        yield from (to_q31(driven_currents, settings["current_full"]) for driven_currents in outputs[:2])
         yield to_q31(middle_gap - outputs[2], settings["position_full"])
         yield to_q31(outputs[3], settings["demand_full"])
         yield outputs[4]

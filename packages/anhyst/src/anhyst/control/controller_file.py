@@ -138,7 +138,7 @@ class PairTable(Table):
 
 
 class LiftOffTable(Table):
-    """``[lift_off]``: from the rest position to levitation."""
+    """``[lift_off]``: the transition from the rest position to levitation."""
 
     force_rate_N_per_s: Positive
     detect_m: Positive
@@ -146,7 +146,7 @@ class LiftOffTable(Table):
 
 
 class LandingTable(Table):
-    """``[landing]``: back to the rest position."""
+    """``[landing]``: the return to the rest position."""
 
     speed_m_per_s: Positive
     force_rate_N_per_s: Positive
@@ -200,8 +200,8 @@ class ControllerTable(Table):
 
     def _values_by_name(self, *names: str) -> dict[str, Any]:
         """Return the values of the file for some names of :mod:`anhyst.control`."""
-        places = {name: _FILE_KEYS[name] for name in names}
-        return {name: getattr(getattr(self, table), key) for name, (table, key) in places.items()}
+        file_keys = {name: _FILE_KEYS[name] for name in names}
+        return {name: getattr(getattr(self, table), key) for name, (table, key) in file_keys.items()}
 
     def current_converter(self) -> ReferenceConverter:
         """Return the converter of the current references; it may be omitted in the file."""
@@ -361,7 +361,7 @@ def write_controller(path: PathLike, settings: ControllerTable, note: str) -> No
 def controller_text(settings: ControllerTable, note: str) -> str:
     """Return the text of a controller file; equal settings give the same text."""
     lines = [f"# {line}".rstrip() for line in note.splitlines()]
-    lines.append("# Every key is described in docs/controller-file.md. SI, the unit in the key.")
+    lines.append("# Every key is described in docs/controller-file.md. All values are SI.")
     tables: list[str] = []
     for key in type(settings).model_fields:
         value = getattr(settings, key)

@@ -2,7 +2,7 @@
 
 The input is a controller in SI units: pose of the heads, PID filters, masses, and the layout of the
 magnets (drives). ``core/include/anhyst/control/axes_fixed.h`` and ``wrench_fixed.h`` run the
-result. Full scales are powers of two, except for those of the force controllers.
+result. Full scales are powers of two, except for the full scales of the force controllers.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FULL_SCALE_MARGIN = 2.0
 _CORE_SCALES = ("wrench", "head", "current", "gap_low", "gap_high")
 Words = dict[str, NDArray[Any]]
 CoreForceController = ForceController | ForceControllerF32 | FixedForceController
-"""Force controller of the core. A controller in fixed point accepts only those in fixed point."""
+"""Force controller of the core. A fixed-point stage accepts only fixed-point controllers."""
 
 
 class DriveLayout(NamedTuple):
@@ -40,7 +40,7 @@ class DriveLayout(NamedTuple):
 
     unit_wrench: FloatArray  # wrench of 1 N of each drive; one row per drive
     opponents: Sequence[int]  # index of the opposing drive; its own index if there is none
-    yield_weights: Sequence[float]  # relative weight with which a coordinate may be given up
+    drop_weights: Sequence[float]  # relative weight with which a coordinate may be given up
     allocation: int
     idle_force: float  # idle force of both drives of a pair, N
     force_min: float  # smallest force of a drive without an opponent, N
@@ -65,7 +65,7 @@ class FixedScales:
         return {key: np.asarray(value).tolist() for key, value in vars(self).items()}
 
     def gaps(self, gap: FloatArray) -> FloatArray:
-        """Return codes of gaps."""
+        """Return the codes of gaps."""
         span = self.gap_high - self.gap_low
         return signal_codes(np.clip(gap - self.gap_low, 0.0, span), span)
 
@@ -77,13 +77,13 @@ class FixedController:
     words: Words  # tables; `..._shift` contains the shifts of the rows of a table
     integers: dict[str, int]
     scales: FixedScales
-    head_rows: FloatArray  # reading of each head for a pose; one row per head
+    head_rows: FloatArray  # matrix from a pose to the head readings; one row per head
 
     def make_core(self, magnets: Sequence[CoreForceController], flux: float) -> FixedAxes:
-        """Return the core's controller for some force controllers; `flux`: their full scale, T."""
+        """Return the core's controller for force controllers; `flux`: full-scale density, T."""
         scales = {key: value for key, value in self.scales.as_dict().items() if key in _CORE_SCALES}
-        full = scales | {"at": self.head_rows.ravel().tolist(), "flux": flux}
-        return FixedAxes(list(magnets), self.words, self.integers, full)
+        full_scale = scales | {"at": self.head_rows.ravel().tolist(), "flux": flux}
+        return FixedAxes(list(magnets), self.words, self.integers, full_scale)
 
 
 def signal_codes(value: FloatArray, full_scale: float | FloatArray) -> FloatArray:
@@ -102,8 +102,8 @@ def make_fixed_allocation(
     normalised = np.where(is_first[:, None], drives.unit_wrench / size, 0.0).T
     identity = np.diag(is_first.astype(float))
     words: Words = {"against": opponents[:, None].astype(float)}
-    for name, yields in (("whole", 0.0 * size), ("yields", np.array(drives.yield_weights))):
-        allocation = np.linalg.solve(normalised @ normalised.T + np.diag(yields), normalised).T
+    for name, diagonal_weights in (("whole", 0.0 * size), ("yields", np.array(drives.drop_weights))):
+        allocation = np.linalg.solve(normalised @ normalised.T + np.diag(diagonal_weights), normalised).T
         words |= _scale_rows(name, (allocation / size) * wrench / (8.0 * force))
         words[f"{name}_apart"] = np.clip(np.round((identity - allocation @ normalised) * _Q30), -_Q30, _Q30)
     return _as_core_integers(words), {
@@ -119,25 +119,25 @@ def make_fixed_allocation(
 def make_fixed_controller(
     rows: Mapping[str, FloatArray], drives: DriveLayout, settings: Mapping[str, float]
 ) -> FixedController:
-    """Return all words of a controller, from its rows and settings in SI."""
+    """Return all words of a controller, from its matrices and settings in SI."""
     scales = _scales(rows, drives, settings)
     pose, wrench = scales.pose, scales.wrench
     words, numbers = make_fixed_allocation(drives, wrench, scales.force)
     heads = len(rows["at"])
-    without = rows["without"].reshape(heads * len(pose), heads)
+    pose_rows = rows["without"].reshape(heads * len(pose), heads)
     words |= _scale_rows("see", rows["see"] * scales.head / pose[:, None])
-    words |= _scale_rows("without", without * scales.head / np.tile(pose, heads)[:, None])
+    words |= _scale_rows("without", pose_rows * scales.head / np.tile(pose, heads)[:, None])
     words |= _scale_rows("decouple", rows["decouple"] * pose / pose[:, None])
     words |= _scale_rows("weigh", rows["weigh"] * scales.acceleration / wrench[:, None])
     gain = (pose / scales.acceleration).tolist()
-    words["pid"] = np.array([_pid_words(*line) for line in zip(rows["pid"].tolist(), gain, strict=True)])
+    words["pid"] = np.array([_pid_words(*row) for row in zip(rows["pid"].tolist(), gain, strict=True)])
     for name in ("reach", "land", "lift"):
         words[name] = signal_codes(rows[name], pose[:, None])
     if not (words["lift"] > 0.0).all():
         raise _range_error("small", "control.lift_m_per_s")
     ends = ("low", "high", "step")
     low, high, step = (to_q31(settings[f"current_{end}"] / scales.current) for end in ends)
-    high = low + (high - low) // step * step  # the last current of the converter's grid
+    high = low + (high - low) // step * step  # last current on the converter's grid
     numbers |= {"current_low": low, "current_high": high, "current_step": step}
     numbers |= {"heads": heads, "follow": to_q31(settings["follow"])}
     numbers |= {key: to_q31(settings[key] / scales.current) for key in ("slew", "off")}
@@ -150,7 +150,7 @@ def make_fixed_controller(
 def make_feedforward_rows(
     mass: FloatArray, weight: FloatArray, scales: FixedScales
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the rows from accelerations to a wrench, their shifts, and codes of the weight."""
+    """Return matrix rows from accelerations to a wrench, their shifts, and codes of the weight."""
     words = _scale_rows("mass", mass * scales.acceleration / scales.wrench[:, None])
     return words["mass"], words["mass_shift"], signal_codes(weight, scales.wrench)
 
@@ -159,11 +159,11 @@ def _scales(
     rows: Mapping[str, FloatArray], drives: DriveLayout, settings: Mapping[str, float]
 ) -> FixedScales:
     """Return the full scales: powers of two, except for those of the force controllers."""
-    reach = rows["reach"][:, 0]
-    pose = np.maximum(reach, np.abs(rows["decouple"]) @ reach)
+    largest_errors = rows["reach"][:, 0]
+    pose = np.maximum(largest_errors, np.abs(rows["decouple"]) @ largest_errors)
     wrench = _round_full_scale(np.abs(drives.unit_wrench).sum(axis=0) * drives.force_max)
     return FixedScales(
-        head=float(_round_full_scale((np.abs(rows["at"]) @ reach).max())),
+        head=float(_round_full_scale((np.abs(rows["at"]) @ largest_errors).max())),
         pose=_round_full_scale(pose),
         acceleration=_round_full_scale(wrench / np.abs(np.diag(rows["weigh"]))),
         wrench=wrench,

@@ -39,11 +39,11 @@ class FullScales:
 
 @dataclass(frozen=True)
 class FixedPidd2:
-    """Gains as the words of ``anhyst_pidd2_gains_q31``, and their values."""
+    """Gains of a PIDD2 as the words of ``anhyst_pidd2_gains_q31``, and their values."""
 
-    # mantissa and shift of every factor, in the order of the structure
+    # mantissa and shift of every gain factor, in the order of the structure
     factors: Mapping[str, tuple[int, int]]
-    unweighted: int  # weight and limits, as in the structure
+    unweighted: int  # setpoint weight and output limits, as in the C structure
     low: int
     high: int
     scales: FullScales
@@ -51,13 +51,13 @@ class FixedPidd2:
 
     @property
     def words(self) -> NDArray[np.int32]:
-        """All members of the structure except the reserved one, in order, shape (19,)."""
-        flat = [number for factor in self.factors.values() for number in factor]
-        return np.array([*flat, self.unweighted, self.low, self.high], dtype=np.int32)
+        """All members of the structure except the reserved member, in order, shape (19,)."""
+        factor_words = [number for factor in self.factors.values() for number in factor]
+        return np.array([*factor_words, self.unweighted, self.low, self.high], dtype=np.int32)
 
     @property
     def per_tick(self) -> FloatArray:
-        """Exact gains of the words, as :attr:`Pidd2.per_tick`."""
+        """Gains that the words represent exactly, in the order of :attr:`Pidd2.per_tick`."""
         value = {name: m / 65536.0 * 2.0**s for name, (m, s) in self.factors.items()}
         units = _factor_units(self.scales)
         row = [value[name] / units[name] for name in _FACTOR_ORDER]
@@ -130,7 +130,7 @@ class Pidd2:
         return np.array([*gains, *shares, self.low, self.high])
 
     def fixed(self, scales: FullScales) -> FixedPidd2:
-        """Convert the gains to fixed-point words for given full scales."""
+        """Convert the gains to fixed-point words with given full scales."""
         row = self.per_tick
         units = _factor_units(scales)
         factors = {
@@ -187,14 +187,14 @@ class Gains:
 
 
 def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 0.0) -> Gains:
-    """Place the poles of a mass under PIDD2.
+    """Place the poles of a mass that a PIDD2 controls.
 
     >>> gains = design(mass=2.0, bandwidth=120.0, damping=1.0)
     >>> f"{gains.K_p:.4g} N/m, {gains.K_i:.4g} N/(m s), {gains.K_d:.4g} N s/m"
     '3.411e+06 N/m, 8.573e+08 N/(m s), 4524 N s/m'
     """
-    given = {"mass": (mass, " kg"), "bandwidth": (bandwidth, " Hz"), "damping": (damping, "")}
-    for name, (value, unit) in given.items():
+    given_values = {"mass": (mass, " kg"), "bandwidth": (bandwidth, " Hz"), "damping": (damping, "")}
+    for name, (value, unit) in given_values.items():
         if not (math.isfinite(value) and value > 0.0):
             raise wrong_key(name, f"{value}{unit} is not above zero", code="not-above-zero")
     if not (math.isfinite(virtual_mass) and mass + virtual_mass > 0.0):
@@ -220,11 +220,11 @@ def notch(frequency: float, damping: float, new_damping: float, dt: float) -> Fl
     of ``anhyst_biquad_f64``.
     """
     w = math.tan(math.pi * frequency * dt)
-    middle, pole_term, put_in = 2.0 * (w * w - 1.0), 2.0 * damping * w, 2.0 * new_damping * w
-    parts = [1.0 + pole_term + w * w, middle, 1.0 - pole_term + w * w, middle, 1.0 - put_in + w * w]
-    return np.array(parts) / (1.0 + put_in + w * w)
+    middle, pole_term, new_term = 2.0 * (w * w - 1.0), 2.0 * damping * w, 2.0 * new_damping * w
+    parts = [1.0 + pole_term + w * w, middle, 1.0 - pole_term + w * w, middle, 1.0 - new_term + w * w]
+    return np.array(parts) / (1.0 + new_term + w * w)
 
 
 def integrator(gain: float) -> FloatArray:
-    """Return a filter that sums all inputs and multiplies by a gain, as :func:`notch`."""
+    """Return a filter that sums all inputs and multiplies by a gain; see :func:`notch`."""
     return np.array([gain, 0.0, 0.0, -1.0, 0.0])

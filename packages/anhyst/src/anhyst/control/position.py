@@ -3,8 +3,8 @@
 The settings are in SI units. ``core/include/anhyst/control/position.h`` runs the controller in
 fixed point, and ``position_real.h`` in floating point; ``levitation.h`` describes the sequence of
 lift-off and landing. `PositionControl` returns the settings of a number format by name. The classes
-``Position``, ``PositionF32`` and ``FixedPosition`` of the core take them with the gains and the
-compensators.
+``Position``, ``PositionF32`` and ``FixedPosition`` of the core accept these settings together with
+the gains and the compensators.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class PositionLimits:
     release: float  # rate at which a current decreases to zero when no controller is active, A/s
     # number of consecutive missing or implausible samples that are replaced by the last one
     max_missing_samples: int
-    hold: int  # ticks of constant current if the position is lost during levitation
-    selftest: int = 20  # consecutive plausible samples that pass the self-test
+    hold: int  # number of ticks of constant current if the position is lost during levitation
+    selftest: int = 20  # consecutive plausible samples for a passed self-test
 
     def __post_init__(self) -> None:
         _check_above_zero(self, "step", "release", "selftest")
@@ -80,7 +80,7 @@ class ReferenceConverter:
 
     low: float  # range, A
     high: float
-    bits: int  # bits per word
+    bits: int  # number of bits of the converter
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
@@ -112,13 +112,13 @@ class PositionControl:
     levitation: Levitation
     limits: PositionLimits
     converter: ReferenceConverter
-    scales: Scales  # full scales of the compensators; both of a pair have the same
-    bias: float = 0.0  # force of each magnet of a pair without a net force, N
+    scales: Scales  # full scales of the compensators, which are equal for both magnets of a pair
+    bias: float = 0.0  # force of each magnet of a pair at zero net force, N
     gap_total: float | None = None  # sum of both gaps of a pair, m; None: a single magnet
-    # whether measured currents are committed instead of the driven ones
+    # whether measured currents are committed instead of the demanded ones
     uses_measured_currents: bool = False
-    flux_full_scale: float = 1.0  # flux density that is 1.0 in fixed point, T
-    load_full_scale: float = 1.0  # feedforward load that is 1.0, in its unit
+    flux_full_scale: float = 1.0  # flux density that 1.0 represents in fixed point, T
+    load_full_scale: float = 1.0  # feedforward load that 1.0 represents, in its unit
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.bias <= self.scales.demand:
@@ -132,8 +132,8 @@ class PositionControl:
     def final_landing_force(self) -> float:
         """Net force at which a landing ends, N; the other magnet of a pair then holds the armature.
 
-        Otherwise nothing would hold it, because both currents decrease at the same rate and the
-        first is larger.
+        Without this force, nothing would hold the armature, because both currents decrease at the
+        same rate and the first is larger.
         """
         return min(0.0, max(self.pidd2.low, -2.0 * self.bias))
 
@@ -249,9 +249,9 @@ def _check_above_zero(table: object, *names: str) -> None:
             raise wrong_key(name, f"{value} is not above zero", code="not-above-zero")
 
 
-def _nonzero_code(name: str, part: float) -> int:
+def _nonzero_code(name: str, fraction: float) -> int:
     """Return the nearest q31 code of a number that must not become zero."""
-    code = to_q31(part)
+    code = to_q31(fraction)
     if code < 1:
         raise wrong_key(name, "too small to differ from zero; raise it", code="rate-too-small")
     return code
@@ -261,5 +261,5 @@ class Allocation(IntEnum):
     """Methods of ``core/include/anhyst/control/allocation.h`` to distribute a force to two magnets."""
 
     SINGLE = 1
-    BY_HALVES = 2  # class A
+    BY_HALVES = 2  # class A: equal changes of opposite sign around the bias
     CLASS_AB = 3

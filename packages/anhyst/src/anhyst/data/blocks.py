@@ -29,7 +29,7 @@ _MIN_BLOCK_ROWS = 6
 _MAX_CLOSURE_SHARE = 0.05
 """Maximum distance between start and end of a closed loop, as a fraction of its input range."""
 _MIN_JUMP_STEPS = 5.0
-"""Minimum jump of the input between two blocks, in units of the largest step before it."""
+"""Minimum jump of the input between two blocks, relative to the largest step before it."""
 _STATED_VALUE = re.compile(
     r"(?P<name>[^\W\d_][\w -]*?)\s*(?:[\[(](?P<inner>[^\])]{1,10})[\])])?\s*(?:[=:;,]|\s|\bis\b)+"
     r"(?P<number>\d+(?:[.,]\d+)?)[\s;,]*[\[(]?(?P<unit>[^\W\d]+)?"
@@ -74,17 +74,17 @@ def find_blocks(
     """
     starts = [row for row, _ in breaks]
     stated_gaps = [find_stated_gap(texts) if has_gaps else None for _, texts in breaks]
-    later_gaps = [found for found in stated_gaps[1:] if found is not None]
+    later_gaps = [stated_gap for stated_gap in stated_gaps[1:] if stated_gap is not None]
     if len(starts) < 2:
         return None
-    parts = np.split(drive, starts[1:])
-    _refuse_rows_below_data(source, parts)
-    are_loops = _are_loops(parts)
+    block_inputs = np.split(drive, starts[1:])
+    _refuse_rows_below_data(source, block_inputs)
+    are_loops = _are_loops(block_inputs)
     if not later_gaps:
         return _label_blocks(starts, drive.size, name, None) if are_loops else None
     gaps, current_gap = [], None
-    for found in stated_gaps:
-        current_gap = found if found is not None else current_gap
+    for stated_gap in stated_gaps:
+        current_gap = stated_gap if stated_gap is not None else current_gap
         if current_gap is None or current_gap[0] is None:
             advice_place = (
                 "above the first rows" if current_gap is None else f"with its unit ('{current_gap[1]}')"
@@ -104,7 +104,7 @@ def find_blocks(
 
 def _label_blocks(starts: Sequence[int], rows: int, name: str, gaps: Sequence[float] | None) -> Blocks:
     """Label each row with the name and the number of its block, counted separately for each gap."""
-    sizes = np.diff([*starts, rows])
+    block_sizes = np.diff([*starts, rows])
     count_by_gap = Counter[float | None]()
     block_names = []
     block_gaps: Sequence[float | None] = gaps or [None] * len(starts)
@@ -112,35 +112,35 @@ def _label_blocks(starts: Sequence[int], rows: int, name: str, gaps: Sequence[fl
         count_by_gap[gap] += 1
         block_names.append(f"{name} {count_by_gap[gap]}".strip())
     block_labels = Texts.from_rows(block_names)
-    labels = Texts(block_labels.values, np.repeat(block_labels.codes, sizes))
+    labels = Texts(block_labels.values, np.repeat(block_labels.codes, block_sizes))
     note = f"{len(starts)} blocks of rows are separate loops"
     if gaps is None:
         return Blocks(labels, None, note)
     texts = ", ".join(dict.fromkeys(f"{1e3 * gap:.4g} mm" for gap in gaps))
     note += f", with the gaps in the comments above them: {texts}"
-    return Blocks(labels, np.repeat(np.array(gaps), sizes), note)
+    return Blocks(labels, np.repeat(np.array(gaps), block_sizes), note)
 
 
-def _are_loops(parts: Sequence[FloatArray]) -> bool:
+def _are_loops(blocks: Sequence[FloatArray]) -> bool:
     """Whether the input reverses in each block, and all blocks close or all begin with a jump."""
-    if any(part.size < _MIN_BLOCK_ROWS or np.ptp(part) == 0.0 for part in parts):
+    if any(block.size < _MIN_BLOCK_ROWS or np.ptp(block) == 0.0 for block in blocks):
         return False
-    if not all(map(reversal_count, parts)):
+    if not all(map(reversal_count, blocks)):
         return False
-    are_closed = all(abs(part[-1] - part[0]) <= _MAX_CLOSURE_SHARE * np.ptp(part) for part in parts)
-    pairs = pairwise(parts)
+    are_closed = all(abs(block[-1] - block[0]) <= _MAX_CLOSURE_SHARE * np.ptp(block) for block in blocks)
+    pairs = pairwise(blocks)
     return are_closed or all(_has_jump_between(first, second) for first, second in pairs)
 
 
 def _has_jump_between(block: FloatArray, next_block: FloatArray) -> bool:
-    """Whether the input jumps from the end of a block to the start of the next one."""
+    """Whether the input jumps from the end of a block to the start of the next block."""
     largest_step = float(np.max(np.abs(np.diff(block)))) if block.size > 1 else 0.0
     return bool(abs(next_block[0] - block[-1]) > _MIN_JUMP_STEPS * largest_step)
 
 
-def _refuse_rows_below_data(source: str, parts: Sequence[FloatArray]) -> None:
-    """Raise an error if some last rows do not continue the samples, such as means or extremes."""
-    last_block, rows_above = parts[-1], np.concatenate(parts[:-1])
+def _refuse_rows_below_data(source: str, block_inputs: Sequence[FloatArray]) -> None:
+    """Raise an error if the last rows do not continue the samples, such as a row of means."""
+    last_block, rows_above = block_inputs[-1], np.concatenate(block_inputs[:-1])
     if (
         last_block.size < _MIN_BLOCK_ROWS
         and rows_above.size >= 2 * _MIN_BLOCK_ROWS
@@ -154,34 +154,34 @@ def _refuse_rows_below_data(source: str, parts: Sequence[FloatArray]) -> None:
         )
 
 
-def apply_stated_gaps(parts: list[SourceLoops]) -> list[SourceLoops]:
-    """Use the gaps in the headers of several files if each states one and they are not equal."""
-    gaps = {part.source_name: part.stated_gap[0] for part in parts if part.stated_gap is not None}
+def apply_stated_gaps(sources: list[SourceLoops]) -> list[SourceLoops]:
+    """Use the gaps in the headers of several files if each states a gap and the gaps differ."""
+    gaps = {source.source_name: source.stated_gap[0] for source in sources if source.stated_gap is not None}
     known_gaps = {name: gap for name, gap in gaps.items() if gap is not None}
-    if len(known_gaps) == len(parts) and len(set(known_gaps.values())) > 1:
-        return [_set_gap(part, known_gaps[part.source_name]) for part in parts]
-    return [_add_gap_advice(part) for part in parts]
+    if len(known_gaps) == len(sources) and len(set(known_gaps.values())) > 1:
+        return [_set_gap(source, known_gaps[source.source_name]) for source in sources]
+    return [_add_gap_advice(source) for source in sources]
 
 
-def _set_gap(part: SourceLoops, gap: float) -> SourceLoops:
+def _set_gap(source: SourceLoops, gap: float) -> SourceLoops:
     """Set the gap of all loops of a file to the gap in its header."""
-    is_alone = len(part.loops) == 1
+    is_alone = len(source.loops) == 1
     loops = tuple(
         replace(loop, label="1" if is_alone else loop.label, schedule=np.full(loop.n, gap))
-        for loop in part.loops
+        for loop in source.loops
     )
-    note = f"{part.source_name}: gap taken from the header of the file: {1e3 * gap:.4g} mm"
-    return replace(part, loops=loops, schedule=QUANTITIES["gap"], notes=(note, *part.notes))
+    note = f"{source.source_name}: gap taken from the header of the file: {1e3 * gap:.4g} mm"
+    return replace(source, loops=loops, schedule=QUANTITIES["gap"], notes=(note, *source.notes))
 
 
-def _add_gap_advice(part: SourceLoops) -> SourceLoops:
+def _add_gap_advice(source: SourceLoops) -> SourceLoops:
     """Add a note about a gap that is stated above the data but not used."""
-    if part.stated_gap is None:
-        return part
-    gap, text = part.stated_gap
+    if source.stated_gap is None:
+        return source
+    gap, text = source.stated_gap
     value = "NUMBER" if gap is None else f"{1e3 * gap:.4g}"
     note = (
-        f"{part.source_name}: the gap above the data ('{text[:60]}') is not used; to use it: "
+        f"{source.source_name}: the gap above the data ('{text[:60]}') is not used; to use it: "
         f"--constants gap_mm={value}"
     )
-    return replace(part, notes=(note, *part.notes))
+    return replace(source, notes=(note, *source.notes))

@@ -88,7 +88,7 @@ def drop_repeated_samples(loopset: Loops) -> Loops:
 
 
 def drop_spikes(loopset: Loops) -> Loops:
-    """Drop single output samples that deviate from the median of five, except near reversals."""
+    """Drop single output samples that deviate from the median of five, but not at reversals."""
     keep_masks = []
     for loop in loopset.loops:
         padded_output = np.pad(loop.output, 2, mode="edge")
@@ -127,18 +127,18 @@ def remove_drift(loopset: Loops) -> Loops:
     If no state recurs, the drift cannot be determined: the loop stays unchanged, and a note says
     so.
     """
-    loops, texts, undetermined = list(loopset.loops), [], []
+    loops, texts, unknown_drifts = list(loopset.loops), [], []
     for index, loop in enumerate(loops):
         total_drift = estimates.estimate_drift(loop)
         if total_drift is None:
-            undetermined.append(f"'{loop.label}'")
+            unknown_drifts.append(f"'{loop.label}'")
         elif total_drift:
             clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
             time_share = (clock - clock[0]) / (clock[-1] - clock[0]) - 0.5
             loops[index] = replace(loop, output=loop.output - total_drift * time_share)
             texts.append(f"{total_drift:.3g} {loopset.output.unit} in loop '{loop.label}'")
-    if undetermined:
-        note = f"drift of loops {_join_first(undetermined)} cannot be determined, because no state recurs"
+    if unknown_drifts:
+        note = f"drift of loops {_join_first(unknown_drifts)} cannot be determined, because no state recurs"
         loopset = replace(loopset, notes=(*loopset.notes, note))
     if not texts:
         return loopset
@@ -146,21 +146,21 @@ def remove_drift(loopset: Loops) -> Loops:
 
 
 def remove_offset(loopset: Loops) -> Loops:
-    """Centre symmetric loops of an odd output, with a common input offset and own output offsets."""
+    """Centre symmetric loops of an odd output: one common input offset, one output offset each."""
     if is_even(loopset):
         return loopset
     offsets = [estimates.estimate_offsets(loop) for loop in loopset.loops]
-    centres = [centre for centre in offsets if centre is not None]
-    if not centres:
+    known_offsets = [offset_pair for offset_pair in offsets if offset_pair is not None]
+    if not known_offsets:
         return loopset
-    input_offset = float(np.median([centre[0] for centre in centres]))
+    input_offset = float(np.median([offset_pair[0] for offset_pair in known_offsets]))
     loops, texts = [], []
-    for loop, centre in zip(loopset.loops, offsets, strict=True):
-        output_offset = centre[1] if centre is not None else 0.0
+    for loop, offset_pair in zip(loopset.loops, offsets, strict=True):
+        output_offset = offset_pair[1] if offset_pair is not None else 0.0
         loops.append(replace(loop, input=loop.input - input_offset, output=loop.output - output_offset))
         texts.append(f"{output_offset:.3g} {loopset.output.unit} in loop '{loop.label}'")
     return loopset.with_loops(
-        loops, f"offset: {input_offset:.3g} {loopset.input.unit} of the input, output {_join_first(texts)}"
+        loops, f"offset: {input_offset:.3g} {loopset.input.unit} in the input; output: {_join_first(texts)}"
     )
 
 
@@ -168,9 +168,9 @@ def remove_delay(loopset: Loops) -> Loops:
     """Shift the output by its delay after the input, using the median delay of all loops."""
     steps = [estimates.measure_sampling(loop)[0] or 1.0 for loop in loopset.loops]
     delays = [
-        found * step
-        for found, step in zip(map(estimate_delay, loopset.loops), steps, strict=True)
-        if found is not None
+        delay_samples * step
+        for delay_samples, step in zip(map(estimate_delay, loopset.loops), steps, strict=True)
+        if delay_samples is not None
     ]
     if not delays:
         note = "delay between the channels: not determined; step 'skew' changed nothing"
@@ -189,10 +189,10 @@ def remove_delay(loopset: Loops) -> Loops:
             return loopset
         shifted_output = np.interp(shifted_clock, clock, loop.output)[is_inside]
         loops.append(replace_columns(loop, itemgetter(is_inside), output=shifted_output))
-    size = f"{-delay:.2f} samples"
+    delay_text = f"{-delay:.2f} samples"
     if loopset.loops[0].time is not None:
-        size = f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
-    return loopset.with_loops(loops, f"skew: output shifted by {size}")
+        delay_text = f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
+    return loopset.with_loops(loops, f"skew: output shifted by {delay_text}")
 
 
 def thin_loops(loopset: Loops, max_samples: int = MAX_SAMPLES_PER_LOOP) -> Loops:
@@ -234,30 +234,29 @@ DEFAULT_STEPS = ("dedupe", "holes", "ripple", "denoise", "thin")
 
 def _average_along_path(loop: Loop, max_samples: int) -> Loop:
     """Return a loop whose samples are averaged over equal parts of its path."""
-    parts = find_branches(loop.input)
-    height, span = float(np.ptp(loop.output)) or 1.0, float(np.ptp(loop.input))
-    # Progress along the path, in ranges of input and output, so that steep and flat parts keep
-    # samples.
-    progress = np.zeros(loop.n)
+    branches = find_branches(loop.input)
+    output_range, input_range = float(np.ptp(loop.output)) or 1.0, float(np.ptp(loop.input))
+    # Input and output are relative to their ranges, so that steep and flat parts keep samples.
+    path_length = np.zeros(loop.n)
     is_reversal = np.zeros(loop.n, bool)
-    for part in parts:
-        rows = part.rows
-        travelled = np.zeros(part.size)
-        for values, size in ((loop.input[rows], span), (loop.output[rows], height)):
+    for branch in branches:
+        rows = branch.rows
+        branch_travel = np.zeros(branch.size)
+        for values, value_range in ((loop.input[rows], input_range), (loop.output[rows], output_range)):
             sign = 1.0 if values[-1] >= values[0] else -1.0
-            travelled += np.maximum.accumulate(sign * (values - values[0])) / size
-        progress[rows] = progress[part.start] + travelled
-        is_reversal[[part.start, part.stop - 1]] = True
-    bin_count = max(1, max_samples - 2 * len(parts) - 1)
-    bins = np.minimum((progress / progress[-1] * bin_count).astype(np.intp), bin_count - 1)
+            branch_travel += np.maximum.accumulate(sign * (values - values[0])) / value_range
+        path_length[rows] = path_length[branch.start] + branch_travel
+        is_reversal[[branch.start, branch.stop - 1]] = True
+    bin_count = max(1, max_samples - 2 * len(branches) - 1)
+    bins = np.minimum((path_length / path_length[-1] * bin_count).astype(np.intp), bin_count - 1)
     # A turning point is a bin of its own, and the next sample starts a new bin.
     starts_bin = np.concatenate(([True], (np.diff(bins) != 0) | is_reversal[1:] | is_reversal[:-1]))
     starts = np.flatnonzero(starts_bin)
     counts = np.diff(np.concatenate((starts, [loop.n])))
 
     def mean(values: FloatArray) -> FloatArray:
-        averaged: FloatArray = np.add.reduceat(values, starts) / counts
-        return averaged
+        bin_means: FloatArray = np.add.reduceat(values, starts) / counts
+        return bin_means
 
     if loop.schedule_value is not None:
         return replace_columns(loop, mean, schedule=np.full(starts.size, loop.schedule_value))
@@ -267,17 +266,17 @@ def _average_along_path(loop: Loop, max_samples: int) -> Loop:
 def _keep_samples(
     loopset: Loops, keep_masks: Sequence[NDArray[np.bool_]], text: str, noun: str = "sample"
 ) -> Loops:
-    """Return the loops at the samples to keep, with a repair that counts the dropped samples."""
+    """Return the loops with the samples to keep, and a repair that counts the dropped samples."""
     dropped_count = sum(int(np.count_nonzero(~mask)) for mask in keep_masks)
     if not dropped_count:
         return loopset
-    pairs = zip(loopset.loops, keep_masks, strict=True)
-    loops = [replace_columns(loop, itemgetter(mask)) for loop, mask in pairs]
+    loops_and_masks = zip(loopset.loops, keep_masks, strict=True)
+    loops = [replace_columns(loop, itemgetter(mask)) for loop, mask in loops_and_masks]
     return loopset.with_loops(loops, text.format(count_text(dropped_count, noun)))
 
 
 def _join_first(texts: Sequence[str]) -> str:
-    """Join texts with commas; of more than four, join three and state the number of the others."""
+    """Join texts with commas; of more than four texts, show three and the number of the others."""
     if len(texts) <= 4:
         return ", ".join(texts)
     return ", ".join(texts[:3]) + f" and {len(texts) - 3} more"
@@ -289,16 +288,16 @@ SETTING_PREFIX = "read_"
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """Options for reading measurements that their headers and sidecar files do not state."""
+    """Options for reading measurements: information that headers and sidecar files do not state."""
 
-    columns: Mapping[str, str] = field(default_factory=dict)  # our column by column of the file
-    constants: Mapping[str, float | str] = field(default_factory=dict)  # value by our column
+    columns: Mapping[str, str] = field(default_factory=dict)  # standard name, by name in the file
+    constants: Mapping[str, float | str] = field(default_factory=dict)  # value, by standard name
     schedule: str | None = None  # scheduling variable
     loop: str | None = None  # column that distinguishes loops
     history: str | None = None  # history before the first sample
     sidecar: str | None = None  # TOML file that describes all files
     clean: tuple[str, ...] = DEFAULT_STEPS  # cleaning steps in order
-    scale: Mapping[str, str] = field(default_factory=dict)  # factor by column, our unit per file's
+    scale: Mapping[str, str] = field(default_factory=dict)  # factor: our unit per unit of the file
     flip: tuple[str, ...] = ()  # columns whose sign is reversed
     drop: str | None = None  # "invalid": omit samples without a measured value
 
@@ -352,7 +351,7 @@ def parse_names(value: object, argument: str) -> tuple[str, ...]:
 def _split_list(text: str) -> list[str]:
     """Split a text at commas; a field that begins with a double quote may contain commas."""
     rows = csv.reader([text], skipinitialspace=True)
-    return [part for row in rows for piece in row if (part := piece.strip())]
+    return [stripped_field for row in rows for field in row if (stripped_field := field.strip())]
 
 
 def _parse_pairs(text: str, option: str) -> dict[str, str]:

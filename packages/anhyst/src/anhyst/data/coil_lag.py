@@ -19,12 +19,12 @@ from anhyst.data.static_fit import EvenRecord, resample_evenly, static_fit_rms
 from anhyst.support.numeric import FloatArray, recursive_sum
 
 MIN_LOOP_SHARE = 0.003
-"""Minimum rms residual of curves of the input for a search, as a fraction of the full scale."""
+"""Minimum rms residual of curves of the input for a search, as a fraction of full scale."""
 MIN_LOOP_NOISE_RATIO = 1.3
 MAX_LAG_ONLY_RATIO = 1.15
-"""Maximum residual of a lag that explains the loop, relative to that of play operators."""
+"""A lag explains the loop if its residual is at most this multiple of that of play operators."""
 MAX_LAG_WITH_PLAYS_RATIO = 0.8
-"""Maximum residual of play operators with a lag that explains a part, relative to without a lag."""
+"""A lag explains a part of the loop if it reduces the residual of play operators to this ratio."""
 _MAX_SAMPLES = 4096
 _MAX_LOOPS = 2
 _MIN_LAG_SHARE = 1.0 / 300.0
@@ -35,7 +35,7 @@ _LAG_COUNT_WITH_PLAYS = 8
 
 
 def describe_coil_lag(loopset: Loops) -> str:
-    """Return a sentence about the lag of a coil's flux after its voltage; empty without one."""
+    """Return a sentence about the lag of a coil's flux after its voltage; empty without a lag."""
     output = output_map(loopset.output)
     if loopset.input.name != "voltage" or not output.is_flux_based:
         return ""
@@ -44,10 +44,10 @@ def describe_coil_lag(loopset: Loops) -> str:
     for loop in loops:
         if (lag_estimate := _estimate_lag(loop, scale)) is not None:
             lag, explained_fraction = lag_estimate
-            size = f"{lag:.2g} samples" if loop.time is None else f"{1e3 * lag:.2g} ms"
+            lag_text = f"{lag:.2g} samples" if loop.time is None else f"{1e3 * lag:.2g} ms"
             return (
                 f"{'most' if explained_fraction > 0.5 else 'a part'} of the loop looks like a lag of about "
-                f"{size} of the {loopset.output.name.replace('_', ' ')} after the voltage (L/R of "
+                f"{lag_text} of the {loopset.output.name.replace('_', ' ')} after the voltage (L/R of "
                 "a coil), not like hysteresis; record the current instead (a shunt), or measure at "
                 "a tenth of the speed"
             )
@@ -55,7 +55,7 @@ def describe_coil_lag(loopset: Loops) -> str:
 
 
 def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
-    """Return the lag and the fraction of the loop that it explains; ``None`` without a lag.
+    """Return the lag and the fraction of the loop that it explains; ``None`` if there is no lag.
 
     The lag is in s, or in samples if the loop has no time.
     """
@@ -77,8 +77,8 @@ def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
     play_rms = static_fit_rms(record.drive, record.output)
     if lag_rms <= MAX_LAG_ONLY_RATIO * play_rms:
         return lag, 1.0 - lag_rms / curve_rms
-    shorter = lag * np.linspace(0.15, 1.2, _LAG_COUNT_WITH_PLAYS)
-    lag_and_play_rms, lag = _find_best_lag(record, shorter, with_plays=True)
+    shorter_lags = lag * np.linspace(0.15, 1.2, _LAG_COUNT_WITH_PLAYS)
+    lag_and_play_rms, lag = _find_best_lag(record, shorter_lags, with_plays=True)
     if lag_and_play_rms > MAX_LAG_WITH_PLAYS_RATIO * play_rms:
         return None
     same_lag_rms = static_fit_rms(_apply_lag(record, lag), record.output, with_plays=False)
@@ -88,7 +88,7 @@ def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
 def _find_best_lag(
     record: EvenRecord, lags: Sequence[float] | FloatArray, *, with_plays: bool
 ) -> tuple[float, float]:
-    """Return the smallest rms residual of some lags, and its lag."""
+    """Return the smallest rms residual among several lags, and the lag that gives it."""
     return min(
         (static_fit_rms(_apply_lag(record, float(lag)), record.output, with_plays=with_plays), float(lag))
         for lag in lags
@@ -98,10 +98,10 @@ def _find_best_lag(
 def _apply_lag(record: EvenRecord, lag: float) -> FloatArray:
     """Return a piecewise linear input after a first-order lag."""
     decay = float(np.exp(-record.step / lag))
-    mean = (1.0 - decay) * lag / record.step
+    mean_decay = (1.0 - decay) * lag / record.step
     start = record.drive[0]
     drive = record.drive - start
-    source = (1.0 - mean) * drive
-    source[1:] += (mean - decay) * drive[:-1]
+    source = (1.0 - mean_decay) * drive
+    source[1:] += (mean_decay - decay) * drive[:-1]
     lagged_input: FloatArray = start + recursive_sum(source, decay)
     return lagged_input

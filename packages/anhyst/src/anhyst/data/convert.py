@@ -34,9 +34,10 @@ from anhyst.support.units import split_header
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """Summary of a conversion: number of channels without clocks, samples of the longest channel.
+    """Summary of a conversion.
 
-    ``notes`` list what the format cannot store.
+    ``channels`` is the number of channels, not counting clocks, and ``samples`` the length of the
+    longest channel. ``notes`` list what the format cannot store.
     """
 
     out: str
@@ -46,7 +47,7 @@ class Conversion:
 
 
 def _as_channel_file(source: Path, progress: Progress | None) -> ChannelFile:
-    """Return the columns of a table without channels as a file of channels."""
+    """Return a file of channels with the columns of a table, such as a CSV file."""
     table = read_columns(source, progress=progress)
     units = table.source_table.units or ("",) * len(table.columns)
     channels = []
@@ -66,13 +67,13 @@ def _put_on_one_clock(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[st
         values_read = file.read([*table.clocks, *file.channels])
         notes: tuple[str, ...] = ()
     else:
-        texts = [n + time_columns for n, channel in enumerate(file.channels) if channel.is_text]
-        numbers = [n for n in range(len(table.header)) if n not in texts]
-        raw = table.read(numbers, texts)
-        columns: dict[int, Any] = {n: np.array(text.as_list()) for n, text in raw.texts.items()}
-        columns |= raw.numbers
+        text_columns = [n + time_columns for n, channel in enumerate(file.channels) if channel.is_text]
+        number_columns = [n for n in range(len(table.header)) if n not in text_columns]
+        raw_columns = table.read(number_columns, text_columns)
+        columns: dict[int, Any] = {n: np.array(text.as_list()) for n, text in raw_columns.texts.items()}
+        columns |= raw_columns.numbers
         values_read = [columns[column] for column in range(len(table.header))]
-        notes = raw.notes[len(file.notes) :]
+        notes = raw_columns.notes[len(file.notes) :]
     all_series = [
         Series(name, unit, values)
         for name, unit, values in zip(table.header, table.units, values_read, strict=True)
@@ -96,26 +97,26 @@ def _drop_complex(groups: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], l
 
 
 def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -> Conversion:
-    """Write a measurement in the format of the output file's suffix: `anhyst.convert`."""
+    """Write a measurement in the format that the suffix of the file names: `anhyst.convert`."""
     check_path(source, "convert: source", "the path of a measurement")
     check_path(out, "convert: out")
     require_kind(source, [MEASUREMENT_FILE], "convert")
     source, out = Path(source), Path(out)
-    check_recording(out, reads=[source])
+    check_recording(out, input_files=[source])
     table = open_table(source, min_columns=1)
     file = table.file if isinstance(table, ChannelTable) else _as_channel_file(source, progress)
     notes = [*file.notes]
     if out.suffix.lower() in ONE_CLOCK_FORMATS:
-        groups, remarks = _put_on_one_clock(ChannelTable(file))
-        notes += remarks
+        groups, clock_notes = _put_on_one_clock(ChannelTable(file))
+        notes += clock_notes
     else:
         groups = read_groups(file)
     groups, complex_notes = _drop_complex(groups)
-    lengths = [len(signal.values) for part in groups for signal in part.series]
-    if not lengths:
+    signal_lengths = [len(signal.values) for group in groups for signal in group.series]
+    if not signal_lengths:
         raise InputError(
             f"{source}: contains nothing that can be written; {'; '.join(complex_notes)}",
             code="nothing-to-write",
         )
     notes += [*complex_notes, *write_channel_groups(out, groups)]
-    return Conversion(str(out), len(lengths), max(lengths), tuple(notes))
+    return Conversion(str(out), len(signal_lengths), max(signal_lengths), tuple(notes))

@@ -16,24 +16,23 @@ def estimate_noise(values: FloatArray) -> float:
     """Estimate the standard deviation of white noise on a smooth signal, in units of the signal.
 
     A difference of any order contains the noise and a remainder of the signal. Therefore, the
-    smallest estimate of the orders 2 to 5 is the most accurate. The median makes it robust against
-    spikes and steps. The result is 0 for fewer than 12 values.
+    smallest estimate of the orders 2 to 5 is the most accurate. The median makes the estimate
+    robust against spikes and steps. The result is 0 for fewer than 12 values.
     """
     if values.size < 12:
         return 0.0
-    deviations = []
+    sigmas = []
     difference = np.diff(values)
-    gain = 2.0
+    noise_gain = 2.0
     for order in range(2, 6):
         difference = np.diff(difference)
-        gain *= (4 * order - 2) / order  # sum of the squared binomial coefficients
-        deviations.append(MAD_TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
-    return float(min(deviations))
+        noise_gain *= (4 * order - 2) / order  # sum of the squared binomial coefficients
+        sigmas.append(MAD_TO_SIGMA * float(np.median(np.abs(difference))) / noise_gain**0.5)
+    return float(min(sigmas))
 
 
 _MAX_DRIFT_SHARE = 0.05
-"""Maximum closure error that counts as drift, as a fraction of the height; otherwise it is history.
-"""
+"""Maximum closure error that counts as drift, as a fraction of the loop height."""
 _MIN_DRIFT_SIGMAS = 4.0
 """Number of standard errors above which a drift is not noise."""
 _MAX_TIP_ASYMMETRY = 0.1
@@ -52,22 +51,22 @@ def estimate_drift(loop: Loop) -> float | None:
     clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
     slopes, errors = [], []
     for first_branch, second_branch in find_repeats(loop.input, _settled_branches(loop)):
-        distance, error = _branch_distance(loop, first_branch, second_branch)
+        output_distance, error = _branch_distance(loop, first_branch, second_branch)
         elapsed_time = (
             clock[second_branch.start : second_branch.stop].mean()
             - clock[first_branch.start : first_branch.stop].mean()
         )
-        slopes.append(distance / elapsed_time)
+        slopes.append(output_distance / elapsed_time)
         errors.append(error / elapsed_time)
     if slopes:
-        middle, span = float(np.median(slopes)), float(clock[-1] - clock[0])
-        cut = len(slopes) // 10
-        mean = float(np.mean(np.sort(slopes)[cut : len(slopes) - cut]))
-        # A drift is common to all repeats. Two alternating kinds of cycles only look like a drift.
-        if abs(mean - middle) > 0.5 * abs(middle) + estimate_noise(loop.output) / span:
+        median_slope, duration = float(np.median(slopes)), float(clock[-1] - clock[0])
+        trimmed_count = len(slopes) // 10
+        mean_slope = float(np.mean(np.sort(slopes)[trimmed_count : len(slopes) - trimmed_count]))
+        # All repeats have the same drift; two alternating kinds of cycles only look like drift.
+        if abs(mean_slope - median_slope) > 0.5 * abs(median_slope) + estimate_noise(loop.output) / duration:
             return None
         error = float(np.median(errors)) / len(slopes) ** 0.5
-        return middle * span if abs(middle) > _MIN_DRIFT_SIGMAS * error else 0.0
+        return median_slope * duration if abs(median_slope) > _MIN_DRIFT_SIGMAS * error else 0.0
     closing_error = closure_error(loop)
     if closing_error is None:
         return None
@@ -79,70 +78,70 @@ def estimate_drift(loop: Loop) -> float | None:
 def closure_error(loop: Loop) -> float | None:
     """Return the output at the end of the last full cycle minus the output at its start.
 
-    Both outputs are at the same input. ``None`` if no state recurs. The start is the first sample
-    if the history is `settled`, otherwise one of the first two reversals.
+    Both outputs belong to the same input. ``None`` if no state recurs. The start is the first
+    sample if the history is `settled`, otherwise one of the first two reversals.
     """
-    parts = _settled_branches(loop)
-    starts = parts[:1] if loop.history.kind == "settled" else parts[1::-1]
-    errors = (_return_error(loop, parts, first_branch) for first_branch in starts)
+    branches = _settled_branches(loop)
+    starts = branches[:1] if loop.history.kind == "settled" else branches[1::-1]
+    errors = (_return_error(loop, branches, first_branch) for first_branch in starts)
     return next((value for value in errors if value is not None), None)
 
 
 def _settled_branches(loop: Loop) -> list[Branch]:
-    """Return the branches of a loop, without the first one unless the history is `settled`."""
-    parts = find_branches(loop.input)
-    return parts if loop.history.kind == "settled" else parts[1:]
+    """Return the branches of a loop, without the first branch unless the history is `settled`."""
+    branches = find_branches(loop.input)
+    return branches if loop.history.kind == "settled" else branches[1:]
 
 
-def _return_error(loop: Loop, parts: list[Branch], first_branch: Branch) -> float | None:
-    """Return the last output in the state at the start of a branch minus the first output there."""
-    if parts[-1] is first_branch:
+def _return_error(loop: Loop, branches: list[Branch], first_branch: Branch) -> float | None:
+    """Return the output at the last return to the start of a branch, minus that at the start."""
+    if branches[-1] is first_branch:
         return None
     inputs, outputs = loop.input[first_branch.start :], loop.output[first_branch.start :]
     later_rows = slice(first_branch.stop - 1 - first_branch.start, None)
-    level = float(inputs[0])
-    outputs_again = find_crossings(
-        inputs[later_rows], outputs[later_rows], level, rising=first_branch.is_rising
+    start_input = float(inputs[0])
+    outputs_at_return = find_crossings(
+        inputs[later_rows], outputs[later_rows], start_input, rising=first_branch.is_rising
     )
-    if outputs_again.size:
-        return float(outputs_again[-1] - outputs[0])
-    if abs(inputs[-1] - level) <= 0.02 * float(np.ptp(inputs)):
+    if outputs_at_return.size:
+        return float(outputs_at_return[-1] - outputs[0])
+    if abs(inputs[-1] - start_input) <= 0.02 * float(np.ptp(inputs)):
         # A cycle often ends one sample before its start, so both ends are extrapolated to the same
         # input.
-        end = _fit_output_at(inputs[-_END_SAMPLES:], outputs[-_END_SAMPLES:], level)
-        return end - _fit_output_at(inputs[:_END_SAMPLES], outputs[:_END_SAMPLES], level)
+        end_output = _fit_output_at(inputs[-_END_SAMPLES:], outputs[-_END_SAMPLES:], start_input)
+        return end_output - _fit_output_at(inputs[:_END_SAMPLES], outputs[:_END_SAMPLES], start_input)
     return None
 
 
 def _fit_output_at(inputs: FloatArray, outputs: FloatArray, level: float) -> float:
     """Return the output at an input level from a straight line through some samples."""
-    span = float(np.ptp(inputs))
-    if span == 0.0:
+    input_range = float(np.ptp(inputs))
+    if input_range == 0.0:
         return float(outputs.mean())
     # Relative to the span, because squares of the smallest numbers would become zero.
-    relative_inputs = (inputs - level) / span
-    middle, mean = float(relative_inputs.mean()), float(outputs.mean())
-    slope = float((relative_inputs - middle) @ (outputs - mean)) / float(
-        np.sum((relative_inputs - middle) ** 2)
+    relative_inputs = (inputs - level) / input_range
+    mean_input, mean_output = float(relative_inputs.mean()), float(outputs.mean())
+    slope = float((relative_inputs - mean_input) @ (outputs - mean_output)) / float(
+        np.sum((relative_inputs - mean_input) ** 2)
     )
-    return mean - slope * middle
+    return mean_output - slope * mean_input
 
 
 def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
     """Return input and output offset of the centre of a symmetric loop; ``None`` if not symmetric.
 
-    Only meaningful for outputs that are odd functions of the input (flux, flux density), not for
-    force.
+    The offsets are only meaningful for outputs that are odd functions of the input (flux, flux
+    density), not for force.
     """
     if not is_bipolar(loop.input) or not loop.reverses:
         return None
     shift_in = shift_out = 0.0
     for _ in range(4):
         drive, output = loop.input - shift_in, loop.output - shift_out
-        size = min(-float(drive.min()), float(drive.max()))
-        if max(-float(drive.min()), float(drive.max())) > (1.0 + _MAX_TIP_ASYMMETRY) * size:
+        extreme = min(-float(drive.min()), float(drive.max()))
+        if max(-float(drive.min()), float(drive.max())) > (1.0 + _MAX_TIP_ASYMMETRY) * extreme:
             return None
-        tips = [_tip_output(drive, output, sign * 0.98 * size) for sign in (1.0, -1.0)]
+        tips = [_tip_output(drive, output, sign * 0.98 * extreme) for sign in (1.0, -1.0)]
         shift_out += 0.5 * (tips[0] + tips[1])
         zero_inputs = [find_crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)]
         if not zero_inputs[0].size or not zero_inputs[1].size:
@@ -152,12 +151,11 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
 
 
 def slope_ratio_at_tip(loop: Loop) -> float | None:
-    """Return the slope of the output at the largest input over the largest slope of its branch.
+    """Return the ratio of the slope at the largest input to the largest slope of its branch.
 
-    The ratio is 1 if the curve is steepest at its tip, and almost 0 in saturation. ``None`` for
-    short records.
+    The ratio is 1 if the tip is steepest, almost 0 in saturation, and ``None`` for short records.
     """
-    longest_branch = max(find_branches(loop.input), key=lambda part: float(np.ptp(loop.input[part.rows])))
+    longest_branch = max(find_branches(loop.input), key=lambda branch: float(np.ptp(loop.input[branch.rows])))
     x, y = average_in_bins(loop.input[longest_branch.rows], loop.output[longest_branch.rows], bins=30)
     if x.size < 8:
         return None
@@ -175,17 +173,17 @@ def _branch_distance(loop: Loop, first_branch: Branch, second_branch: Branch) ->
     grid = np.linspace(low, high, 51)
     distances = np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
     middle = float(np.median(distances))
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(distances - middle)))
-    return middle, 1.25 * spread / min(grid.size, first_branch.size, second_branch.size) ** 0.5
+    sigma = MAD_TO_SIGMA * float(np.median(np.abs(distances - middle)))
+    return middle, 1.25 * sigma / min(grid.size, first_branch.size, second_branch.size) ** 0.5
 
 
 def _tip_output(drive: FloatArray, output: FloatArray, level: float) -> float:
-    """Return the mean output where the input crosses a level near its tip, in both directions."""
-    up = find_crossings(drive, output, level, rising=True)
-    down = find_crossings(drive, output, level, rising=False)
-    medians = [float(np.median(values)) for values in (up, down) if values.size]
-    if medians:
-        return float(np.mean(medians))
+    """Return the mean output where the input crosses a level near its tip, on both branches."""
+    rising_outputs = find_crossings(drive, output, level, rising=True)
+    falling_outputs = find_crossings(drive, output, level, rising=False)
+    median_outputs = [float(np.median(values)) for values in (rising_outputs, falling_outputs) if values.size]
+    if median_outputs:
+        return float(np.mean(median_outputs))
     return float(output[int(np.argmax(drive * np.sign(level)))])
 
 
@@ -194,5 +192,5 @@ def measure_sampling(loop: Loop) -> tuple[float | None, float | None]:
     if loop.time is None:
         return None, None
     steps = np.diff(loop.time)
-    middle = float(np.median(steps))
-    return middle, float(np.max(np.abs(steps - middle))) / middle if middle > 0.0 else None
+    median = float(np.median(steps))
+    return median, float(np.max(np.abs(steps - median))) / median if median > 0.0 else None

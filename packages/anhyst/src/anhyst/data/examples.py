@@ -42,7 +42,7 @@ _COPIED_SUFFIXES = (".csv", ".md", ".toml")
 def example_files(name: str) -> dict[str, Path]:
     """Return the files of an example by their relative path.
 
-    In a source tree these are the files of the repository, otherwise the copies in the package.
+    In a source tree, the files are those of the repository, otherwise the copies in the package.
 
     Parameters
     ----------

@@ -56,16 +56,15 @@ _OTHER_LENGTH_WORDS = re.compile(
 )
 """Words before a length that is not a gap, and type designations such as ``EM12mm``."""
 _MAX_GAP_M = 0.02
-"""Longest gap that is accepted without a word for it, m."""
+"""Largest gap that is accepted without a word such as *gap* before it, m."""
 _MAX_GAP_DIFFERENCE = 0.3
 """Maximum relative difference between the gap column and the gap in the file name."""
 
 
 def find_gaps_in_names(paths: Sequence[Path]) -> dict[Path, float]:
-    """Return the gap in each file name, m; empty unless each name contains one.
+    """Return the gap in each file name, m; empty unless each name contains a gap.
 
-    If a name has no word for a gap, the names must contain several gaps and may otherwise differ
-    only in numbers.
+    If a name has no word for a gap, the names must contain several gaps and differ in numbers only.
     """
     gaps = {path: _find_gap_in_name(path.stem) for path in paths}
     known_gaps = {path: gap for path, gap in gaps.items() if gap is not None}
@@ -117,15 +116,15 @@ def _find_gap_in_name(stem: str) -> float | None:
             return None
     if len(matches) != 1:
         return None
-    number, unit = matches[0]["number"], find_unit(matches[0]["unit"].lower())
-    if unit is None or re.fullmatch(r"0\d+", number):
+    number_text, unit = matches[0]["number"], find_unit(matches[0]["unit"].lower())
+    if unit is None or re.fullmatch(r"0\d+", number_text):
         return None  # 05 may be 5 or 0.5
-    gap = unit.value_to_si(float(re.sub(r"[,p_-]", ".", number.lower())))
+    gap = unit.value_to_si(float(re.sub(r"[,p_-]", ".", number_text.lower())))
     return gap if gap <= _MAX_GAP_M or _GAP_PATTERN.search(stem) else None
 
 
 def _can_be_gap(stem: str, match: re.Match[str]) -> bool:
-    """Whether a length in a name can be a gap: no other word and no further digits precede it."""
+    """Whether a length in a name can be a gap: no other word and no digits precede the length."""
     text_before, number = stem[: match.start()], match["number"]
     is_decimal = any(sign in number for sign in ".,p")
     if re.search(r"\d-$" if is_decimal else r"\d[-_]$", text_before) or "_" in number:

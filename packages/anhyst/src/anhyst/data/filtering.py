@@ -1,9 +1,9 @@
 """Remove amplifier ripple and white noise from the input.
 
-Both would move play operators and shift the reversals. A ripple is a steady line in the spectrum of
-the input, at a frequency far above that of the cycles. All channels are averaged twice over whole
-periods of it, without delay. White noise is removed from the input only, by local parabolas that do
-not cross a reversal.
+Ripple and noise would move play operators and shift reversals. A ripple is a steady spectral line of the
+input, at a frequency far above that of the cycles. All channels are averaged twice over whole
+periods of the ripple, without delay. White noise is removed from the input only, by local parabolas
+that do not cross a reversal.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_text
 
 _MIN_RIPPLE_SHARE = 0.002
-"""Minimum amplitude of a ripple, as a fraction of the input range; a smaller one is noise."""
+"""Minimum amplitude of a ripple, as a fraction of the input range; a smaller ripple is noise."""
 _MAX_RIPPLE_SHARE = 0.2
-"""Maximum amplitude of a ripple, as a fraction of the input range; a larger one is intended."""
+"""Maximum amplitude of a ripple, as a fraction of the input range; a larger ripple is intended."""
 _MIN_PERIODS = 120
 _MIN_PERIODS_PER_BRANCH = 40
 """Minimum number of ripple periods in a branch; fewer periods are intended minor loops."""
 _MIN_LINE_RATIO = 20.0
 """Minimum ratio of a spectral line to the median of its surroundings."""
 _MIN_KNOWN_LINE_RATIO = 5.0
-"""The same for the output at this frequency: noise exceeds it once in 10 million records."""
+"""Minimum ratio for the output at the ripple frequency; noise exceeds it in 1 of 10^7 records."""
 _MAX_STEP_DEVIATION = 0.2
 """Maximum relative deviation of a time step from the median."""
 _SEGMENT_COUNT = 12
@@ -74,18 +74,18 @@ def average_over_ripple(loopset: Loops) -> Loops:
         )
         if found_ripple is not None:
             (step, _), largest_ripple = measure_sampling(loop), max(largest_ripple, found_ripple.amplitude)
-            rate = f"{found_ripple.period:.3g} samples"
+            rate_text = f"{found_ripple.period:.3g} samples"
             if step:
-                rate = f"{1.0 / (found_ripple.period * step):.4g} Hz"
-            size = f"{found_ripple.amplitude:.2g} {loopset.input.unit}"
-            texts.append(f"{rate}, {size} in loop '{loop.label}'")
+                rate_text = f"{1.0 / (found_ripple.period * step):.4g} Hz"
+            amplitude_text = f"{found_ripple.amplitude:.2g} {loopset.input.unit}"
+            texts.append(f"{rate_text}, {amplitude_text} in loop '{loop.label}'")
     if not texts:
         return loopset
     more_text = f" and {len(texts) - 2} more" if len(texts) > 2 else ""
     name, output = loopset.input.name, loopset.output.name.replace("_", " ")
-    effect = f"the {output} does not ripple, so the loop is that over the mean {name}"
+    effect_text = f"the {output} does not ripple, so the loop is drawn over the mean {name}"
     if is_followed:
-        effect = (
+        effect_text = (
             f"the {output} ripples too, so the {name} is taken at the edge of its ripple in the "
             f"direction of travel. Over the mean {name}, the loop is up to "
             f"{2.0 * largest_ripple:.2g} {loopset.input.unit} narrower"
@@ -93,7 +93,7 @@ def average_over_ripple(loopset: Loops) -> Loops:
     return loopset.with_loops(
         loops,
         f"ripple: the {name} ripples at {'; '.join(texts[:2])}{more_text}; all channels are averaged "
-        f"over its periods; {effect}",
+        f"over its periods; {effect_text}",
     )
 
 
@@ -120,50 +120,50 @@ def _find_ripple(loop: Loop) -> _Ripple | None:
     _, step_deviation = measure_sampling(loop)
     if loop.n < 4 * _MIN_PERIODS or (step_deviation is not None and step_deviation > _MAX_STEP_DEVIATION):
         return None
-    lines = _spectrum(drive)
-    peak = int(np.argmax(lines))
-    amplitude = float(lines[peak])
-    if not _is_line(lines, peak) or not _MIN_RIPPLE_SHARE < amplitude / span < _MAX_RIPPLE_SHARE:
+    spectrum = _spectrum(drive)
+    peak = int(np.argmax(spectrum))
+    amplitude = float(spectrum[peak])
+    if not _is_line(spectrum, peak) or not _MIN_RIPPLE_SHARE < amplitude / span < _MAX_RIPPLE_SHARE:
         return None
-    if not 0 < peak < lines.size - 1:
+    if not 0 < peak < spectrum.size - 1:
         return None
-    neighbours = lines[peak - 1], lines[peak + 1]
+    neighbours = spectrum[peak - 1], spectrum[peak + 1]
     peak_position = (
         peak + (neighbours[1] - neighbours[0]) / (neighbours[0] + 2.0 * amplitude + neighbours[1]) * 2.0
     )
     period = loop.n / float(peak_position)
     slow_input = _average_over_period(_average_over_period(drive, period), period)
-    cut = (loop.n - slow_input.size) // 2
-    fast_input = drive[cut : cut + slow_input.size] - slow_input
-    size = 0.5 * float(np.diff(np.quantile(fast_input, (0.02, 0.98)))[0])
-    candidate = _Ripple(period, size, _is_line(_spectrum(loop.output), peak, _MIN_KNOWN_LINE_RATIO))
+    margin = (loop.n - slow_input.size) // 2
+    fast_input = drive[margin : margin + slow_input.size] - slow_input
+    half_range = 0.5 * float(np.diff(np.quantile(fast_input, (0.02, 0.98)))[0])
+    candidate = _Ripple(period, half_range, _is_line(_spectrum(loop.output), peak, _MIN_KNOWN_LINE_RATIO))
     return candidate if _is_ripple(drive, slow_input, fast_input, candidate) else None
 
 
 def _spectrum(values: FloatArray) -> FloatArray:
-    """Return the amplitude spectrum of a signal, with 0 for the slow cycles."""
+    """Return the amplitude spectrum of a signal, with the lines of the slow cycles set to zero."""
     window = np.hanning(values.size)
-    lines = np.abs(np.fft.rfft((values - values.mean()) * window)) * 2.0 / window.sum()
-    lines[:_MIN_PERIODS] = 0.0
-    return np.asarray(lines)
+    spectrum = np.abs(np.fft.rfft((values - values.mean()) * window)) * 2.0 / window.sum()
+    spectrum[:_MIN_PERIODS] = 0.0
+    return np.asarray(spectrum)
 
 
-def _is_line(lines: FloatArray, peak: int, min_ratio: float = _MIN_LINE_RATIO) -> bool:
+def _is_line(spectrum: FloatArray, peak: int, min_ratio: float = _MIN_LINE_RATIO) -> bool:
     """Whether an amplitude is larger than ``min_ratio`` times the median of its surroundings."""
-    surroundings = np.concatenate([lines[peak // 2 : peak - 4], lines[peak + 5 : 2 * peak]])
+    surroundings = np.concatenate([spectrum[peak // 2 : peak - 4], spectrum[peak + 5 : 2 * peak]])
     surroundings = surroundings[surroundings > 0.0]
-    return bool(surroundings.size and lines[peak] > min_ratio * float(np.median(surroundings)))
+    return bool(surroundings.size and spectrum[peak] > min_ratio * float(np.median(surroundings)))
 
 
 def _is_ripple(drive: FloatArray, slow_input: FloatArray, fast_input: FloatArray, candidate: _Ripple) -> bool:
     """Whether an oscillation is steady, reverses the input and is fast relative to the cycles."""
-    length = float(np.median([part.size for part in find_branches(slow_input)]))
-    if length < _MIN_PERIODS_PER_BRANCH * candidate.period:
+    branch_size = float(np.median([block.size for block in find_branches(slow_input)]))
+    if branch_size < _MIN_PERIODS_PER_BRANCH * candidate.period:
         return False
     if reversal_count(drive, 0.5 * candidate.amplitude) < drive.size / candidate.period:
-        return False  # steps of a staircase
+        return False  # the input is a staircase
     demodulated_input = fast_input * np.exp(-2j * np.pi * np.arange(fast_input.size) / candidate.period)
-    amplitudes = np.array([abs(part.mean()) for part in np.array_split(demodulated_input, _SEGMENT_COUNT)])
+    amplitudes = np.array([abs(block.mean()) for block in np.array_split(demodulated_input, _SEGMENT_COUNT)])
     ratios = amplitudes / (float(np.median(amplitudes)) or 1.0)
     return (
         float(np.mean((ratios > _STEADY_AMPLITUDE_RATIOS[0]) & (ratios < _STEADY_AMPLITUDE_RATIOS[1])))
@@ -172,12 +172,12 @@ def _is_ripple(drive: FloatArray, slow_input: FloatArray, fast_input: FloatArray
 
 
 def _average_over_period(values: FloatArray, period: float) -> FloatArray:
-    """Average over a period, also of fractions of samples; the ends of the record are lost."""
+    """Average over a period, which may be a fractional number of samples; the ends are lost."""
     half_width = int(np.ceil((period - 1.0) / 2.0))
     weights = np.ones(2 * half_width + 1)
     weights[[0, -1]] = (period - (2 * half_width - 1)) / 2.0
-    averaged: FloatArray = np.convolve(values, weights / period, mode="valid")
-    return averaged
+    averages: FloatArray = np.convolve(values, weights / period, mode="valid")
+    return averages
 
 
 def _remove_ripple(loop: Loop, found_ripple: _Ripple, *, is_followed: bool) -> Loop:
@@ -186,9 +186,9 @@ def _remove_ripple(loop: Loop, found_ripple: _Ripple, *, is_followed: bool) -> L
     Iron that follows the ripple is magnetised by the edge of the ripple. The input is then the
     maximum of each period while the mean rises, and the minimum while it falls.
     """
-    cut = 2 * int(np.ceil((found_ripple.period - 1.0) / 2.0))
+    lost_samples = 2 * int(np.ceil((found_ripple.period - 1.0) / 2.0))
     # Averages between whole periods contain no further information.
-    rows = slice(cut, loop.n - cut, max(1, round(found_ripple.period)))
+    rows = slice(lost_samples, loop.n - lost_samples, max(1, round(found_ripple.period)))
 
     def average(values: FloatArray) -> FloatArray:
         if np.ptp(values) == 0.0:
@@ -199,44 +199,44 @@ def _remove_ripple(loop: Loop, found_ripple: _Ripple, *, is_followed: bool) -> L
 
     drive = average(loop.input)
     if is_followed:
-        edge = np.zeros_like(drive)
-        for part in find_branches(drive):
-            edge[part.rows] = found_ripple.amplitude if part.is_rising else -found_ripple.amplitude
-        drive = drive + edge
+        edge_offset = np.zeros_like(drive)
+        for branch in find_branches(drive):
+            edge_offset[branch.rows] = found_ripple.amplitude if branch.is_rising else -found_ripple.amplitude
+        drive = drive + edge_offset
     time = None if loop.time is None else loop.time[rows]
     return replace_columns(loop, average, input=drive, time=time)
 
 
 def _denoise_loop(loop: Loop) -> Loop:
     """Return a loop with a smoothed input, or the loop itself if its noise does not matter."""
-    drive, span = loop.input, float(np.ptp(loop.input))
+    drive, input_range = loop.input, float(np.ptp(loop.input))
     sigma = estimate_noise(drive)
-    step = (
+    mean_step = (
         float(np.median(np.abs(drive[_STEP_AVERAGE_SAMPLES:] - drive[:-_STEP_AVERAGE_SAMPLES])))
         / _STEP_AVERAGE_SAMPLES
         if loop.n > 4 * _STEP_AVERAGE_SAMPLES
-        else span
+        else input_range
     )
-    is_smooth = sigma < max(_MIN_NOISE_SHARE * span, _MIN_NOISE_STEPS * step)
+    is_smooth = sigma < max(_MIN_NOISE_SHARE * input_range, _MIN_NOISE_STEPS * mean_step)
     # If neighbours differ by more than the noise, the drive is fast and not noisy.
     is_fast = float(np.median(np.abs(np.diff(drive)))) > _MAX_STEP_SIGMAS * sigma
     if is_smooth or is_fast or find_holes(loop.time):
         return loop
     from scipy.signal import savgol_filter  # slow to load, and needed for noisy inputs only
 
-    parts = find_branches(drive)
-    length = float(np.median([part.size for part in parts]))
-    max_window = int(_MAX_WINDOW_SHARE * length)
-    window = max(5, min(max_window, int(_WINDOW_SIGMAS * sigma / step) if step else max_window)) | 1
+    branches = find_branches(drive)
+    branch_size = float(np.median([branch.size for branch in branches]))
+    max_window = int(_MAX_WINDOW_SHARE * branch_size)
+    window = max(5, min(max_window, int(_WINDOW_SIGMAS * sigma / mean_step) if mean_step else max_window)) | 1
     smooth_input = np.array(drive)
-    ends = []
-    for part in parts:
-        if part.size <= window:
+    branch_ends = []
+    for branch in branches:
+        if branch.size <= window:
             continue
-        piece = savgol_filter(drive[part.rows], window, 2, mode="interp")
-        ends += [(part.start, piece[0]), (part.stop - 1, piece[-1])]
-        smooth_input[part.rows] = piece
+        smooth_branch = savgol_filter(drive[branch.rows], window, 2, mode="interp")
+        branch_ends += [(branch.start, smooth_branch[0]), (branch.stop - 1, smooth_branch[-1])]
+        smooth_input[branch.rows] = smooth_branch
     # At a reversal, the value is the mean of the curves on both sides.
-    for row in {row for row, _ in ends}:
-        smooth_input[row] = float(np.mean([value for end_row, value in ends if end_row == row]))
+    for row in {row for row, _ in branch_ends}:
+        smooth_input[row] = float(np.mean([value for end_row, value in branch_ends if end_row == row]))
     return replace(loop, input=smooth_input)

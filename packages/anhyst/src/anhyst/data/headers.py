@@ -43,14 +43,14 @@ def map_headers(
     scales: dict[int, float] = {}
     for name, value in (scale or {}).items():
         scales[_find_by_any_name(table, headers, targets, name, "scale")] = _parse_scale(name, value)
-    flipped = {_find_by_any_name(table, headers, targets, name, "flip") for name in flip}
+    flipped_columns = {_find_by_any_name(table, headers, targets, name, "flip") for name in flip}
     for index, header in enumerate(headers):
-        changed = replace(header, scale=scales.get(index), is_flipped=index in flipped)
+        mapped_header = replace(header, scale=scales.get(index), is_flipped=index in flipped_columns)
         if index in targets:
-            changed = _map_header(table.source_name, changed, targets[index].strip())
+            mapped_header = _map_header(table.source_name, mapped_header, targets[index].strip())
         elif header.problem and header.unit is None and index in scales:
-            changed = replace(changed, scale=None)  # the unit is missing, not the scale
-        headers[index] = changed
+            mapped_header = replace(mapped_header, scale=None)  # the unit is missing, not the scale
+        headers[index] = mapped_header
     _require_scales(table.source_name, headers)
     return tuple(_drop_ambiguous_words(headers))
 
@@ -63,12 +63,12 @@ def _drop_ambiguous_words(headers: list[Header]) -> list[Header]:
         if not header.is_known and header.target is None and header.unit is not None
         if not has_qualifier(header.name) and not is_formula(header.name)
     ]
-    checked = list(headers)
+    checked_headers = list(headers)
     for index, header in enumerate(headers):
-        is_rivalled = header.unit is not None and header.unit.dimension in rival_quantities
-        if is_rivalled and header.quantity in _INPUTS_AND_OUTPUTS:
-            checked[index] = ignore_quantity_word(header)
-    return checked
+        has_rival = header.unit is not None and header.unit.dimension in rival_quantities
+        if has_rival and header.quantity in _INPUTS_AND_OUTPUTS:
+            checked_headers[index] = ignore_quantity_word(header)
+    return checked_headers
 
 
 def ignore_quantity_word(header: Header) -> Header:
@@ -84,9 +84,9 @@ def _find_column(table: OpenTable, name: str, action: str) -> int:
     """Return the index of a column by its name in the file."""
     index = table.find(name)
     if index is None:
-        have = ", ".join(table.header)
+        header_text = ", ".join(table.header)
         raise InputError(
-            f"{table.source_name}: has no column '{name}' to {action} (columns: {have})",
+            f"{table.source_name}: has no column '{name}' to {action} (columns: {header_text})",
             code="no-such-column",
             key=name,
         )
@@ -96,7 +96,7 @@ def _find_column(table: OpenTable, name: str, action: str) -> int:
 def _find_by_any_name(
     table: OpenTable, headers: list[Header], targets: Mapping[int, str], name: str, action: str
 ) -> int:
-    """Return the index of a column by its name: in the file, or standard as ``F_N`` or ``force``."""
+    """Return the index of a column by its name in the file or a standard name, such as ``F_N``."""
     if table.find(name) is None:
         quantity = parse_header(name).quantity
         for index, header in enumerate(headers):
@@ -132,8 +132,8 @@ def _map_header(source: str, header: Header, target: str) -> Header:
         return Header(header.text, "", Quantity("", "", "1"), None, target=target)
     target_header = parse_header(target)
     has_own = header.unit is not None and (target_header.problem or not split_header(target)[1])
-    if has_own and header.unit and (with_own := parse_header(target, header.unit.symbol)).is_known:
-        target_header = with_own
+    if has_own and header.unit and (header_in_file_unit := parse_header(target, header.unit.symbol)).is_known:
+        target_header = header_in_file_unit
     mapping_text = f"{source}: column '{header.text}' mapped to '{target}'"
     if target_header.problem:
         raise InputError(

@@ -34,8 +34,8 @@ class Hole:
     """A time interval of a record without samples."""
 
     row: int  # last sample before the hole
-    time_s: float  # time of that sample, s
-    duration_s: float  # time without samples, s
+    time_s: float  # time of the last sample before the hole, s
+    duration_s: float  # duration of the hole, s
 
     def __str__(self) -> str:
         """Return the duration and the position as text."""
@@ -65,21 +65,21 @@ def cut_holes(loopset: Loops) -> Loops:
         holes = find_holes(loop.time)
         # Input and output are unchanged after a pause of the drive.
         holes = [hole for hole in holes if not _is_pause(loop, hole.row)]
-        pieces = _cut_loop(loop, holes) if holes else []
-        if not pieces:
+        cut_loops = _cut_loop(loop, holes) if holes else []
+        if not cut_loops:
             continue
-        kept_samples = sum(piece.n for piece in pieces)
+        kept_samples = sum(cut_loop.n for cut_loop in cut_loops)
         loops = [
-            piece
+            cut_loop
             for original_loop in loopset.loops
-            for piece in (pieces if original_loop is loop else [original_loop])
+            for cut_loop in (cut_loops if original_loop is loop else [original_loop])
         ]
         more_text = f" and {len(holes) - 1} more" if len(holes) > 1 else ""
         loopset = loopset.with_loops(
             loops,
             f"holes: in loop '{loop.label}' {holes[0]}{more_text}; the history after it is unknown up to "
             f"the next extreme {loopset.input.name}: {loop.n - kept_samples} samples left out, "
-            f"{len(pieces)} loops remain",
+            f"{len(cut_loops)} loops remain",
         )
     return loopset
 
@@ -98,30 +98,30 @@ def _is_pause(loop: Loop, row: int) -> bool:
 
 def _cut_loop(loop: Loop, holes: list[Hole]) -> list[Loop]:
     """Return the parts of a record whose history is known."""
-    edges = [0, *(hole.row + 1 for hole in holes), loop.n]
+    stretch_bounds = [0, *(hole.row + 1 for hole in holes), loop.n]
     names = [loop.label, *(f"{loop.label} after {hole.time_s:.4g} s" for hole in holes)]
-    pieces = []
-    for label, (start, stop) in zip(names, itertools.pairwise(edges), strict=True):
-        begin, history = start, loop.history
+    cut_loops = []
+    for label, (start, stop) in zip(names, itertools.pairwise(stretch_bounds), strict=True):
+        known_row, history = start, loop.history
         if start > 0 or history.kind == "settled":
             known_start = _find_known_history(loop, start, stop)
             if known_start is None:
                 continue
-            begin, history = known_start
-        rows = slice(begin, stop)
-        if stop - begin < _MIN_LOOP_SAMPLES or np.ptp(loop.input[rows]) == 0.0:
+            known_row, history = known_start
+        rows = slice(known_row, stop)
+        if stop - known_row < _MIN_LOOP_SAMPLES or np.ptp(loop.input[rows]) == 0.0:
             continue
         new_loop = replace_columns(loop, itemgetter(rows), label=label, history=history)
         if new_loop.reverses:
-            pieces.append(new_loop)
-    return pieces
+            cut_loops.append(new_loop)
+    return cut_loops
 
 
 def _find_known_history(loop: Loop, start: int, stop: int) -> tuple[int, History] | None:
     """Return the first sample of a part whose history is known, and that history.
 
     The input of largest magnitude wipes out the entire history. The opposite extreme wipes out
-    everything except the first one.
+    everything except the first extreme.
     """
     lowest_input, highest_input = float(loop.input.min()), float(loop.input.max())
     tips = (
@@ -151,5 +151,5 @@ def _find_known_history(loop: Loop, start: int, stop: int) -> tuple[int, History
     rows_away = np.flatnonzero(~is_near[first_near:])
     last_near = first_near + int(rows_away[0]) if rows_away.size else is_near.size
     begin = start + first_near + int(np.argmin(distance[first_near:last_near]))
-    points = turning_points if is_bipolar(loop.input) or turning_points[-1] == tips[0] else (0.0, tips[1])
-    return begin, History("conditioned", (*points[:-1], float(loop.input[begin])))
+    extremes = turning_points if is_bipolar(loop.input) or turning_points[-1] == tips[0] else (0.0, tips[1])
+    return begin, History("conditioned", (*extremes[:-1], float(loop.input[begin])))

@@ -29,11 +29,11 @@ _MAX_END_DISTANCE = 0.02
 _MIN_REMANENCE_SHARE = 2e-3
 """Minimum remanence that is searched for, as a fraction of the height."""
 _MAX_REST_SHARE = 0.05
-"""Maximum input at which a rise starts from zero, as a fraction of the largest input."""
+"""Maximum start of a rise that counts as zero input, as a fraction of the largest input."""
 _FIRST_RISE_PARTS = (0.01, 0.03, 0.1, 0.3)
-"""Parts of the first rise that are compared; which one differs most depends on the iron."""
+"""Compared parts of the first rise, as fractions of it; the iron determines which differs most."""
 _MEETING_RISE_FRACTION = 0.9
-"""Fraction of the first rise above which all rises meet; a difference there is drift."""
+"""Fraction of the first rise above which all rises coincide; a difference above it is drift."""
 _MIN_SAMPLES = 3
 """Minimum number of samples for an estimate."""
 _MAX_RISE_DISTANCE = 0.05
@@ -46,7 +46,7 @@ _MIN_NOISE_SHARE = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class _RiseComparison:
-    """Comparison of the first rise with a later one."""
+    """Comparison of the first rise with a later rise."""
 
     difference: float
     standard_error: float
@@ -73,10 +73,10 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryPropo
     """Propose the history before each of several loops of one recording, with a reason.
 
     The initial curve lies below later rises from the remanent state, or inside the loop if the
-    input has both signs. If the first rise lies there by more than noise, the record began
-    demagnetised. The same applies if it starts at rest and does not return to its start. If noise
-    hides the difference, a common decision is made for all unsure records that start at rest,
-    otherwise the proposal is settled.
+    input has both signs. If the first rise deviates like an initial curve by more than noise, the
+    record began demagnetised. The same applies if it starts at rest and does not return to its
+    start. If noise hides the difference, a common decision is made for all unsure records that
+    start at rest, otherwise the proposal is settled.
     """
     comparisons = [_compare_rises(loop, even=even) for loop in loops]
     are_all_virgin = _are_all_virgin([parts for parts in comparisons if parts])
@@ -89,7 +89,7 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryPropo
 def correct_histories_of_fast_loops(
     loops: Sequence[Loop], proposals: Sequence[HistoryProposal]
 ) -> list[HistoryProposal]:
-    """Return the proposals. Those of fast loops are corrected by the slow loops of the same gap.
+    """Correct the proposals for fast loops by the slow loops of the same gap.
 
     Eddy currents make the first cycle of a fast loop differ from later ones, as an initial curve
     would. Slow loops show without this effect whether the recording began demagnetised. If it did
@@ -97,7 +97,7 @@ def correct_histories_of_fast_loops(
     """
     corrected_proposals = list(proposals)
     for index, slower_indices in enumerate(find_slower_loops(loops)):
-        not_demagnetised = [
+        not_demagnetised_indices = [
             slower_index
             for slower_index in slower_indices
             if proposals[slower_index][0].kind != "demagnetised"
@@ -105,10 +105,10 @@ def correct_histories_of_fast_loops(
         if (
             proposals[index][0].kind != "demagnetised"
             or not slower_indices
-            or len(not_demagnetised) < len(slower_indices)
+            or len(not_demagnetised_indices) < len(slower_indices)
         ):
             continue
-        largest_slow = max(
+        largest_slow_loop = max(
             (loops[slower_index] for slower_index in slower_indices),
             key=lambda loop: float(np.ptp(loop.input)),
         )
@@ -116,7 +116,7 @@ def correct_histories_of_fast_loops(
             "it is faster than other loops of its gap, whose first rise is not the initial curve; "
             "eddy currents explain its different first cycle (state --history to change this)"
         )
-        corrected_proposals[index] = _history_after_slow(largest_slow, loops[index]), reason
+        corrected_proposals[index] = _history_after_slow(largest_slow_loop, loops[index]), reason
     return corrected_proposals
 
 
@@ -126,9 +126,9 @@ def _history_after_slow(slow_loop: Loop, fast_loop: Loop) -> History:
     last_rows = [
         slow_loop.n - 1 - int(find_extreme(slow_loop.input[::-1])) for find_extreme in (np.argmin, np.argmax)
     ]
-    ends = [float(f"{slow_loop.input[row]:.4g}") for row in sorted(last_rows)]
-    return_point = [] if abs(ends[-1] - start) <= _MAX_END_DISTANCE * span else [float(f"{start:.4g}")]
-    return History("conditioned", (*ends, *return_point))
+    extremes = [float(f"{slow_loop.input[row]:.4g}") for row in sorted(last_rows)]
+    return_point = [] if abs(extremes[-1] - start) <= _MAX_END_DISTANCE * span else [float(f"{start:.4g}")]
+    return History("conditioned", (*extremes, *return_point))
 
 
 def _are_all_virgin(comparisons: Sequence[list[_RiseComparison]]) -> bool:
@@ -145,21 +145,21 @@ def _are_all_virgin(comparisons: Sequence[list[_RiseComparison]]) -> bool:
     )
 
 
-def _select_clearest(parts: list[_RiseComparison]) -> _RiseComparison:
-    return max(parts, key=lambda comparison: (comparison.verdict == "virgin", comparison.difference_sigmas))
+def _select_clearest(comparisons: list[_RiseComparison]) -> _RiseComparison:
+    return max(comparisons, key=lambda rise: (rise.verdict == "virgin", rise.difference_sigmas))
 
 
 def _propose_history(
-    loop: Loop, parts: list[_RiseComparison], are_all_virgin: bool, *, even: bool
+    loop: Loop, comparisons: list[_RiseComparison], are_all_virgin: bool, *, even: bool
 ) -> HistoryProposal:
-    if not parts:
+    if not comparisons:
         return _propose_from_closure(loop, even=even)
-    clearest_comparison = _select_clearest(parts)
+    clearest_comparison = _select_clearest(comparisons)
     if clearest_comparison.verdict == "virgin":
-        share = clearest_comparison.difference / float(np.ptp(loop.output))
+        difference_share = clearest_comparison.difference / float(np.ptp(loop.output))
         return (
             DEMAGNETISED,
-            f"its first rise deviates from later rises by {share:.1%} of the output's range, as an "
+            f"its first rise deviates from later rises by {difference_share:.1%} of the output's range, as an "
             "initial curve does",
         )
     if clearest_comparison.verdict == "settled":
@@ -208,17 +208,19 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
     The output is the square of a flux. On the initial curve from rest, it grows by a factor of four
     while the input at most doubles, because the curve steepens. Above this curve, the remanence in
     flux is at least as large, so the output difference is at least ``(2 + 1)**2 - 2**2`` times the
-    closing error. A drift is equal everywhere, and a settled rise starts with a slope.
+    closing error. A drift is equal at all inputs, and a settled rise starts with a slope.
     """
-    parts = find_branches(loop.input)
-    if len(parts) < 2:
+    branches = find_branches(loop.input)
+    if len(branches) < 2:
         return False
-    rise, fall = ((loop.input[part.rows], loop.output[part.rows]) for part in parts[:2])
+    rise, fall = ((loop.input[branch.rows], loop.output[branch.rows]) for branch in branches[:2])
     growth = rise[1] - loop.output[0]
     if float(growth.max()) < 4.0 * closing_error:
-        return True  # such a remanence hides all other effects
+        return True  # a remanence of this size hides all other effects
     input_at_1, input_at_4 = (float(rise[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0))
-    difference = float(_interpolate(fall, np.array([input_at_4]))[0] - loop.output[0]) - 4.0 * closing_error
+    difference = (
+        float(_interpolate_curve(fall, np.array([input_at_4]))[0] - loop.output[0]) - 4.0 * closing_error
+    )
     start = float(loop.input[0])
     return difference >= 5.0 * closing_error and abs(input_at_4 - start) <= 2.4 * abs(input_at_1 - start)
 
@@ -238,24 +240,24 @@ def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
 
 def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     """Compare the first rise with a later one, part by part; empty without a later rise."""
-    size, output = fold_input(loop, even=even)
-    rest_limit = _MAX_REST_SHARE * float(np.max(np.abs(size)))
-    parts = find_branches(size)
-    if abs(size[0]) > rest_limit or len(parts) < 3:
+    inputs, output = fold_input(loop, even=even)
+    rest_limit = _MAX_REST_SHARE * float(np.max(np.abs(inputs)))
+    parts = find_branches(inputs)
+    if abs(inputs[0]) > rest_limit or len(parts) < 3:
         return []
     first_rise = parts[0]
     if not first_rise.is_rising:
-        size, output = -size, output if even else -output
-    start_input, end_input = float(size[0]), float(size[first_rise.stop - 1])
+        inputs, output = -inputs, output if even else -output
+    start_input, end_input = float(inputs[0]), float(inputs[first_rise.stop - 1])
     for index in range(2, len(parts), 2):
         later_branch = parts[index]
-        top_input = min(end_input, float(size[later_branch.stop - 1]))
-        starts_at_rest = float(size[later_branch.start]) <= start_input + rest_limit
+        top_input = min(end_input, float(inputs[later_branch.stop - 1]))
+        starts_at_rest = float(inputs[later_branch.start]) <= start_input + rest_limit
         if starts_at_rest and top_input - start_input >= 0.5 * (end_input - start_input):
             break
     else:
         return []
-    curves = [(size[part.rows], output[part.rows]) for part in parts]
+    curves = [(inputs[part.rows], output[part.rows]) for part in parts]
     sigma = (
         estimate_noise(loop.input),
         max(estimate_noise(loop.output), _MIN_NOISE_SHARE * float(np.ptp(loop.output))),
@@ -294,11 +296,11 @@ def _estimate_drift(
     is_in_range = (first_curve[0] >= low_input) & (
         first_curve[0] <= min(top_input, float(second_curve[0].max()))
     )
-    size, output = first_curve[0][is_in_range], first_curve[1][is_in_range]
-    if size.size < _MIN_SAMPLES:
+    inputs, output = first_curve[0][is_in_range], first_curve[1][is_in_range]
+    if inputs.size < _MIN_SAMPLES:
         return 0.0, _output_scatter(rise[1], span, sigma)
-    difference = _interpolate(second_curve, size) - output
-    error = _output_scatter(output, span, sigma) * (2.0 / size.size) ** 0.5
+    difference = _interpolate_curve(second_curve, inputs) - output
+    error = _output_scatter(output, span, sigma) * (2.0 / inputs.size) ** 0.5
     # A difference that varies along the curve is not drift.
     unevenness = float(np.std([part.mean() for part in np.array_split(difference, _MIN_SAMPLES)]))
     return float(difference.mean()), max(error, unevenness)
@@ -307,17 +309,17 @@ def _estimate_drift(
 def _compare_parts(
     rise: _Curve, later_rise: _Curve, fall: _Curve, span: float, drift: tuple[float, float], sigma: _Sigma
 ) -> list[_RiseComparison]:
-    """Compare two rises over several parts of the first one, all of which begin at rest."""
-    size, output = rise
-    share = (size - size[0]) / span
+    """Compare two rises over several parts of the first rise, all of which begin at rest."""
+    inputs, output = rise
+    share = (inputs - inputs[0]) / span
     difference, height = (
-        _interpolate(later_rise, size) - output,
-        _interpolate(fall, size) - _interpolate(later_rise, size),
+        _interpolate_curve(later_rise, inputs) - output,
+        _interpolate_curve(fall, inputs) - _interpolate_curve(later_rise, inputs),
     )
     comparisons = []
     for part in _FIRST_RISE_PARTS:
         is_in_part = share < part
-        count = min(np.count_nonzero(is_in_part), np.count_nonzero(later_rise[0] < size[0] + part * span))
+        count = min(np.count_nonzero(is_in_part), np.count_nonzero(later_rise[0] < inputs[0] + part * span))
         if count < _MIN_SAMPLES:
             continue
         error = _output_scatter(output[is_in_part], part * span, sigma) * (2.0 / count) ** 0.5
@@ -333,26 +335,26 @@ def _output_scatter(output: FloatArray, span: float, sigma: _Sigma) -> float:
     return float(np.hypot(sigma[1], float(np.ptp(output)) / span * sigma[0]))
 
 
-def _interpolate(curve: _Curve, size: FloatArray) -> FloatArray:
-    order = np.argsort(curve[0], kind="stable")
-    return np.interp(size, curve[0][order], curve[1][order])
+def _interpolate_curve(curve: _Curve, inputs: FloatArray) -> FloatArray:
+    sorted_rows = np.argsort(curve[0], kind="stable")
+    return np.interp(inputs, curve[0][sorted_rows], curve[1][sorted_rows])
 
 
 def _output_at_return(drive: FloatArray, output: FloatArray) -> float | None:
     """Return the output where the input last passes its first value in its first direction."""
-    parts = find_branches(drive)
-    if len(parts) < 2:
+    branches = find_branches(drive)
+    if len(branches) < 2:
         return None
-    later_rows = slice(parts[0].stop - 1, None)
-    outputs_again = find_crossings(
-        drive[later_rows], output[later_rows], float(drive[0]), rising=parts[0].is_rising
+    later_rows = slice(branches[0].stop - 1, None)
+    outputs_at_return = find_crossings(
+        drive[later_rows], output[later_rows], float(drive[0]), rising=branches[0].is_rising
     )
-    if outputs_again.size:
-        return float(outputs_again[-1])
-    remaining_input, step = float(drive[0] - drive[-1]), float(drive[-1] - drive[-2])
+    if outputs_at_return.size:
+        return float(outputs_at_return[-1])
+    remaining_input, input_step = float(drive[0] - drive[-1]), float(drive[-1] - drive[-2])
     if abs(remaining_input) > _MAX_END_DISTANCE * float(np.ptp(drive)):
         return None
-    # A cycle without its last sample ends one step before its start, so it is extrapolated.
-    steps_ahead = remaining_input / step if step != 0.0 else 0.0
+    # A cycle without its last sample ends one step before its start, so the output is extrapolated.
+    steps_ahead = remaining_input / input_step if input_step != 0.0 else 0.0
     steps_ahead = steps_ahead if 0.0 < steps_ahead <= 1.5 else 0.0
     return float(output[-1] + steps_ahead * (output[-1] - output[-2]))

@@ -26,8 +26,8 @@ def list_input_files(paths: PathLike | Sequence[PathLike], sidecar: PathLike | N
 
 
 def _as_path_list(paths: PathLike | Sequence[PathLike]) -> list[Path]:
-    listed = [paths] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
-    return list(map(Path, listed))
+    path_list = [paths] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
+    return list(map(Path, path_list))
 
 
 def expand_folders(paths: PathLike | Sequence[PathLike]) -> list[Path]:

@@ -17,7 +17,7 @@ from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, find_branches
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import describe_rate
-from anhyst.data.symmetry import describe_bias, recentre
+from anhyst.data.symmetry import describe_bias, recentre_loops
 from anhyst.data.verdict import (
     Verdict,
     assess_loops,
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LoopFigures:
-    """Figures of one loop in SI units; ``None`` if a figure cannot be determined."""
+    """Characteristic values of one loop, SI units; ``None`` if a value cannot be determined."""
 
     label: str
     schedule: float | None
@@ -57,21 +57,21 @@ class LoopFigures:
     step: float | None  # median time step, s
     uneven: float | None  # largest relative deviation from the median time step
     input_offset: float | None  # input at the centre of a symmetric loop with an odd output
-    output_offset: float | None  # output at this centre
+    output_offset: float | None  # output at the centre of a symmetric loop
     drift: float | None  # linear drift of the output over the record
     closure: float | None  # output at the end of the last full cycle minus output at its start
     noise: float  # standard deviation of the output noise
     skew: float | None  # delay of the output after the input, samples
-    skew_s: float | None  # the same delay, s; None without time
+    skew_s: float | None  # delay of the output, s; None without time
     # slope at the largest input relative to the largest slope: almost 0 in saturation
     saturation: float | None
     width: float  # largest distance of neighbouring branches in the input
     height: float  # largest distance of neighbouring branches in the output
     single_mean: float  # mean deviation from the best single-valued curve
-    single_worst: float  # largest deviation from this curve
-    history: History  # as stated or assumed
-    proposed: History  # as proposed from the record
-    reason: str  # reason for the proposal
+    single_worst: float  # largest deviation from the best curve
+    history: History  # history as stated or assumed
+    proposed: History  # history as proposed from the record
+    reason: str  # reason for the proposed history
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -108,7 +108,7 @@ class Inspection(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return all results for JSON, with units in the keys (``width_A``, ``noise_N``, ...)."""
-        units = self._units()
+        units = self._unit_suffixes()
         return {
             "input": self.input.column,
             "output": self.output.column,
@@ -156,8 +156,8 @@ class Inspection(Result):
         ax.set_xlabel("loop")
         ax.set_ylabel(label)
 
-    def _units(self) -> dict[str, str]:
-        """Return the unit suffix of each figure that has a unit."""
+    def _unit_suffixes(self) -> dict[str, str]:
+        """Return the unit suffix of each value that has a unit."""
         drive, output = _unit_suffix(self.input), _unit_suffix(self.output)
         units = dict.fromkeys(("input_low", "input_high", "input_offset", "width"), drive)
         names = ("output_low", "output_high", "output_offset", "drift", "closure", "noise",
@@ -176,15 +176,15 @@ def inspect(loops: Loops) -> Inspection:
     """
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
-    centred, even = recentre(loops)
+    centred, even = recentre_loops(loops)
     proposals = correct_histories_of_fast_loops(loops.loops, propose_histories(centred.loops, even=even))
-    widths = [loop_width_and_height(loop, even=even) for loop in centred.loops]
+    widths_and_heights = [loop_width_and_height(loop, even=even) for loop in centred.loops]
     figures = tuple(
-        _inspect_loop(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)
-        for loop, proposal, width in zip(loops.loops, proposals, widths, strict=True)
+        _inspect_loop(loop, np.abs(residuals[id(loop)]), proposal, width_and_height, even=even)
+        for loop, proposal, width_and_height in zip(loops.loops, proposals, widths_and_heights, strict=True)
     )
     bias_text = describe_bias(loops)
-    warnings += _warnings(loops, figures)
+    warnings += _find_warnings(loops, figures)
     return Inspection(
         loops.input,
         loops.output,
@@ -208,7 +208,7 @@ def _inspect_loop(
     even: bool,
 ) -> LoopFigures:
     proposed_history, reason = proposal
-    centre = None if even else estimates.estimate_offsets(loop)
+    loop_centre = None if even else estimates.estimate_offsets(loop)
     (step, step_deviation), delay = estimates.measure_sampling(loop), estimate_delay(loop)
     return LoopFigures(
         label=loop.label,
@@ -221,8 +221,8 @@ def _inspect_loop(
         output_high=float(loop.output.max()),
         step=step,
         uneven=step_deviation,
-        input_offset=centre[0] if centre else None,
-        output_offset=centre[1] if centre else None,
+        input_offset=loop_centre[0] if loop_centre else None,
+        output_offset=loop_centre[1] if loop_centre else None,
         drift=estimates.estimate_drift(loop),
         closure=estimates.closure_error(loop),
         noise=estimate_noise(loop.output),
@@ -239,7 +239,7 @@ def _inspect_loop(
     )
 
 
-def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
+def _find_warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
     warnings = []
     for loop, figure in zip(loopset.loops, figures, strict=True):
         name = loopset.describe(loop)
@@ -292,11 +292,11 @@ def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:
     loop_axes.set_title("measured", loc="left", fontsize="medium")
     has_moving_schedule = any(loop.schedule_value is None for loop in loopset.loops)
     colours = schedule_colours(loopset.schedule_values, has_moving=has_moving_schedule)
-    size = largest_output(loopset)
+    reference = largest_output(loopset)
     for loop, residual in single_valued_residuals(loopset):
         shown_rows = thinning_slice(loop.n)
-        share = 100.0 * residual[shown_rows] / size
-        residual_axes.plot(loop.input[shown_rows], share, color=colours[loop.schedule_value], lw=0.9)
+        percent = 100.0 * residual[shown_rows] / reference
+        residual_axes.plot(loop.input[shown_rows], percent, color=colours[loop.schedule_value], lw=0.9)
     noise = 100.0 * inspection.verdict.noise_relative
     residual_axes.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
     residual_axes.set_xlabel(loopset.input.label)

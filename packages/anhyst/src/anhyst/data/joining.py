@@ -1,8 +1,8 @@
 """Join loops of several sources into one set, and complete the history of successive loops.
 
 Identical loops are kept once, and scheduling values that differ only by rounding become equal. A
-settled loop wipes out smaller loops before it. In iron with return-point memory it lies within a
-larger loop that was run before. Therefore, its history includes the earlier loops of the record.
+settled loop wipes out smaller loops before it. In iron with return-point memory, a settled loop
+lies within a larger loop that was run before. Therefore, its history includes the earlier loops.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class SourceLoops:
     without_history: frozenset[int] = frozenset()
     is_labelled: bool = True
     has_blocks: bool = False  # whether breaks separate the loops
-    stated_gap: tuple[float | None, str] | None = None  # m, and the comment in the header of the file
+    stated_gap: tuple[float | None, str] | None = None  # gap in m, and the comment that states it
 
 
 def join_loops(parts: Sequence[SourceLoops]) -> Loops:
@@ -62,14 +62,14 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
                 code="quantities-differ",
             )
     notes = [note for part in parts for note in part.notes]
-    entries: list[_Entry] = []
+    entries: list[_JoinedLoop] = []
     values: list[float] = []
-    by_fingerprint: defaultdict[tuple[float, ...], list[_Entry]] = defaultdict(list)
+    by_fingerprint: defaultdict[tuple[float, ...], list[_JoinedLoop]] = defaultdict(list)
     for part in parts:
         for loop in part.loops:
             snapped_loop = _snap_schedule(loop, values)
-            entry = _Entry(snapped_loop, snapped_loop.schedule_value, part)
-            candidates = by_fingerprint[_fingerprint(snapped_loop)] if entry.is_identifiable else []
+            entry = _JoinedLoop(snapped_loop, snapped_loop.schedule_value, part)
+            candidates = by_fingerprint[_loop_fingerprint(snapped_loop)] if entry.is_identifiable else []
             twin_source = next(filter(None, (_find_twin(entry, other) for other in candidates)), None)
             if twin_source is None:
                 candidates.append(entry)
@@ -89,7 +89,7 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
 
 
 @dataclass(frozen=True, slots=True)
-class _Entry:
+class _JoinedLoop:
     """A loop of the joined set, its scheduling value, and its source."""
 
     loop: Loop
@@ -102,16 +102,16 @@ class _Entry:
         return self.loop.schedule is None or self.schedule_value is not None
 
 
-def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
+def _make_labels_unique(entries: Sequence[_JoinedLoop]) -> tuple[Loop, ...]:
     """Return the loops with labels that are unique at each scheduling value."""
-    entries_by_label: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
+    entries_by_label: defaultdict[tuple[str, float | None], list[_JoinedLoop]] = defaultdict(list)
     for entry in entries:
         if entry.is_identifiable:
             entries_by_label[entry.loop.label, entry.schedule_value].append(entry)
     paths = {entry.part.source_name: PurePath(entry.part.source_name) for entry in entries}
-    stems = Counter(path.stem for path in paths.values())
+    stem_counts = Counter(path.stem for path in paths.values())
     names = {
-        name: path.stem if stems[path.stem] == 1 else str(path.with_suffix(""))
+        name: path.stem if stem_counts[path.stem] == 1 else str(path.with_suffix(""))
         for name, path in paths.items()
     }
     labels = {
@@ -124,7 +124,7 @@ def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
 
 
 def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
-    """Replace a scheduling value by an earlier one that differs only by rounding."""
+    """Replace a scheduling value by an earlier value that differs only by rounding."""
     value = loop.schedule_value
     if value is None or value in values:
         return loop
@@ -135,7 +135,7 @@ def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
     return loop
 
 
-def _unique_label(entry: _Entry, first_entry: _Entry, name: str) -> str:
+def _unique_label(entry: _JoinedLoop, first_entry: _JoinedLoop, name: str) -> str:
     """Return a label with the name of the file; raise an error for equal labels without a gap."""
     if not entry.part.is_labelled:
         return name
@@ -150,7 +150,7 @@ def _unique_label(entry: _Entry, first_entry: _Entry, name: str) -> str:
     return f"{name} {entry.loop.label}"
 
 
-def _find_twin(entry: _Entry, earlier_entry: _Entry) -> str | None:
+def _find_twin(entry: _JoinedLoop, earlier_entry: _JoinedLoop) -> str | None:
     """Return the other file that contains the same data; raise an error if its gap differs."""
     later_loop, earlier_loop = entry.loop, earlier_entry.loop
     if not (
@@ -167,10 +167,10 @@ def _find_twin(entry: _Entry, earlier_entry: _Entry) -> str | None:
     return earlier_entry.part.source_name if entry.part is not earlier_entry.part else None
 
 
-def _fingerprint(loop: Loop) -> tuple[float, ...]:
+def _loop_fingerprint(loop: Loop) -> tuple[float, ...]:
     """Return the length and four samples of a loop as a key for quick comparison."""
-    ends = [0, loop.n // 3, loop.n // 2, loop.n - 1]
-    return (float(loop.n), *loop.input[ends].tolist(), *loop.output[ends].tolist())
+    sample_rows = [0, loop.n // 3, loop.n // 2, loop.n - 1]
+    return (float(loop.n), *loop.input[sample_rows].tolist(), *loop.output[sample_rows].tolist())
 
 
 NESTED_LOOPS_NOTE = (
@@ -178,7 +178,7 @@ NESTED_LOOPS_NOTE = (
 )
 """Note for records to which earlier loops were added as history."""
 _MAX_END_DISTANCE = 0.02
-"""Maximum distance of equal ends, as a fraction of the range."""
+"""Maximum distance of branch ends that count as equal, as a fraction of the input range."""
 _MIN_BRANCH_SAMPLES = 8
 """Minimum number of samples of a branch that is compared."""
 _MIN_DIFFERENCE_SIGMAS = 4.5
@@ -197,22 +197,22 @@ def add_earlier_loops(loops: Sequence[Loop], *, across_gaps: bool = False) -> li
     larger loop. If no loop shares an end, or if a branch deviates, no history is added.
     """
     order = _run_order(loops)
-    earlier = {
+    predecessors = {
         index: tuple(
             loops[other]
-            for other in order[:later]
+            for other in order[:run_number]
             if across_gaps or loops[other].schedule_value == loops[index].schedule_value
         )
-        for later, index in enumerate(order)
+        for run_number, index in enumerate(order)
     }
     verdicts = [_is_on_larger_loop(loop, other) for index, loop in enumerate(loops)
-                for other in earlier.get(index, ())
+                for other in predecessors.get(index, ())
                 if other.schedule_value == loop.schedule_value]  # fmt: skip
     known_verdicts = [verdict for verdict in verdicts if verdict is not None]
     if not known_verdicts or not all(known_verdicts):
         return list(loops)
     return [
-        replace(loop, history=_history_after(earlier[index], loop)) if earlier[index] else loop
+        replace(loop, history=_history_after(predecessors[index], loop)) if predecessors[index] else loop
         for index, loop in enumerate(loops)
     ]
 
@@ -244,15 +244,15 @@ def _history_after(earlier: Sequence[Loop], loop: Loop) -> History:
     return History("settled", tuple(points), tuple(schedule))
 
 
-def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
-    """Whether branches follow those of a larger loop; ``None`` if none starts at the same end."""
-    span = float(np.ptp(larger.input))
+def _is_on_larger_loop(loop: Loop, larger_loop: Loop) -> bool | None:
+    """Whether branches follow those of a larger loop; ``None`` if no branch has a common start."""
+    span = float(np.ptp(larger_loop.input))
     if float(np.ptp(loop.input)) > (1.0 - _MAX_END_DISTANCE) * span:
         return None
     verdicts = []
     for rising in (True, False):
-        inner_branch, outer_branch = _longest_branch(loop, rising), _longest_branch(larger, rising)
-        opposite_branch = _longest_branch(larger, not rising)
+        inner_branch, outer_branch = _longest_branch(loop, rising), _longest_branch(larger_loop, rising)
+        opposite_branch = _longest_branch(larger_loop, not rising)
         if inner_branch is None or outer_branch is None or opposite_branch is None:
             continue
         end_index = 0 if rising else -1
@@ -265,18 +265,18 @@ def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
         distance = float(np.mean(outputs - np.interp(inputs, *outer_branch)))
         height = abs(float(np.mean(np.interp(inputs, *opposite_branch) - np.interp(inputs, *outer_branch))))
         slope = float(np.ptp(outputs) / np.ptp(inputs))
-        scatter = np.hypot(estimate_noise(loop.output), slope * estimate_noise(loop.input))
-        error = float(scatter) * (2.0 / inputs.size) ** 0.5
+        output_sigma = np.hypot(estimate_noise(loop.output), slope * estimate_noise(loop.input))
+        error = float(output_sigma) * (2.0 / inputs.size) ** 0.5
         verdicts.append(abs(distance) <= max(_MIN_DIFFERENCE_SIGMAS * error, _MAX_DISTANCE_SHARE * height))
     return all(verdicts) if verdicts else None
 
 
 def _longest_branch(loop: Loop, rising: bool) -> _Curve | None:
     """Return ascending inputs and the outputs of the longest rising or falling branch."""
-    parts = [part for part in find_branches(loop.input) if part.is_rising == rising]
-    if not parts:
+    branches = [branch for branch in find_branches(loop.input) if branch.is_rising == rising]
+    if not branches:
         return None
-    longest_branch = max(parts, key=lambda part: float(np.ptp(loop.input[part.rows])))
+    longest_branch = max(branches, key=lambda branch: float(np.ptp(loop.input[branch.rows])))
     size, output = loop.input[longest_branch.rows], loop.output[longest_branch.rows]
     order = np.argsort(size, kind="stable")
     return size[order], output[order]

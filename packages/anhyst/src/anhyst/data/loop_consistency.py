@@ -22,7 +22,7 @@ _LEVEL_SHARES = np.linspace(0.4, 0.95, 12)
 _MIN_BRANCH_DISTANCE = 0.05
 """Minimum median distance between the branches of different loops, as a fraction of the output."""
 _MIN_MIDDLE_DISTANCE = 0.08
-"""The same for the centre lines of loops between the same inputs at the same speed."""
+"""Minimum distance of the centre lines of different loops with the same input range and speed."""
 _MAX_END_DIFFERENCE = 0.03
 _MAX_SPEED_RATIO = 1.5
 _MAX_TIP_DIFFERENCE = 0.25
@@ -34,23 +34,23 @@ _CHECKED_OUTPUTS = ("force", "thrust", "flux_density", "flux_linkage")
 
 
 def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
-    """Ask for the gap if files or blocks without one contain loops that hysteresis cannot explain."""
+    """Ask for the gap if loops of files or blocks without a gap differ more than by hysteresis."""
     files = {loop.source for loop in loopset.loops}
-    sources = {(loop.source, loop.label if has_blocks else "") for loop in loopset.loops}
+    loop_origins = {(loop.source, loop.label if has_blocks else "") for loop in loopset.loops}
     if loopset.schedule == QUANTITIES["gap"] or loopset.input.name == "field":
         return
     if loopset.output.name not in _CHECKED_OUTPUTS:
         return
     if loopset.schedule is None:
         _refuse_different_cycles(loopset)
-    if len(sources) < 2:
+    if len(loop_origins) < 2:
         return
     largest_loops: dict[float | None, Loop] = {}
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.max(np.abs(loop.input)))):
         larger_loop = largest_loops.setdefault(loop.schedule_value, loop)
         if has_blocks and loop.source == larger_loop.source and _are_apart(loop, larger_loop):
             raise InputError(
-                f"{loop.source}: blank lines, remarks or invalid rows separate {len(sources)} "
+                f"{loop.source}: blank lines, remarks or invalid rows separate {len(loop_origins)} "
                 f"blocks, which contain different loops of the same quantities without a gap "
                 f"('{larger_loop.label}' and '{loop.label}'); state the gaps in a column 'gap_mm', or by "
                 "a line such as '# gap = 0.5 mm' above each block; if there is no gap: "
@@ -95,36 +95,36 @@ def _tip_output(loop: Loop, branch: Branch) -> float:
     return float(np.median(loop.output[branch.rows][drive >= _TIP_SHARE * drive.max()]))
 
 
-def _are_apart(loop: Loop, larger: Loop) -> bool:
+def _are_apart(loop: Loop, larger_loop: Loop) -> bool:
     """Whether two loops are apart at most levels, so that neither history nor speed explains it."""
     sign = 1.0 if float(loop.input.max()) >= -float(loop.input.min()) else -1.0
-    distances, middles = [], []
+    distances, middle_distances = [], []
     for level in float((sign * loop.input).max()) * _LEVEL_SHARES:
-        pair = [_outputs_at(compared_loop, sign, level) for compared_loop in (loop, larger)]
+        pair = [_outputs_at(compared_loop, sign, level) for compared_loop in (loop, larger_loop)]
         if pair[0].size == 0 or pair[1].size == 0:
             continue
-        (lowest, highest), (other_lowest, other_highest) = [(float(p.min()), float(p.max())) for p in pair]
-        size = max(abs(lowest), abs(highest), abs(other_lowest), abs(other_highest)) or 1.0
-        distances.append(max(0.0, lowest - other_highest, other_lowest - highest) / size)
-        middles.append(abs(lowest + highest - other_lowest - other_highest) / (2.0 * size))
+        (low, high), (other_low, other_high) = [(float(p.min()), float(p.max())) for p in pair]
+        size = max(abs(low), abs(high), abs(other_low), abs(other_high)) or 1.0
+        distances.append(max(0.0, low - other_high, other_low - high) / size)
+        middle_distances.append(abs(low + high - other_low - other_high) / (2.0 * size))
     if not distances:
         return False
     if float(np.median(distances)) > _MIN_BRANCH_DISTANCE:
         return True
-    return _are_comparable(loop, larger) and float(np.median(middles)) > _MIN_MIDDLE_DISTANCE
+    return _are_comparable(loop, larger_loop) and float(np.median(middle_distances)) > _MIN_MIDDLE_DISTANCE
 
 
 def _are_comparable(loop: Loop, other: Loop) -> bool:
     """Whether two loops have the same input range and the same speed."""
     pair = (loop, other)
-    ends = [(float(member.input.min()), float(member.input.max())) for member in pair]
-    span = ends[1][1] - ends[1][0]
-    if max(abs(ends[0][0] - ends[1][0]), abs(ends[0][1] - ends[1][1])) > _MAX_END_DIFFERENCE * span:
+    limits = [(float(record.input.min()), float(record.input.max())) for record in pair]
+    span = limits[1][1] - limits[1][0]
+    if max(abs(limits[0][0] - limits[1][0]), abs(limits[0][1] - limits[1][1])) > _MAX_END_DIFFERENCE * span:
         return False
     speeds = [
-        float(np.sum(np.abs(np.diff(member.input)))) / float(member.time[-1] - member.time[0])
-        for member in pair
-        if member.time is not None
+        float(np.sum(np.abs(np.diff(record.input)))) / float(record.time[-1] - record.time[0])
+        for record in pair
+        if record.time is not None
     ]
     return len(speeds) < 2 or max(speeds) <= _MAX_SPEED_RATIO * min(speeds)
 

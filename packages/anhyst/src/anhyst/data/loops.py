@@ -65,8 +65,8 @@ class Loop:
     Raises
     ------
     InputError
-        If the arrays have different lengths, contain values that cannot be measured, are too short,
-        the input is constant, or time decreases or is constant.
+        If arrays differ in length, are too short or contain values that cannot be measured, if the
+        input is constant, or if time decreases or is constant.
     """
 
     label: str
@@ -137,7 +137,7 @@ class Loop:
 
     @property
     def schedule_value(self) -> float | None:
-        """The scheduling value if there is one and it is constant, otherwise ``None``."""
+        """The scheduling value if the loop has one and it is constant, otherwise ``None``."""
         if self.schedule is None or np.ptp(self.schedule) != 0.0:
             return None
         return float(self.schedule[0])
@@ -304,8 +304,8 @@ class Loops(Result):
 
     def with_history(self, history: HistoryLike) -> Loops:
         """Return the same set with the given history for every loop."""
-        past = History.of(history)
-        return self.with_loops(replace(loop, history=past) for loop in self.loops)
+        common_history = History.of(history)
+        return self.with_loops(replace(loop, history=common_history) for loop in self.loops)
 
     def require_reversals(self) -> None:
         """Raise an error for loops without a reversal, which identification cannot use.
@@ -334,7 +334,7 @@ class Loops(Result):
     def to_columns(self) -> dict[str, Column]:
         """Return all loops one after the other, as columns of SI values by header."""
         codes = np.concatenate([np.full(loop.n, n, np.int32) for n, loop in enumerate(self.loops)])
-        columns: dict[str, Column] = {"loop": Texts(tuple(lo.label for lo in self.loops), codes)}
+        columns: dict[str, Column] = {"loop": Texts(tuple(any_loop.label for any_loop in self.loops), codes)}
         times = [loop.time for loop in self.loops if loop.time is not None]
         if len(times) == len(self.loops):
             columns[QUANTITIES["time"].column] = np.concatenate(times)
@@ -362,32 +362,32 @@ class Loops(Result):
 
     def _repr_html_(self) -> str:
         """Return the facts and one row for each loop, for a notebook."""
-        head = ["loop", *([self.schedule.name] if self.schedule else []), "samples"]
-        head += [self.input.label, self.output.label, "history"]
+        headings = ["loop", *([self.schedule.name] if self.schedule else []), "samples"]
+        headings += [self.input.label, self.output.label, "history"]
         rows = []
         for loop in self.loops[:MAX_ROWS]:
             value = loop.schedule_value
             schedule_fields = [] if self.schedule is None else ["moves" if value is None else f"{value:g}"]
-            ends = (f"{np.min(side):.4g} to {np.max(side):.4g}" for side in (loop.input, loop.output))
-            rows.append([loop.label, *schedule_fields, str(loop.n), *ends, loop.history.kind])
+            ranges = (f"{np.min(signal):.4g} to {np.max(signal):.4g}" for signal in (loop.input, loop.output))
+            rows.append([loop.label, *schedule_fields, str(loop.n), *ranges, loop.history.kind])
         hidden_count = len(self) - len(rows)
         rows += [[f"and {count_text(hidden_count, 'more loop')}"]] if hidden_count else []
-        return super()._repr_html_() + html_table(head, rows)
+        return super()._repr_html_() + html_table(headings, rows)
 
     def draw(self, ax: Axes) -> None:
         """Draw all loops, output over input, with one colour for each scheduling value."""
-        scale, label = length_scale(self.output)
+        scale, axis_text = length_scale(self.output)
         has_moving_schedule = any(loop.schedule_value is None for loop in self.loops)
-        for group, shade in schedule_colours(self.schedule_values, has_moving=has_moving_schedule).items():
+        for group, colour in schedule_colours(self.schedule_values, has_moving=has_moving_schedule).items():
             name = group_label(self.schedule, group)
             for loop in self.loops:
                 if loop.schedule_value == group:
                     shown_rows = thinning_slice(loop.n)
                     output = loop.output[shown_rows] * scale
-                    ax.plot(loop.input[shown_rows], output, color=shade, lw=1.1, label=name)
+                    ax.plot(loop.input[shown_rows], output, color=colour, lw=1.1, label=name)
                     name = None  # one legend entry for each value
         ax.set_xlabel(self.input.label)
-        ax.set_ylabel(label)
+        ax.set_ylabel(axis_text)
 
     def save(self, path: PathLike) -> Path:
         """Write all loops to one CSV file, SI units, full precision; no partial file is left.
@@ -403,13 +403,13 @@ class Loops(Result):
         return Path(path)
 
 
-def replace_columns(loop: Loop, change: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
-    """Return a loop with the same change to all columns, except those that are given."""
+def replace_columns(loop: Loop, convert: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
+    """Return a loop with the same change to all columns, except the columns that are given."""
     columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
-    changed = {
-        name: change(values) for name, values in columns.items() if values is not None and name not in others
+    changed_columns = {
+        name: convert(values) for name, values in columns.items() if values is not None and name not in others
     }
-    return replace(loop, **changed | others)
+    return replace(loop, **changed_columns | others)
 
 
 def is_even(loopset: Loops) -> bool:
@@ -424,8 +424,8 @@ def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
     """Whether an output is independent of the sign of the input, as in `is_even`."""
     if not output_map(output).is_even:
         return False
-    bipolar = [loop for loop in loops if is_bipolar(loop.input)]
-    return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar)
+    bipolar_loops = [loop for loop in loops if is_bipolar(loop.input)]
+    return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar_loops)
 
 
 def fold_input(loop: Loop, *, even: bool) -> tuple[FloatArray, FloatArray]:

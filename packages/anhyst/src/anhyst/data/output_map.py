@@ -24,7 +24,7 @@ class OutputMap:
     quantity: str  # name of the output quantity
     # power of the flux density
     power: int = 1
-    # whether the output grows with the flux of the iron, so that its loop over the input is an
+    # whether the output grows with the flux of the iron, so that the area of its loop is an
     # energy
     is_flux_based: bool = False
     is_flux_density: bool = False  # whether the output is the flux density itself, ``c_out = 1``
@@ -32,7 +32,7 @@ class OutputMap:
     has_natural_zero: bool = True
     # whether an active material without iron gives the output, with lag and creep
     has_creep: bool = False
-    # name of the quantity if a current or a field drives it, if different
+    # name of the quantity if a current or a field drives it and the name differs
     magnetised_name: str = ""
 
     @property
@@ -46,8 +46,8 @@ class OutputMap:
 
 
 OUTPUT_MAPS = {
-    each.quantity: each
-    for each in (
+    entry.quantity: entry
+    for entry in (
         OutputMap("force", power=2, is_flux_based=True),
         OutputMap("thrust", is_flux_based=True),
         OutputMap("flux_density", is_flux_based=True, is_flux_density=True),
@@ -68,26 +68,26 @@ def output_map(output: Quantity) -> OutputMap:
 def full_scale(output: Quantity, records: Iterable[FloatArray]) -> float:
     """Return the full scale of an output, the reference of every relative deviation.
 
-    It is the largest magnitude in all records. A displacement or a strain has no natural zero; its
+    The full scale is the largest magnitude in all records. A displacement or a strain has no natural zero; its
     full scale is the largest range of a record.
     """
     has_zero = output_map(output).has_natural_zero
-    sizes = (float(np.max(np.abs(each)) if has_zero else np.ptp(each)) for each in records)
-    return max(sizes, default=0.0)
+    magnitudes = (float(np.max(np.abs(record)) if has_zero else np.ptp(record)) for record in records)
+    return max(magnitudes, default=0.0)
 
 
 def name_full_scale(output: Quantity, size: float | None = None) -> str:
     """Return the name of a full scale, with its value if given: ``the largest force (24 N)``."""
     name = output.name.replace("_", " ")
-    words = f"the largest {name}" if output_map(output).has_natural_zero else f"the range of the {name}"
+    scale_name = f"the largest {name}" if output_map(output).has_natural_zero else f"the range of the {name}"
     if size is None:
-        return words
+        return scale_name
     unit, scale = choose_display_unit(output, size)
-    return f"{words} ({scale * size:.5g} {unit})"
+    return f"{scale_name} ({scale * size:.5g} {unit})"
 
 
 def measured_quantity(drive: Quantity, output: Quantity) -> Quantity:
-    """Return the quantity of an output for a drive; strain of a magnetised body is even."""
+    """Return the output quantity for a drive; a magnetised body has an even strain."""
     name = output_map(output).magnetised_name
     return QUANTITIES[name] if name and drive.name in {"current", "field"} else output
 
@@ -105,7 +105,7 @@ class Device(Protocol):
 
 
 def is_actuator(device: Device) -> bool:
-    """Whether a current produces a force that moves a body."""
+    """Whether the input is a current and the output a force that moves a body."""
     return device.input.name == "current" and device.output.name in ("force", "thrust")
 
 

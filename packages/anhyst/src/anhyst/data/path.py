@@ -28,8 +28,8 @@ MAX_MEASURED_VALUE = 1e50
 
 def find_runs(mask: NDArray[np.bool_]) -> list[slice]:
     """Return the stretches of rows where a mask is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    bounds = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
+    return [slice(int(a), int(b)) for a, b in zip(bounds[::2], bounds[1::2], strict=True)]
 
 
 def move_plays(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> FloatArray:
@@ -37,8 +37,8 @@ def move_plays(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> 
 
     ``drive`` has shape (drives, n), and the result has shape (n, drives, plays).
     """
-    along = drive.T[:, :, None]
-    low, high = along - thresholds, along + thresholds
+    columns = drive.T[:, :, None]
+    low, high = columns - thresholds, columns + thresholds
     states = np.empty_like(low)
     current = start
     for i, state in enumerate(states):
@@ -55,23 +55,23 @@ def find_turning_points(values: FloatArray, threshold: float | None = None) -> N
     [0, 3, 5]
     """
     threshold = MIN_REVERSAL_SHARE * float(np.ptp(values)) if threshold is None else threshold
-    extremes = _find_local_extremes(values)
-    heights = values[extremes].tolist()
+    extreme_rows = _find_local_extremes(values)
+    extreme_values = values[extreme_rows].tolist()
     reversals = [0]
     lowest_row = highest_row = direction = 0
-    for index, height in enumerate(heights):
-        if direction <= 0 and height < heights[lowest_row]:
+    for index, extreme_value in enumerate(extreme_values):
+        if direction <= 0 and extreme_value < extreme_values[lowest_row]:
             lowest_row = index
-        if direction >= 0 and height > heights[highest_row]:
+        if direction >= 0 and extreme_value > extreme_values[highest_row]:
             highest_row = index
-        if direction <= 0 and height - heights[lowest_row] > threshold:
+        if direction <= 0 and extreme_value - extreme_values[lowest_row] > threshold:
             reversals.append(lowest_row)
             direction, highest_row = 1, index
-        elif direction >= 0 and heights[highest_row] - height > threshold:
+        elif direction >= 0 and extreme_values[highest_row] - extreme_value > threshold:
             reversals.append(highest_row)
             direction, lowest_row = -1, index
-    selected_rows = np.unique(np.array([*reversals, len(heights) - 1], dtype=np.intp))
-    return extremes[selected_rows]
+    selected_rows = np.unique(np.array([*reversals, len(extreme_values) - 1], dtype=np.intp))
+    return extreme_rows[selected_rows]
 
 
 def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
@@ -79,12 +79,12 @@ def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
     return max(0, find_turning_points(values, threshold).size - 2)
 
 
-def find_crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bool) -> FloatArray:
-    """Interpolate ``other`` where ``values`` crosses a level in one direction."""
+def find_crossings(values: FloatArray, other_values: FloatArray, level: float, *, rising: bool) -> FloatArray:
+    """Interpolate ``other_values`` where ``values`` crosses a level in one direction."""
     is_before = values < level if rising else values > level
     rows = np.flatnonzero(is_before[:-1] & ~is_before[1:])
     share = (level - values[rows]) / (values[rows + 1] - values[rows])
-    return other[rows] + share * (other[rows + 1] - other[rows])
+    return other_values[rows] + share * (other_values[rows + 1] - other_values[rows])
 
 
 def are_measured(values: FloatArray) -> NDArray[np.bool_]:
@@ -93,9 +93,9 @@ def are_measured(values: FloatArray) -> NDArray[np.bool_]:
 
 
 _MIN_MARK_DISTANCE = 10.0
-"""Minimum distance of an overrange mark from the other values, in ranges of them, if it repeats."""
+"""Minimum distance of a repeated overrange mark from the other values, relative to their range."""
 _MIN_KNOWN_MARK_DISTANCE = 2.0
-"""The same distance for a number that instruments are known to use as an overrange mark."""
+"""Minimum distance of a known overrange mark from the other values, relative to their range."""
 _MAX_MARK_SHARE = 0.2
 _MAX_PLAIN_NUMBER = 1e16
 _MIN_OTHER_SAMPLES = 8
@@ -121,12 +121,12 @@ def find_overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
         other_values = measured_values[~is_mark]
         if other_values.size < _MIN_OTHER_SAMPLES or count > _MAX_MARK_SHARE * measured_values.size:
             continue
-        span = float(np.ptp(other_values))
+        value_range = float(np.ptp(other_values))
         distance = float(np.min(np.abs(other_values - mark)))
         is_known = _KNOWN_MARK.fullmatch(_significant_digits(mark)) is not None
-        if span > 0.0 and (
-            (is_output and count > 1 and distance > _MIN_MARK_DISTANCE * span)
-            or (is_known and distance > _MIN_KNOWN_MARK_DISTANCE * span)
+        if value_range > 0.0 and (
+            (is_output and count > 1 and distance > _MIN_MARK_DISTANCE * value_range)
+            or (is_known and distance > _MIN_KNOWN_MARK_DISTANCE * value_range)
         ):
             return mark
     return None
@@ -164,9 +164,9 @@ def refuse_missing(
 
 
 def find_time_reversal(time: FloatArray) -> int | None:
-    """Return the index of the first sample that is earlier than the previous one, or ``None``."""
-    back = np.flatnonzero(np.diff(time) < 0.0)
-    return int(back[0]) + 1 if back.size else None
+    """Return the index of the first sample at which the time decreases, or ``None``."""
+    backward_steps = np.flatnonzero(np.diff(time) < 0.0)
+    return int(backward_steps[0]) + 1 if backward_steps.size else None
 
 
 def _find_local_extremes(values: FloatArray) -> NDArray[np.intp]:
@@ -184,7 +184,7 @@ _MAX_STEP_SHARE = 0.5
 
 
 def thin_rows(drive: FloatArray, max_samples: int, output: FloatArray | None = None) -> NDArray[np.intp]:
-    """Return the rows of about ``max_samples`` samples at most, and of every reversal.
+    """Return the rows of at most about ``max_samples`` samples, and of every reversal.
 
     The samples are evenly spaced along the travel of the drive. If the output has a step above
     `_MAX_STEP_SHARE`, samples are added until no step exceeds the mean step, at most twice as many
@@ -192,20 +192,20 @@ def thin_rows(drive: FloatArray, max_samples: int, output: FloatArray | None = N
     """
     if drive.size <= max_samples:
         return np.arange(drive.size)
-    nearest_rows = _spread_evenly(_travel(drive), max_samples)
+    nearest_rows = _spread_evenly(_cumulative_travel(drive), max_samples)
     rows = np.union1d(nearest_rows, find_turning_points(drive))
     steps = np.zeros(1) if output is None else np.abs(np.diff(output[rows]))
     if output is None or steps.max() <= _MAX_STEP_SHARE * np.ptp(output):
         return rows
-    step_parts, output_travel = np.ceil(steps / steps.mean()).astype(np.intp), _travel(output)
-    between = [
-        rows[place] + _spread_evenly(output_travel[rows[place] : rows[place + 1] + 1], step_parts[place] + 1)
-        for place in np.flatnonzero(step_parts > 1)
+    step_parts, output_travel = np.ceil(steps / steps.mean()).astype(np.intp), _cumulative_travel(output)
+    extra_rows = [
+        rows[index] + _spread_evenly(output_travel[rows[index] : rows[index + 1] + 1], step_parts[index] + 1)
+        for index in np.flatnonzero(step_parts > 1)
     ]
-    return np.unique(np.concatenate([rows, *between]))
+    return np.unique(np.concatenate([rows, *extra_rows]))
 
 
-def _travel(values: FloatArray) -> FloatArray:
+def _cumulative_travel(values: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
 
 
@@ -241,37 +241,37 @@ class Branch:
 
 
 def find_branches(drive: FloatArray) -> list[Branch]:
-    """Cut a record into branches at its reversals; neighbours share the turning point."""
-    wobble = _MIN_BRANCH_SHARE * float(np.ptp(drive))
-    turning_points = find_turning_points(drive, wobble).tolist()
+    """Cut a record into branches at its reversals; two branches share each turning point."""
+    min_size = _MIN_BRANCH_SHARE * float(np.ptp(drive))
+    turning_points = find_turning_points(drive, min_size).tolist()
     # Wobble before the drive starts or after it has returned is not a branch.
-    while len(turning_points) > 2 and abs(drive[turning_points[1]] - drive[0]) <= wobble:
+    while len(turning_points) > 2 and abs(drive[turning_points[1]] - drive[0]) <= min_size:
         del turning_points[1]
-    while len(turning_points) > 2 and abs(drive[turning_points[-2]] - drive[-1]) <= wobble:
+    while len(turning_points) > 2 and abs(drive[turning_points[-2]] - drive[-1]) <= min_size:
         del turning_points[-2]
     return [Branch(a, b + 1, bool(drive[b] > drive[a])) for a, b in itertools.pairwise(turning_points)]
 
 
-def find_repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
-    """Return pairs of branches, one cycle apart, that start and end at the same input."""
+def find_repeats(drive: FloatArray, branches: list[Branch]) -> list[tuple[Branch, Branch]]:
+    """Return pairs of branches, one cycle apart, with equal start inputs and equal end inputs."""
     max_distance = _MAX_REPEAT_DISTANCE * float(np.ptp(drive))
     return [
-        (first, second)
-        for first, second in zip(parts, parts[2:], strict=False)
-        if abs(drive[first.start] - drive[second.start]) <= max_distance
-        and abs(drive[first.stop - 1] - drive[second.stop - 1]) <= max_distance
+        (first_branch, second_branch)
+        for first_branch, second_branch in zip(branches, branches[2:], strict=False)
+        if abs(drive[first_branch.start] - drive[second_branch.start]) <= max_distance
+        and abs(drive[first_branch.stop - 1] - drive[second_branch.stop - 1]) <= max_distance
     ]
 
 
 def average_in_bins(drive: FloatArray, output: FloatArray, bins: int = 100) -> tuple[FloatArray, FloatArray]:
     """Return the means of input and output in equal bins of the input."""
-    low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
+    low, input_range = float(drive.min()), float(np.ptp(drive)) or 1.0
     count = min(bins, drive.size)
-    bin_of = np.minimum(((drive - low) / span * count).astype(np.intp), count - 1)
-    number = np.bincount(bin_of, minlength=count)
-    is_filled = number > 0
-    x = np.bincount(bin_of, weights=drive, minlength=count)[is_filled] / number[is_filled]
-    y = np.bincount(bin_of, weights=output, minlength=count)[is_filled] / number[is_filled]
+    bin_indices = np.minimum(((drive - low) / input_range * count).astype(np.intp), count - 1)
+    sample_counts = np.bincount(bin_indices, minlength=count)
+    is_filled = sample_counts > 0
+    x = np.bincount(bin_indices, weights=drive, minlength=count)[is_filled] / sample_counts[is_filled]
+    y = np.bincount(bin_indices, weights=output, minlength=count)[is_filled] / sample_counts[is_filled]
     return x, y
 
 
@@ -293,21 +293,23 @@ def branch_separation(
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return an input grid and the output of the falling branch minus that of the rising branch.
 
-    The difference is positive if the loop loses energy. ``None`` if the branches have no common
-    input.
+    The difference is positive if the loop loses energy. ``None`` if no input occurs in both
+    branches.
     """
-    up, down = (first_branch, second_branch) if first_branch.is_rising else (second_branch, first_branch)
-    x1, y1 = average_in_bins(drive[up.rows], output[up.rows])
-    x2, y2 = average_in_bins(drive[down.rows], output[down.rows])
+    rising, falling = (
+        (first_branch, second_branch) if first_branch.is_rising else (second_branch, first_branch)
+    )
+    x1, y1 = average_in_bins(drive[rising.rows], output[rising.rows])
+    x2, y2 = average_in_bins(drive[falling.rows], output[falling.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
     if high <= low:
         return None
-    grid = np.linspace(low, high, 101)
-    return grid, np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
+    inputs = np.linspace(low, high, 101)
+    return inputs, np.interp(inputs, x2, y2) - np.interp(inputs, x1, y1)
 
 
 def is_bipolar(drive: FloatArray) -> bool:
-    """Whether the input has both signs, and the smaller extreme is above a tenth of the larger."""
+    """Whether the input has both signs, each with above a tenth of the larger extreme."""
     low, high = float(drive.min()), float(drive.max())
     return low < 0.0 < high and min(-low, high) > 0.1 * max(-low, high)
 
@@ -318,10 +320,10 @@ def is_negative(drive: FloatArray) -> bool:
 
 
 def correlation(x: FloatArray, y: FloatArray) -> float:
-    """Return the correlation coefficient of two signals; 0 if one is constant."""
-    a, b = x - x.mean(), y - y.mean()
-    scale = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
-    return float(np.sum(a * b)) / scale if scale > 0.0 else 0.0
+    """Return the correlation coefficient of two signals; 0 if a signal is constant."""
+    x_deviation, y_deviation = x - x.mean(), y - y.mean()
+    scale = float(np.sqrt(np.sum(x_deviation * x_deviation) * np.sum(y_deviation * y_deviation)))
+    return float(np.sum(x_deviation * y_deviation)) / scale if scale > 0.0 else 0.0
 
 
 HistoryKind = Literal["demagnetised", "settled", "conditioned"]
@@ -336,7 +338,7 @@ _HISTORY_ADVICE = (
 class History:
     """The magnetic history before a loop.
 
-    ``demagnetised``: none. ``settled``: the loop is a cycle that was repeated many times, after the
+    ``demagnetised``: no history. ``settled``: the loop is a cycle that was repeated many times, after the
     drive had gone through ``turning_points``, if any. ``conditioned``: the drive went from the
     demagnetised state through ``turning_points`` (SI units of the input), just before the first
     sample. ``schedule`` holds the scheduling variable at each turning point (SI units), or ``None``

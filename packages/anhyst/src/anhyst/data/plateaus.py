@@ -1,6 +1,6 @@
 """Find the plateaus of a noisy scheduling variable, such as a gap that is set and kept constant.
 
-A moving average shows where the value is constant. Samples near the mean of such a stretch belong
+A moving average shows where the value is constant. Samples near the mean of a stretch belong
 to it, and samples between two stretches belong to no loop. A gap that changes during the loops has
 no plateaus.
 """
@@ -29,7 +29,7 @@ _MAX_DRIFT = 0.005
 _MAX_DISTANCE_SIGMAS = 6.0
 """Maximum distance of a sample from its plateau, in standard deviations."""
 _MAX_LOST_SHARE = 0.1
-"""Fraction of the record between the plateaus above which the input must be constant there."""
+"""If a larger fraction of a record lies between plateaus, the input must be constant there."""
 _MIN_INPUT_SHARE = 0.3
 """Minimum range of the input during a plateau, as a fraction of its range in the record."""
 _MIN_REVERSAL_SHARE = 0.1
@@ -37,7 +37,7 @@ _MIN_REVERSAL_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Plateaus:
-    """Rows of the plateaus, and the value of the plateau at each of them."""
+    """Rows of the plateaus, and the value of the plateau at each row."""
 
     rows: NDArray[np.intp]
     values: FloatArray
@@ -55,12 +55,12 @@ class _Plateau:
 
 def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> Plateaus | None:
     """Return the plateaus of a noisy scheduling variable; ``None`` if it is exact or changes."""
-    bounds = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [values.size]))
-    is_exact = bounds.size == 2 or int(np.diff(bounds).min()) >= _MIN_RUN_SAMPLES
+    run_bounds = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [values.size]))
+    is_exact = run_bounds.size == 2 or int(np.diff(run_bounds).min()) >= _MIN_RUN_SAMPLES
     if values.size < 4 * _MIN_WINDOW_SAMPLES or is_exact:
         return None
-    long_runs = np.flatnonzero(np.diff(bounds) >= _MIN_RUN_SAMPLES)
-    runs = [slice(int(bounds[index]), int(bounds[index + 1])) for index in long_runs]
+    long_runs = np.flatnonzero(np.diff(run_bounds) >= _MIN_RUN_SAMPLES)
+    runs = [slice(int(run_bounds[index]), int(run_bounds[index + 1])) for index in long_runs]
     exact_plateaus = [
         _Plateau(rows, float(values[rows.start]), 0.0) for rows in runs if has_loop(drive, rows)
     ]
@@ -86,7 +86,7 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
     return Plateaus(
         rows,
         np.array(levels)[plateau_of_row[rows]],
-        _describe(plateaus, levels, values.size - rows.size, quantity),
+        _plateau_note(plateaus, levels, values.size - rows.size, quantity),
     )
 
 
@@ -107,7 +107,7 @@ def _are_only_ramps(values: FloatArray, plateau_of_row: NDArray[np.intp]) -> boo
 
 
 def _search_plateaus(values: FloatArray) -> list[_Plateau]:
-    """Return the stretches with a constant moving average; empty if it drifts within one."""
+    """Return the stretches with a constant moving average; empty if one of them drifts."""
     from scipy.ndimage import uniform_filter1d  # slow to load, and needed for noisy gaps only
 
     width = int(np.clip(_WINDOW_SHARE * values.size, _MIN_WINDOW_SAMPLES, _MAX_WINDOW_SAMPLES))
@@ -127,8 +127,8 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
             continue
         plateau_values = values[rows]
         mean, sigma = float(np.mean(plateau_values)), float(np.std(plateau_values))
-        swing = float(np.ptp(smooth_values[rows]))
-        if swing > 2.0 * max_change:
+        drift_range = float(np.ptp(smooth_values[rows]))
+        if drift_range > 2.0 * max_change:
             return []
         plateaus.append(_Plateau(rows, mean, sigma))
     return plateaus
@@ -142,7 +142,7 @@ def has_loop(drive: FloatArray, rows: slice | NDArray[np.intp]) -> bool:
 
 
 def _plateau_values(plateaus: list[_Plateau]) -> list[float]:
-    """Return the value of each plateau, rounded well below the scatter, equal if plateaus agree."""
+    """Return the value of each plateau, rounded well below the scatter; equal if plateaus agree."""
     levels: list[float] = []
     for plateau in plateaus:
         decimals = max(0, 1 - math.floor(math.log10(plateau.sigma))) if plateau.sigma > 0.0 else 12
@@ -155,29 +155,29 @@ def _plateau_values(plateaus: list[_Plateau]) -> list[float]:
 def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.intp]:
     """Return the index of the plateau of each row, -1 for rows between two plateaus."""
     plateau_of_row = np.full(values.size, -1, np.intp)
-    edges = [0, *(plateau.rows.stop for plateau in plateaus[:-1]), values.size]
+    bounds = [0, *(plateau.rows.stop for plateau in plateaus[:-1]), values.size]
     for index, plateau in enumerate(plateaus):
         # A row between two plateaus may belong to either.
-        start = edges[index] if index == 0 else plateaus[index - 1].rows.stop
+        start = bounds[index] if index == 0 else plateaus[index - 1].rows.stop
         stop = values.size if index + 1 == len(plateaus) else plateaus[index + 1].rows.start
         rows = slice(start, stop)
         distance = np.abs(values[rows] - plateau.mean)
         is_near = distance <= _MAX_DISTANCE_SIGMAS * plateau.sigma
-        for neighbour in (index - 1, index + 1):
-            if 0 <= neighbour < len(plateaus):
-                is_near &= distance <= np.abs(values[rows] - plateaus[neighbour].mean)
+        for neighbour_index in (index - 1, index + 1):
+            if 0 <= neighbour_index < len(plateaus):
+                is_near &= distance <= np.abs(values[rows] - plateaus[neighbour_index].mean)
         plateau_of_row[rows][is_near] = index
         plateau_of_row[plateau.rows] = index
     return plateau_of_row
 
 
-def _describe(plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity) -> str:
+def _plateau_note(plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity) -> str:
     scatter = max(plateau.sigma for plateau in plateaus)
     texts = (quantity.show(level).removeprefix(quantity.name) for level in levels)
     value_texts = list(dict.fromkeys(texts))
-    size = f"{scatter * 1e6:.2g} µm" if quantity.unit == "m" else f"{scatter:.2g} {quantity.unit}"
+    scatter_text = f"{scatter * 1e6:.2g} µm" if quantity.unit == "m" else f"{scatter:.2g} {quantity.unit}"
     name = quantity.name.replace("_", " ")
     count_text = f"{len(value_texts)} plateaus" if len(value_texts) > 1 else "one plateau"
     text = f"{name} has {count_text}:{','.join(value_texts)}"
-    text += f" (scatter {size})" if scatter != 0.0 else ""
+    text += f" (scatter {scatter_text})" if scatter != 0.0 else ""
     return text + (f"; {lost_count} samples between them left out" if lost_count else "")

@@ -15,7 +15,7 @@ from anhyst.data.estimates import estimate_noise
 from anhyst.data.loops import Loop, Loops, fold_input
 from anhyst.data.output_map import output_map
 from anhyst.data.path import branch_separation, correlation, find_branches, find_runs, is_bipolar, is_negative
-from anhyst.data.symmetry import check_not_even, recentre
+from anhyst.data.symmetry import check_not_even, recentre_loops
 from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 
@@ -52,13 +52,13 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
 
     Columns and force signs are checked on the largest loop of each gap, because remanence, offset
     and noise can dominate a small loop. For the same reason, the direction of a bipolar even loop
-    is only checked there.
+    is only checked on this loop.
     """
     warnings = _check_schedule(loopset) + _check_magnitude(loopset)
     check_not_even(loopset)
-    loopset, is_even_output = recentre(loopset)
+    loopset, is_even_output = recentre_loops(loopset)
     output = output_map(loopset.output)
-    largest_loops: dict[float | None, Loop] = {}  # key: gap; None if it changes or there is none
+    largest_loops: dict[float | None, Loop] = {}  # by gap; None if it changes or is not stated
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output))):
         largest_loops.setdefault(loop.schedule_value, loop)
     for loop in loopset.loops:
@@ -121,10 +121,10 @@ def _check_schedule(loopset: Loops) -> list[str]:
             f"gaps up to {1e3 * values[-1]:.4g} mm are smaller than the flatness of surfaces; if the "
             "numbers of the file are m, name the column 'gap_m'"
         )
-    for lower, upper in itertools.pairwise(values):
-        if upper - lower < _MIN_RELATIVE_DIFFERENCE * max(abs(lower), abs(upper)):
+    for lower_value, upper_value in itertools.pairwise(values):
+        if upper_value - lower_value < _MIN_RELATIVE_DIFFERENCE * max(abs(lower_value), abs(upper_value)):
             warnings.append(
-                f"{quantity.name} {lower:.9g} and {upper:.9g} {quantity.unit} are almost equal; if "
+                f"{quantity.name} {lower_value:.9g} and {upper_value:.9g} {quantity.unit} are almost equal; if "
                 "they are the same, write one value for both"
             )
     return warnings
@@ -172,10 +172,10 @@ def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
 
 def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
     """Raise an error for a table that lists both branches of a loop in the same input direction."""
-    parts = find_branches(loop.input)
-    if loop.time is not None or len(parts) != 3 or parts[1].stop - parts[1].start > 2:
+    branches = find_branches(loop.input)
+    if loop.time is not None or len(branches) != 3 or branches[1].stop - branches[1].start > 2:
         return
-    branch, later_branch = parts[0], parts[2]
+    branch, later_branch = branches[0], branches[2]
     ends = loop.input[[branch.stop - 1, later_branch.start]]
     # A real step of the drive is fast, and its record has a clock.
     distance = branch_separation(loop.input, loop.output, branch, later_branch)
@@ -210,7 +210,7 @@ def _check_swap(loop: Loop, name: str) -> list[str]:
             and square_correlation > _MIN_SQUARE_CORRELATION
         ):
             raise InputError(
-                f"{name}: the force takes both signs at the same current; {_SWAP_ADVICE}",
+                f"{name}: the force has both signs at the same current; {_SWAP_ADVICE}",
                 code="columns-swapped",
                 key=name,
             )
@@ -230,10 +230,10 @@ def _check_swap(loop: Loop, name: str) -> list[str]:
 
 
 def _initial_slope_ratio(loop: Loop) -> float | None:
-    """Return the mean slope over the first tenth of the input over that of the next two tenths.
+    """Return the mean slope over the first tenth of the input relative to the next two tenths.
 
-    The input is folded to one sign, and the noise is subtracted. ``None`` if the record cannot show
-    it.
+    The input is folded to one sign, and the noise is subtracted. ``None`` if it cannot be
+    determined.
     """
     inputs, output = fold_input(loop, even=True)
     if is_bipolar(loop.input) and is_bipolar(output):
@@ -260,17 +260,17 @@ def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, even: bool) 
         return []
     inputs, output = fold_input(loop, even=even)
     height = float(np.ptp(output))
-    total = weight = variance = 0.0
+    weighted_width = total_span = variance = 0.0
     for branch, next_branch in itertools.pairwise(find_branches(inputs)):
         width = branch_separation(inputs, output, branch, next_branch)
         if width is not None:
-            share = float(np.ptp(width[0]))
-            total += share * float(np.mean(width[1]))
-            weight += share
-            samples = min(part.size for part in (branch, next_branch))
-            variance += 2.0 * (share * estimate_noise(output)) ** 2 / samples
+            common_span = float(np.ptp(width[0]))
+            weighted_width += common_span * float(np.mean(width[1]))
+            total_span += common_span
+            samples = min(one_branch.size for one_branch in (branch, next_branch))
+            variance += 2.0 * (common_span * estimate_noise(output)) ** 2 / samples
     # Noise of the sensor can explain the sign of a narrow loop.
-    if total < -max(0.005 * height * weight, _MIN_SIGMAS * float(np.sqrt(variance))):
+    if weighted_width < -max(0.005 * height * total_span, _MIN_SIGMAS * float(np.sqrt(variance))):
         return [
             f"{name}: the loop has the wrong direction (it would gain energy): a delay between channels, "
             "samples in reverse order, or a reversed sign"

@@ -1,7 +1,7 @@
 """Propose command-line options for columns whose headers are incomplete.
 
-A proposal includes what the user has mapped already, so it can replace the whole option. It never
-changes a unit: for sensor voltages and unknown units, the user must state a scale.
+A proposal includes the mapping that the user has given, so it can replace the whole option. It
+never changes a unit: for sensor voltages and unknown units, the user must state a scale.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _DOUBT_PENALTY = 4
 def advise_mapping(
     headers: Sequence[Header], *missing: Sequence[str], skip: Collection[int] = (), min_score: int = -8
 ) -> str:
-    """Return the advice how to map the likeliest columns to the missing quantities."""
+    """Return advice on how to map the likeliest columns to the missing quantities."""
     likely_columns = find_likely_columns(headers, missing, skip, min_score)
     note = _note_formulas(headers)
     if not likely_columns:
@@ -92,9 +92,9 @@ def _is_doubted(header: Header) -> bool:
     return has_qualifier(header.name) or is_formula(header.name)
 
 
-def _mapping_options(headers: Sequence[Header], found: Sequence[tuple[int, str]]) -> str:
+def _mapping_options(headers: Sequence[Header], likely_columns: Sequence[tuple[int, str]]) -> str:
     """Return the options that map columns, with placeholders for unknown scales."""
-    pairs = [(headers[column], name) for column, name in found]
+    pairs = [(headers[column], name) for column, name in likely_columns]
     current_columns = current_mapping(headers)
     current_columns |= {header.text: _target_column(header, name) for header, name in pairs}
     scales = {header.text: _scale_for_quantity(header, name) for header, name in pairs}
@@ -111,17 +111,17 @@ def _find_rivals(
     headers: Sequence[Header],
     chosen_column: int,
     name: str,
-    found: Sequence[tuple[int, str]],
+    likely_columns: Sequence[tuple[int, str]],
     skip: Collection[int],
 ) -> list[int]:
     """Return other columns with a matching unit that are at least as likely for a quantity."""
-    chosen_columns = {column for column, _ in found}
-    chosen, score = headers[chosen_column], _likeness_score(headers[chosen_column], name)
+    chosen_columns = {column for column, _ in likely_columns}
+    chosen_header, score = headers[chosen_column], _likeness_score(headers[chosen_column], name)
     other_columns = [column for column in _unmapped_columns(headers, skip) if column not in chosen_columns]
-    if _has_matching_unit(chosen, name):
-        score -= 0 if _is_doubted(chosen) else _NAME_SCORE
+    if _has_matching_unit(chosen_header, name):
+        score -= 0 if _is_doubted(chosen_header) else _NAME_SCORE
         other_columns = [column for column in other_columns if _has_matching_unit(headers[column], name)]
-    elif chosen.unit is not None or chosen.stated:
+    elif chosen_header.unit is not None or chosen_header.stated:
         return []
     return [
         column
@@ -130,14 +130,14 @@ def _find_rivals(
     ]
 
 
-def scale_advice(headers: Sequence[Header], unknown: dict[str, str]) -> str:
+def scale_advice(headers: Sequence[Header], placeholders: dict[str, str]) -> str:
     """Return the option for scales that the file does not state; empty if none is missing."""
-    if not unknown:
+    if not placeholders:
         return ""
     stated_scales = {header.text: f"{header.scale:g}" for header in headers if header.scale is not None}
-    words = [word for word in dict.fromkeys(unknown.values()) if word[-1].isalpha() or "_" in word]
-    number = "a number" if len(unknown) == 1 else "numbers"
-    text = f" {format_option('scale', stated_scales | unknown)}"
+    words = [word for word in dict.fromkeys(placeholders.values()) if word[-1].isalpha() or "_" in word]
+    number = "a number" if len(placeholders) == 1 else "numbers"
+    text = f" {format_option('scale', stated_scales | placeholders)}"
     return f"{text} with {number} in place of {' and '.join(words)}" if words else text
 
 
@@ -147,7 +147,7 @@ def format_option(name: str, pairs: dict[str, str]) -> str:
     >>> format_option("columns", {"Current, coil (A)": "I_A"})
     '--columns \'"Current, coil (A)"=I_A\''
     """
-    text = ",".join(join_pair(left, right) for left, right in pairs.items())
+    text = ",".join(join_pair(name_in_file, value) for name_in_file, value in pairs.items())
     return f"--{name} " + (shlex.quote(text) if any(sign in text for sign in '"$`!\\') else f'"{text}"')
 
 
@@ -175,7 +175,7 @@ def find_likely_columns(
     for quantities in missing:
         is_driven_by_volts = set(quantities) >= set(DRIVE_QUANTITIES) and _is_piezo(headers)
         names = ("voltage",) if is_driven_by_volts else quantities
-        pool = [
+        scored_columns = [
             (_likeness_score(headers[index], name), index, name)
             for index in free_columns
             for name in names
@@ -183,7 +183,7 @@ def find_likely_columns(
         ]
         # Of equal scores, max returns the first.
         score, best_column, name = max(
-            pool, key=lambda scored_column: scored_column[0], default=(min_score - 1, 0, "")
+            scored_columns, key=lambda scored_column: scored_column[0], default=(min_score - 1, 0, "")
         )
         if score >= min_score:
             free_columns.remove(best_column)
@@ -230,7 +230,7 @@ def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
     if name not in QUANTITIES or not (header.unit is None or _can_hold(header, name)):
         return ""
     if has_missing_unit(header):
-        # All columns without a unit are asked for together, in one round instead of four.
+        # One message asks for the units of all columns that have none.
         headers_without_unit = {other.quantity: other for other in [*columns_without_unit(headers), header]}
         names = {other.text: QUANTITIES[kind.name] for kind, other in headers_without_unit.items() if kind}
         if len(names) > 1:
@@ -242,12 +242,12 @@ def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
 
 def has_missing_unit(header: Header) -> bool:
     """Whether a column has a known quantity but no unit."""
-    is_open = header.unit is None and not header.stated and header.target is None
-    return header.is_known and is_open and "has no unit" in (header.problem or "")
+    lacks_unit = header.unit is None and not header.stated and header.target is None
+    return header.is_known and lacks_unit and "has no unit" in (header.problem or "")
 
 
 def columns_without_unit(headers: Sequence[Header]) -> list[Header]:
-    """Return the columns whose units are asked for together."""
+    """Return the columns without a unit, for one common message."""
     return [header for header in headers if has_missing_unit(header)]
 
 
@@ -282,8 +282,8 @@ def _scale_for_quantity(header: Header, name: str) -> str:
     if is_formula(header.name):
         return undo_formula(header.name)
     dimension = QUANTITY_DIMENSIONS.get(name, name)
-    is_bare = header.unit is None or header.unit.symbol == "-"
-    if _has_matching_unit(header, name) or (is_bare and not needs_scale(header, dimension)):
+    lacks_unit = header.unit is None or header.unit.symbol == "-"
+    if _has_matching_unit(header, name) or (lacks_unit and not needs_scale(header, dimension)):
         return ""
     return scale_placeholder(header, QUANTITIES[name].unit)
 
@@ -293,7 +293,7 @@ def _has_matching_unit(header: Header, name: str) -> bool:
 
 
 def _can_hold(header: Header, name: str) -> bool:
-    """Whether a column can contain a quantity: its unit matches, is unknown or is a sensor's."""
+    """Whether a column can contain a quantity: its unit matches, is unknown or is raw."""
     if not _EXCLUDING_WORDS.get(name, set()).isdisjoint(split_words(header.name)):
         return False
     unit = header.unit or find_unit(header.name)
@@ -302,15 +302,15 @@ def _can_hold(header: Header, name: str) -> bool:
             QUANTITY_DIMENSIONS.get(name, name),
             "voltage",
         }
-    is_named = name in _suggested_quantities(header)
-    first_unit = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns are amperes with a scale
-    is_named = is_named or (
+    is_suggested = name in _suggested_quantities(header)
+    first_unit = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns need a scale
+    is_suggested = is_suggested or (
         first_unit is not None and first_unit.dimension == QUANTITY_DIMENSIONS.get(name, name)
     )
-    if has_qualifier(header.name) and not is_named:
+    if has_qualifier(header.name) and not is_suggested:
         return False
-    is_raw = header.stated in {"", "-"} or fold(header.stated) in RAW_UNITS
-    return is_raw or (is_named and not re.search(r"[/^*²³]", header.stated))
+    has_raw_unit = header.stated in {"", "-"} or fold(header.stated) in RAW_UNITS
+    return has_raw_unit or (is_suggested and not re.search(r"[/^*²³]", header.stated))
 
 
 def _suggested_quantities(header: Header) -> set[str]:
@@ -334,8 +334,8 @@ def _likeness_score(header: Header, name: str) -> int:
     if name in DRIVE_QUANTITIES and is_sensor(header.name):
         score -= 2 * _UNIT_SCORE
     # Volts can be the signal of any sensor, and a column without a unit can be any quantity.
-    is_plain = header.unit is not None and header.unit.symbol == "-"
-    if _has_matching_unit(header, name) and not is_plain and (name != "voltage" or is_drive(header.name)):
+    is_unitless = header.unit is not None and header.unit.symbol == "-"
+    if _has_matching_unit(header, name) and not is_unitless and (name != "voltage" or is_drive(header.name)):
         score += _UNIT_SCORE
     return score
 

@@ -68,7 +68,7 @@ _DEFAULT_LABEL = "1"
 
 
 @dataclass(frozen=True, slots=True)
-class _Columns:
+class _SourceColumns:
     """Columns of one source in SI units, before they are split into loops.
 
     ``locate_row`` returns the location of a row in its file as text.
@@ -153,44 +153,44 @@ def read_loops(
             )
         )
     files = expand_folders(paths)
-    described = {
+    descriptions = {
         path: description.with_defaults(shared_sidecar if shared_sidecar is not None else find_sidecar(path))
         for path in files
     }
-    gaps = _find_name_gaps(described)
-    parts = []
+    gaps = _find_name_gaps(descriptions)
+    source_loops = []
     for path in files:
-        file_description = add_constants_of_name(path, described[path])
+        file_description = add_constants_of_name(path, descriptions[path])
         if gaps:
             file_description = replace(
                 file_description, constants={**file_description.constants, "gap_m": gaps[path]}
             )
         name = _DEFAULT_LABEL if len(files) == 1 else path.stem
-        parts.append(_read_table(open_table(path), name, file_description, progress))
-        if parts[-1].schedule == QUANTITIES["gap"] and file_description.schedule is None:
-            refuse_contradicting_gap(path, [loop.schedule_value for loop in parts[-1].loops])
-    loops = join_loops(_fill_in_histories(apply_stated_gaps(parts)))
+        source_loops.append(_read_table(open_table(path), name, file_description, progress))
+        if source_loops[-1].schedule == QUANTITIES["gap"] and file_description.schedule is None:
+            refuse_contradicting_gap(path, [loop.schedule_value for loop in source_loops[-1].loops])
+    loops = join_loops(_fill_in_histories(apply_stated_gaps(source_loops)))
     loops = replace(loops, notes=(*note_skipped_files(paths, files), *loops.notes))
     if gaps:
         return replace(loops, notes=(describe_name_gaps(gaps), *loops.notes))
-    if all(one.schedule is None for one in described.values()):
-        refuse_different_loops(loops, has_blocks=any(part.has_blocks for part in parts))
+    if all(one_description.schedule is None for one_description in descriptions.values()):
+        refuse_different_loops(loops, has_blocks=any(one_source.has_blocks for one_source in source_loops))
     return loops
 
 
-def _find_name_gaps(described: Mapping[Path, FileDescription]) -> dict[Path, float]:
+def _find_name_gaps(descriptions: Mapping[Path, FileDescription]) -> dict[Path, float]:
     """Return the gap in each file name, m; empty if the files or the user state another schedule."""
-    gaps = find_gaps_in_names(list(described))
+    gaps = find_gaps_in_names(list(descriptions))
     for path in gaps:
-        reading = described[path]
-        constant_quantities = {header.quantity for header in map(parse_header, reading.constants)}
+        description = descriptions[path]
+        constant_quantities = {header.quantity for header in map(parse_header, description.constants)}
         if (
-            reading.schedule not in (None, "gap")
-            or reading.file_name
+            description.schedule not in (None, "gap")
+            or description.file_name
             or QUANTITIES["gap"] in constant_quantities
         ):
             return {}
-        headers = map_headers(open_table(path), reading.columns, reading.scale, reading.flip)
+        headers = map_headers(open_table(path), description.columns, description.scale, description.flip)
         names = {header.quantity.name for header in headers if header.quantity is not None}
         if "gap" in names or "field" in names or names.isdisjoint(_GAP_DEPENDENT_OUTPUTS):
             return {}
@@ -250,7 +250,7 @@ def _read_table(
     labels = _row_labels(used, roles, name, drive.size) if blocks is None else blocks.labels
     has_times = roles.time is not None and headers[roles.time].unit is not None
     time = None if roles.time is None else used.si_values(roles.time)
-    columns = _Columns(source_name, drive, output, schedule, time, has_times, labels, used.locate_row)
+    columns = _SourceColumns(source_name, drive, output, schedule, time, has_times, labels, used.locate_row)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
     part = _cut_into_loops(
         columns, headers, roles, description, source, [*raw.notes, *remarks, *schedule_notes]
@@ -371,7 +371,7 @@ def _is_same_value(text: str, value: str | float) -> bool:
 
 
 def _cut_into_loops(
-    columns: _Columns,
+    columns: _SourceColumns,
     headers: Sequence[Header],
     roles: Roles,
     description: FileDescription,
@@ -399,7 +399,7 @@ def _cut_into_loops(
         label_counts[loop.label, loop.schedule_value] += 1
         if loop.schedule_value is not None and label_counts[loop.label, loop.schedule_value] > 1:
             count = label_counts[loop.label, loop.schedule_value]
-            loop = replace(loop, label=f"{loop.label}-{count}")  # repeated gap
+            loop = replace(loop, label=f"{loop.label}-{count}")  # the gap was measured before
         stated_history: History | None = description.histories.get(loop.label, description.history)
         loops.append(loop if stated_history is None else replace(loop, history=stated_history))
         without_history += [index] if stated_history is None else []
@@ -421,14 +421,14 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
     loops = [loop for part in parts for loop in part.loops]
     is_unstated = [index in part.without_history for part in parts for index in range(len(part.loops))]
     loops_without_history = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
-    proposed = iter(
+    remaining = iter(
         propose_histories(loops_without_history, even=are_even(loops_without_history, parts[0].output))
     )
-    initial = [
-        next(proposed) if is_unknown else (loop.history, "stated")
+    candidates = [
+        next(remaining) if is_unknown else (loop.history, "stated")
         for loop, is_unknown in zip(loops, is_unstated, strict=True)
     ]
-    corrected_proposals = zip(correct_histories_of_fast_loops(loops, initial), is_unstated, strict=True)
+    corrected_proposals = zip(correct_histories_of_fast_loops(loops, candidates), is_unstated, strict=True)
     proposals = (proposal for proposal, is_unknown in corrected_proposals if is_unknown)
     completed_loops = []
     for part in parts:
@@ -438,19 +438,19 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
             history, reason = next(proposals)
             part_loops[index] = replace(loop, history=history)
             value = loop.schedule_value
-            at = f" at {part.schedule.show(value)}" if part.schedule and value is not None else ""
+            schedule_text = f" at {part.schedule.show(value)}" if part.schedule and value is not None else ""
             notes.append(
-                f"{part.source_name}: history of loop '{loop.label}'{at} taken as {history}: {reason}"
+                f"{part.source_name}: history of loop '{loop.label}'{schedule_text} taken as {history}: {reason}"
             )
         is_gap = part.schedule is not None and part.schedule.name == "gap"
-        ordered = add_earlier_loops(part_loops, across_gaps=is_gap)
-        if any(loop.history.kind == "settled" and loop.history.turning_points for loop in ordered):
+        linked_loops = add_earlier_loops(part_loops, across_gaps=is_gap)
+        if any(loop.history.kind == "settled" and loop.history.turning_points for loop in linked_loops):
             notes.append(f"{part.source_name}: {NESTED_LOOPS_NOTE}")
-        completed_loops.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
+        completed_loops.append(replace(part, loops=tuple(linked_loops), notes=tuple(notes)))
     return completed_loops
 
 
-def _group_rows(columns: _Columns) -> list[Rows]:
+def _group_rows(columns: _SourceColumns) -> list[Rows]:
     blocks: list[Rows] = []
     for rows in columns.labels.rows_by_text():
         if columns.schedule is None:
@@ -467,7 +467,7 @@ def _group_rows(columns: _Columns) -> list[Rows]:
     return blocks
 
 
-def _split_by_schedule(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
+def _split_by_schedule(columns: _SourceColumns, values: FloatArray, rows: Rows) -> list[Rows]:
     """Split rows of one label at steps of the scheduling value, unless it varies continuously."""
     steps = np.flatnonzero(np.diff(values) != 0.0) + 1
     run_count = steps.size + 1
@@ -479,12 +479,12 @@ def _split_by_schedule(columns: _Columns, values: FloatArray, rows: Rows) -> lis
         is_interrupted |= columns.time[rows[steps]] < columns.time[rows[steps - 1]]
     if not is_interrupted.all() and rows.size < _MIN_MEAN_RUN_SAMPLES * run_count:
         return [rows]
-    parts = np.split(rows, steps)
+    row_groups = np.split(rows, steps)
     if run_count == np.unique(values[np.concatenate(([0], steps))]).size:
-        return parts
+        return row_groups
     if columns.time is not None and find_time_reversal(columns.time[rows]) is None:
-        # A record with a clock: the value steps back and forth, or returns to an earlier gap.
-        return parts if all(has_loop(columns.input, part) for part in parts) else [rows]
+        # With a clock, the value may step back and forth, or return to an earlier gap.
+        return row_groups if all(has_loop(columns.input, row_group) for row_group in row_groups) else [rows]
     first_row_of_value: dict[float, int] = {}
     for start in [0, *steps.tolist()]:
         value = float(values[start])
@@ -500,7 +500,7 @@ def _split_by_schedule(columns: _Columns, values: FloatArray, rows: Rows) -> lis
     return [rows]
 
 
-def _make_loop(columns: _Columns, rows: Rows) -> Loop:
+def _make_loop(columns: _SourceColumns, rows: Rows) -> Loop:
     """Return one loop without its history."""
     label = columns.labels.values[columns.labels.codes[rows[0]]]
 
@@ -509,9 +509,9 @@ def _make_loop(columns: _Columns, rows: Rows) -> Loop:
     index = slice(start, stop) if stop - start == rows.size else rows
 
     def select(values: FloatArray) -> FloatArray:
-        selected = values[index]
-        selected.flags.writeable = False
-        return selected
+        selected_values = values[index]
+        selected_values.flags.writeable = False
+        return selected_values
 
     time = None if columns.time is None else select(columns.time)
     schedule = None if columns.schedule is None else select(columns.schedule)

@@ -47,17 +47,17 @@ def find_resonance(loopset: Loops) -> float | None:
         for loop in loopset.loops
         if loop.time is not None and loop.n >= _MIN_SAMPLES
     ]
-    for misfit, loop in sorted(misfits, key=lambda each: -each[0])[:_MAX_LOOPS]:
+    for misfit, loop in sorted(misfits, key=lambda misfit_and_loop: -misfit_and_loop[0])[:_MAX_LOOPS]:
         if misfit < MIN_STATIC_RMS_SHARE * scale:
             break
         for record in _resampled_records(loop):
             frequency = _propose_frequency(record)
-            fit = None if frequency is None else _fit_resonance(record, frequency)
-            if fit is None:
+            resonance_fit = None if frequency is None else _fit_resonance(record, frequency)
+            if resonance_fit is None:
                 continue
-            resonance_hz, rms = fit
-            static = static_fit_rms(record.drive, record.output)
-            if static > MIN_STATIC_RMS_SHARE * scale and rms < MAX_RMS_RATIO * static:
+            resonance_hz, resonance_rms = resonance_fit
+            static_rms = static_fit_rms(record.drive, record.output)
+            if static_rms > MIN_STATIC_RMS_SHARE * scale and resonance_rms < MAX_RMS_RATIO * static_rms:
                 return resonance_hz
     return None
 
@@ -77,16 +77,16 @@ def _resampled_records(loop: Loop) -> Iterator[EvenRecord]:
         return
     while record.drive.size >= _MIN_SAMPLES:
         yield record.first_samples(_MAX_WINDOW_SAMPLES)
-        record = record.averaged(2)
+        record = record.average_blocks(2)
 
 
 def _is_sine(drive: FloatArray) -> bool:
     """Whether an input has only one frequency, from which no resonance can be identified."""
     window = np.hanning(drive.size)
     power_spectrum = np.abs(np.fft.rfft(window * (drive - np.average(drive, weights=window)))) ** 2
-    line = int(np.argmax(power_spectrum))
+    peak = int(np.argmax(power_spectrum))
     line_range = slice(
-        max(int((1.0 - _LINE_WIDTH_SHARE) * line) - 2, 0), int((1.0 + _LINE_WIDTH_SHARE) * line) + 4
+        max(int((1.0 - _LINE_WIDTH_SHARE) * peak) - 2, 0), int((1.0 + _LINE_WIDTH_SHARE) * peak) + 4
     )
     return float(np.sum(power_spectrum[line_range])) > MIN_SINE_POWER_SHARE * float(np.sum(power_spectrum))
 
@@ -98,10 +98,10 @@ def _propose_frequency(record: EvenRecord) -> float | None:
     poles = np.roots([1.0, *(-np.linalg.lstsq(columns, y[2:])[0][:2])])
     if abs(poles[0].imag) == 0.0:
         return None
-    log = np.log(poles[0])
-    cycles = abs(log.imag) / (2.0 * np.pi)
-    is_swinging = -log.real < abs(log.imag) and 0.02 < cycles < 0.9 * _MAX_FREQUENCY_SHARE
-    return float(cycles / record.step) if is_swinging else None
+    log_pole = np.log(poles[0])
+    cycles = abs(log_pole.imag) / (2.0 * np.pi)
+    is_oscillating = -log_pole.real < abs(log_pole.imag) and 0.02 < cycles < 0.9 * _MAX_FREQUENCY_SHARE
+    return float(cycles / record.step) if is_oscillating else None
 
 
 def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] | None:
@@ -110,7 +110,7 @@ def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] |
     frequencies = np.fft.rfftfreq(count, record.step)
     band = slice(1, max(int(_MAX_FREQUENCY_SHARE * count), 8))
     s = 1j * frequencies[band] / start_hz
-    u, y = (np.fft.rfft(each)[band] / count for each in (record.drive, record.output))
+    u, y = (np.fft.rfft(signal)[band] / count for signal in (record.drive, record.output))
     numerator = np.column_stack([u, s * u, s**2 * u, np.ones_like(s), s, s**2])
     columns = np.column_stack([-y, -s * y, numerator])
     denominator: tuple[float, ...] = (1.0, 0.1)
@@ -142,9 +142,9 @@ def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] |
     weight = 1.0 / (s**2 + denominator[1] * s + denominator[0])
     # A harmonic of a nonlinear output also oscillates, but the input has no component at its
     # frequency.
-    is_near = np.abs(s.imag / relative_frequency - 1.0) < _LINE_WIDTH_SHARE
-    forced_response = weight[is_near] * (numerator[is_near, :3] @ coefficients[2:5])
-    if np.linalg.norm(forced_response) < MIN_FORCED_SHARE * np.linalg.norm(y[is_near]):
+    is_near_resonance = np.abs(s.imag / relative_frequency - 1.0) < _LINE_WIDTH_SHARE
+    forced_response = weight[is_near_resonance] * (numerator[is_near_resonance, :3] @ coefficients[2:5])
+    if np.linalg.norm(forced_response) < MIN_FORCED_SHARE * np.linalg.norm(y[is_near_resonance]):
         return None
     residual = y - weight * (numerator @ coefficients[2:])
     return frequency, float(np.sqrt(2.0 * np.sum(np.abs(residual) ** 2)))

@@ -49,8 +49,8 @@ class Roles:
     constant_label: str | None
     schedule: int | None  # column of the scheduling variable
     schedule_constant: float | None  # constant value of the scheduling variable, SI units
-    schedule_quantity: Quantity | None  # quantity of the scheduling variable; None if there is none
-    is_schedule_requested: bool  # whether the user named it
+    schedule_quantity: Quantity | None  # quantity of the scheduling variable, if any
+    is_schedule_requested: bool  # whether the user named this quantity
     unused: tuple[int, ...]  # columns without a role
     is_label_inferred: bool = False  # whether the label column was found from the data
 
@@ -60,9 +60,9 @@ class Roles:
         used_indices = (self.input, self.output, self.time, self.schedule)
         used_headers = [headers[index] for index in used_indices if index is not None]
         word_texts = [
-            f"'{one.text}' as {one.quantity.name}"
-            for one in used_headers
-            if one.is_from_words and one.quantity
+            f"'{used_header.text}' as {used_header.quantity.name}"
+            for used_header in used_headers
+            if used_header.is_from_words and used_header.quantity
         ]
         if word_texts:
             remarks.append(f"recognised by word and unit: {', '.join(word_texts).replace('_', ' ')}")
@@ -193,21 +193,21 @@ def _find_input_and_output(
 
 def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, output_index: int) -> None:
     """Ask whether a voltage or a current drives a displacement or strain (piezo or coil)."""
-    output, chosen = headers[output_index].quantity, headers[drive]
-    volts = [header for header in headers
+    output, candidate = headers[output_index].quantity, headers[drive]
+    voltages = [header for header in headers
              if header.quantity == QUANTITIES["voltage"] and not header.problem]  # fmt: skip
     is_moved = output is not None and output.name in _MOTION_OUTPUTS
-    if not is_moved or not volts or chosen.quantity != QUANTITIES["current"]:
+    if not is_moved or not voltages or candidate.quantity != QUANTITIES["current"]:
         return
-    if chosen.target is not None:
+    if candidate.target is not None:
         return
     current_columns = current_mapping(headers)
     choices = [
-        format_option("columns", current_columns | {text: ""}) for text in (chosen.text, volts[0].text)
+        format_option("columns", current_columns | {text: ""}) for text in (candidate.text, voltages[0].text)
     ]
     raise InputError(
-        f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[output_index].text}'; leave "
-        f"one out: the voltage drives: {choices[0]}, or the current drives: {choices[1]}",
+        f"{source}: '{voltages[0].text}' or '{candidate.text}' may drive '{headers[output_index].text}'; leave "
+        f"one out: if the voltage drives, {choices[0]}; if the current drives, {choices[1]}",
         code="column-twice",
         key="current",
     )
@@ -225,7 +225,7 @@ def _find_first(source: str, headers: Sequence[Header], names: Sequence[str]) ->
         index = _find_only(source, headers, name)
         if index is None:
             continue
-        is_doubted = any(not named.isdisjoint(names[:rank]) for named in doubtful_names)
+        is_doubted = any(not meanings.isdisjoint(names[:rank]) for meanings in doubtful_names)
         return None if headers[index].is_from_words and is_doubted else index
     return None
 
@@ -250,7 +250,7 @@ def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
     if indices and not usable_indices:
         header = headers[indices[0]]
         unit_faults = columns_without_unit(headers) if has_missing_unit(header) else []
-        texts = ", ".join(f"'{other.text}'" for other in unit_faults if other is not header)
+        texts = ", ".join(f"'{fault.text}'" for fault in unit_faults if fault is not header)
         others_text = f"; {texts} have none either" if texts else ""
         raise InputError(
             f"{source}: column '{header.text}': {header.problem}{others_text}{advise_unit_mapping(header, headers)}",
@@ -383,11 +383,11 @@ def find_label(
             rows_of_label[index] = loops
     for header in (headers[index] for index in rows_of_label if schedule is None):
         # As a label, a gap or a temperature would have no effect.
-        alternative = f'if it is only a label: --loop "{header.text}"'
+        alternative_option = f'if it is only a label: --loop "{header.text}"'
         if can_be_gap(header):
-            ask_for_gap(source, header, headers, "gap", alternative)
+            ask_for_gap(source, header, headers, "gap", alternative_option)
         if header.unit is not None and header.unit.dimension == "temperature":
-            ask_for_gap(source, header, headers, "temperature", alternative)
+            ask_for_gap(source, header, headers, "temperature", alternative_option)
     if not rows_of_label:
         return None
     first_column = next(iter(rows_of_label))
@@ -409,18 +409,18 @@ def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None
     is_change = np.diff(column.codes) != 0
     is_label_change = is_change.copy()
     if schedule is not None:
-        step = np.diff(schedule) != 0.0
-        if np.count_nonzero(step) > schedule.size // MIN_LOOP_SAMPLES:
-            schedule = None  # it changes during the loops
+        is_schedule_step = np.diff(schedule) != 0.0
+        if np.count_nonzero(is_schedule_step) > schedule.size // MIN_LOOP_SAMPLES:
+            schedule = None  # the schedule changes during the loops
         else:
-            is_label_change &= ~step
-            is_change |= step
+            is_label_change &= ~is_schedule_step
+            is_change |= is_schedule_step
     if not is_label_change.any():
-        return None  # it changes only with the schedule
-    edges = np.flatnonzero(is_change) + 1
-    if column.codes.size < MIN_LOOP_SAMPLES * (edges.size + 1):
+        return None  # the label changes only with the schedule
+    run_starts = np.flatnonzero(is_change) + 1
+    if column.codes.size < MIN_LOOP_SAMPLES * (run_starts.size + 1):
         return None
-    runs = np.split(np.arange(column.codes.size), edges)
+    runs = np.split(np.arange(column.codes.size), run_starts)
     keys = {
         (int(column.codes[rows[0]]), None if schedule is None else float(schedule[rows[0]])) for rows in runs
     }
@@ -443,7 +443,7 @@ _GAP_WORDS = frozenset(
 
 
 def can_be_gap(header: Header) -> bool:
-    """Whether a column can be a gap with another name, by its unit or otherwise by its name."""
+    """Whether a column can be a gap although its header does not say so, by its unit or name."""
     if header.unit is not None and header.unit.symbol != "-":
         return header.unit.dimension == "length"
     words = set(split_words(header.name))

@@ -106,13 +106,13 @@ class FileDescription:
             raise error.with_location(path) from None
 
     def with_defaults(self, defaults: FileDescription) -> FileDescription:
-        """Combine with another description; entries of this one take precedence."""
+        """Combine with another description; entries of this description take precedence."""
         if self.history is not None:
             defaults = replace(defaults, histories={})
         merged_fields: dict[str, Any] = {}
-        for item in fields(self):
-            own_value, default_value = getattr(self, item.name), getattr(defaults, item.name)
-            merged_fields[item.name] = (
+        for entry in fields(self):
+            own_value, default_value = getattr(self, entry.name), getattr(defaults, entry.name)
+            merged_fields[entry.name] = (
                 {**default_value, **own_value} if isinstance(own_value, dict) else own_value or default_value
             )
         return FileDescription(**merged_fields)

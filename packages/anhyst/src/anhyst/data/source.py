@@ -62,22 +62,22 @@ def load_loops(
     return options.read(source, **{"progress": progress} | other_keywords), options
 
 
-def collect_read_options(verb: str, **reading: Any) -> ReadOptions:
-    """Return the read options from Python arguments; ``None`` means that one is not given."""
+def collect_read_options(verb: str, **keywords: Any) -> ReadOptions:
+    """Return the read options from Python arguments; ``None`` means that an option is not given."""
     defaults = ReadOptions()
-    given_options = {name: value for name, value in reading.items() if value is not None}
+    given_options = {name: value for name, value in keywords.items() if value is not None}
     for name, value in given_options.items():
         if not hasattr(defaults, name):
             raise TypeError(f"{verb}() got an unexpected keyword argument '{name}'")
-        default = getattr(defaults, name)
+        default_value = getattr(defaults, name)
         if name == "history":
             given_options[name] = history_text(value)
-        elif isinstance(default, Mapping):
+        elif isinstance(default_value, Mapping):
             if not isinstance(value, Mapping):
-                example = {"columns": '{"I": "I_A"}'}.get(name, '{"gap_mm": 0.4}')
-                raise wrong_type(f"{verb}: {name}", f"a dict, such as {example}", value)
+                example_text = {"columns": '{"I": "I_A"}'}.get(name, '{"gap_mm": 0.4}')
+                raise wrong_type(f"{verb}: {name}", f"a dict, such as {example_text}", value)
             given_options[name] = dict(value)
-        elif isinstance(default, tuple):
+        elif isinstance(default_value, tuple):
             given_options[name] = parse_names(value, f"{verb}: {name}")
         elif isinstance(value, str | os.PathLike):
             given_options[name] = os.fspath(value)

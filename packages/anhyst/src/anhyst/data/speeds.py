@@ -1,4 +1,4 @@
-"""Group loops by speed, and find out whether fast loops differ from slow ones."""
+"""Group loops by speed, and find out whether fast loops differ from slow loops."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ MIN_SPEED_RATIO = 3.0
 """Minimum speed ratio of fast and slow loops of a gap.
 
 Both the cycles per second and the input change per second must have this ratio. A loop of smaller
-amplitude can differ in one of these figures, but not in both.
+amplitude can differ in one of these values, but not in both.
 """
 MIN_HEIGHT_INCREASE = 0.01
-"""Minimum increase of the loop height that counts as rate effect, over the largest output."""
+"""Minimum increase of the loop height that is a rate effect, relative to the largest output."""
 
 _MIN_HEIGHT_SIGMAS = 4.0
 """Number of standard deviations of the noise that a height difference must exceed."""
@@ -38,7 +38,7 @@ def cycle_rate(drive: FloatArray, time: FloatArray | None) -> float:
 class SpeedGroups:
     """Loops grouped by their rate."""
 
-    slow: Loops  # slowest loops of each gap, and all that are not clearly faster
+    slow: Loops  # slowest loops of each gap, and all loops that are not clearly faster
     fast: tuple[tuple[Loop, ...], ...]  # other loops in groups of similar rate, slowest first
 
     @property
@@ -67,15 +67,15 @@ def find_slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
     """Return, for each loop, the indices of the loops at its gap that are clearly slower."""
     if any(loop.time is None for loop in loops):
         return [[] for _ in loops]
-    paces = list(map(_loop_speed, loops))
+    loop_speeds = list(map(_loop_speed, loops))
     return [
         [
             loop_index
-            for loop_index, (other_loop, other_pace) in enumerate(zip(loops, paces, strict=True))
+            for loop_index, (other_loop, other_speed) in enumerate(zip(loops, loop_speeds, strict=True))
             if other_loop.schedule_value == loop.schedule_value
-            and min(pace[0] / other_pace[0], pace[1] / other_pace[1]) >= MIN_SPEED_RATIO
+            and min(loop_speed[0] / other_speed[0], loop_speed[1] / other_speed[1]) >= MIN_SPEED_RATIO
         ]
-        for loop, pace in zip(loops, paces, strict=True)
+        for loop, loop_speed in zip(loops, loop_speeds, strict=True)
     ]
 
 
@@ -98,8 +98,8 @@ def spread_equal_times(loops: Loops) -> Loops:
     """Distribute samples with equal times evenly up to the next time, for coarse clocks."""
     if not any(loop.time is not None and np.any(np.diff(loop.time) == 0.0) for loop in loops.loops):
         return loops
-    spread = [replace(loop, time=_spread_times(loop.time)) for loop in loops.loops]
-    return loops.with_loops(spread, "samples with equal times are distributed up to the next time")
+    changed_loops = [replace(loop, time=_spread_times(loop.time)) for loop in loops.loops]
+    return loops.with_loops(changed_loops, "samples with equal times are distributed up to the next time")
 
 
 def _spread_times(time: FloatArray | None) -> FloatArray | None:
@@ -109,9 +109,9 @@ def _spread_times(time: FloatArray | None) -> FloatArray | None:
     stamp_rows = np.flatnonzero(np.diff(time, prepend=-np.inf))
     step = (time[stamp_rows[-1]] - time[stamp_rows[-2]]) / (stamp_rows[-1] - stamp_rows[-2])
     end_time = time[-1] + step * (time.size - stamp_rows[-1])
-    edges = np.append(stamp_rows, time.size)
-    spread: FloatArray = np.interp(np.arange(time.size), edges, np.append(time[stamp_rows], end_time))
-    return spread
+    bounds = np.append(stamp_rows, time.size)
+    new_times: FloatArray = np.interp(np.arange(time.size), bounds, np.append(time[stamp_rows], end_time))
+    return new_times
 
 
 def describe_rate(loops: Loops) -> str:
@@ -119,13 +119,13 @@ def describe_rate(loops: Loops) -> str:
     speeds = group_by_speed(loops)
     if speeds is None:
         return ""
-    effect = find_rate_effect(loops, speeds)
-    if effect is None:
+    rate_effect = find_rate_effect(loops, speeds)
+    if rate_effect is None:
         return (
             f"rate does not matter up to {speeds.fastest_rate:.3g} Hz: fast loops are as high as slow "
             "ones, to 1 % of the largest output"
         )
-    rate, share = effect
+    rate, share = rate_effect
     return (
         f"rate matters: at {rate:.3g} Hz loops are higher than slow ones by {100.0 * share:.2g} % of "
         f"the largest output; extrapolated linearly, by 1 % from {rate * MIN_HEIGHT_INCREASE / share:.2g} Hz on"
@@ -133,8 +133,8 @@ def describe_rate(loops: Loops) -> str:
 
 
 def find_rate_effect(loops: Loops, speeds: SpeedGroups) -> tuple[float, float] | None:
-    """Return the lowest rate with an effect, Hz, and the effect over the largest output."""
-    even, largest = is_even(loops), largest_output(loops)
+    """Return the lowest rate with an effect, Hz, and the effect relative to the largest output."""
+    even, largest_magnitude = is_even(loops), largest_output(loops)
     slow_height: dict[float | None, float] = {}
     for loop in speeds.slow.loops:
         _, height = loop_width_and_height(loop, even=even)
@@ -148,8 +148,8 @@ def find_rate_effect(loops: Loops, speeds: SpeedGroups) -> tuple[float, float] |
             )
             for loop in group
         ]
-        increase, noise_sigma = max(height_increases)
-        share = increase / largest
-        if share >= MIN_HEIGHT_INCREASE and increase > _MIN_HEIGHT_SIGMAS * noise_sigma:
+        largest_increase, noise_sigma = max(height_increases)
+        share = largest_increase / largest_magnitude
+        if share >= MIN_HEIGHT_INCREASE and largest_increase > _MIN_HEIGHT_SIGMAS * noise_sigma:
             return rate, share
     return None

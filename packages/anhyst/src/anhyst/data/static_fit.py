@@ -25,25 +25,25 @@ class EvenRecord:
 
     drive: FloatArray
     output: FloatArray
-    step: float  # s; 1 without a clock
+    step: float  # time step, s; 1 without a clock
 
-    def averaged(self, samples: int) -> EvenRecord:
+    def average_blocks(self, samples: int) -> EvenRecord:
         """Return the record with averages of blocks of ``samples`` samples."""
         blocks = self.drive.size // samples
         drive, output = (
-            each[: blocks * samples].reshape(blocks, samples).mean(axis=1)
-            for each in (self.drive, self.output)
+            signal[: blocks * samples].reshape(blocks, samples).mean(axis=1)
+            for signal in (self.drive, self.output)
         )
         return EvenRecord(drive, output, samples * self.step)
 
     def average_to_sample_limit(self, samples: int) -> EvenRecord:
         """Return the record, averaged in blocks if it has more than ``samples`` samples."""
         count = -(-self.drive.size // samples)
-        return self.averaged(count) if count > 1 else self
+        return self.average_blocks(count) if count > 1 else self
 
     def first_samples(self, samples: int) -> EvenRecord:
         """Return the first samples without their means."""
-        drive, output = (each[:samples] - each[:samples].mean() for each in (self.drive, self.output))
+        drive, output = (signal[:samples] - signal[:samples].mean() for signal in (self.drive, self.output))
         return EvenRecord(drive, output, self.step)
 
 
@@ -55,21 +55,21 @@ def resample_evenly(loop: Loop) -> EvenRecord | None:
     if step <= 0.0 or float(loop.time[-1] - loop.time[0]) > _MAX_RESAMPLING_RATIO * loop.n * step:
         return None
     clock = np.arange(float(loop.time[0]), float(loop.time[-1]) + 0.5 * step, step)
-    drive, output = (np.interp(clock, loop.time, each) for each in (loop.input, loop.output))
+    drive, output = (np.interp(clock, loop.time, signal) for signal in (loop.input, loop.output))
     return EvenRecord(drive, output, step)
 
 
 def static_fit_rms(drive: FloatArray, output: FloatArray, *, with_plays: bool = True) -> float:
     """Return the rms residual of a fit of curves, and optionally play operators, of the input."""
     rows = thin_rows(drive, _MAX_SAMPLES)
-    middle, half_range = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
-    x = (drive[rows] - middle) / (half_range or 1.0)
-    columns = [legvander(x, _CURVE_DEGREE)]
+    middle_input, half_range = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
+    scaled_input = (drive[rows] - middle_input) / (half_range or 1.0)
+    columns = [legvander(scaled_input, _CURVE_DEGREE)]
     if with_plays:
         thresholds = np.array(_THRESHOLDS)
-        begin = np.clip(0.0, x[0] - thresholds, x[0] + thresholds)
-        states = move_plays(x[None], thresholds, begin[None])[:, 0]
-        columns += [states, states * x[:, None]]
+        initial_states = np.clip(0.0, scaled_input[0] - thresholds, scaled_input[0] + thresholds)
+        states = move_plays(scaled_input[None], thresholds, initial_states[None])[:, 0]
+        columns += [states, states * scaled_input[:, None]]
     basis = np.hstack(columns)
     coefficients = np.linalg.lstsq(basis, output[rows])[0]
     return float(np.sqrt(np.mean((output[rows] - basis @ coefficients) ** 2)))

@@ -19,19 +19,19 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 
-def mid_current(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
+def mid_current(group: Sequence[Loop], levels: FloatArray) -> FloatArray:
     """Return the mean of the smallest and the largest current at each force level, A."""
-    low, high = current_envelope(members, levels)
-    return 0.5 * (low + high)
+    least_current, largest_current = current_envelope(group, levels)
+    return 0.5 * (least_current + largest_current)
 
 
-def current_envelope(members: Sequence[Loop], levels: FloatArray) -> tuple[FloatArray, FloatArray]:
+def current_envelope(group: Sequence[Loop], levels: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the smallest and the largest current at each force level, A."""
-    crossings = [_extreme_currents(loop.input, loop.output, levels) for loop in members]
-    low = np.min([least_current for least_current, _ in crossings], axis=0)
-    high = np.max([largest_current for _, largest_current in crossings], axis=0)
-    is_known = low <= high
-    return np.where(is_known, low, np.nan), np.where(is_known, high, np.nan)
+    extreme_currents = [_extreme_currents(loop.input, loop.output, levels) for loop in group]
+    least_envelope = np.min([least_current for least_current, _ in extreme_currents], axis=0)
+    largest_envelope = np.max([largest_current for _, largest_current in extreme_currents], axis=0)
+    is_known = least_envelope <= largest_envelope
+    return np.where(is_known, least_envelope, np.nan), np.where(is_known, largest_envelope, np.nan)
 
 
 def _extreme_currents(
@@ -39,26 +39,26 @@ def _extreme_currents(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the smallest and largest current at each force level; inf and -inf if not reached."""
     least_current, largest_current = np.full(levels.size, np.inf), np.full(levels.size, -np.inf)
-    for begin, end in zip(range(force.size - 1), range(1, force.size), strict=True):
-        low, high = sorted((force[begin], force[end]))
+    for row, next_row in zip(range(force.size - 1), range(1, force.size), strict=True):
+        low, high = sorted((force[row], force[next_row]))
         passed_levels = slice(np.searchsorted(levels, low), np.searchsorted(levels, high, side="right"))
         if passed_levels.start == passed_levels.stop or low == high:
             continue
-        share = (levels[passed_levels] - force[begin]) / (force[end] - force[begin])
-        at = current[begin] + share * (current[end] - current[begin])
-        least_current[passed_levels] = np.minimum(least_current[passed_levels], at)
-        largest_current[passed_levels] = np.maximum(largest_current[passed_levels], at)
+        step_fraction = (levels[passed_levels] - force[row]) / (force[next_row] - force[row])
+        level_current = current[row] + step_fraction * (current[next_row] - current[row])
+        least_current[passed_levels] = np.minimum(least_current[passed_levels], level_current)
+        largest_current[passed_levels] = np.maximum(largest_current[passed_levels], level_current)
     return least_current, largest_current
 
 
 FORCE_LEVELS = 129
-"""Number of force levels."""
+"""Number of force levels of the grid."""
 GAP_LEVELS = 17
-"""Number of gaps, over the range of the controller."""
+"""Number of gaps of the grid, over the gap range of the controller."""
 SLOPE_WINDOW_SHARE = 0.25
 """Half-width of the window for a slope, as a fraction of the largest force and of the gap range."""
 END_SLOPE_SHARE = 0.1
-"""Share of the known levels that determine the slope beyond the last one."""
+"""Fraction of the known levels, next to the last one, that determine the slope beyond it."""
 SMOOTHING_DEGREE = 5
 """Degree of the polynomial that is subtracted before smoothing."""
 SMOOTHING_LEVELS = 11
@@ -71,9 +71,9 @@ MIN_SLOPE_RATIO = 0.01
 class Surface:
     """Current over force and gap, on uniform grids."""
 
-    force: FloatArray  # N; shape (f,)
-    gap: FloatArray  # m; shape (g,)
-    current: FloatArray  # A; increases with the force; shape (g, f)
+    force: FloatArray  # force levels, N; shape (f,)
+    gap: FloatArray  # gaps, m; shape (g,)
+    current: FloatArray  # current, A; increases with the force; shape (g, f)
 
     def current_at(self, force: FloatArray, gap: float) -> FloatArray:
         """Return the current for forces at one gap, linearly interpolated."""
@@ -104,15 +104,15 @@ def fit_surface(loops: Loops, forces: tuple[float, float], gap_range: tuple[floa
             key="loops",
         )
     force = np.linspace(*forces, FORCE_LEVELS)
-    table = np.array([_fill_row(mid_current(members, force), force, gap) for gap, members in groups.items()])
+    table = np.array([_fill_row(mid_current(group, force), force, gap) for gap, group in groups.items()])
     gaps = np.linspace(*gap_range, GAP_LEVELS)
     current = PchipInterpolator(nodes, table, axis=0)(np.clip(gaps, nodes[0], nodes[-1]))
     return Surface(force, gaps, make_rising(current))
 
 
-def _fill_row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
+def _fill_row(currents: FloatArray, force: FloatArray, gap: float) -> FloatArray:
     """Return the current at all force levels of a gap, smoothed and extrapolated linearly."""
-    known_indices = np.flatnonzero(np.isfinite(middle))
+    known_indices = np.flatnonzero(np.isfinite(currents))
     if known_indices.size < 0.2 * force.size:
         raise InputError(
             f"loops: at gap {gap:g} m the loops cover less than a fifth of {force[-1]:g} N; lower the "
@@ -120,16 +120,16 @@ def _fill_row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
             code="force-not-reached",
             key="loops",
         )
-    filled_currents = _smooth_current(force, np.interp(force, force[known_indices], middle[known_indices]))
+    filled_currents = _smooth_current(force, np.interp(force, force[known_indices], currents[known_indices]))
     row = fit_monotone(filled_currents, np.ones(force.size))
-    near = max(3, int(END_SLOPE_SHARE * known_indices.size))
-    for ends, beyond in (
-        (known_indices[-near:], force > force[known_indices[-1]]),
-        (known_indices[near - 1 :: -1], force < force[known_indices[0]]),
+    end_count = max(3, int(END_SLOPE_SHARE * known_indices.size))
+    for indices, is_outside in (
+        (known_indices[-end_count:], force > force[known_indices[-1]]),
+        (known_indices[end_count - 1 :: -1], force < force[known_indices[0]]),
     ):
-        last_index = ends[-1]
-        slope = float(np.polyfit(force[ends], row[ends], 1)[0])
-        row[beyond] = row[last_index] + slope * (force[beyond] - force[last_index])
+        last_index = indices[-1]
+        slope = float(np.polyfit(force[indices], row[indices], 1)[0])
+        row[is_outside] = row[last_index] + slope * (force[is_outside] - force[last_index])
     return row
 
 
@@ -137,25 +137,25 @@ def _smooth_current(force: FloatArray, current: FloatArray) -> FloatArray:
     """Return a current whose deviation from a polynomial in the root of the force is smoothed."""
     from scipy.signal import savgol_filter  # slow to load, and only used for maps
 
-    root = np.sqrt(force / force[-1]) if force[0] >= 0.0 else force / force[-1]
-    smooth_current = np.polynomial.Polynomial.fit(root, current, SMOOTHING_DEGREE)(root)
+    root_of_force = np.sqrt(force / force[-1]) if force[0] >= 0.0 else force / force[-1]
+    smooth_current = np.polynomial.Polynomial.fit(root_of_force, current, SMOOTHING_DEGREE)(root_of_force)
     return np.asarray(smooth_current + savgol_filter(current - smooth_current, SMOOTHING_LEVELS, 2))
 
 
 def make_rising(table: FloatArray) -> FloatArray:
-    """Return the smallest table above this one that increases everywhere along its rows."""
-    mean = np.ptp(table, axis=1, keepdims=True) / (table.shape[1] - 1)
-    line = MIN_SLOPE_RATIO * mean * np.arange(table.shape[1])
-    return np.asarray(np.maximum.accumulate(table - line, axis=1) + line)
+    """Return the lowest table that is nowhere below this one and increases along its rows."""
+    mean_step = np.ptp(table, axis=1, keepdims=True) / (table.shape[1] - 1)
+    min_slope_line = MIN_SLOPE_RATIO * mean_step * np.arange(table.shape[1])
+    return np.asarray(np.maximum.accumulate(table - min_slope_line, axis=1) + min_slope_line)
 
 
 @dataclass(frozen=True)
 class Tangent:
     """Linearisation of the surface at an operating point."""
 
-    current: float  # at the operating point, A
-    current_per_force: float  # A/N
-    current_per_gap: float  # at constant force, A/m
+    current: float  # current at the operating point, A
+    current_per_force: float  # slope at constant gap, A/N
+    current_per_gap: float  # slope at constant force, A/m
 
     @property
     def k_i(self) -> float:
@@ -164,7 +164,7 @@ class Tangent:
 
     @property
     def k_s(self) -> float:
-        """Loss of force per opening of the gap at constant current, N/m: -dF/dgap."""
+        """Decrease of the force per increase of the gap at constant current, N/m: -dF/dgap."""
         return self.current_per_gap / self.current_per_force
 
 
@@ -176,22 +176,22 @@ def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Ta
 
 
 def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
-    """Fit both constants of a magnet around an operating point, by least squares."""
+    """Fit the linearised constants of a magnet around an operating point, by least squares."""
     low, high = float(surface.gap[0]), float(surface.gap[-1])
     forces = _symmetric_grid(force, SLOPE_WINDOW_SHARE * force_max, _force_range(surface, force_max))
     gaps = _symmetric_grid(gap, SLOPE_WINDOW_SHARE * (high - low), (low, high))
-    current = np.concatenate([surface.current_at(forces, at) for at in gaps.tolist()])
+    current = np.concatenate([surface.current_at(forces, grid_gap) for grid_gap in gaps.tolist()])
     gap_column = np.repeat(gaps - gap, forces.size) / (high - low)
     matrix = np.column_stack([np.ones(current.size), np.tile(forces - force, gaps.size), gap_column])
-    factors = np.linalg.lstsq(matrix, current, rcond=None)[0]
-    return Tangent(float(factors[0]), float(factors[1]), float(factors[2]) / (high - low))
+    coefficients = np.linalg.lstsq(matrix, current, rcond=None)[0]
+    return Tangent(float(coefficients[0]), float(coefficients[1]), float(coefficients[2]) / (high - low))
 
 
 def _force_range(surface: Surface, force_max: float) -> tuple[float, float]:
     return max(float(surface.force[0]), -force_max), force_max
 
 
-def _symmetric_grid(middle: float, half_width: float, ends: tuple[float, float]) -> FloatArray:
+def _symmetric_grid(middle: float, half_width: float, limits: tuple[float, float]) -> FloatArray:
     """Return an equidistant grid that is symmetric around the middle and within the ends."""
-    half_width = min(half_width, middle - ends[0], ends[1] - middle)
+    half_width = min(half_width, middle - limits[0], limits[1] - middle)
     return np.linspace(middle - half_width, middle + half_width, 41)

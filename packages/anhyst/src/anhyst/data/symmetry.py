@@ -2,9 +2,8 @@
 
 The laws describe an output that increases with its input, or the square of such an output. For
 bipolar records, the average rising and falling curves show the symmetry. The falling curve of an
-even output is the mirror image of the rising curve. The falling curve of an odd output is its point
-reflection. A force has its minimum where the flux is zero; a magnet or a second coil shifts this
-minimum.
+even output is the mirror image of the rising curve, that of an odd output the point reflection. A
+force has its minimum where the flux is zero; a magnet or a second coil shifts this minimum.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ from anhyst.support.numeric import FloatArray
 MIN_EVEN_CORRELATION = 0.5
 """Minimum correlation of the falling curve with the mirrored rising curve of an even output."""
 MIN_EXPLAINED_VARIANCE = 0.5
-"""Minimum fraction of the output variance that both curves must explain; a resonance reduces it."""
+"""Minimum fraction of the output variance that average curves explain; a resonance reduces it."""
 MIN_TURN_BACK_SHARE = 0.2
 """Minimum fall and rise of an output along one branch, as a fraction of its range."""
 MIN_TURN_BACK_SPAN = 0.6
-"""Minimum input range of such a branch, as a fraction of the input range of the loop."""
+"""Minimum input range of a branch that turns back, as a fraction of the input range of the loop."""
 MIN_BIAS_SHARE = 0.04
 """Minimum distance of the force minimum from zero for a bias, as a fraction of the input range."""
 _EDGE_SHARE = 0.06
@@ -67,7 +66,7 @@ def describe_turn_back(loopset: Loops) -> str:
     )
 
 
-def recentre(loopset: Loops) -> tuple[Loops, bool]:
+def recentre_loops(loopset: Loops) -> tuple[Loops, bool]:
     """Return the loops with the input relative to its bias, and whether the output is then even.
 
     If a force falls over its whole input range, the sign of the input is reversed.
@@ -79,8 +78,8 @@ def recentre(loopset: Loops) -> tuple[Loops, bool]:
         return loopset.with_loops(shifted_loops), True
     is_falling = [correlation(loop.input, loop.output) < 0.0 for loop in _bipolar_loops(loopset)]
     if output_map(loopset.output).is_even and not even and is_falling and all(is_falling):
-        turned = (replace(loop, input=-loop.input) for loop in loopset.loops)
-        return loopset.with_loops(turned), even
+        reversed_loops = (replace(loop, input=-loop.input) for loop in loopset.loops)
+        return loopset.with_loops(reversed_loops), even
     return loopset, even
 
 
@@ -89,7 +88,7 @@ def find_bias(loopset: Loops) -> float:
     loops = _bipolar_loops(loopset)
     if not output_map(loopset.output).is_even or not loops:
         return 0.0
-    loop = max(loops, key=lambda each: float(np.ptp(each.output)))
+    loop = max(loops, key=lambda any_loop: float(np.ptp(any_loop.output)))
     drive, mean = average_in_bins(loop.input, loop.output, _BIN_COUNT)
     low, span = float(drive[0]), float(np.ptp(drive))
     min_index = int(np.argmin(mean))
@@ -129,8 +128,8 @@ def _bipolar_loops(loopset: Loops) -> list[Loop]:
 
 def _has_turn_back(loop: Loop) -> bool:
     """Whether the output falls and rises again along a branch over much of the input range."""
-    for part in find_branches(loop.input):
-        drive, output = loop.input[part.rows], loop.output[part.rows]
+    for branch in find_branches(loop.input):
+        drive, output = loop.input[branch.rows], loop.output[branch.rows]
         if drive.size < _MIN_SAMPLES or np.ptp(drive) < MIN_TURN_BACK_SPAN * np.ptp(loop.input):
             continue
         _, output_values = average_in_bins(drive, output, _BIN_COUNT)
@@ -144,8 +143,8 @@ def _has_turn_back(loop: Loop) -> bool:
 def _even_correlation(loop: Loop) -> float:
     """Return the correlation of the falling curve with the mirrored rising curve; 0 if unknown."""
     is_rising = np.zeros(loop.n, dtype=np.bool_)
-    for part in find_branches(loop.input):
-        is_rising[part.rows] = part.is_rising
+    for branch in find_branches(loop.input):
+        is_rising[branch.rows] = branch.is_rising
     if min(np.count_nonzero(is_rising), np.count_nonzero(~is_rising)) < _MIN_SAMPLES:
         return 0.0
     curves = [
@@ -154,9 +153,9 @@ def _even_correlation(loop: Loop) -> float:
     fitted_output = np.where(is_rising, *(np.interp(loop.input, *curve) for curve in curves))
     if np.var(loop.output - fitted_output) > (1.0 - MIN_EXPLAINED_VARIANCE) * np.var(loop.output):
         return 0.0
-    (up, rising_output), (down, falling_output) = curves
-    common_range = min(-up[0], up[-1], -down[0], down[-1])
+    (rising, rising_output), (falling, falling_output) = curves
+    common_range = min(-rising[0], rising[-1], -falling[0], falling[-1])
     if common_range <= 0.0:
         return 0.0
     grid: FloatArray = np.linspace(-common_range, common_range, 2 * _BIN_COUNT + 1)
-    return correlation(np.interp(grid, down, falling_output), np.interp(-grid, up, rising_output))
+    return correlation(np.interp(grid, falling, falling_output), np.interp(-grid, rising, rising_output))

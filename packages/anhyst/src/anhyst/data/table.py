@@ -57,7 +57,7 @@ class DataTable:
 
     def get(self, name: str) -> FloatArray | None:
         """Return the SI values of a quantity by name (``current``, ``gap``, ...), or ``None``."""
-        indices = [index for index, other in enumerate(self.names) if other == name]
+        indices = [index for index, entry in enumerate(self.names) if entry == name]
         usable_indices = [index for index in indices if self.headers[index].problem is None]
         usable_indices = [
             index for index in usable_indices if self.headers[index].is_certain
@@ -106,9 +106,9 @@ class DataTable:
         """Return the SI values of a required quantity; the error advises the header ``example``."""
         values = self.get(name)
         if values is None:
-            have = ", ".join(header.text for header in self.headers)
+            header_text = ", ".join(header.text for header in self.headers)
             raise InputError(
-                f"{self.path}: has no column of {name.replace('_', ' ')} (columns: {have}); "
+                f"{self.path}: has no column of {name.replace('_', ' ')} (columns: {header_text}); "
                 f"name it '{example}'{self.advise_mapping(name)}",
                 code="column-missing",
                 key=name,
@@ -144,8 +144,8 @@ def read_columns(
 ) -> DataTable:
     """Read every column of a file or a data frame, such as a drive or a demand.
 
-    With ``has_own_names``, names of columns are not interpreted as words for quantities, because a
-    recording has our names.
+    With ``has_own_names``, column names are not interpreted as words for quantities, because a
+    recording has standard names.
     """
     table = frame_to_table(path) if is_data_frame(path) else open_table(path, min_columns=1)
     headers = map_headers(table, columns or {}, scale, flip or ())
@@ -176,8 +176,8 @@ def read_columns(
     for values in raw.numbers.values():
         values.flags.writeable = False
     columns_by_index: dict[int, FloatArray | Texts] = {**raw.texts, **raw.numbers}
-    held = tuple(columns_by_index[index] for index in range(len(headers)))
-    return DataTable(table.source_name, raw.sha256, headers, held, raw.notes, table)
+    ordered_columns = tuple(columns_by_index[index] for index in range(len(headers)))
+    return DataTable(table.source_name, raw.sha256, headers, ordered_columns, raw.notes, table)
 
 
 FRAME_NAME = "data frame"
@@ -192,7 +192,7 @@ def is_data_frame(source: object) -> bool:
     )
 
 
-def check_source(source: object, argument: str, expected: str = LOOP_SOURCES_TEXT) -> None:
+def check_source(source: object, argument: str, expected_types: str = LOOP_SOURCES_TEXT) -> None:
     """Raise an error for a source without files or columns; ``argument`` is ``"verb: argument"``."""
     if is_data_frame(source):
         names = source if isinstance(source, Mapping) else getattr(source, "columns", ("?",))
@@ -205,7 +205,7 @@ def check_source(source: object, argument: str, expected: str = LOOP_SOURCES_TEX
         raise InputError(f"{argument}: the list is empty; name at least one file", code="no-files")
     for path in paths:
         if not isinstance(path, str | os.PathLike):
-            raise wrong_type(argument, expected, path, is_in_list=is_list)
+            raise wrong_type(argument, expected_types, path, is_in_list=is_list)
         if not os.fspath(path):
             raise InputError(f"{argument}: the path is empty; name a file", code="no-files")
 
@@ -278,8 +278,8 @@ class ChannelFigures:
     unit: str
     samples: int
     rate: float | None  # samples per second; None without a clock
-    low: float | None  # in the unit of the file; None for texts
-    high: float | None
+    low: float | None  # smallest value, in the unit of the file; None for texts
+    high: float | None  # largest value
     role: str  # quantity, with "?" after a guess; empty if unknown
 
 
@@ -323,7 +323,7 @@ def find_clocks(table: OpenTable, columns: Sequence[int]) -> set[int]:
 
 
 def _median_even_step(times: FloatArray, max_jitter: float) -> float | None:
-    """Return the median step of increasing times; ``None`` if a step deviates by more."""
+    """Return the median step of increasing times; ``None`` if a step deviates too much."""
     steps = np.diff(times)
     median_step = float(np.median(steps)) if steps.size else 0.0
     return (
@@ -363,20 +363,20 @@ def _guess_quantities(headers: Sequence[Header], texts: Sequence[int]) -> dict[i
 
 def check_format(path: PathLike) -> None:
     """Raise an error for a file name without a format for writing, or without its package."""
-    named = Path(path)
-    suffix = named.suffix.lower()
+    target = Path(path)
+    suffix = target.suffix.lower()
     if suffix not in WRITERS:
         raise InputError(
             f"{path}: no format has this suffix; use one of {', '.join(WRITERS)}", code="wrong-ending"
         )
     if suffix in WRITER_PACKAGES:
-        require_package(named, WRITER_PACKAGES[suffix])
+        require_package(target, WRITER_PACKAGES[suffix])
 
 
-def check_recording(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
-    """Raise an error if a recording cannot be written, or would replace one of the files ``reads``."""
+def check_recording(path: PathLike, input_files: Iterable[PathLike] = ()) -> None:
+    """Raise an error if a recording cannot be written, or would replace a file in ``input_files``."""
     check_format(path)
-    check_writable(path, reads)
+    check_writable(path, input_files)
 
 
 def write_channel_groups(path: PathLike, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
@@ -397,7 +397,7 @@ def write_channel_groups(path: PathLike, sections: Sequence[ChannelGroup]) -> tu
 
 
 def write_recording(path: PathLike, columns: Mapping[str, FloatArray]) -> None:
-    """Write columns of equal length by header, such as ``gap_m``; the first one is the clock."""
+    """Write columns of equal length by header, such as ``gap_m``; the first column is the clock."""
     series = []
     for header, values in columns.items():
         name, unit = split_header(header)

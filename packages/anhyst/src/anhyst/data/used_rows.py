@@ -29,7 +29,7 @@ class UsedRows:
     table: OpenTable
     headers: Sequence[Header]
     raw: RawColumns
-    rows: Rows | None  # None: all rows
+    rows: Rows | None  # rows in use; None: all rows
 
     def locate_row(self, row: int) -> str:
         """Return the location of a used row in its file."""
@@ -86,14 +86,14 @@ class UsedRows:
                 values_by_name[name] = np.where(is_mark, np.nan, values_by_name[name])
                 mark_notes.append(f"column '{name}': {mark:.9g} is an overrange mark, {count} times")
         if drop is None:
-            sparse = [
+            sparse_names = [
                 name
                 for name, values in values_by_name.items()
                 if 2 * np.count_nonzero(are_measured(values)) < values.size
             ]
             remedy = "leave them out: --drop invalid"
-            if sparse:  # merged cells, values in the first row only, or formulas without results
-                remedy = f"write a value of '{sparse[0]}' into every row"
+            if sparse_names:  # merged cells, values in the first row only, or formulas without results
+                remedy = f"write a value of '{sparse_names[0]}' into every row"
             refuse_missing(self.locate_row, list(values_by_name.items()), remedy)
             return self, []
         is_good = {name: are_measured(values) for name, values in values_by_name.items()}
@@ -118,7 +118,7 @@ class UsedRows:
         break_rows = blank_rows if self.rows is None else self.rows[blank_rows]
         earlier_breaks = self.raw.breaks or ((0, ()),)
         breaks = sorted(
-            [*earlier_breaks, *((int(row), ()) for row in break_rows)], key=lambda found: found[0]
+            [*earlier_breaks, *((int(row), ()) for row in break_rows)], key=lambda entry: entry[0]
         )
-        separated = replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
-        return separated.select(valid_rows), [note, *mark_notes]
+        used_rows = replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
+        return used_rows.select(valid_rows), [note, *mark_notes]

@@ -18,7 +18,7 @@ from anhyst.data.loops import Loop, Loops, fold_input
 from anhyst.data.output_map import full_scale, name_full_scale
 from anhyst.data.path import average_in_bins, branch_separation, find_branches
 from anhyst.data.resonance import describe_resonance
-from anhyst.data.symmetry import describe_turn_back, recentre
+from anhyst.data.symmetry import describe_turn_back, recentre_loops
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import choose_display_unit
 
@@ -30,7 +30,7 @@ MIN_SAMPLES_PER_BRANCH = 200
 """Number of samples that resolve a branch; noise at higher frequencies does not affect the gain."""
 _MAX_BINS = 4000
 _MAX_BRANCHES_WITH_FIRST = 6
-"""Maximum number of branches for which the first one counts for the loop's width."""
+"""Maximum number of branches of a loop whose width includes the first branch."""
 GAIN_ADVICE = (
     "it is beneficial if the loops are well above the noise: iron with wider loops, or averages of "
     "several cycles"
@@ -46,24 +46,24 @@ class Verdict:
     and relative values of the input refer to its largest range.
     """
 
-    level: Level  # ``unknown`` if dynamics cause the loop
+    level: Level  # gain of a model; ``unknown`` if dynamics cause the loop
     width: float  # largest width (input) of all loops
     width_relative: float
     height: float  # largest height (output) of all loops
     height_relative: float
     single_mean: float  # mean deviation from the best monotone curve of each scheduling value
     single_mean_relative: float
-    single_worst: float  # largest deviation from these curves
+    single_worst: float  # largest deviation from the monotone curves
     single_worst_relative: float
     noise_mean: float  # mean deviation that noise alone causes, the lower limit for every model
     noise_relative: float
     # maximum reduction of the mean deviation by a perfect hysteresis model, as a fraction, for
     # averages of samples that still resolve a branch
     gain: float
-    averaged: int  # largest number of samples in such an average
-    band_noise_relative: float  # mean deviation that noise alone causes in them
+    averaged: int  # largest number of samples in an average that resolves a branch
+    band_noise_relative: float  # mean deviation of the averages by noise alone
     dynamics: str  # dynamic effect that causes the loops, such as resonance; empty if none
-    sentences: tuple[str, ...]  # the same in words
+    sentences: tuple[str, ...]  # assessment in words
 
     @property
     def worthwhile(self) -> bool:
@@ -78,13 +78,13 @@ def fit_monotone(values: FloatArray, weights: FloatArray) -> FloatArray:
     [1.0, 2.5, 2.5]
     """
     blocks: list[tuple[float, float, int]] = []  # mean, weight, number of values
-    for value, own in zip(values.tolist(), weights.tolist(), strict=True):
-        mean, total, size = value, own, 1
+    for value, own_weight in zip(values.tolist(), weights.tolist(), strict=True):
+        mean, total, size = value, own_weight, 1
         while blocks and blocks[-1][0] >= mean:
-            before, weight, count = blocks.pop()
-            mean = (before * weight + mean * total) / (weight + total)
-            total += weight
-            size += count
+            left_mean, left_weight, left_size = blocks.pop()
+            mean = (left_mean * left_weight + mean * total) / (left_weight + total)
+            total += left_weight
+            size += left_size
         blocks.append((mean, total, size))
     means, _, sizes = zip(*blocks, strict=True)
     return np.repeat(means, sizes)
@@ -92,7 +92,7 @@ def fit_monotone(values: FloatArray, weights: FloatArray) -> FloatArray:
 
 def single_valued_residuals(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
     """Return each loop and the deviation of its output from the best monotone curve of its gap."""
-    centred, even = recentre(loopset)
+    centred, even = recentre_loops(loopset)
     groups: dict[float | None, list[tuple[Loop, FloatArray, FloatArray]]] = {}
     for loop, centred_loop in zip(loopset.loops, centred.loops, strict=True):
         curve = (loop, *fold_input(centred_loop, even=even))
@@ -105,30 +105,30 @@ def loop_width_and_height(loop: Loop, *, even: bool) -> tuple[float, float]:
 
     The distance in input is at equal output and vice versa. Noise is averaged.
     """
-    size, output = fold_input(loop, even=even)
-    span, height = float(np.ptp(size)), float(np.ptp(output))
-    parts = find_branches(size)
-    if len(parts) > _MAX_BRANCHES_WITH_FIRST:
-        parts = parts[1:]  # the first branch can be an initial curve
+    inputs, output = fold_input(loop, even=even)
+    span, height = float(np.ptp(inputs)), float(np.ptp(output))
+    branches = find_branches(inputs)
+    if len(branches) > _MAX_BRANCHES_WITH_FIRST:
+        branches = branches[1:]  # the first branch can be an initial curve
     largest_width = largest_height = 0.0
-    for branch_before, branch_after in itertools.pairwise(parts):
-        width = branch_separation(size, output, branch_before, branch_after)
+    for branch_before, branch_after in itertools.pairwise(branches):
+        width = branch_separation(inputs, output, branch_before, branch_after)
         if width is None or np.ptp(width[0]) < 0.2 * span:
             continue
         largest_height = max(largest_height, float(np.max(np.abs(width[1]))))
         largest_width = max(
-            largest_width, _input_separation(size, output, branch_before.rows, branch_after.rows, height)
+            largest_width, _input_separation(inputs, output, branch_before.rows, branch_after.rows, height)
         )
     return largest_width, largest_height
 
 
 def _input_separation(
-    size: FloatArray, output: FloatArray, first_rows: slice, second_rows: slice, height: float
+    inputs: FloatArray, output: FloatArray, first_rows: slice, second_rows: slice, height: float
 ) -> float:
     """Return the largest input distance of two branches at equal output, without outer tenths."""
     curves = []
     for rows in (first_rows, second_rows):
-        x, y = average_in_bins(size[rows], output[rows], bins=200)
+        x, y = average_in_bins(inputs[rows], output[rows], bins=200)
         if y[-1] < y[0]:
             y = -y
         curves.append((x, np.maximum.accumulate(y)))
@@ -147,19 +147,19 @@ def largest_output(loopset: Loops) -> float:
 
 def assess_loops(loopset: Loops) -> Verdict:
     """Return the gain of a hysteresis model from loop width, single-valued residual and noise."""
-    centred, even = recentre(loopset)
+    centred, even = recentre_loops(loopset)
     width, height = np.max([loop_width_and_height(loop, even=even) for loop in centred.loops], 0).tolist()
     loop_residuals = single_valued_residuals(loopset)  # grouped by gap, not in the order of the loops
     pooled_deviation = np.abs(np.concatenate([residual for _, residual in loop_residuals]))
     mean, worst_deviation = float(pooled_deviation.mean()), float(pooled_deviation.max())
     band_figures = [_band_residuals(*pair) for pair in loop_residuals]
     band_mean, band_noise = np.average(
-        [each[:2] for each in band_figures], axis=0, weights=[loop.n for loop, _ in loop_residuals]
+        [entry[:2] for entry in band_figures], axis=0, weights=[loop.n for loop, _ in loop_residuals]
     ).tolist()
     dynamics = describe_resonance(loopset) or describe_coil_lag(loopset) or describe_turn_back(loopset)
     counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)
     sigmas = np.array([estimate_noise(loop.output) for loop in loopset.loops])
-    floor = _MEAN_OF_NORMAL * float(np.average(sigmas, weights=counts))
+    noise_floor = _MEAN_OF_NORMAL * float(np.average(sigmas, weights=counts))
     largest_output_value = largest_output(loopset)
     span = max(float(np.ptp(loop.input)) for loop in loopset.loops)
     gain = max(0.0, 1.0 - band_noise / band_mean) if band_mean > 0.0 else 0.0
@@ -170,7 +170,7 @@ def assess_loops(loopset: Loops) -> Verdict:
         level = "no"
     elif band_mean < 2e-3 * largest_output_value or gain < 0.6:
         level = "little"
-    figures = Verdict(
+    verdict = Verdict(
         level=level,
         width=width,
         width_relative=width / span,
@@ -180,22 +180,22 @@ def assess_loops(loopset: Loops) -> Verdict:
         single_mean_relative=mean / largest_output_value,
         single_worst=worst_deviation,
         single_worst_relative=worst_deviation / largest_output_value,
-        noise_mean=floor,
-        noise_relative=floor / largest_output_value,
+        noise_mean=noise_floor,
+        noise_relative=noise_floor / largest_output_value,
         gain=gain,
-        averaged=max(each[2] for each in band_figures),
+        averaged=max(entry[2] for entry in band_figures),
         band_noise_relative=band_noise / largest_output_value,
         dynamics=dynamics,
         sentences=(),
     )
-    return replace(figures, sentences=_verdict_sentences(loopset, figures))
+    return replace(verdict, sentences=_verdict_sentences(loopset, verdict))
 
 
 def _band_residuals(loop: Loop, residual: FloatArray) -> tuple[float, float, int]:
     """Return the mean residual, the noise and the size of averages that resolve a branch."""
     size = max(int(loop.n / (MIN_SAMPLES_PER_BRANCH * len(find_branches(loop.input))) + 0.5), 1)
     starts = np.arange(0, loop.n - size + 1, size)
-    residuals, output = (np.add.reduceat(each, starts) / size for each in (residual, loop.output))
+    residuals, output = (np.add.reduceat(signal, starts) / size for signal in (residual, loop.output))
     # The last average may have more samples.
     full_averages = slice(0, -1) if size > 1 else slice(None)
     return (
@@ -209,22 +209,22 @@ def _verdict_sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
     drive, output = loopset.input, loopset.output
     reference = name_full_scale(output, largest_output(loopset))
     unit, scale = choose_display_unit(output, largest_output(loopset))
-    conclusion = {
+    conclusion_text = {
         "yes": "A hysteresis model is worth it",
         "little": "A hysteresis model gains little",
         "no": "A hysteresis model is not worth it",
         "unknown": "A hysteresis model cannot be judged from these loops",
     }[figures.level]
     noise_alone = f"The noise alone causes an error of {figures.noise_relative:.3%}"
-    band = ""
+    band_text = ""
     if figures.averaged > 1:
-        band = f" in averages of {figures.averaged} samples"
-        noise_alone += f" in a sample and {figures.band_noise_relative:.3%}{band}"
+        band_text = f" in averages of {figures.averaged} samples"
+        noise_alone += f" in a sample and {figures.band_noise_relative:.3%}{band_text}"
     verdict = (
-        f"{conclusion}: {figures.dynamics}."
+        f"{conclusion_text}: {figures.dynamics}."
         if figures.dynamics
-        else f"{conclusion}: it can remove at most {figures.gain:.0%} of the mean error of the "
-        f"best single-valued curve{band}."
+        else f"{conclusion_text}: it can remove at most {figures.gain:.0%} of the mean error of the "
+        f"best single-valued curve{band_text}."
     )
     sentences = (
         f"The widest loop is {figures.width:.4g} {drive.unit} wide ({figures.width_relative:.1%} "
@@ -241,19 +241,19 @@ def _verdict_sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
 
 
 def _curve_residuals(curves: list[tuple[Loop, FloatArray, FloatArray]]) -> list[tuple[Loop, FloatArray]]:
-    size = np.concatenate([input_values for _, input_values, _ in curves])
+    all_inputs = np.concatenate([input_values for _, input_values, _ in curves])
     output = np.concatenate([output_values for _, _, output_values in curves])
-    order = np.argsort(size, kind="stable")
-    starts = np.linspace(0, size.size, min(size.size, _MAX_BINS) + 1).astype(np.intp)[:-1]
-    counts = np.diff(np.concatenate((starts, [size.size]))).astype(np.float64)
-    x = np.add.reduceat(size[order], starts) / counts
-    y = np.add.reduceat(output[order], starts) / counts
+    sorted_rows = np.argsort(all_inputs, kind="stable")
+    bin_starts = np.linspace(0, all_inputs.size, min(all_inputs.size, _MAX_BINS) + 1).astype(np.intp)[:-1]
+    bin_counts = np.diff(np.concatenate((bin_starts, [all_inputs.size]))).astype(np.float64)
+    x = np.add.reduceat(all_inputs[sorted_rows], bin_starts) / bin_counts
+    y = np.add.reduceat(output[sorted_rows], bin_starts) / bin_counts
     x, first_indices = np.unique(x, return_index=True)
-    y = np.add.reduceat(y * counts, first_indices)
-    counts = np.add.reduceat(counts, first_indices)
-    y = y / counts
+    y = np.add.reduceat(y * bin_counts, first_indices)
+    bin_counts = np.add.reduceat(bin_counts, first_indices)
+    y = y / bin_counts
     is_rising = float(np.dot(x - x.mean(), y - y.mean())) >= 0.0
-    curve = fit_monotone(y, counts) if is_rising else -fit_monotone(-y, counts)
+    curve = fit_monotone(y, bin_counts) if is_rising else -fit_monotone(-y, bin_counts)
     return [
         (loop, output_values - np.interp(input_values, x, curve))
         for loop, input_values, output_values in curves

@@ -23,7 +23,7 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
         return
     texts = [header.text for header in headers if not header.is_clock]
     repeated_names = [match[1] for text in texts if (match := _REPEATED_NAME.fullmatch(text))]
-    quantities = {one.quantity.name for one in headers if one.text in repeated_names and one.quantity}
+    quantities = {item.quantity.name for item in headers if item.text in repeated_names and item.quantity}
     if len(quantities.intersection((*DRIVE_QUANTITIES, *OUTPUT_MAPS))) > 1:
         raise InputError(
             f"{source}: two tables are side by side: the columns {_quote_names(repeated_names)} are repeated; write "
@@ -35,17 +35,17 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
     for text in texts:
         if (pattern := _LENGTH_PATTERN.sub(_mask_length, text)) != text:
             names_by_pattern[pattern].append(text)
-        group, slash, name = text.rpartition("/")
-        if slash:
+        group, separator, name = text.rpartition("/")
+        if separator:
             groups[name].append(group)
     for alike_names in names_by_pattern.values():
         if len(alike_names) > 1 and not _have_input_and_output(
-            [one for one in headers if one.text not in alike_names]
+            [item for item in headers if item.text not in alike_names]
         ):
             _refuse_side_by_side(
                 source, f"the columns {_quote_names(alike_names)} contain the same quantity at several gaps"
             )
-    groups_by_channel = {name: tuple(found) for name, found in groups.items() if len(found) > 1}
+    groups_by_channel = {name: tuple(members) for name, members in groups.items() if len(members) > 1}
     if (
         len(groups_by_channel) > 1
         and len(set(groups_by_channel.values())) == 1
@@ -58,12 +58,12 @@ def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
 
 
 def _have_input_and_output(headers: Sequence[Header]) -> bool:
-    known_quantities = {one.quantity.name for one in headers if one.is_known and one.quantity}
+    known_quantities = {header.quantity.name for header in headers if header.is_known and header.quantity}
     return not known_quantities.isdisjoint(DRIVE_QUANTITIES) and not known_quantities.isdisjoint(OUTPUT_MAPS)
 
 
 def _mask_length(match: re.Match[str]) -> str:
-    """Return a mark in place of a length; other numbers with units are unchanged."""
+    """Return a placeholder for a length; other numbers with units are unchanged."""
     unit = find_unit(match["unit"] or match["unit2"])
     return "*" if unit is not None and unit.dimension == "length" else match[0]
 
@@ -78,5 +78,5 @@ def _refuse_side_by_side(source: str, fault: str) -> None:
 
 
 def _quote_names(names: Sequence[str]) -> str:
-    shown = ", ".join(f"'{name}'" for name in names[:_MAX_SHOWN_NAMES])
-    return shown if len(names) <= _MAX_SHOWN_NAMES else f"{shown} and more"
+    shown_text = ", ".join(f"'{name}'" for name in names[:_MAX_SHOWN_NAMES])
+    return shown_text if len(names) <= _MAX_SHOWN_NAMES else f"{shown_text} and more"

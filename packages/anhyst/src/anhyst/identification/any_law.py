@@ -1,8 +1,8 @@
 """Fit any hysteresis law through its iron model, for laws without a fast kernel in the core.
 
-The parameters of the model file are varied within the search range of each, mapped to the unit
-cube. Many sets are simulated, and least squares with numerical derivatives descends from the best.
-Along the redundancies of docs/theory.md, ``c_H`` is 1 at the first gap unless it is known.
+Each parameter of the model file is varied within its search range, which is mapped to 0..1. Many
+sets are simulated, and least squares with numerical derivatives starts from the best. Redundancies
+of parameters (docs/theory.md) are removed: ``c_H`` is 1 at the first gap unless the data give it.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from anhyst.model.schema import Uncertainty
 from anhyst.support.errors import InputError, NegativeResult, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
-_MAX_OFFSET_SHARE = 0.1  # largest offset, relative to the range
-_MAX_GAIN_RATIO = 1e3  # largest factor between the gain and that of the best straight line
+_MAX_OFFSET_SHARE = 0.1  # largest input offset, relative to the largest input
+_MAX_GAIN_RATIO = 1e3  # largest factor between the gain and that of the linear regression
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +44,13 @@ class _Coordinate:
     high: float
 
     def value(self, position: float) -> float:
-        """Return the value at a position of the range, on a logarithmic scale if it is positive."""
+        """Return the value at a position of its range, on a log scale in a positive range."""
         if self.low > 0.0:
             return float(self.low * (self.high / self.low) ** position)
         return self.low + (self.high - self.low) * position
 
     def derivative(self, position: float) -> float:
-        """Return the derivative of the value by the position."""
+        """Return the derivative of the parameter value with respect to the position."""
         if self.low > 0.0:
             return float(self.value(position) * np.log(self.high / self.low))
         return self.high - self.low
@@ -58,7 +58,7 @@ class _Coordinate:
 
 @dataclass(eq=False)
 class _AnyLawProblem:
-    """Loops with one law and one gap map."""
+    """Fit of one law under one gap map to the loops."""
 
     law: Law
     gap_map: GapMap
@@ -69,7 +69,7 @@ class _AnyLawProblem:
 
     @cached_property
     def entries(self) -> tuple[_Coordinate, ...]:
-        """Coordinates of the screening; gain and offsets are added for the descent."""
+        """Coordinates of the screening; the final fit also varies gain and offsets."""
         span = self.records.input_span
         ranges = {
             spec.name: tuple(span * end if spec.unit == "A/m" else end for end in spec.search)
@@ -94,7 +94,7 @@ class _AnyLawProblem:
         return tuple(entry for entry in coordinates if entry != fixed_by_gauge)
 
     def model(self, entries: tuple[_Coordinate, ...], theta: FloatArray) -> Model:
-        """Return the model at a point of the unit cube of some coordinates."""
+        """Return the model for a point in the unit cube of the given coordinates."""
         nodes = self.loopset.schedule_values
         values: dict[str, Parameter] = {"c_H": 1.0, "c_out": 1.0}
         rows = {entry.name: [1.0] * len(nodes) for entry in entries if entry.node is not None}
@@ -141,9 +141,9 @@ class _AnyLawProblem:
             return UNSOLVED_DEVIATION * self.records.output_span * self.weights
         return np.asarray((outputs - self.measured) * self.weights)
 
-    def fit_line(self, shape: FloatArray) -> tuple[float, float, float]:
-        """Return gain and offset of the best linear regression on a shape, and its cost."""
-        columns = np.stack([shape, np.ones(shape.size) * self.offsets], axis=1)
+    def fit_gain(self, modelled_output: FloatArray) -> tuple[float, float, float]:
+        """Return gain and offset of the regression on a modelled output, and its cost."""
+        columns = np.stack([modelled_output, np.ones(modelled_output.size) * self.offsets], axis=1)
         weighted_columns = columns * self.weights[:, None]
         target = self.measured * self.weights
         (gain, offset), *_ = np.linalg.lstsq(weighted_columns, target, rcond=None)
@@ -151,16 +151,16 @@ class _AnyLawProblem:
         return float(gain), float(offset), float(residual @ residual) if gain > 0.0 else np.inf
 
     def find_starts(self, seed: int) -> list[tuple[float, tuple[_Coordinate, ...], FloatArray]]:
-        """Return the best sets of a screening: cost, coordinates and start point."""
+        """Return the best parameter sets of a screening: cost, coordinates and start point."""
         names = [entry.name for entry in self.entries if not entry.node]  # all nodes start with equal values
         starts = []
         for point in sample_unit_cube(len(names), SCREENED_SETS, seed).T:
             values = dict(zip(names, point, strict=True))
             theta = np.array([values.get(entry.name, 0.5) for entry in self.entries])
-            shape = self.outputs(self.model(self.entries, theta))
-            if shape is None or not np.ptp(shape):
+            modelled_output = self.outputs(self.model(self.entries, theta))
+            if modelled_output is None or not np.ptp(modelled_output):
                 continue
-            gain, offset, cost = self.fit_line(shape)
+            gain, offset, cost = self.fit_gain(modelled_output)
             if np.isfinite(cost):
                 starts.append((cost, *self._add_gain_and_offsets(theta, gain, offset)))
         return sorted(starts, key=lambda start: start[0])[:MAX_STARTS]
@@ -186,7 +186,7 @@ class _AnyLawProblem:
 def fit_any_law(
     loopset: Loops, records: FitRecords, law: str, gap_map: str, seed: int, offsets: bool
 ) -> Outcome:
-    """Fit a law through its iron model only, under the possible gap maps."""
+    """Fit a law by simulating its iron model under each possible gap map; return the best fit."""
     maps: tuple[GapMap, ...] = ("scaling",)
     if records.gap_count < 2:
         maps = ("none",)
@@ -200,7 +200,7 @@ def fit_any_law(
 
 
 def _descend(problem: _AnyLawProblem, seed: int) -> tuple[float, Outcome]:
-    """Return the cost and the result of least squares under one gap map."""
+    """Return the cost and the result of a least-squares fit under one gap map."""
     from scipy.optimize import OptimizeResult, least_squares
 
     starts = problem.find_starts(seed)
@@ -221,36 +221,36 @@ def _descend(problem: _AnyLawProblem, seed: int) -> tuple[float, Outcome]:
         )
 
     short_fits = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in starts]
-    best_short, entries = min(short_fits, key=lambda attempt: float(attempt[0].cost))
-    best = descend(entries, best_short.x, 1e-8, 60)
-    reason = f"gap map '{problem.gap_map}' fits the loops best of those tried"
+    best_trial, entries = min(short_fits, key=lambda attempt: float(attempt[0].cost))
+    best = descend(entries, best_trial.x, 1e-8, 60)
+    reason = f"of all tried gap maps, '{problem.gap_map}' fits the loops best"
     model = problem.model(entries, best.x)
-    uncertainty = _assess(problem, entries, best.x, best.fun, best.jac)
+    uncertainty = _assess_uncertainty(problem, entries, best.x, best.fun, best.jac)
     outcome = Outcome(model, uncertainty, len(entries), problem.evaluations, reason)
     return 2.0 * float(best.cost), outcome
 
 
-def _assess(
+def _assess_uncertainty(
     problem: _AnyLawProblem,
     entries: tuple[_Coordinate, ...],
     theta: FloatArray,
     deviation: FloatArray,
     jacobian: FloatArray,
 ) -> Uncertainty:
-    """Estimate the uncertainty, as :func:`anhyst.identification.uncertainty.assess_uncertainty`."""
+    """Estimate the uncertainty in the same way as :func:`.uncertainty.assess_uncertainty`."""
     normal = jacobian.T @ jacobian
     variance = float(deviation @ deviation) / max(1, deviation.size - theta.size)
-    floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
-    covariance = variance * correlation_length(deviation) * np.linalg.inv(normal + floor * np.eye(theta.size))
-    spread = np.sqrt(np.diag(covariance))
+    ridge = 1e-14 * max(float(np.trace(normal)), 1e-300)
+    covariance = variance * correlation_length(deviation) * np.linalg.inv(normal + ridge * np.eye(theta.size))
+    unit_stds = np.sqrt(np.diag(covariance))
     keys = problem.model(entries, theta).file_keys
     names = [keys[e.name][1] + ("" if e.node is None else f"[{e.node}]") for e in entries]
     values = [entry.value(position) for entry, position in zip(entries, theta.tolist(), strict=True)]
     stds = [
         float(std * entry.derivative(position))
-        for entry, position, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
+        for entry, position, std in zip(entries, theta.tolist(), unit_stds.tolist(), strict=True)
     ]
-    correlation = covariance / np.outer(spread, spread)
+    correlation = covariance / np.outer(unit_stds, unit_stds)
     return Uncertainty(
         names=tuple(names),
         values=tuple(values),

@@ -1,9 +1,8 @@
 """Define the candidate laws and gap maps of a search, and select the one that predicts best.
 
-Each candidate is fitted to all data and, again, without each withheld part: an inner gap, an inner
-loop or a block of samples. :class:`CandidateComparison` collects fits and errors at the withheld
-parts. A more complex candidate is selected only if it is better by more than the standard error of
-the difference.
+Each candidate is fitted to all data, and again without each withheld inner gap, inner loop or block
+of samples. :class:`CandidateComparison` collects fits and errors at withheld data. A more complex
+candidate is selected only if it is better by more than the standard error of the difference.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ from anhyst.laws.cells import Shape
 from anhyst.model.residual_analysis import NEGLIGIBLE_DEVIATION
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 
-MAX_POPULATIONS = 3  # populations of play cells, at most
+MAX_POPULATIONS = 3  # maximum number of play-cell populations
 
 _RANK_STEP = 10
 
@@ -50,11 +49,11 @@ class ModelCandidate:
     fixed: frozenset[str]  # parameters fixed at zero
     # parameters that are the same at every gap although the map allows different values
     common: frozenset[str] = frozenset()
-    # model complexity; a higher rank is selected only if it is better by more than the scatter
+    # model complexity; higher ranks are selected only if they are better by more than the scatter
     rank: int = 0
     # play cells and their population count; None: the law of the run
     cells: CellKernel | None = None
-    has_fitted_weights: bool = False  # whether every cell weight was finally fitted individually
+    has_fitted_weights: bool = False  # whether each cell weight was fitted individually at the end
 
     @property
     def file_gap_map(self) -> str:
@@ -107,10 +106,10 @@ def require_gaps(records: FitRecords, gap_map: str) -> None:
 def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCandidate]:
     """Return the candidates without play cells, the simplest first.
 
-    A series reluctance applies only to gaps, and not to the law of 1986. ``circuit`` and ``free``
-    need three gaps for several variants. ``free`` requires a fixed gap, so that ``auto`` tries it
-    only for other schedules. Sensor offsets do not depend on the gap: ``circuit`` allows this only
-    on request.
+    A series reluctance applies only to gaps, and not to the law of 1986. The maps ``circuit`` and
+    ``free`` need three gaps for several variants. Models with ``free`` require a fixed gap, so
+    ``auto`` tries it only if the schedule is not a gap. ``circuit`` needs a request; one variant
+    has sensor offsets that depend on the gap.
     """
     gaps, fixed = run.search_records.gap_count, run.fixed
     if gap_map == "circuit":
@@ -120,9 +119,9 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
         return [*candidates, ModelCandidate("circuit", fixed, rank=2)] if has_offset_variant else candidates
     if gap_map == "free":
         # With all parameters free at each gap, interaction and the shape of the anhysteretic curve
-        # are barely separable, and interpolated values may not fit together. Without interaction,
-        # the fit is slightly worse, but may predict much better. The same applies to offsets at
-        # every gap.
+        # are barely separable, and interpolated values may be inconsistent. Without interaction,
+        # the fit is slightly worse, but may predict much better. Offsets that differ between gaps
+        # have the same disadvantage.
         if gaps < 3:
             return [ModelCandidate("free", fixed)]
         candidates = [
@@ -160,9 +159,9 @@ def with_gap_map(cells: ModelCandidate, other: ModelCandidate) -> ModelCandidate
 
 
 def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[ModelCandidate]:
-    """Return play-cell candidates under the map of a base candidate, the simplest first.
+    """Return play-cell candidates under the gap map of a base candidate, the simplest first.
 
-    An added population increases the rank by more than any difference between maps.
+    An added population increases the rank by more than any difference between gap maps.
     """
     return [
         replace(base, cells=CellKernel(shape, count), rank=base.rank + _RANK_STEP * (2 * count - 1))
@@ -172,7 +171,7 @@ def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[Mod
 
 
 def without_interaction(candidate: ModelCandidate) -> ModelCandidate:
-    """Return the same play cells without interaction, which has one parameter less."""
+    """Return the same play-cell candidate without interaction, and so with one parameter less."""
     return replace(candidate, fixed=candidate.fixed | {"omega"}, rank=candidate.rank - 1)
 
 
@@ -182,23 +181,23 @@ def with_fitted_weights(candidate: ModelCandidate) -> ModelCandidate:
 
 
 _MAX_SQUARE_RATIO_OF_RIVALS = 4.0
-"""Mean square error at withheld parts, relative to the smallest, up to which a candidate might be
-selected if one part had not been measured."""
+"""Largest mean square error of a rival, relative to the smallest of all candidates. A rival might
+be selected if one withheld gap, loop or block had not been measured."""
 
 _CELL_SIGMAS_FOR_BLOCKS = 2.0
-"""Number of standard errors by which more complex play cells must be better at withheld blocks. Any
-cells that follow the loop also predict its blocks, so blocks are weaker evidence than loops."""
+"""Number of standard errors by which more complex cells must be better at withheld blocks. Any
+cells that follow a loop also predict its blocks, so blocks are weaker evidence than loops."""
 
 _CLEAR_SQUARE_RATIO = 1.5
-"""Ratio of mean squares, on the fitted loops and on withheld blocks, above which more complex cells
-are selected without regard to the standard error, which comes from few blocks."""
+"""Ratio of mean square errors, at fitted loops and at withheld blocks, above which the more complex
+candidate is selected. The standard error of the few blocks does not count then."""
 
 
 _WORSE_FIT_RATIO = 2.5
-"""Ratio of rms residuals beyond the noise, above which the law with the smaller residual is
-selected if it predicts withheld data as well."""
+"""Ratio of the rms residuals of two laws after subtraction of the noise. Above this ratio, the law
+with the smaller residual is selected if it predicts withheld data as well."""
 
-_MIN_EXCESS_SHARE = 0.1  # minimum fraction of a cost that is attributed to the model
+_MIN_EXCESS_SHARE = 0.1  # minimum fraction of a cost that is attributed to model errors
 
 FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
 """Exceptions that remove a candidate but do not end the search."""
@@ -206,7 +205,7 @@ FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """Two fits of a candidate: with all offsets, and with only those that the data require."""
+    """Two fits of a candidate: with all offsets, and with only the offsets that data require."""
 
     full: FoundModel
     reduced: FoundModel
@@ -214,7 +213,7 @@ class Fits:
 
 @dataclass(eq=False)
 class CandidateComparison:
-    """Fits of all candidates, and their refits without the withheld parts."""
+    """Fits of all candidates, and their refits without the withheld data."""
 
     eligible: list[ModelCandidate]
     fits: dict[ModelCandidate, Fits]
@@ -233,7 +232,7 @@ class CandidateComparison:
     def withheld_errors(
         self, candidate: ModelCandidate, outer_fold: Fold = frozenset()
     ) -> list[WithheldError]:
-        """Return the errors of a candidate at each withheld part."""
+        """Return the errors of a candidate at each withheld gap, loop or block."""
         return [
             self.refits[outer_fold | {index}][candidate].errors[index]
             for index in self.withheld
@@ -241,11 +240,11 @@ class CandidateComparison:
         ]
 
     def has_all_refits(self, candidate: ModelCandidate, outer_fold: Fold = frozenset()) -> bool:
-        """Whether a candidate was refitted without each part."""
+        """Whether a candidate was refitted without each withheld gap, loop or block."""
         return all(candidate in self.refits[outer_fold | {index}] for index in self.withheld)
 
     def find_rivals(self) -> list[ModelCandidate]:
-        """Return the candidates that might be selected if one part had not been measured."""
+        """Return the candidates that might be selected if some data had not been measured."""
         mean_squares = {
             candidate: mean_square_error(self.withheld_errors(candidate)) for candidate in self.eligible
         }
@@ -257,7 +256,7 @@ class CandidateComparison:
         ]
 
     def select_best(self, outer_fold: Fold = frozenset()) -> ModelCandidate:
-        """Select the best candidate by its errors at all withheld parts outside `outer_fold`."""
+        """Select the best candidate by its errors at all withheld data outside `outer_fold`."""
         refitted_candidates = [
             candidate for candidate in self.eligible if self.has_all_refits(candidate, outer_fold)
         ]
@@ -269,10 +268,8 @@ class CandidateComparison:
             return self._replace_by_better_fit(simplest_candidate, self.eligible, outer_fold)
         best = None
         for rank in sorted({candidate.rank for candidate in refitted_candidates}):
-            same_rank = [candidate for candidate in refitted_candidates if candidate.rank == rank]
-            means = {
-                model: mean_square_error(_comparable_errors(errors[model], same_rank)) for model in same_rank
-            }
+            peers = [candidate for candidate in refitted_candidates if candidate.rank == rank]
+            means = {model: mean_square_error(_comparable_errors(errors[model], peers)) for model in peers}
             max_mean = EQUAL_ERROR_RATIO * min(means.values())
             simplest_good = next(candidate for candidate, mean in means.items() if mean <= max_mean)
             if best is None or self._is_better(simplest_good, best, outer_fold):
@@ -283,19 +280,21 @@ class CandidateComparison:
     def _replace_by_better_fit(
         self, best: ModelCandidate, candidates: Sequence[ModelCandidate], outer_fold: Fold
     ) -> ModelCandidate:
-        """Return the simplest candidate with a several times better fit and equal prediction."""
-        while better := [other for other in candidates if self._should_replace(best, other, outer_fold)]:
-            best = min(better, key=lambda other: (other.rank, self._cost(other, outer_fold)))
+        """Replace a candidate by a simple one that fits far better and predicts as well."""
+        while replacements := [
+            other for other in candidates if self._should_replace(best, other, outer_fold)
+        ]:
+            best = min(replacements, key=lambda other: (other.rank, self._cost(other, outer_fold)))
         return best
 
-    def _is_better(self, other: ModelCandidate, simpler: ModelCandidate, outer_fold: Fold) -> bool:
+    def _is_better(self, other: ModelCandidate, baseline: ModelCandidate, outer_fold: Fold) -> bool:
         """Whether a candidate predicts better than a simpler one by more than the scatter.
 
-        With withheld blocks, a clearly smaller mean square on blocks and on fitted data is enough.
+        If blocks are withheld, clearly smaller mean squares at blocks and fitted data are enough.
         """
-        pair = [simpler, other]
+        pair = [baseline, other]
         is_by_block = self.withheld_kind == "block"
-        sigmas = _CELL_SIGMAS_FOR_BLOCKS if is_by_block and simpler.cells else 1.0
+        sigmas = _CELL_SIGMAS_FOR_BLOCKS if is_by_block and baseline.cells else 1.0
         simpler_errors, other_errors = (
             _comparable_errors(self.withheld_errors(candidate, outer_fold), pair) for candidate in pair
         )
@@ -322,7 +321,7 @@ class CandidateComparison:
     def is_several_times_worse(
         self, candidate: ModelCandidate, other: ModelCandidate, outer_fold: Fold = frozenset()
     ) -> bool:
-        """Whether a candidate fits the loops several times worse than another, beyond the noise."""
+        """Whether a candidate's rms residual beyond the noise is several times that of another."""
         own_excess, other_excess = (
             self._excess_cost(each_candidate, outer_fold) for each_candidate in (candidate, other)
         )
@@ -359,7 +358,7 @@ class CandidateComparison:
         return errors
 
     def nested_errors(self) -> list[float]:
-        """Return the errors at parts that were withheld from both the fit and the selection."""
+        """Return the errors at data that were withheld from both the fit and the selection."""
         errors = []
         for index in self.withheld:
             fold = frozenset({index})
@@ -374,7 +373,7 @@ class CandidateComparison:
 def _comparable_errors(
     errors: Sequence[WithheldError], candidates: Sequence[ModelCandidate]
 ) -> list[WithheldError]:
-    """Return the errors for a comparison; gap maps are compared at withheld gaps only."""
+    """Return the errors to compare; without play cells, only withheld gaps are compared."""
     if any(candidate.cells for candidate in candidates):
         return list(errors)
     return [replace(error, outer_squares=()) for error in errors]

@@ -1,8 +1,8 @@
-"""Define the curves of play cells whose weights are solved for, and the smoothness of the weights.
+"""Define the output curves of play cells for a linear fit of their weights, and the smoothness.
 
-A basis has a few wide curves with one common middle, or narrow curves on a grid. On the grid, the
-function of each threshold may have any increasing form: the cells are a discrete Preisach operator
-(docs/actuators.md). The regularisation penalises second differences of the weights.
+A basis has a few wide curves with one common centre, or narrow curves on a grid of centres. On the
+grid, the output at each threshold may be any increasing function of the play position: a discrete
+Preisach operator (docs/actuators.md). Second differences of the weights are penalised.
 """
 
 from __future__ import annotations
@@ -16,43 +16,43 @@ from numpy.typing import NDArray
 from anhyst.laws.cells import CellWeights
 from anhyst.support.numeric import FloatArray
 
-PINNED_CELLS = 12  # cells with a threshold, as many as a compiled compensator supports
+PINNED_CELLS = 12  # number of cells with a threshold; the maximum of a compiled compensator
 
 MIN_THRESHOLD_SHARE = 0.04
-"""First threshold, relative to the input range; the last is half the range. Smaller thresholds act
-like a lag and make the inverse jump at reversals."""
+"""Smallest threshold above zero, relative to the input range; the largest is half the range.
+Smaller thresholds act like a lag and make the inverse jump at reversals."""
 
-CURVE_WIDTHS = (0.5, 1.0, 2.0, 8.0)  # widths of the curves, in input ranges; the last is almost straight
+CURVE_WIDTHS = (0.5, 1.0, 2.0, 8.0)  # widths, in input ranges; the last curve is almost straight
 
 SMOOTHNESS = 1e-3
-"""Weight of the second differences over the thresholds, relative to the norm of a column.
+"""Factor of second differences of the weights over the thresholds, relative to a column's norm.
 Thresholds that no sample separates get similar weights."""
 
-GRID_LEVELS = 20  # thresholds of the grid, and curves over the input range
+GRID_LEVELS = 20  # number of thresholds of the grid, and of curves over the input range
 
 GRID_CURVE_HALF_WIDTH = 0.7
-"""Half-width of a curve on the grid, in steps. Equal weights then add up to a straight line."""
+"""Half-width of a curve on the grid, in grid steps. Equal weights add up to a straight line."""
 
 GRID_SMOOTHNESS_VALUES = (1e-3, 1e-2, 5e-2)
-"""Weights of the second differences on the grid; the error at withheld samples selects one."""
+"""Factors of the second differences on the grid; the error at withheld samples selects one."""
 
 SATURATED_WIDTHS = 19.0
-"""Distance from the middle of a curve, in widths, from which the curve is 1 in double precision."""
+"""Distance from the centre of a curve, in widths, where the curve is 1 in double precision."""
 
 MIN_CURVE_CHANGE = 0.5
-"""Smallest change of a curve over the loops, relative to the largest change, with which its weight
-is determined. The tail of a curve does not determine its height."""
+"""Smallest change of a curve over the loops, relative to the largest change of any curve, with
+which its weight is determined. The tail of a curve does not determine its height."""
 
 
 @dataclass(frozen=True, eq=False)
 class CellBasis:
-    """Curves of play cells with unknown weights, A/m."""
+    """Curves of play cells whose weights (A/m) are unknown."""
 
     thresholds: FloatArray
     widths: FloatArray
-    centres: FloatArray | None = None  # None: all curves have a common middle
+    centres: FloatArray | None = None  # None: all curves have a common centre
     max_field: float = np.inf  # largest field of the grid
-    is_even: bool = False  # whether the fields of the grid extend as far below zero
+    is_even: bool = False  # whether the grid also covers the same fields with a negative sign
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -60,53 +60,53 @@ class CellBasis:
         return self.thresholds.size, self.widths.size
 
     def columns(self, fields: FloatArray) -> FloatArray:
-        """Return the output of each curve at the positions of the cells; (n, cells * curves)."""
+        """Return the output of each curve at the play positions; shape (n, cells * curves)."""
         if self.centres is None:
             return np.tanh(fields[:, :, None] / self.widths).reshape(fields.shape[0], -1)
         curves = np.tanh((fields[:, :, None] - self.centres) / self.widths)
         has_mirror = self.centres < SATURATED_WIDTHS * self.widths
         if fields.min() < 0.0:
             has_mirror[:] = True
-        mirrored = np.tanh((fields[:, :, None] + self.centres[has_mirror]) / self.widths[has_mirror])
+        mirror_curves = np.tanh((fields[:, :, None] + self.centres[has_mirror]) / self.widths[has_mirror])
         curves[:, :, ~has_mirror] += 1.0
-        curves[:, :, has_mirror] += mirrored
+        curves[:, :, has_mirror] += mirror_curves
         curves *= 0.5
         return np.asarray(curves.reshape(fields.shape[0], -1))
 
     def solved_columns(self, matrix: FloatArray) -> NDArray[np.bool_]:
         """Return a mask of the columns that a fit solves for, given their values in the loops.
 
-        On the grid, these are the curves that the loops pass, and those that another drive in the
-        same range can pass after it was at both ends. Weights that the loops do not determine
-        continue those of their neighbours.
+        On a grid, these are the curves that the loops pass through, and curves that another drive
+        in this range can reach after it was at both ends. Weights that the loops do not determine
+        continue their neighbours' weights.
         """
         if self.centres is None:
             return np.ones(matrix.shape[1], dtype=np.bool_)
-        height = np.ptp(matrix, axis=0)
+        curve_changes = np.ptp(matrix, axis=0)
         r, b, tolerance = self.thresholds[:, None], self.centres, 0.5 * self.thresholds[1]
         can_be_reached = (b <= self.max_field - r + tolerance) & ((b >= r) | self.is_even)
         can_be_reached[:, 0] = r[:, 0] < self.max_field
-        return np.asarray((height > MIN_CURVE_CHANGE * height.max()) | can_be_reached.ravel())
+        return np.asarray((curve_changes > MIN_CURVE_CHANGE * curve_changes.max()) | can_be_reached.ravel())
 
     def second_differences(self, is_solved: NDArray[np.bool_]) -> FloatArray:
-        """Return the second differences of the solved columns; later columns have none."""
+        """Return the matrix of second differences of solved columns; zero in later columns."""
         count = np.count_nonzero(is_solved)
         column_of = np.full(is_solved.size, -1)
         column_of[is_solved] = np.arange(count)
         table = column_of[: self.thresholds.size * self.widths.size].reshape(self.shape)
-        # Triples of neighbours over the thresholds and, on the grid, over the centres. The first
-        # threshold and the first curve are excluded: the free cell and the straight curve.
+        # Triples of neighbouring thresholds and, on the grid, of neighbouring centres. The first
+        # threshold and the first curve are excluded: they are the free cell and the straight curve.
         triples = sliding_window_view(table.T[:, 1:], 3, axis=1).reshape(-1, 3)
         if self.centres is not None:
-            over_centres = sliding_window_view(table[:, 1:], 3, axis=1).reshape(-1, 3)
-            triples = np.concatenate([triples, over_centres])
+            centre_triples = sliding_window_view(table[:, 1:], 3, axis=1).reshape(-1, 3)
+            triples = np.concatenate([triples, centre_triples])
         triples = triples[triples.min(axis=1) >= 0]
         rows = np.zeros((len(triples), count))
         rows[np.arange(len(triples))[:, None], triples] = 1.0, -2.0, 1.0
         return rows
 
     def make_cells(self, weights: FloatArray) -> CellWeights:
-        """Return the cells with solved weights, A/m. Thresholds without any weight are dropped."""
+        """Return the cells with solved weights, A/m; unused curves of a grid are dropped."""
         table = weights.reshape(self.shape)
         if self.centres is None:
             return CellWeights(self.thresholds, self.widths, table)
@@ -121,7 +121,7 @@ class CellBasis:
 
 
 def make_common_basis(span: float) -> CellBasis:
-    """Return few wide curves with one middle, for a given input range."""
+    """Return a few wide curves with one common centre, for a given input range."""
     thresholds = np.concatenate([[0.0], span * np.geomspace(MIN_THRESHOLD_SHARE, 0.5, PINNED_CELLS)])
     return CellBasis(thresholds, span * np.array(CURVE_WIDTHS))
 
@@ -129,7 +129,7 @@ def make_common_basis(span: float) -> CellBasis:
 def make_grid_basis(span: float, *, is_even: bool) -> CellBasis:
     """Return curves on a grid over the input range, and one almost straight curve.
 
-    The fields of an even grid count from the middle of the range, otherwise from its low end.
+    An even grid measures the field from the middle of the range, any other grid from its lower end.
     """
     step = span / GRID_LEVELS
     count = GRID_LEVELS // 2 if is_even else GRID_LEVELS

@@ -34,8 +34,8 @@ EXACT_TABLE_ERROR = 1e-12  # table error of models, relative to the saturation
 
 
 _MAX_TABLE_SLOPE_RATIO = 1.03
-"""Ratio of the largest slope of reduced-accuracy tables to the largest slope at their knots. A
-solution of reduced tables must also exist with exact ones."""
+"""Ratio of the largest slope of less accurate tables to the largest slope at their knots. Solutions
+with less accurate tables must also exist with exact ones."""
 
 
 _SINGLE_START = np.zeros(1, dtype=np.int64)  # index of the first sample, for a single drive
@@ -55,7 +55,7 @@ class DrivenCells:
     """Demagnetised cells, ready for simulation."""
 
     cells: CellWeights  # thresholds, widths, weights
-    tangents: Tangents  # derivatives of weights, widths and thresholds by the parameters of the law
+    tangents: Tangents  # derivatives with respect to the law's parameters
     table_error: float = EXACT_TABLE_ERROR  # table error, relative to the saturation
 
     @cached_property
@@ -88,7 +88,7 @@ class DrivenCells:
         r_t: FloatArray,
         starts: NDArray[np.int64],
     ) -> CellPath:
-        """Return the path with derivatives by the parameters of the law, omega and those of r."""
+        """Return the path, with derivatives with respect to law parameters, omega and r."""
         self._require_no_jump(omega)
         law_count = self.tangents.widths.shape[-1]
         directions = law_count + 1 + r_t.shape[1]
@@ -123,12 +123,12 @@ MAX_WIDTHS = 6  # with more widths, computing time grows faster than accuracy
 SCALE_NAMES = ("M_1", "a_1")  # parameters of the first population: units of the weights and of the fields
 
 LAW_BY_SHAPE: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
-"""Law of play cells with each curve."""
+"""Name of the play-cell law with each form of curve."""
 
 ADDED_WIDTH_RATIOS = (0.6, 1.8)
 FURTHER_WIDTH_RATIO = 2.0
-"""Additional curve widths for individual weights, relative to the first population, and relative to
-each other population."""
+"""Ratios of added curve widths, for individual weights: to the width of the first population, and
+to that of each other population."""
 
 _WEIGHT_STD_SHARE = 0.02
 """Prior standard deviation of a weight, relative to the sum of all weights."""
@@ -142,7 +142,7 @@ _REVERSIBLE_PARAMETERS = (
 def _population_parameters(index: int) -> tuple[FitParameter, ...]:
     """Return the fit parameters of a population.
 
-    The first population has no share and no width, because its saturation and its width are the
+    The first population has no such parameters for saturation and width, because these are the
     units.
     """
     parameters = (
@@ -161,7 +161,7 @@ class _CellKernelBase:
     is_coupled = False
 
     def dead_band_parameter(self, iron: Mapping[str, float], ratio: float) -> dict[str, float]:
-        """Return no parameters: cells need no dead band."""
+        """Return an empty mapping, because play cells need no dead band."""
         return {}
 
 
@@ -169,8 +169,8 @@ class _CellKernelBase:
 class CellKernel(_CellKernelBase):
     """Play cells, parametrised by populations."""
 
-    shape: Shape  # curve of the cells
-    population_count: int  # 1 to 3
+    shape: Shape  # form of the cell curves
+    population_count: int  # number of populations, 1 to 3
     # table error, relative to the saturation; less accurate tables are faster
     table_error: float = EXACT_TABLE_ERROR
 
@@ -181,7 +181,7 @@ class CellKernel(_CellKernelBase):
         return (*_REVERSIBLE_PARAMETERS, *chain.from_iterable(pinned_parameters))
 
     def make_driven_cells(self, law: tuple[float, ...]) -> DrivenCells:
-        """Return the cells for given parameters, ready for simulation."""
+        """Return the cells for given fit parameters, ready for simulation."""
         return _make_driven_cells(self, law)
 
     def iron_parameters(
@@ -202,26 +202,26 @@ class CellKernel(_CellKernelBase):
         return parameters | {"alpha": alpha}
 
     def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
-        """Scale the field inside an iron without interaction by a factor, by adding interaction."""
+        """Scale the internal field of an iron without interaction by adding interaction."""
         iron["alpha"] = 1.0 - factor
         for name in iron:
             if name[:2] in {"a_", "k_"}:
                 iron[name] *= factor
 
     def pinned_populations(self, law: tuple[float, ...]) -> list[Population]:
-        """Return the populations for given parameters."""
+        """Return the pinned populations for given fit parameters."""
         iron = self.iron_parameters(1.0, 1.0, law, 0.0)
-        numbers = range(1, self.population_count + 1)
-        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in numbers]
+        population_numbers = range(1, self.population_count + 1)
+        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in population_numbers]
 
     def make_cells(self, law: tuple[float, ...]) -> CellWeights:
-        """Return the cells for given parameters."""
+        """Return the cells for given fit parameters."""
         return discretise_populations((law[0], law[1]), self.pinned_populations(law), self.shape)
 
 
-@lru_cache(maxsize=8)  # the tables have one or two megabytes each
+@lru_cache(maxsize=8)  # each table needs one or two megabytes
 def _make_driven_cells(kernel: CellKernel, law: tuple[float, ...]) -> DrivenCells:
-    """Return cells with derivatives by the fit parameters."""
+    """Return cells with their derivatives with respect to the fit parameters."""
     # Columns of M_0, a_0, then M, a, k, s of each population; M_1 and a_1 are the units.
     columns = [0, 1, *range(4, 2 + 4 * kernel.population_count)]
     all_tangents = population_tangents(kernel.pinned_populations(law))
@@ -237,7 +237,7 @@ class WeightKernel(_CellKernelBase):
 
     @property
     def shape(self) -> Shape:
-        """The curve of the cells."""
+        """Form of the cell curves."""
         return self.initial_cells.shape
 
     @cached_property
@@ -279,7 +279,7 @@ class WeightKernel(_CellKernelBase):
         )
 
     def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
-        """Scale the field inside an iron without interaction by a factor, by adding interaction."""
+        """Scale the internal field of an iron without interaction by adding interaction."""
         iron["alpha"] = 1.0 - factor
         iron[SCALE_NAMES[1]] *= factor
 

@@ -1,10 +1,9 @@
 """Set up the least-squares problem of play cells with lag and creep for displacement loops.
 
-If the lag and the centre field of the cell curves are given, the output is linear in the cell
-weights, the creep amplitudes and the offset. :class:`CellProblem` computes the columns of this
-problem, and :class:`System` solves it with weights not below zero. Samples before the drive first
-reaches its largest distance from its initial value are excluded, because they depend on an
-uncertain history.
+If the lag and the centre of the cell curves are given, the output is linear in the cell weights,
+the creep amplitudes and the offset. :class:`CellProblem` computes the columns of this problem, and
+:class:`System` solves it with nonnegative weights. Samples before the drive first reaches its
+largest distance from its initial value are excluded, because they depend on an uncertain history.
 """
 
 from __future__ import annotations
@@ -28,13 +27,13 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
-MIDDLE_POSITIONS = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
-"""Middles of the curves that are tried, relative to the lowest input, in input ranges."""
+CENTRE_POSITIONS = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
+"""Tried centres of the curves: distance from the lowest input, divided by the input range."""
 
 LAG_SAMPLES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # tried lags, in samples
 
 MAX_LAG_SAMPLES_AT_ONE_RATE = 1.0
-"""Largest lag that is tried if all loops have about one rate, at which a lag and a wider loop are
+"""Largest tried lag if all loops have about the same cycle rate. A lag and a wider loop are then
 barely separable."""
 
 # ratio of the fastest to the slowest cycle rate above which lag and width are separable
@@ -43,42 +42,41 @@ CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # time constants, relative to the lo
 MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # smallest time constant, in samples
 
 STRAIGHT_SLOPE_SHARE = 0.02
-"""Share of the fixed straight part in the mean slope, which the model must have. Any further
-straight part is a cell with the widest curve, so that the saturation of all cells exceeds every
-output."""
+"""Slope of a fixed linear term of every model, relative to the mean slope. Further linear output is
+a cell with the widest curve, so that the saturation of all cells exceeds every output."""
 
 OUTLIER_RATIO = 10.0
-"""Multiple of the median deviation above which a sample is an outlier, such as a spike or the start
-of the amplifier."""
+"""Multiple of the median deviation above which a sample is an outlier, such as a spike or the
+start-up of the amplifier."""
 
-FAR_END_SHARE = 0.98  # part of the largest distance from the first input value
+FAR_END_SHARE = 0.98  # fraction of the largest distance from the first input value
 MAX_UNKNOWN_SHARE = 0.3  # maximum fraction of a record that is excluded as an initial curve
 MAX_OUTLIER_SHARE = 0.02  # maximum fraction of samples that are excluded as outliers
 MAX_SAMPLES = 20_000  # maximum number of fitted samples
 
 MAX_NOISE_RATIO = 1.1
-"""Residual relative to the noise up to which noise explains it, so that no grid is tried."""
+"""Ratio of residual to noise up to which noise explains the residual, so that no grid is tried."""
 
 MAX_FOLDS = 5
-"""Maximum number of parts that are withheld one after the other: loops, or blocks of few loops."""
+"""Maximum number of folds that are withheld in turn: loops, or blocks if there are few loops."""
 
 BLOCKS_PER_FOLD = 20
-"""Blocks of a record that are withheld together. With fewer, a fold lacks whole branches; a grid then
-has to extrapolate, and its error says nothing about other records."""
+"""Blocks of a record that are withheld together. With fewer blocks, whole branches would be
+withheld. A grid would have to extrapolate, and its error would say nothing about other records."""
 
-MIN_LOOPS_TO_WITHHOLD = 3  # smallest number of loops for withholding whole loops
+MIN_LOOPS_TO_WITHHOLD = 3  # minimum number of loops with which whole loops are withheld
 MAX_CENTRE_SHARE = 0.1
-"""Largest distance of the input's middle from zero, in input ranges, for trying an even grid."""
+"""Largest distance of the mid-range input from zero, in input ranges, for trying an even grid."""
 
 LAW = "play-cells"
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Nonlinear settings of the least-squares problem, and the solution for them."""
+    """Nonlinear parameters of the least-squares problem, and the solution for their values."""
 
-    lag: float  # s
-    middle: float  # middle of the curves (``in_0``)
+    lag: float  # lag, s
+    centre: float  # centre of the curves (``in_0``)
     creep_times: tuple[float, ...] = ()  # time constants of the creep, s
     smoothness: float = SMOOTHNESS
     weights: FloatArray | None = None
@@ -87,10 +85,10 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A linear least-squares problem with weights not below zero."""
+    """A linear least-squares problem with nonnegative weights."""
 
     basis: CellBasis
-    matrix: FloatArray  # columns: weights of the cells, of the creep, and positive and negative offset
+    matrix: FloatArray  # columns of cell weights, creep weights, and positive and negative offset
     target: FloatArray
     fold_numbers: NDArray[np.intp]  # number of the fold in which each row is withheld; -1: never
 
@@ -108,15 +106,15 @@ class System:
         differences = self.basis.second_differences(self.solved_columns)
         return np.asarray(differences.T @ differences)
 
-    def solve(self, attempt: Trial, height: float) -> Trial:
+    def solve(self, attempt: Trial, output_range: float) -> Trial:
         """Return a trial with its solved weights and rms residual."""
         matrix = self.matrix[:, self.solved_columns]
         weights = self._solve_weights(matrix.T @ matrix, matrix.T @ self.target, attempt.smoothness)
         residual = self.matrix @ weights - self.target
-        return replace(attempt, weights=weights, rms=float(np.linalg.norm(residual)) * height)
+        return replace(attempt, weights=weights, rms=float(np.linalg.norm(residual)) * output_range)
 
     def withheld_errors(self, smoothness_values: Sequence[float]) -> list[float]:
-        """Return, for each smoothness, the rms error at parts that are withheld in turn."""
+        """Return, for each smoothness, the rms error at the folds, which are withheld in turn."""
         matrix = self.matrix[:, self.solved_columns]
         normal, rhs = matrix.T @ matrix, matrix.T @ self.target
         square_sums = np.zeros(len(smoothness_values))
@@ -145,55 +143,54 @@ class System:
 
 
 class CellProblem:
-    """Loops, and the columns of their least-squares problem."""
+    """Measured loops, and the matrix columns of their least-squares problem."""
 
     def __init__(self, loopset: Loops) -> None:
         self.loopset = loopset
         self.solve_count = 0
         self.low = min(float(loop.input.min()) for loop in loopset.loops)
         self.span = max(float(loop.input.max()) for loop in loopset.loops) - self.low
-        self.height = max(float(np.ptp(loop.output)) for loop in loopset.loops)
+        self.output_range = max(float(np.ptp(loop.output)) for loop in loopset.loops)
         if any(correlation(loop.input, loop.output) < -0.5 for loop in loopset.loops):
             name, drive = loopset.output.name.replace("_", " "), loopset.input.name
             raise InputError(
                 f"the {name} falls as the {drive} rises; flip the sign of one of the columns",
                 code="output-falls",
             )
-        self.slope = STRAIGHT_SLOPE_SHARE * self.height / self.span
+        self.slope = STRAIGHT_SLOPE_SHARE * self.output_range / self.span
         self.basis = make_common_basis(self.span)
-        # tried middles of the curves, in units of the input
-        self.middles = [self.low + position * self.span for position in MIDDLE_POSITIONS]
+        # tried centres of the curves, in units of the input
+        self.centres = [self.low + position * self.span for position in CENTRE_POSITIONS]
         self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
         self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
         self.known_masks = [_mask_known_samples(loop) for loop in loopset.loops]
         self.fitted_masks = self.known_masks
 
     def make_grid_problems(self) -> list[CellProblem]:
-        """Return the same problem with curves on a grid from the low end of the input.
+        """Return the same problem with curves on a grid that begins at the lowest input.
 
-        If the input range is almost symmetrical about zero, a grid that is even in the input is
-        added.
+        If the input range is almost symmetrical about zero, a problem with an even grid is added.
         """
-        middle = self.low + 0.5 * self.span
+        centre = self.low + 0.5 * self.span
         problems = []
-        for is_even in (True, False) if abs(middle) <= MAX_CENTRE_SHARE * self.span else (False,):
+        for is_even in (True, False) if abs(centre) <= MAX_CENTRE_SHARE * self.span else (False,):
             problem = copy(self)
             problem.basis = make_grid_basis(self.span, is_even=is_even)
-            problem.middles = [middle if is_even else self.low]
+            problem.centres = [centre if is_even else self.low]
             problem._plays, problem._columns = {}, None
             problems.append(problem)
         return problems
 
     def include_initial_curves(self) -> CellProblem:
-        """Return the same problem with initial curves that begin at the middle of the cells.
+        """Return the same problem, with initial curves that begin at the centre of the curves.
 
-        Before such a curve, the input was nowhere else. A grid has curves for these samples.
+        Before such a curve, the input never left the centre. A grid has curves for the samples.
         """
         problem, masks = copy(self), []
         for loop, mask in zip(self.loopset.loops, self.fitted_masks, strict=True):
             input_before = np.append(_input_before(loop.history, loop.input), loop.input[0])
             starts_at_middle = (
-                np.max(np.abs(input_before - self.middles[0])) <= (1.0 - FAR_END_SHARE) * self.span
+                np.max(np.abs(input_before - self.centres[0])) <= (1.0 - FAR_END_SHARE) * self.span
             )
             masks.append(np.ones_like(mask) if starts_at_middle else mask)
         problem.fitted_masks = masks
@@ -206,7 +203,7 @@ class CellProblem:
 
     def remove_outliers(self) -> None:
         """Exclude a few samples that deviate strongly from the best fit without a lag."""
-        solutions = [self.solve(Trial(0.0, middle)) for middle in self.middles]
+        solutions = [self.solve(Trial(0.0, centre)) for centre in self.centres]
         best = min(solutions, key=lambda attempt: attempt.rms)
         assert best.weights is not None
         offset = float(best.weights[-2] - best.weights[-1])
@@ -220,7 +217,7 @@ class CellProblem:
             for mask, deviation in zip(self.fitted_masks, deviations, strict=True)
         ]
         count_before, count_after = (
-            np.concatenate(old_or_new).sum() for old_or_new in (self.fitted_masks, masks)
+            np.concatenate(mask_list).sum() for mask_list in (self.fitted_masks, masks)
         )
         if count_before - count_after <= MAX_OUTLIER_SHARE * count_before:
             self.fitted_masks = masks
@@ -246,11 +243,11 @@ class CellProblem:
         """Lags that are tried, s."""
         if not self.sample_time:
             return [0.0]
-        one_rate = max(self.rates) < MIN_RATE_RATIO * min(self.rates)
+        has_one_rate = max(self.rates) < MIN_RATE_RATIO * min(self.rates)
         return [
             lag * self.sample_time
             for lag in LAG_SAMPLES
-            if not one_rate or lag <= MAX_LAG_SAMPLES_AT_ONE_RATE
+            if not has_one_rate or lag <= MAX_LAG_SAMPLES_AT_ONE_RATE
         ]
 
     @cached_property
@@ -262,29 +259,29 @@ class CellProblem:
         times = (share * longest_time for share in CREEP_TIME_SHARES)
         return tuple(time for time in times if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time)
 
-    def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
-        """Return the positions of the cells in each loop, and before it, relative to the middle."""
-        if (lag, middle) not in self._plays:
-            self._plays |= {(lag, tried_middle): [] for tried_middle in self.middles}
-            middles, thresholds = np.array(self.middles)[:, None], self.basis.thresholds
+    def play_positions(self, lag: float, centre: float) -> list[tuple[FloatArray, FloatArray]]:
+        """Return the play positions in each loop and before it, relative to the curve centre."""
+        if (lag, centre) not in self._plays:
+            self._plays |= {(lag, tried_centre): [] for tried_centre in self.centres}
+            centres, thresholds = np.array(self.centres)[:, None], self.basis.thresholds
             for loop in self.loopset.loops:
                 drive = loop.input
                 if lag and loop.time is not None:
-                    drive = Dynamics(lag).delayed(drive, loop.time)
-                # Cells start in the middle.
-                path = _input_before(loop.history, drive) - middles
-                path = np.concatenate([np.zeros_like(middles), path], axis=1)
-                start = np.zeros((middles.size, thresholds.size))
+                    drive = Dynamics(lag).delay_record(drive, loop.time)
+                # All cells start at the centre of the curves.
+                path = _input_before(loop.history, drive) - centres
+                path = np.concatenate([np.zeros_like(centres), path], axis=1)
+                start = np.zeros((centres.size, thresholds.size))
                 at_rest = move_plays(path, thresholds, start)[-1]
-                positions = move_plays(drive - middles, thresholds, at_rest)
-                for index, tried_middle in enumerate(self.middles):
+                positions = move_plays(drive - centres, thresholds, at_rest)
+                for index, tried_middle in enumerate(self.centres):
                     self._plays[lag, tried_middle].append((positions[:, index], at_rest[index]))
-        return self._plays[lag, middle]
+        return self._plays[lag, centre]
 
     def outputs(self, attempt: Trial) -> list[tuple[FloatArray, float]]:
-        """Return the output of weights in each loop and before it, without creep and offset."""
+        """Return the output of a trial in each loop and before it, without creep and offset."""
         assert attempt.weights is not None
-        outputs, plays = [], self.play_positions(attempt.lag, attempt.middle)
+        outputs, plays = [], self.play_positions(attempt.lag, attempt.centre)
         for columns, (fields, at_rest) in zip(self.columns(attempt), plays, strict=True):
             weights = attempt.weights[: columns.shape[1]]
             rest_output = self.basis.columns(at_rest[None])[0] @ weights + self.slope * at_rest[0]
@@ -292,23 +289,23 @@ class CellProblem:
         return outputs
 
     def columns(self, attempt: Trial) -> list[FloatArray]:
-        """Return the output of each unit weight in each loop; the last result is cached."""
-        key = attempt.lag, attempt.middle
+        """Return the output of each curve with weight 1 in each loop; the last result is cached."""
+        key = attempt.lag, attempt.centre
         if self._columns is None or self._columns[0] != key:
             self._columns = (key, [self.basis.columns(fields) for fields, _ in self.play_positions(*key)])
         return self._columns[1]
 
     def solve(self, attempt: Trial, creeping: Sequence[FloatArray] = ()) -> Trial:
-        """Solve for the weights of a trial; creep follows the output of its previous weights."""
+        """Solve for the weights of a trial; creep follows the output of previous weights."""
         self.solve_count += 1
         if attempt.creep_times and not creeping:
             creeping = self.creep_responses(attempt, attempt.creep_times)
-        return self.make_system(attempt, creeping).solve(attempt, self.height)
+        return self.make_system(attempt, creeping).solve(attempt, self.output_range)
 
     def deviation(
         self, attempt: Trial, creeping: Sequence[FloatArray], masks: list[NDArray[np.bool_]]
     ) -> float:
-        """Return the rms deviation of a solved trial over some samples, relative to the height."""
+        """Return the rms deviation of a solved trial at masked samples, relative to the range."""
         assert attempt.weights is not None
         system = self.make_system(attempt, creeping, masks)
         return float(np.linalg.norm(system.matrix @ attempt.weights - system.target))
@@ -321,9 +318,9 @@ class CellProblem:
     ) -> System:
         """Return the least-squares problem of a trial, given the creep responses in each loop."""
         rows, targets, folds = [], [], []
-        plays, columns = self.play_positions(attempt.lag, attempt.middle), self.columns(attempt)
+        plays, columns = self.play_positions(attempt.lag, attempt.centre), self.columns(attempt)
         for index, loop in enumerate(self.loopset.loops):
-            weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
+            weight = 1.0 / (self.output_range * np.sqrt(loop.n * len(self.loopset)))
             unit_column = np.ones((loop.n, 1))
             creep_columns = [creep_responses[index]] if creep_responses else []
             mask = (self.fitted_masks if masks is None else masks)[index]
@@ -338,8 +335,8 @@ class CellProblem:
         """Fold in which each sample is withheld; -1 for samples that are never withheld.
 
         The ends of a record and the largest loops are never withheld, because a fit without them
-        would have to extrapolate, and all candidates would be equally bad. Initial curves are not
-        compared either.
+        would have to extrapolate, and all candidates would be equally bad. Initial curves are never
+        withheld.
         """
         loops = self.loopset.loops
         if len(loops) < MIN_LOOPS_TO_WITHHOLD:
@@ -349,10 +346,10 @@ class CellProblem:
         else:
             is_largest = [float(np.ptp(loop.input)) >= FAR_END_SHARE * self.span for loop in loops]
             is_never_withheld = [not all(is_largest) and largest for largest in is_largest]
-            numbers = [
+            loop_folds = [
                 -1 if is_never else index % MAX_FOLDS for index, is_never in enumerate(is_never_withheld)
             ]
-            folds = [np.full(loop.n, fold) for loop, fold in zip(loops, numbers, strict=True)]
+            folds = [np.full(loop.n, fold) for loop, fold in zip(loops, loop_folds, strict=True)]
         return [np.where(mask, fold, -1) for mask, fold in zip(self.known_masks, folds, strict=True)]
 
     def creep_responses(self, attempt: Trial, creep_times: tuple[float, ...]) -> list[FloatArray]:
@@ -364,7 +361,7 @@ class CellProblem:
             for time in creep_times:
                 dynamics, start = Dynamics(0.0, (time,), (1.0,)), np.array([rest_output])
                 if loop.history.kind == "settled":
-                    start = dynamics.settled_slow_parts(output, loop.time, is_flux_known=True)
+                    start = dynamics.settled_creep(output, loop.time, is_flux_known=True)
                 columns.append(dynamics.apply_creep(output, loop.time, start, is_flux_known=True)[0] - output)
             responses.append(np.stack(columns, axis=1))
         return responses
@@ -386,7 +383,7 @@ class CellProblem:
                 "alpha": 0.0,
                 "c_H": 1.0,
                 "c_out": slope / MU_0,
-                "in_0": attempt.middle,
+                "in_0": attempt.centre,
                 "out_0": float(attempt.weights[-2] - attempt.weights[-1]),
             },
             law=LAW,
@@ -420,8 +417,8 @@ def thin_loops(loopset: Loops) -> Loops:
 def _mask_known_samples(loop: Loop) -> NDArray[np.bool_]:
     """Return a mask of the samples that do not depend on the initial state.
 
-    They begin when the input first reaches FAR_END_SHARE of its largest distance from its first
-    value.
+    These samples begin when the input first reaches FAR_END_SHARE of its largest distance from its
+    first value.
     """
     mask = np.ones(loop.n, dtype=np.bool_)
     if loop.history.kind == "settled":
@@ -434,6 +431,6 @@ def _mask_known_samples(loop: Loop) -> NDArray[np.bool_]:
 
 
 def _input_before(history: History, drive: FloatArray) -> FloatArray:
-    """Return the input that moved the cells before a loop."""
+    """Return the input that moved the cells before a loop began."""
     points = np.array(history.turning_points)
     return np.concatenate([points, drive]) if history.kind == "settled" else points

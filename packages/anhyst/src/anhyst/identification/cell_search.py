@@ -1,12 +1,12 @@
-"""Search the parameters of play cells from many starts, with one, two and three populations.
+"""Search the parameters of play cells from many start points, with one, two and three populations.
 
-A population is a group of cells with one curve width and a distribution of thresholds. The starts
-cover the range of normalised parameters in which loops are typical (:mod:`.screening`). The
-Jiles-Atherton fit adds a few starts. All starts are compared on few samples. The better ones
-descend for a few steps, the best of these for more steps, and the last two to convergence. If the
-two final fits disagree and exceed the noise, more starts are tried. A further population starts
-where the residual of the smaller fit predicts the largest gain. If no such start helps, the first
-population is split.
+A population is a group of cells with one curve width and a distribution of thresholds. The start
+points cover the normalised parameters of typical loops (:mod:`.screening`). The Jiles-Atherton fit
+adds a few. The costs of all are compared on few samples. The better points are optimised for a few
+steps, the best results for more steps, and the last two until convergence. If the costs of the last
+two differ and exceed the noise, more start points are tried. A population is added where the
+residual of the smaller fit predicts the largest gain. If an added population does not help, the
+first population is split.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from anhyst.support.numeric import FloatArray
 _SCREENING_SAMPLES = 16
 COARSE_SAMPLES = 40
 FINE_SAMPLES = 100
-"""Maximum number of samples per loop for comparing starts, for the descents, and for the final
-fits."""
+"""Maximum number of samples per loop for comparing start points, for the first descents, and for
+the final fits."""
 
 _SEARCH_TABLE_ERROR = 1e-8
 """Error of the cell tables during the search, as a fraction of the saturation."""
-_STARTS_PER_ROUND = 48  # random starts of one round
-_MAX_ROUNDS = 2  # rounds of random starts
+_STARTS_PER_ROUND = 48  # number of random start points in one round
+_MAX_ROUNDS = 2  # maximum number of rounds with random start points
 _MAX_SHORT_DESCENTS = 12
 _MAX_LONG_DESCENTS = 4
-_MAX_FINAL_DESCENTS = 2  # starts that descend for a few steps, for more, and to the end
-_MAX_WEIGHT_STEPS = 8  # steps of the fit of individual weights
+_MAX_FINAL_DESCENTS = 2  # maximum numbers of short, long and final descents
+_MAX_WEIGHT_STEPS = 8  # maximum number of steps when individual weights are fitted
 
 _FINAL_STOP = (1e-5, 60)
 """Relative cost reduction of a step below which a descent has converged, and maximum number of
@@ -57,10 +57,10 @@ The patient schedule is used if there are few loops and the residual exceeds the
 """
 
 _MAX_FEW_LOOPS = 2
-"""Number of loops up to which a long flat valley can look like convergence."""
+"""Number of loops up to which a long flat valley of the cost can look like convergence."""
 
 _PATIENT_COST_RATIO = 0.8
-"""Cost relative to the default schedule below which the result of the patient schedule is used."""
+"""Ratio of the costs of the two schedules below which the result of the patient one is used."""
 _AGREEMENT_COST_RATIO = 1.1
 """Ratio of the costs of two final fits below which they agree."""
 
@@ -71,31 +71,31 @@ _HOPELESS_COST_RATIO = 2.0
 """Multiple of the lowest cost that a descent must be able to reach; otherwise it is abandoned."""
 
 _THRESHOLD_TO_PINNING_RATIOS = (1.0, 0.4)
-"""Threshold scales of starts, relative to the pinning ``k`` of the Jiles-Atherton fit."""
+"""Threshold scales of start points, relative to the pinning ``k`` of the Jiles-Atherton fit."""
 
 _MAX_PINNING_TO_WIDTH = 10.0
-"""Ratio ``k/a`` above which the irreversible part of a Jiles-Atherton law barely moves. Its ``k``
-then shows that the loops are narrow, but not the thresholds."""
+"""Ratio ``k/a`` above which the irreversible magnetisation of a Jiles-Atherton law barely changes.
+Such a ``k`` shows that the loops are narrow, but does not determine thresholds."""
 
 _NARROW_LOOP_LAW = (0.25, 8.0, 0.1, 2.0)
-"""Cells with narrow loops: share and width of the reversible part, pinning and spread."""
+"""Parameters of cells with narrow loops: reversible saturation and width, pinning, spread."""
 
 _WIDTHS_WITH_LANGEVIN_SLOPE = {"langevin": 1.0, "tanh": 3.0}
 """Width of each curve with the same initial slope as a Langevin curve of width 1."""
 
 _MAX_START_INTERACTION = 0.8
-"""Largest interaction of a start, as a fraction of the interaction at which the magnetisation
+"""Largest interaction of a start point, as a fraction of the interaction at which the magnetisation
 jumps."""
 
 _ADDED_POPULATION_COST_RATIO = 0.98
-"""Cost relative to one population less, above which the added population is discarded."""
+"""Ratio of the costs with and without an added population, above which it is discarded."""
 
 _REMOVED_OFFSET_COST_RATIO = 1.2
-"""Cost ratio above which a fit without offsets is searched again, because another minimum may be
-better."""
+"""Ratio of the costs without and with offsets, above which the search without offsets is repeated,
+because another minimum may be better."""
 
 _MAX_CURVE_COST_RATIO = 4.0
-"""Cost relative to the other curve, above which a curve is not tried with more populations."""
+"""Ratio of the costs of two curve forms, above which the worse one gets no further population."""
 
 _ADDED_WIDTH_RATIOS = (0.3, 0.6, 1.0, 2.0, 5.0)
 _ADDED_PINNING_RATIOS = (0.1, 0.3, 1.0, 3.0)
@@ -107,11 +107,11 @@ _START_SATURATION_RANGE = (0.05, 1.0)
 """Saturation of an added population, relative to the first population: the value for which its
 effect is estimated, and the range at the start of its fit."""
 
-_MAX_SUGGESTIONS = 8  # starts of an added population for each smaller fit
+_MAX_SUGGESTIONS = 8  # maximum number of start points with a new population per smaller fit
 
 _SPLIT_WIDTH_RATIOS = (0.6, 1.0)
-"""Width ratios of a population that is split off the first. The split has no first-order effect on
-the cost, so the residual cannot suggest it."""
+"""Widths of a population that is split off the first one, relative to its width. The split has no
+first-order effect on the cost, so the residual cannot suggest it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,14 +136,14 @@ class _SampleLevels:
         max_long: int = _MAX_LONG_DESCENTS,
         schedule: tuple[tuple[int, int], tuple[float, int]] = _DEFAULT_SCHEDULE,
     ) -> list[FoundModel]:
-        """Descend from many starts with fewer and fewer of them; return the final fits, best first.
+        """Optimise from ever fewer start points in stages; return the final fits, best first.
 
         A descent ends early if, at its present rate, it cannot come close to the lowest cost.
         """
         objective = Objective(self.rough, self.smoothness)
         (short_steps, long_steps), final_stop = schedule
         costs = [(_cost_at(objective, theta), index, theta) for index, theta in enumerate(starts)]
-        chosen = [
+        best_starts = [
             theta for cost, _, theta in sorted(costs, key=lambda rated: rated[:2])[:_MAX_SHORT_DESCENTS]
         ]
         evaluations = len(costs)
@@ -154,11 +154,11 @@ class _SampleLevels:
             (self.fine, _MAX_FINAL_DESCENTS, *final_stop),
         ):
             fits = []
-            for index, theta in enumerate(chosen):
+            for index, theta in enumerate(best_starts):
                 earlier_starts = (
                     earlier_index
                     for earlier_index in range(index)
-                    if np.max(np.abs(theta - chosen[earlier_index])) < _EQUAL_START_DISTANCE
+                    if np.max(np.abs(theta - best_starts[earlier_index])) < _EQUAL_START_DISTANCE
                 )
                 if (duplicate_start := next(earlier_starts, None)) is not None:
                     fits.append(fits[duplicate_start])
@@ -167,7 +167,7 @@ class _SampleLevels:
                 fits.append(descend_from(space, theta, tolerance, max_steps, self.smoothness, goal))
                 evaluations += fits[-1].evaluations
             fits = sorted(fits, key=lambda fit: fit.cost)[:keep_count]
-            chosen = [fit.theta for fit in fits]
+            best_starts = [fit.theta for fit in fits]
         return [replace(fits[0], evaluations=evaluations), *fits[1:]]
 
 
@@ -178,7 +178,7 @@ def _cost_at(objective: Objective, theta: FloatArray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class CellSearch:
-    """Search of play cells for all curves and population counts, from a fit without cells."""
+    """Search for play cells of all curve forms and population counts, after a fit without cells."""
 
     base: FoundModel  # fit of a law without cells
     records: FitRecords
@@ -188,7 +188,7 @@ class CellSearch:
     drop: Callable[[ModelCandidate, Exception], None]
 
     def fit_candidates(self, candidates: Sequence[ModelCandidate]) -> dict[ModelCandidate, Fits]:
-        """Fit play cells of every curve; stop adding populations when they do not help."""
+        """Fit play cells of every curve form; stop adding populations when they do not help."""
         fits_by_candidate: dict[ModelCandidate, Fits] = {}
         previous_fits: dict[Shape, list[FoundModel]] = {}
         shapes = {candidate.cells.shape for candidate in candidates if candidate.cells}
@@ -244,13 +244,13 @@ class CellSearch:
             fits = _keep_best([*fits, *levels.descend(split_starts, len(split_starts))])
         if not smaller_fits and not self.is_usable(fits[0]):
             # Also descend from the Jiles-Atherton starts: their fits may be usable.
-            followed = [descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness) for theta in starts]
-            usable_fits = sorted(filter(self.is_usable, followed), key=lambda fit: fit.cost)
+            own_fits = [descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness) for theta in starts]
+            usable_fits = sorted(filter(self.is_usable, own_fits), key=lambda fit: fit.cost)
             fits = [*usable_fits[:1], *fits][:_MAX_FINAL_DESCENTS]
         return fits
 
     def _remove_offsets(self, candidate: ModelCandidate, final_fits: Sequence[FoundModel]) -> FoundModel:
-        """Remove offsets that the data do not require; if this is costly, search again."""
+        """Remove offsets that the data do not require; search again if the cost rises much."""
         fit = remove_unneeded_offsets(final_fits[0], *_FINAL_STOP)
         if fit.cost <= _REMOVED_OFFSET_COST_RATIO * final_fits[0].cost:
             return fit
@@ -268,12 +268,12 @@ class CellSearch:
         return _SampleLevels(rough, coarse, fine, smoothness)
 
     def _search_starts(self, levels: _SampleLevels, given_starts: list[FloatArray]) -> list[FoundModel]:
-        """Search from random and given starts until the final fits agree or are within the noise.
+        """Search from random and given start points until the best fits agree or fit the noise.
 
         With few loops, agreement is not evidence, because flat valleys are long. If the residual
-        exceeds the noise, all starts then descend with the patient schedule. A result of this
-        schedule that is only slightly better is ignored. Such a difference is due to chance and
-        does not improve predictions.
+        exceeds the noise, the patient schedule is then applied to all start points. A patient
+        result that is only slightly better is ignored: the gain is chance and does not improve
+        predictions.
         """
         kernel, fits, tried_starts = levels.kernel, list[FoundModel](), list[FloatArray]()
         draw_count = _STARTS_PER_ROUND if kernel.population_count < 3 else 0
@@ -303,7 +303,7 @@ class CellSearch:
 
 
 def use_exact_tables(fit: FoundModel) -> FoundModel:
-    """Return the fit with cell tables of full accuracy, as the model uses them."""
+    """Return the fit with cell tables of full accuracy, which the model uses."""
     form = fit.space.form
     if not isinstance(form.cells, CellKernel):
         return fit
@@ -316,7 +316,7 @@ def _keep_best(fits: Iterable[FoundModel]) -> list[FoundModel]:
 
 
 def _starts_from_jiles_atherton(levels: _SampleLevels, base: FoundModel) -> list[FloatArray]:
-    """Make start coordinates of play cells from a Jiles-Atherton fit, in a few variants."""
+    """Make several start points of play cells from a Jiles-Atherton fit."""
     width_ratio, slope = (_WIDTHS_WITH_LANGEVIN_SLOPE[levels.kernel.shape], CURVE_SLOPES[levels.kernel.shape])
     power = base.space.form.power
     start_sets = [
@@ -357,19 +357,19 @@ def _make_cells(
 ) -> ParameterSet:
     """Convert a Jiles-Atherton parameter set to cells with the same initial slope.
 
-    Negative interaction makes a curve steeper. It is kept, or replaced by a steeper curve.
+    Negative interaction makes a curve steeper. It is kept, or a steeper curve replaces it.
     """
-    reversible = parameter_set.c + 0.05
+    reversible_share = parameter_set.c + 0.05
     omega = parameter_set.omega / width_ratio
     slope_gain = 1.0
     if omega < 0.0:
         omega = max(omega, -_MAX_START_INTERACTION / slope)
         slope_gain = (1.0 + omega * slope) / (1.0 + kept_interaction * omega * slope)
         omega *= kept_interaction * slope_gain
-    total_slope = 1.0 + reversible
+    total_slope = 1.0 + reversible_share
     return replace(
         parameter_set,
-        law=(reversible, 1.0, pinning_ratio * parameter_set.kappa / (width_ratio * slope_gain), 2.0),
+        law=(reversible_share, 1.0, pinning_ratio * parameter_set.kappa / (width_ratio * slope_gain), 2.0),
         omega=omega / total_slope,
         scale=parameter_set.scale * width_ratio * slope_gain,
         gain=parameter_set.gain / total_slope**power,
@@ -377,7 +377,7 @@ def _make_cells(
 
 
 def _suggest_population_starts(levels: _SampleLevels, smaller_fits: Sequence[FoundModel]) -> list[FloatArray]:
-    """Make starts with one more population, where the residual predicts the largest gain."""
+    """Make start points with an added population where the residual predicts the largest gains."""
     suggestions = []
     objective = Objective(levels.coarse, levels.smoothness)
     for fit in dict.fromkeys(smaller_fits):  # some fits may be equal
@@ -393,7 +393,7 @@ def _suggest_population_starts(levels: _SampleLevels, smaller_fits: Sequence[Fou
 def _rate_added_population(
     objective: Objective, fit: FoundModel, width_and_pinning: tuple[float, float]
 ) -> tuple[float, FloatArray]:
-    """Return the first-order gain of an added population, and a start with its best share.
+    """Return the first-order gain of an added population, and a start with its best saturation.
 
     All other parameters are re-optimised, so a gain that they can provide does not count.
     """
@@ -413,8 +413,8 @@ def _rate_added_population(
     except NoResponseError:
         return -np.inf, theta
     share_name = f"share_{len(fit.parameter_sets[0].law) // 4 + 1}"
-    # With the map ``free``, each gap has its own share of the population. All shares change
-    # together.
+    # With the map ``free``, the saturation of the added population has one value per gap. All
+    # values change together.
     is_share = np.array([name.partition("[")[0] == share_name for name in space.names])
     is_other = ~is_share
     other_normal = normal[np.ix_(is_other, is_other)]
@@ -425,7 +425,7 @@ def _rate_added_population(
     absorbed_change = np.linalg.solve(other_normal, np.stack([coupling, gradient[is_other]], axis=1))
     curvature = normal[np.ix_(is_share, is_share)].sum() - coupling @ absorbed_change[:, 0]
     reduced_gradient = gradient[is_share].sum() - coupling @ absorbed_change[:, 1]
-    step = -reduced_gradient / max(curvature, 1e-30)  # change of the logarithm of the share
+    step = -reduced_gradient / max(curvature, 1e-30)  # change of the logarithm of the saturation
     gain = max(step, 0.0) * -reduced_gradient
     return gain, make_start(float(np.clip(_PROBE_SATURATION_RATIO * (1.0 + step), *_START_SATURATION_RANGE)))
 

@@ -1,10 +1,10 @@
 """Fit play cells with lag and creep to actuators that deform under a voltage, such as piezo stacks.
 
 The positions of the cells depend only on the drive and the thresholds. Therefore, all weights, the
-creep and the offset come from one least-squares problem with weights not below zero. The lag and
-the middle of the curves (``in_0``) are tried on a grid of values: a loop that bends to one side has
-its middle beyond that side. If the residual exceeds the noise, curves on a grid are fitted too, and
-used if they predict withheld samples better.
+creep and the offset come from one least-squares problem with nonnegative weights. Several lags and
+centres of the curves (``in_0``) are tried; a loop that is curved to one side has its centre outside
+the input range. If the residual exceeds the noise, curves on a grid are fitted too, and used if
+they predict withheld samples better.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from anhyst.model.actuator import Model
 from anhyst.model.schema import CandidateFit, Uncertainty
 
 MAX_CREEP_ERROR_RATIO = 0.98
-"""Rms residual relative to that without creep, above which creep is not used."""
-# ratio of rms residuals within which lags are equal; the shortest is used
+"""Ratio of rms residuals with and without creep, above which creep is not used."""
+# ratio of rms residuals within which lags count as equal; the shortest is used
 EQUAL_LAG_ERROR_RATIO = 0.995
-CREEP_ROUNDS = 3  # rounds of fitting creep, each with the output of the round before
+CREEP_ROUNDS = 3  # number of creep fits; each uses the output of the previous one
 MAX_RATE_ERROR_RATIO = 1.5
-"""Error relative to that of the slowest loops, up to which a model is valid at a cycle rate."""
+"""Ratio of the errors at a cycle rate and at the slowest one, up to which a model is valid."""
 
 MAX_GRID_ERROR_RATIO = 0.7
 """Largest ratio of errors at withheld samples, grid to few curves, with which the grid is used. Few
-curves separate creep better: on a real stack, a grid with 0.73 predicts the second half of the
-record worse."""
+curves separate creep better: on a real stack, a grid with the ratio 0.73 predicts the second half
+of the record worse."""
 
 CLOSE_GRID_FIT_RATIO = 0.5
 """Largest ratio of rms residuals, grid to few curves, with which an equally predictive grid is
@@ -45,7 +45,7 @@ EQUAL_GRID_ERROR_RATIO = 1.25
 
 MAX_INITIAL_CURVE_ERROR_RATIO = 1.1
 """Largest increase of the error at withheld samples with which initial curves are fitted. A wrong
-stated history increases the error."""
+history in the file makes these errors larger."""
 
 
 def fit_creeping(loopset: Loops) -> Outcome:
@@ -53,7 +53,7 @@ def fit_creeping(loopset: Loops) -> Outcome:
     problem = CellProblem(thin_loops(loopset))
     problem.remove_outliers()
     lags = problem.lags
-    fits_without_creep = [problem.solve(Trial(lag, middle)) for lag, middle in product(lags, problem.middles)]
+    fits_without_creep = [problem.solve(Trial(lag, centre)) for lag, centre in product(lags, problem.centres)]
     best = min(fits_without_creep, key=lambda attempt: attempt.rms)
     fit_without_lag = min(
         fits_without_creep, key=lambda attempt: (attempt.lag, attempt.rms)
@@ -94,11 +94,11 @@ def fit_creeping(loopset: Loops) -> Outcome:
         else:
             candidates.insert(-1, grid_candidate)
     chosen_candidate = replace(candidates[-1], note="chosen")
-    model, statement = limit_rate(problem.make_model(chosen), loopset)
+    model, rate_statement = limit_rate(problem.make_model(chosen), loopset)
     assert chosen.weights is not None
     return Outcome(
         model,
-        Uncertainty((), (), (), statements=(statement,) if statement else ()),
+        Uncertainty((), (), (), statements=(rate_statement,) if rate_statement else ()),
         int(np.count_nonzero(chosen.weights)),
         problem.solve_count,
         "nothing is scheduled",
@@ -112,7 +112,7 @@ def _add_creep(problem: CellProblem, fits_without_creep: Sequence[Trial], chosen
     """Add creep to the best fits without it, and use it if it reduces the residual enough."""
     good_fits = sorted(fits_without_creep, key=lambda attempt: attempt.rms)[:4]
     fits = []
-    for start in {id(each): each for each in (*good_fits, chosen)}.values():
+    for start in {id(each_fit): each_fit for each_fit in (*good_fits, chosen)}.values():
         fit = start
         for _ in range(CREEP_ROUNDS):
             fit = problem.solve(replace(fit, creep_times=problem.creep_times))
@@ -132,7 +132,7 @@ def _describe_dynamics(attempt: Trial) -> str:
 def _fit_on_grid(problem: CellProblem, few_curves_fit: Trial) -> tuple[CellProblem, Trial, float, float]:
     """Fit curves on a grid with the lag and the creep times of a fit with few curves.
 
-    Return the problem, the fit, and both errors at withheld samples, relative to the output range.
+    Return the problem, the fit, and both withheld errors (grid, few curves) per output range.
     """
     creeping = (
         problem.creep_responses(few_curves_fit, few_curves_fit.creep_times)
@@ -141,32 +141,32 @@ def _fit_on_grid(problem: CellProblem, few_curves_fit: Trial) -> tuple[CellProbl
     )
     (few_error,) = problem.make_system(few_curves_fit, creeping).withheld_errors([few_curves_fit.smoothness])
     best: tuple[float, CellProblem, Trial] | None = None
-    for on_grid in problem.make_grid_problems():
-        start = replace(few_curves_fit, middle=on_grid.middles[0])
-        errors = on_grid.make_system(start, creeping).withheld_errors(GRID_SMOOTHNESS_VALUES)
+    for grid in problem.make_grid_problems():
+        start = replace(few_curves_fit, centre=grid.centres[0])
+        errors = grid.make_system(start, creeping).withheld_errors(GRID_SMOOTHNESS_VALUES)
         grid_error = min(errors)
         if best is None or grid_error < best[0]:
             best = (
                 grid_error,
-                on_grid,
+                grid,
                 replace(start, smoothness=GRID_SMOOTHNESS_VALUES[errors.index(grid_error)]),
             )
     assert best is not None
-    grid_error, on_grid, start = best
-    with_initial = on_grid.include_initial_curves()
-    (error_with_initial,) = with_initial.make_system(start, creeping).withheld_errors([start.smoothness])
+    grid_error, grid, start = best
+    full_problem = grid.include_initial_curves()
+    (error_with_initial,) = full_problem.make_system(start, creeping).withheld_errors([start.smoothness])
     if error_with_initial <= MAX_INITIAL_CURVE_ERROR_RATIO * grid_error:
-        grid_error, on_grid = error_with_initial, with_initial
-    fit = on_grid.solve(start, creeping)
+        grid_error, grid = error_with_initial, full_problem
+    fit = grid.solve(start, creeping)
     for _ in range(CREEP_ROUNDS - 1 if few_curves_fit.creep_times else 0):
-        fit = on_grid.solve(fit)
+        fit = grid.solve(fit)
     initial_samples = [
         grid_mask & ~few_mask
-        for grid_mask, few_mask in zip(on_grid.fitted_masks, problem.fitted_masks, strict=True)
+        for grid_mask, few_mask in zip(grid.fitted_masks, problem.fitted_masks, strict=True)
     ]
-    grid_error = float(np.hypot(grid_error, on_grid.deviation(fit, creeping, initial_samples)))
+    grid_error = float(np.hypot(grid_error, grid.deviation(fit, creeping, initial_samples)))
     few_error = float(np.hypot(few_error, problem.deviation(few_curves_fit, creeping, initial_samples)))
-    return on_grid, fit, grid_error, few_error
+    return grid, fit, grid_error, few_error
 
 
 def limit_rate(model: Model, loopset: Loops) -> tuple[Model, str]:
@@ -187,13 +187,13 @@ def limit_rate(model: Model, loopset: Loops) -> tuple[Model, str]:
     ]
     excluded_indices = [index for index, rate in enumerate(rates) if rate not in accepted_rates]
     first_excluded = excluded_indices[0] if excluded_indices else len(rates)
-    fastest = rates[max(0, first_excluded - 1)]
+    max_rate = rates[max(0, first_excluded - 1)]
     assert model.dynamics is not None
-    model = replace(model, dynamics=replace(model.dynamics, fastest=fastest))
+    model = replace(model, dynamics=replace(model.dynamics, fastest=max_rate))
     if not excluded_indices:
-        return model, f"the loops run at up to {fastest:.2g} Hz; faster runs were not measured"
+        return model, f"the loops run at up to {max_rate:.2g} Hz; faster runs were not measured"
     return model, (
-        f"the model is valid up to {fastest:.2g} Hz: its error is {100 * mean_errors[first_excluded - 1]:.2g} % of "
+        f"the model is valid up to {max_rate:.2g} Hz: its error is {100 * mean_errors[first_excluded - 1]:.2g} % of "
         f"the range there, and at {rates[first_excluded]:.2g} Hz {100 * mean_errors[first_excluded]:.2g} %"
     )
 
@@ -201,4 +201,4 @@ def limit_rate(model: Model, loopset: Loops) -> tuple[Model, str]:
 def _make_candidate(problem: CellProblem, name: str, attempt: Trial) -> CandidateFit:
     assert attempt.weights is not None
     count = int(np.count_nonzero(attempt.weights))
-    return CandidateFit(law=name, gap_map="none", numbers=count, rms=attempt.rms / problem.height)
+    return CandidateFit(law=name, gap_map="none", numbers=count, rms=attempt.rms / problem.output_range)

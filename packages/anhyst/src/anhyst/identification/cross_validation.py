@@ -32,13 +32,13 @@ Fold = frozenset[int]  # indices of the gaps, loops or blocks of samples that ar
 WithheldKind = Literal["gap", "loop", "block"]
 
 _BLOCKS_PER_LOOP = {1: 6, 2: 4}
-"""Number of blocks per loop for one and two loops, so that blocks cover both ends and the middles.
+"""Number of blocks per loop, for one loop and for two. The blocks cover both ends and the middles.
 """
 
 _CLEAR_SQUARE_RATIO = 1.0 / 9.0
-"""Ratio of mean square errors below which a fit that is better everywhere needs no scatter test."""
+"""Ratio of mean square errors below which a fit that is better at all loops needs no other test."""
 
-_MIN_WITHHELD_ITEMS = 4  # minimum number of withheld items for "better everywhere"
+_MIN_WITHHELD_ITEMS = 4  # minimum number of differences for _CLEAR_SQUARE_RATIO
 EQUAL_ERROR_RATIO = 1.02
 """Ratio of cross-validation errors within which they count as equal."""
 
@@ -47,18 +47,17 @@ _MAX_MEAN_ERROR_RATIO = 1.05
 
 _NEGLIGIBLE_SQUARE = 1e-8
 """Mean square error below any sensor noise, relative to the largest output squared."""
-FOLD_SAMPLES = 160  # samples per loop of a refit, at most
+FOLD_SAMPLES = 160  # maximum number of samples per loop in a refit
 
 _TOLERANCE = 1e-5
 _MAX_STEPS = 25
 """Stopping rule of a refit of a Jiles-Atherton law."""
 _CELL_TOLERANCE = 1e-4
 _MAX_CELL_STEPS = 8
-"""Stopping rule of a refit of play cells, with a larger tolerance because of their many parameters.
-"""
+"""Stopping rule of a refit of play cells, which have many parameters: a larger tolerance."""
 
 PRIOR_LOG_STD = 0.35
-"""Prior standard deviation of the logarithm of the error between gaps. It has the weight of
+"""Prior standard deviation of the logarithm of the error between gaps. The prior has the weight of
 :data:`_PRIOR_GAPS` gaps, because the scatter of two or three gaps alone is very uncertain."""
 
 _PRIOR_GAPS = 3.0
@@ -73,10 +72,10 @@ _MIN_ERROR_SHARE = 0.3
 
 @dataclass(frozen=True, slots=True)
 class WithheldError:
-    """Errors at a withheld gap, loop or block, relative to full scale; infinite if unsolvable."""
+    """Errors at a withheld gap, loop or block, relative to full scale; infinite if unsolved."""
 
     mean: float  # mean absolute error over all samples
-    # mean squares of its loops without the explained drift; noise affects all models equally, so it
+    # mean squares of the loops without the explained drift; noise affects all models equally, so it
     # cancels in differences of mean squares
     mean_squares: tuple[float, ...]
     outer_squares: tuple[
@@ -86,7 +85,7 @@ class WithheldError:
 
 @dataclass(frozen=True, slots=True)
 class Refit:
-    """A fit without some parts: its cost, and its error at each of these parts."""
+    """A fit without some gaps, loops or blocks: its cost, and its error at each of them."""
 
     cost: float
     errors: Mapping[int, WithheldError]
@@ -100,7 +99,7 @@ def inner_gaps(gaps: int) -> range:
 def inner_loops(records: FitRecords) -> tuple[int, ...]:
     """Return the indices of loops with a smaller and a larger loop at their gap.
 
-    If there are fewer than two, the smallest loop of each gap counts too.
+    If fewer than two loops qualify, the smallest loop of each gap counts too.
     """
     order: list[list[int]] = [[] for _ in range(records.gap_count)]
     for index in np.argsort([float(np.max(np.abs(record.output))) for record in records.loops]):
@@ -122,7 +121,7 @@ def block_numbers(records: FitRecords) -> tuple[int, ...]:
 
 
 def refit(start: FoundModel, loopset: Loops, fold: Fold, withheld_kind: WithheldKind = "gap") -> Refit:
-    """Fit without some gaps, loops or blocks, select the offsets again, and predict these parts."""
+    """Fit without some gaps, loops or blocks, select the offsets again, and predict these data."""
     full_space = start.with_records(start.space.records.thinned(FOLD_SAMPLES)).space
     groups = list(loopset.by_schedule().values())
     blocks, coordinates = blocks_per_loop(full_space.records), np.arange(full_space.size)
@@ -177,7 +176,7 @@ def _block_errors(
         if loop not in residuals:
             residuals[loop] = _residuals(model, [loops[loop]])[0] / span
         block_residual = residuals[loop][block_numbers_along(loops[loop].input, blocks) == number]
-        samples = max(block_residual.size, 1)  # a block within a jump has no samples
+        samples = max(block_residual.size, 1)  # no sample lies in a block that is inside a jump
         errors[index] = WithheldError(
             float(np.sum(np.abs(block_residual))) / samples,
             (float(block_residual @ block_residual) / samples,),
@@ -202,17 +201,17 @@ def _mean_squares_without_drift(
 
 
 def mean_error(errors: Sequence[WithheldError]) -> float:
-    """Return the mean of the errors over the withheld parts."""
+    """Return the mean of the errors at all withheld gaps, loops or blocks."""
     return float(np.mean([error.mean for error in errors]))
 
 
 def mean_square_error(errors: Sequence[WithheldError]) -> float:
-    """Return the mean square over the loops of the withheld parts and of the outermost gaps."""
+    """Return the mean square error over the loops of withheld data and of the outermost gaps."""
     return float(np.mean([square for error in errors for square in error.mean_squares + error.outer_squares]))
 
 
 def is_better(
-    simpler: Sequence[WithheldError], complex_: Sequence[WithheldError], sigmas: float = 1.0
+    simpler_errors: Sequence[WithheldError], complex_errors: Sequence[WithheldError], sigmas: float = 1.0
 ) -> bool:
     """Whether a complex fit is better by more than a number of standard errors of the difference.
 
@@ -220,7 +219,7 @@ def is_better(
     that over the gaps, because loops of a gap are correlated. A fit that is better only at the
     fitted gaps, but worse at the withheld ones, is not accepted.
     """
-    pairs = list(zip(simpler, complex_, strict=True))
+    pairs = list(zip(simpler_errors, complex_errors, strict=True))
     withheld_differences = [
         np.subtract(simpler_error.mean_squares, complex_error.mean_squares)
         for simpler_error, complex_error in pairs
@@ -231,7 +230,7 @@ def is_better(
     ]
     differences = np.concatenate([*withheld_differences, *outer_differences])
     if not np.isfinite(differences).all() or differences.size < 2:
-        return not np.isfinite(mean_error(simpler)) and np.isfinite(mean_error(complex_))
+        return not np.isfinite(mean_error(simpler_errors)) and np.isfinite(mean_error(complex_errors))
     standard_error = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)
     if len(pairs) > 1:
         gap_means = [
@@ -240,13 +239,13 @@ def is_better(
         ]
         scatter = float(np.std(gap_means, ddof=1))
         standard_error = max(standard_error, scatter / math.sqrt(len(gap_means)))
-    min_difference = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_)
+    min_difference = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_errors)
     is_better_everywhere = differences.size >= _MIN_WITHHELD_ITEMS and bool(np.all(differences > 0.0))
-    if is_better_everywhere and mean_square_error(complex_) < _CLEAR_SQUARE_RATIO * mean_square_error(
-        simpler
+    if is_better_everywhere and mean_square_error(complex_errors) < _CLEAR_SQUARE_RATIO * mean_square_error(
+        simpler_errors
     ):
         return True
-    has_larger_mean = mean_error(complex_) > _MAX_MEAN_ERROR_RATIO * mean_error(simpler)
+    has_larger_mean = mean_error(complex_errors) > _MAX_MEAN_ERROR_RATIO * mean_error(simpler_errors)
     return bool(
         float(differences.mean()) > max(sigmas * standard_error, min_difference) and not has_larger_mean
     )
@@ -255,7 +254,7 @@ def is_better(
 def mean_log_ratio(first: Sequence[WithheldError], second: Sequence[WithheldError]) -> tuple[float, float]:
     """Return the mean logarithm of the ratio of two errors, and its standard error.
 
-    The ratio is taken for each withheld part, so that one part with extrapolation does not decide.
+    The ratio is taken for each withheld item. Otherwise, one item with extrapolation would decide.
     """
     ratios = [
         math.log(sum(first_error.mean_squares) + _NEGLIGIBLE_SQUARE)
@@ -312,5 +311,5 @@ def _student_quantile(freedom: float) -> float:
     z = 1.644854
     first = (z**3 + z) / 4.0
     second = (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
-    third = (3.0 * z**7 + 19.0 * z**5 + 17.0 * z**3 - 15.0 * z) / 384.0
-    return z + first / freedom + second / freedom**2 + third / freedom**3
+    correction = (3.0 * z**7 + 19.0 * z**5 + 17.0 * z**3 - 15.0 * z) / 384.0
+    return z + first / freedom + second / freedom**2 + correction / freedom**3

@@ -1,4 +1,4 @@
-"""Search Jiles-Atherton parameters: screen one gap, descend from the best, join the gaps.
+"""Search Jiles-Atherton parameters: screen one gap, optimise the best sets, then join all gaps.
 
 1. Simulate many parameter sets for the loops of the gap with the largest output (:mod:`.screening`).
 2. Minimise the squared residuals at that gap from the few best sets that differ.
@@ -28,7 +28,7 @@ _MIN_STEPS_TO_EXTRAPOLATE = 5  # steps after which the progress of a descent pre
 
 
 def _damped_step(linear: Linearisation, is_free: NDArray[np.bool_], damping: float) -> FloatArray:
-    """Return the damped Gauss-Newton step in the free coordinates; zero in the others."""
+    """Return the damped Gauss-Newton step in the free coordinates; zero in the fixed ones."""
     normal = linear.normal[np.ix_(is_free, is_free)]
     diagonal = np.diag(normal)
     normal[np.diag_indices_from(normal)] += damping * np.maximum(diagonal, 1e-9 * diagonal.max())
@@ -46,8 +46,8 @@ def _weight_step(linear: Linearisation, theta: FloatArray, lower: FloatArray, da
 
     diagonal = np.diag(linear.normal)
     normal = linear.normal + np.diag(damping * np.maximum(diagonal, 1e-9 * diagonal.max()))
-    root = np.linalg.cholesky(normal).T
-    distance, _ = nnls(root, root @ (theta - lower) - np.linalg.solve(root.T, linear.gradient))
+    factor = np.linalg.cholesky(normal).T
+    distance, _ = nnls(factor, factor @ (theta - lower) - np.linalg.solve(factor.T, linear.gradient))
     return np.asarray(distance + lower - theta)
 
 
@@ -65,41 +65,41 @@ def descend(
     """
     lower, upper = objective.space.bounds
     theta = np.clip(theta, lower, upper)
-    current = objective.linearise(theta)
-    damping, growth = 1e-3, 2.0
+    linear = objective.linearise(theta)
+    damping, damping_growth = 1e-3, 2.0
     has_cell_weights = isinstance(objective.space.form.cells, WeightKernel)
     for steps_left in range(max_steps - 1, 0, -1):
-        gradient = current.gradient
+        gradient = linear.gradient
         is_free = ~(((theta <= lower) & (gradient > 0.0)) | ((theta >= upper) & (gradient < 0.0)))
-        if not is_free.any() or not np.any(np.diag(current.normal)[is_free]):
+        if not is_free.any() or not np.any(np.diag(linear.normal)[is_free]):
             break
         if has_cell_weights:
-            step = _weight_step(current, theta, lower, damping)
+            step = _weight_step(linear, theta, lower, damping)
         else:
-            step = _damped_step(current, is_free, damping)
+            step = _damped_step(linear, is_free, damping)
         trial = np.clip(theta + step, lower, upper)
         step = trial - theta
-        predicted_gain = -float(step @ (2.0 * current.gradient + current.normal @ step))
-        accepted = objective.linearise_if_better(trial, current.cost)
-        if accepted is not None:
-            gain = current.cost - accepted.cost
+        predicted_gain = -float(step @ (2.0 * linear.gradient + linear.normal @ step))
+        new_linear = objective.linearise_if_better(trial, linear.cost)
+        if new_linear is not None:
+            gain = linear.cost - new_linear.cost
             ratio = gain / max(predicted_gain, 1e-300)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
-            growth = 2.0
+            damping_growth = 2.0
             is_hopeless = (
                 steps_left < max_steps - _MIN_STEPS_TO_EXTRAPOLATE
-                and accepted.cost - gain * steps_left > goal
+                and new_linear.cost - gain * steps_left > goal
             )
-            is_finished = is_hopeless or gain <= tolerance * current.cost
-            theta, current = trial, accepted
+            is_finished = is_hopeless or gain <= tolerance * linear.cost
+            theta, linear = trial, new_linear
             if is_finished:
                 break
         else:
-            damping *= growth
-            growth *= 2.0
-            if abs(predicted_gain) <= tolerance * current.cost or damping > 1e12:
+            damping *= damping_growth
+            damping_growth *= 2.0
+            if abs(predicted_gain) <= tolerance * linear.cost or damping > 1e12:
                 break
-    return theta, current.cost
+    return theta, linear.cost
 
 
 SCREENED_SETS = 256
@@ -147,7 +147,7 @@ def descend_from(
     smoothness: float = 0.0,
     goal: float = np.inf,
 ) -> FoundModel:
-    """Descend from a start; it ends early without a reachable goal (:func:`descend`)."""
+    """Minimise the cost from a start point; stop early if the goal is out of reach."""
     objective = Objective(space, smoothness)
     theta_end, cost = descend(objective, theta, tolerance, max_steps, goal)
     return FoundModel(space, theta_end, cost, objective.evaluations)
@@ -162,7 +162,7 @@ def search_one_gap(form: ResponseForm, records: FitRecords, seed: int, fixed: fr
 
 
 def _descend_from_best(space: CoordinateSpace, starts: list[list[ParameterSet]]) -> FoundModel:
-    """Descend for a few steps from each start, and to convergence from the best result."""
+    """Descend for a few steps from each start point, and to convergence from the best result."""
     max_steps = _SHORT_DESCENT_STEPS + space.records.gap_count
     short_fits = [descend_from(space, space.pack(sets), 1e-4, max_steps) for sets in starts]
     final_fit = descend_from(space, min(short_fits, key=lambda fit: fit.cost).theta)

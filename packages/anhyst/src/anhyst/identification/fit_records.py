@@ -20,34 +20,34 @@ from anhyst.support.numeric import FloatArray
 MAX_REST_SHARE = 0.01  # fraction of the largest input below which the smallest input counts as zero
 
 _EQUAL_READING_SHARE = 1e-3
-"""Largest difference of readings at the same rest, relative to the largest reading. A smaller
-offset counts as zero."""
+"""Largest difference of readings in the same rest period, relative to the largest reading. A
+smaller offset counts as zero."""
 
 _REST_BAND = 0.005
 # a drive rests if this fraction of its samples is within a band above the lowest sample
 _MIN_REST_SHARE = 0.08
 _ROUND_REVERSAL_RATIO = 1.2
-"""A reversal is round if the residual of one curve across it is at most this multiple of that of
-two."""
+"""Reversals are round if one curve across them has at most this multiple of the residual of two
+curves."""
 _BRANCH_PARTS_PER_TIP = 12  # the curves at a reversal use 1/12 of a branch
 _OFFSET_SIGMAS = 3.0  # number of standard errors above which an offset is used
 
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """Reading of a sensor at rest."""
+    """Reading of a sensor while the drive is at rest."""
 
     # sensor offset, SI; zero if the readings do not differ from zero
     offset: float = 0.0
     # standard error of the reading, SI; None if the records do not come to rest
     std: float | None = None
-    # half-width of the 95 % interval, SI, from Student's t for the number of readings
+    # half-width of the 95 % interval by Student's t for the number of readings, SI
     half_width: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class RestReadings:
-    """Readings of both sensors at rest."""
+    """Readings of both sensors while the drive is at rest."""
 
     input: RestReading = field(default_factory=RestReading)
     output: RestReading = field(default_factory=RestReading)
@@ -93,7 +93,7 @@ def _lowest_at_reversals(drive: FloatArray, clock: FloatArray, default: float, s
     """Return the lowest value of a drive that reverses without a rest.
 
     Reversals of minor loops above that value are ignored. Noise makes the smallest sample too
-    small, and the other samples are above the lowest value. Therefore, curves before and after the
+    small, and all other samples are above the lowest value. Therefore, curves before and after the
     reversal are extrapolated to their intersection.
     """
     branch_list = find_branches(drive)
@@ -103,12 +103,12 @@ def _lowest_at_reversals(drive: FloatArray, clock: FloatArray, default: float, s
         if second.is_rising and drive[first.stop - 1] - drive.min() <= MAX_REST_SHARE * span
     ]
     lowest_inputs = []
-    for row, length in reversals:
-        window = max(8, length // _BRANCH_PARTS_PER_TIP)
-        skipped_samples = max(2, window // 10)
-        if skipped_samples + 6 > window or row < window or row + window >= drive.size:
+    for row, branch_length in reversals:
+        window_size = max(8, branch_length // _BRANCH_PARTS_PER_TIP)
+        skipped_samples = max(2, window_size // 10)
+        if skipped_samples + 6 > window_size or row < window_size or row + window_size >= drive.size:
             continue
-        steps, times = np.arange(skipped_samples, window + 1), clock - clock[row]
+        steps, times = np.arange(skipped_samples, window_size + 1), clock - clock[row]
         fine_times = np.linspace(times[row - skipped_samples], times[row + skipped_samples], 101)
         side_rows = [row - steps, row + steps]
         fits = [Polynomial.fit(times[rows], drive[rows], 2) for rows in side_rows]
@@ -159,7 +159,7 @@ class FitRecord:
     clock: FloatArray
     # samples that are excluded from the fit but not from the drive; None: none
     is_withheld: NDArray[np.bool_] | None = None
-    # number of measured samples that each one represents, relative to the mean; None: all equal
+    # number of measured samples that each sample represents, relative to the mean; None: all equal
     sample_shares: FloatArray | None = None
 
     @property
@@ -172,9 +172,9 @@ class FitRecord:
 
     @cached_property
     def remembered_history(self) -> InputHistory:
-        """The part of the earlier drive that remains after the wiping-out property."""
-        past = self.history.extended(self.input, self.gap) if self.is_cycle else self.history
-        return past.remembered()
+        """The part of the earlier drive that later reversals have not wiped out."""
+        earlier_drive = self.history.extended_by(self.input, self.gap) if self.is_cycle else self.history
+        return earlier_drive.remembered()
 
     def pieces(self, max_samples: int) -> Iterator[FitRecord]:
         """Split the record for iron with the wiping-out property; each piece has its history."""
@@ -194,12 +194,12 @@ class FitRecord:
                 is_withheld=None if self.is_withheld is None else self.is_withheld[piece],
                 sample_shares=None if self.sample_shares is None else self.sample_shares[piece],
             )
-            lead_history = lead_history.extended(self.input[piece], self.gap).remembered()
+            lead_history = lead_history.extended_by(self.input[piece], self.gap).remembered()
 
     def thinned(self, max_samples: int) -> FitRecord:
-        """Return about `max_samples` samples at most, plus more in steep parts.
+        """Return at most about `max_samples` samples, plus more in steep parts of the loop.
 
-        With more samples in steep parts, each sample represents the measured samples around it.
+        If steep parts have more samples, each is weighted by the number of samples it represents.
         """
         samples = thin_rows(self.input, max_samples, self.output)
         shares = None if self.sample_shares is None else self.sample_shares[samples]
@@ -230,7 +230,7 @@ class FitRecords:
 
     @property
     def gap_count(self) -> int:
-        """Number of parameter sets for different gaps; one without a scheduling variable."""
+        """Number of gaps, or of other scheduling values; 1 without a scheduling variable."""
         return max(1, self.nodes.size)
 
     @property
@@ -251,11 +251,11 @@ class FitRecords:
         return replace(self, loops=records, nodes=self.nodes[gap : gap + 1])
 
     def without_gaps(self, withheld: Collection[int]) -> FitRecords:
-        """Return the loops of all other gaps, numbered again from zero."""
+        """Return the loops of all other gaps, with the gaps renumbered from zero."""
         kept_gaps = [gap for gap in range(self.gap_count) if gap not in withheld]
-        new_gaps = {old: new for new, old in enumerate(kept_gaps)}
+        new_gaps = {old_index: new_index for new_index, old_index in enumerate(kept_gaps)}
         loops = tuple(
-            replace(record, gap=new_gaps[record.gap], history=record.history.renumbered(kept_gaps))
+            replace(record, gap=new_gaps[record.gap], history=record.history.with_renumbered_gaps(kept_gaps))
             for record in self.loops
             if record.gap in new_gaps
         )
@@ -272,8 +272,8 @@ class FitRecords:
         Each record has `blocks_per_loop` blocks of equal travel, numbered on from record to record.
         """
         numbers = (
-            i * blocks_per_loop + block_numbers_along(d.input, blocks_per_loop)
-            for i, d in enumerate(self.loops)
+            i * blocks_per_loop + block_numbers_along(each_record.input, blocks_per_loop)
+            for i, each_record in enumerate(self.loops)
         )
         loops = tuple(
             replace(record, is_withheld=np.isin(sample_blocks, list(withheld)))
@@ -282,7 +282,7 @@ class FitRecords:
         return replace(self, loops=loops)
 
     def thinned(self, max_samples: int) -> FitRecords:
-        """Return about `max_samples` samples of each loop at most, with the same total weight.
+        """Return at most about `max_samples` samples of each loop, with the same total weight.
 
         The result of the exact step does not depend on the sampling of a path, so a search may use
         fewer samples.
@@ -311,8 +311,8 @@ def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
     return [[clock / longest_time for clock in group] for group in clocks]
 
 
-def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
-    """Return weights with a unit sum of squares over all samples for outputs of full scale."""
+def _sample_weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
+    """Return weights with which residuals of full scale at all samples have a square sum of 1."""
     total = sum(loop.n for loop in loops)
     if weighting == "points":
         return [1.0 / (span * np.sqrt(total))] * len(loops)
@@ -346,7 +346,7 @@ def make_fit_records(
         raise InputError(
             f"the {loopset.output.name} is zero in all loops; check the columns", code="no-output"
         )
-    weights = _weights(loops, output_span, weighting)
+    weights = _sample_weights(loops, output_span, weighting)
     clocks = chain.from_iterable(relative_times(list(groups.values())))
     fitted = tuple(
         FitRecord(
@@ -366,10 +366,10 @@ def make_fit_records(
 
 
 def _input_history(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> InputHistory:
-    """Return the input before a loop; gaps beyond the outermost nodes are limited to these."""
+    """Return the input before a loop; gaps are limited to the range of the nodes."""
     drive = np.asarray(loop.history.turning_points, dtype=np.float64) - offset
     if not loop.history.schedule:
-        return InputHistory.at(drive, gap)
+        return InputHistory.at_one_gap(drive, gap)
     gaps = [
         float(gap) if value is None else float(np.interp(value, nodes, np.arange(nodes.size)))
         for value in loop.history.schedule
@@ -386,11 +386,11 @@ class InputHistory:
     gap_position: FloatArray
 
     @classmethod
-    def at(cls, drive: FloatArray, gap: int) -> InputHistory:
+    def at_one_gap(cls, drive: FloatArray, gap: int) -> InputHistory:
         """Return a history at one gap."""
         return cls(drive, np.full(drive.size, float(gap)))
 
-    def extended(self, drive: FloatArray, gap: int) -> InputHistory:
+    def extended_by(self, drive: FloatArray, gap: int) -> InputHistory:
         """Return the history followed by a drive at a gap."""
         gaps = np.full(drive.size, float(gap))
         return InputHistory(np.concatenate([self.drive, drive]), np.concatenate([self.gap_position, gaps]))
@@ -398,14 +398,14 @@ class InputHistory:
     def reversals_at_gap(self, gap: int) -> InputHistory:
         """Return only the reversals at one gap."""
         is_at_gap = self.gap_position == gap
-        return InputHistory.at(self.drive[is_at_gap], 0)
+        return InputHistory.at_one_gap(self.drive[is_at_gap], 0)
 
-    def renumbered(self, kept_gaps: list[int]) -> InputHistory:
+    def with_renumbered_gaps(self, kept_gaps: list[int]) -> InputHistory:
         """Renumber the gaps if only some are kept; positions between gaps stay between them."""
         return InputHistory(self.drive, np.interp(self.gap_position, kept_gaps, np.arange(len(kept_gaps))))
 
     def remembered(self) -> InputHistory:
-        """Return the part that play cells can remember, without closed cycles at one gap."""
+        """Return the reversals that play cells can remember, without closed cycles at one gap."""
         if not self.drive.size:
             return self
         edges = np.flatnonzero(np.diff(self.gap_position)) + 1
@@ -419,9 +419,9 @@ class InputHistory:
 def remembered_reversals(drive: FloatArray) -> FloatArray:
     """Return the ends and reversals of a drive that play cells can remember, without closed cycles.
 
-    A cycle is closed if both neighbours exceed it. This test does not depend on the zero of the
-    drive, which its offset changes. Therefore, reversals that only a demagnetised start would wipe
-    out are kept.
+    A cycle is closed if both neighbouring reversals exceed it. The test does not depend on the zero
+    of the drive, which the sensor offset changes. Therefore, reversals that only a demagnetised
+    start would wipe out are kept.
     """
     direction = np.sign(np.diff(drive))
     moving_rows = np.flatnonzero(direction)

@@ -105,7 +105,7 @@ def identify(
         outcome = (
             _continue_fit(run, static_loops, previous_outcome)
             if previous_outcome
-            else _search(run, static_loops, gap_map, search)
+            else _run_search(run, static_loops, gap_map, search)
         )
         resolved_model = free_unresolved_cells(outcome.model, static_loops)
         return (
@@ -132,7 +132,7 @@ def identify(
     }
     histories = (SETTLED if loop.history.kind == "settled" else loop.history for loop in loops.loops)
     common = {
-        "name": _name(loops),
+        "name": _model_name(loops),
         "history": Counter(histories).most_common(1)[0][0],
         "valid": valid_range(loops),
         "provenance": Provenance(running_version(), seed, loops.sources, settings),
@@ -141,13 +141,13 @@ def identify(
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
     acceptance = model.acceptance()
     fitted = tuple(map(model.predict_loop, loops.loops))
-    figures = fit_figures(
+    metrics = fit_figures(
         loops, fitted, outcome.withheld_errors, acceptance.passed, outcome.expected_error, outcome.candidates
     )
     residual = analyse_loops(loops, fitted)
     residual_text = describe_residual(residual, loops, model)
-    figures = replace(figures, not_noise=residual.unexplained, left_over=residual_text)
-    model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
+    metrics = replace(metrics, not_noise=residual.unexplained, left_over=residual_text)
+    model = replace(model, fit=metrics, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := find_compile_obstacle(model.at_rest)) is not None else []
     cpu_times["all else"] = time.process_time() - cpu_start - sum(cpu_times.values())
     return IdentifyResult(
@@ -183,8 +183,8 @@ def check_options(law: str, gap_map: str, search: str) -> None:
             )
     kernel = LAWS[DEFAULT_LAW if law == AUTO else law].kernel
     if kernel is not None and kernel.is_coupled and gap_map in SERIES_MAPS:
-        # In this law, alpha acts on the irreversible part only, and a reluctance does not. One
-        # parameter would be fitted for two.
+        # In this law, alpha acts only on the irreversible magnetisation, but a reluctance acts on
+        # all of it. One fitted parameter would have to represent alpha and reluctance.
         raise InputError(
             f"gap map '{gap_map}' cannot be used with law {law}; use --law {DEFAULT_LAW}, or "
             "--gap-map scaling",
@@ -249,7 +249,7 @@ def _needs_creep_fit(loops: Loops, law: str, search: str) -> bool:
     return can_creep and law in {AUTO, CREEPING_LAW} and search == "default"
 
 
-def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
+def _run_search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
     if search == "paper":
         outcome = search_paper(run, loops, gap_map)
         if not outcome.is_interrupted:
@@ -260,7 +260,7 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
     except KeyboardInterrupt:
         if run.best is None:
             raise
-    best_fit = run.best.with_records(run.records)  # the search may have thinned them
+    best_fit = run.best.with_records(run.records)  # the search may have used thinned records
     reason = "the search was interrupted: this is the best model so far"
     return make_outcome(best_fit, loops, reason, interrupted=True)
 
@@ -274,7 +274,7 @@ def _continue_fit(run: SearchRun, loops: Loops, outcome: Outcome) -> Outcome:
 
 
 def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
-    gaps, quantities = len(loops.schedule_values), outcome.parameter_count
+    gaps, parameter_count = len(loops.schedule_values), outcome.parameter_count
     warnings = [note for note in loops.notes if "columns not used" in note]
     warnings += [outcome.map_reason] if gaps == 2 else []
     if outcome.resumed_stages:
@@ -283,18 +283,18 @@ def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
         warnings.append(f"loops at only one {loops.schedule.name}: the model is valid only there")
     if len(loops) == 1:
         size = f"{100.0 * outcome.ambiguity:.2g} % of the largest output"
-        ambiguity_text = f"laws that fit it equally well differ by {size} inside it, and "
-        guess = "inner loops are a guess of the law; measure smaller loops too"
-        warnings.append("only one loop: " + (ambiguity_text if outcome.ambiguity else "") + guess)
+        ambiguity_text = f"laws that fit this loop equally well differ by {size} inside it, and "
+        guess_text = "inner loops are only predicted by the law; measure smaller loops too"
+        warnings.append("only one loop: " + (ambiguity_text if outcome.ambiguity else "") + guess_text)
     samples = sum(loop.n for loop in loops.loops)
-    if samples < MIN_SAMPLES_PER_PARAMETER * quantities:
+    if samples < MIN_SAMPLES_PER_PARAMETER * parameter_count:
         warnings.append(
-            f"{samples} samples for {quantities} parameters: a good fit is not evidence; record more samples"
+            f"{samples} samples for {parameter_count} parameters: a good fit is not evidence; record more samples"
         )
     return warnings
 
 
-def _name(loops: Loops) -> str:
+def _model_name(loops: Loops) -> str:
     """Return the name of the model: its file, or the folder of all files."""
     paths = [Path(source.path) for source in loops.sources]
     if len(paths) == 1:

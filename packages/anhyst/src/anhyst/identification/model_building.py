@@ -1,16 +1,16 @@
 """Convert a fit in the gauge-free form to a physical model, and fit the dead band of its law.
 
-Outputs do not change along the redundancies of docs/theory.md, so values along them are chosen and
-reported:
+Some parameter changes (redundancies, docs/theory.md) do not change any output. Values along the
+redundancies are chosen and reported:
 
 - If field and flux density are measured, everything is determined.
 - Otherwise, ``M_s`` is set to 1e6 A/m if no measured quantity determines it.
 - Reluctance and circuit map: ``alpha = 0``. If ``rho`` or its linear extrapolation to the closed gap
   would be negative, the smallest value is set to zero and alpha takes the difference.
 
-A Jiles-Atherton law forgets with the total travel of the field. Noise of a demand erases its memory
-within milliseconds, and a small periodic error, such as the ripple of a table with a vibrating gap,
-makes it drift. A play before its irreversible part prevents this for small movements
+The memory of a Jiles-Atherton law fades with the total travel of the field. Noise of a demand
+erases the memory within milliseconds. A small periodic error, such as a ripple of the gap, makes
+the output drift. A play before the irreversible part prevents drift in small movements
 (docs/theory.md). Measured loops barely determine the width of this dead band, so the widest
 acceptable one is used.
 """
@@ -51,7 +51,7 @@ def make_response_form(input_quantity: Quantity, output_quantity: Quantity, law:
 
 
 def is_scheduled_over_gap(loopset: Loops) -> bool:
-    """Whether the scheduling variable is a gap, which moves and does not change the iron."""
+    """Whether the scheduling variable is a gap, which can change without a change of the iron."""
     return loopset.schedule is not None and loopset.schedule.name == "gap"
 
 
@@ -87,7 +87,7 @@ def physical_parameters(
 
 
 def _make_reluctance_positive(form: ResponseForm, table: list[dict[str, float]], gaps: FloatArray) -> None:
-    """Move along the redundancy of alpha and rho until no reluctance is negative."""
+    """Use the redundancy of alpha and rho to make all reluctances nonnegative."""
     rho = np.array([row["rho"] for row in table])
     min_rho = float(rho.min())
     if gaps.size > 1:
@@ -107,9 +107,9 @@ def _physical_at_gap(
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
     else:
         alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
-    unscaled = parameter_set.scale / (1.0 + rho)  # input per unit of effective field without the gap
+    input_per_field = parameter_set.scale / (1.0 + rho)  # input per unit of effective field without a gap
     if input_name == "field" and gap_map != "scaling":
-        a = unscaled
+        a = input_per_field
         saturation = a / (h * (1.0 - alpha))
     else:
         is_known = output_quantity.is_flux_density and gap_map != "circuit"
@@ -117,18 +117,18 @@ def _physical_at_gap(
         a = h * saturation * (1.0 - alpha)
     c_out = parameter_set.gain / (MU_0 * saturation * (1.0 - alpha)) ** output_quantity.power
     if abs(c_out - 1.0) < 1e-12:
-        c_out = 1.0  # with measured flux density, it is 1 except for rounding
+        c_out = 1.0  # 1 except for rounding if flux density is measured
     return {
         **form.kernel.iron_parameters(saturation, a, parameter_set.law, alpha),
         "rho": rho,
-        "c_H": a / unscaled,
+        "c_H": a / input_per_field,
         "c_out": c_out,
         "in_0": parameter_set.in_0,
         "out_0": parameter_set.out_0,
     }
 
 
-_PIECES_PER_GAP_INTERVAL = 4  # pieces between two gaps for the curves of a model with leakage
+_PIECES_PER_GAP_INTERVAL = 4  # number of intervals between two gaps in a model with leakage
 
 
 def make_model(fit: FoundModel, loopset: Loops) -> Model:
@@ -160,8 +160,8 @@ def make_model(fit: FoundModel, loopset: Loops) -> Model:
 def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
     """Return the nodes of a model and the sets there; with leakage, also between the gaps.
 
-    The reluctance of the gap itself is interpolated, because the reluctance that the iron sees with
-    a leakage path is curved. The nodes are so dense that the curves between them do not matter.
+    The reluctance of the gap itself is interpolated, because the iron sees a curved reluctance if
+    there is leakage. The nodes are so dense that the curves between them do not matter.
     """
     space, sets = fit.space, fit.parameter_sets
     nodes = space.records.nodes
@@ -192,12 +192,12 @@ def valid_range(loopset: Loops) -> ValidRange:
     """Return the measured range."""
 
     def span(values: list[FloatArray]) -> tuple[float, float]:
-        return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+        return min(float(range_values.min()) for range_values in values), max(float(v.max()) for v in values)
 
     gaps = loopset.schedule_values
     low, high = span([loop.input for loop in loopset.loops])
     if 0.0 < low <= MAX_REST_SHARE * high:
-        low = 0.0  # the sensor offset must not flag a drive at rest
+        low = 0.0  # despite the sensor offset, a drive at rest is in range
     return ValidRange(
         input=(low, high),
         output=span([loop.output for loop in loopset.loops]),
@@ -210,10 +210,10 @@ DEAD_BAND_RATIOS = (0.35, 0.2, 0.1, 0.05, 0.02)
 
 MAX_DEVIATION_RATIO = 1.03  # factor by which the rms residual may grow
 _DEAD_BAND_TOLERANCE = 1e-8
-_MAX_DEAD_BAND_STEPS = 40  # few steps, because the fit starts near its result
+_MAX_DEAD_BAND_STEPS = 40  # few steps are enough, because the fit starts near its result
 
 
-def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
+def add_dead_band(fit: FoundModel, is_acceptable: Callable[[FoundModel], bool]) -> FoundModel:
     """Fit again with the widest dead band that the loops allow."""
     form, max_cost = fit.space.form, MAX_DEVIATION_RATIO**2 * fit.cost
     for ratio in DEAD_BAND_RATIOS:
@@ -221,20 +221,20 @@ def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> Fou
         fit_with_band = descend_from(
             space, fit.theta, _DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS, fit.smoothness, goal=max_cost
         )
-        if fit_with_band.cost <= max_cost and accepts(fit_with_band):
+        if fit_with_band.cost <= max_cost and is_acceptable(fit_with_band):
             return replace(fit_with_band, evaluations=fit.evaluations + fit_with_band.evaluations)
     return fit
 
 
-def explain_dead_band(fit_without: FoundModel, fit_with: FoundModel) -> str:
+def explain_dead_band(plain_fit: FoundModel, band_fit: FoundModel) -> str:
     """Describe the dead band and its effect on the residual."""
-    ratio = fit_with.space.form.dead_band
+    ratio = band_fit.space.form.dead_band
     if ratio == 0.0:
         return (
             f"none: even {DEAD_BAND_RATIOS[-1]:g}*k increases the deviation by more than "
             f"{MAX_DEVIATION_RATIO - 1:.0%}"
         )
-    deviation_change = float(np.sqrt(fit_with.cost / fit_without.cost)) - 1.0
+    deviation_change = float(np.sqrt(band_fit.cost / plain_fit.cost)) - 1.0
     return (
         f"r_d = {ratio:g}*k, the widest that increases the deviation by at most {MAX_DEVIATION_RATIO - 1:.0%}; "
         f"the deviation from the loops changes by {100.0 * deviation_change:+.1f} %"

@@ -79,7 +79,7 @@ from anhyst.model.schema import CandidateFit, CrossValidation
 from anhyst.support.errors import InputError
 
 MIN_SAMPLES_PER_PARAMETER = 5
-"""Minimum number of samples per fitted parameter. With fewer, a good fit is not evidence."""
+"""Minimum number of samples per fitted parameter, below which a good fit is not evidence."""
 
 _MAX_DRIFT_RMS = 0.04
 """Largest rms residual of a model without sensor drift, relative to full scale, that is accepted.
@@ -95,14 +95,14 @@ _MAX_ERROR_RATIO = 5.0
 passing the acceptance test."""
 
 CARRIED_STARTS = 24
-"""Screened parameter sets of the reference gap that are tried at the other gaps, besides its
+"""Screened parameter sets of the reference gap that are tried at the other gaps in addition to its
 optimum."""
 
 
-def make_outcome(fit: FoundModel, loopset: Loops, why: str, *, interrupted: bool = False) -> Outcome:
+def make_outcome(fit: FoundModel, loopset: Loops, reason: str, *, interrupted: bool = False) -> Outcome:
     """Return a fit as the outcome of a search, without the other candidates."""
     model, uncertainty = make_model(fit, loopset), assess_uncertainty(fit, loopset)
-    return Outcome(model, uncertainty, fit.theta.size, fit.evaluations, why, interrupted, fit=fit)
+    return Outcome(model, uncertainty, fit.theta.size, fit.evaluations, reason, interrupted, fit=fit)
 
 
 def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
@@ -144,7 +144,7 @@ def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
         make_outcome(fit, loopset, map_reason),
         dead_band=dead_band,
         withheld_errors={name: error for name, error in maps.items() if np.isfinite(error)},
-        expected_error=run.timed("left out", choice.estimate_unseen_error),
+        expected_error=run.measure_time("left out", choice.estimate_unseen_error),
         candidates=candidates,
         law_reason=law_reason,
         ambiguity=ambiguity,
@@ -213,10 +213,10 @@ class Selection:
             if gap_map == "free":
                 full_search = search_each_gap(run.form, run.search_records, run.seed, fixed)
             elif gap_map in {"leakage", "circuit"}:
-                series = reluctance_fit or join_gaps(
+                series_fit = reluctance_fit or join_gaps(
                     run.form, run.search_records, "reluctance", starts, fixed
                 )
-                full_search = join_circuit(series, gap_map, candidate.common)
+                full_search = join_circuit(series_fit, gap_map, candidate.common)
             else:
                 full_search = join_gaps(run.form, run.search_records, gap_map, starts, fixed)
             return Fits(full_search, remove_unneeded_offsets(full_search))
@@ -227,7 +227,7 @@ class Selection:
         return fits
 
     def compare_play_cells(self, base: ModelCandidate) -> ModelCandidate:
-        """Fit play cells under the most flexible map, then the best under other maps, and select.
+        """Fit play cells under the most flexible gap map, then the best under others, and select.
 
         With fewer than three gaps, inner loops are withheld; with fewer than two of these, blocks
         of samples.
@@ -238,7 +238,7 @@ class Selection:
             if len(comparison.withheld) < 2:
                 comparison.withheld_kind, comparison.withheld = ("block", block_numbers(run.search_records))
             comparison.eligible[:] = [base]
-            run.timed("left out", partial(self._refit_folds, [base]))
+            run.measure_time("left out", partial(self._refit_folds, [base]))
         cell_entries = self._search_cells(base)
         if not cell_entries:
             return self.select()
@@ -251,15 +251,15 @@ class Selection:
             map_variants.append(with_gap_map(best, free_maps[0]))
         for candidate in map_variants:
             refit_cells = partial(fit_under_map, comparison.fits[best].full, candidate, run.search_records)
-            run.timed("play cells", partial(self._try_fit, candidate, refit_cells))
+            run.measure_time("play cells", partial(self._try_fit, candidate, refit_cells))
         map_variants = [candidate for candidate in map_variants if candidate in comparison.fits]
-        run.timed("left out", partial(self._refit_folds, map_variants))
+        run.measure_time("left out", partial(self._refit_folds, map_variants))
         cell_entries += map_variants
         if base.gap_map != "free" and _has_samples_for_weights(comparison.fits[best].reduced):
             best = min(cell_entries, key=lambda candidate: comparison.withheld_error(candidate) or 0.0)
             refined_candidate = with_fitted_weights(best)
-            refine = partial(fit_cell_weights, comparison.fits[best].reduced, run.search_records)
-            run.step("play cells", partial(self._try_fit, refined_candidate, refine))
+            fit_weights = partial(fit_cell_weights, comparison.fits[best].reduced, run.search_records)
+            run.step("play cells", partial(self._try_fit, refined_candidate, fit_weights))
             refined_entries = [refined_candidate] if refined_candidate in comparison.fits else []
             run.step("left out", partial(self._refit_folds, refined_entries))
             cell_entries += refined_entries
@@ -330,7 +330,7 @@ class Selection:
         return expected_error(comparison.nested_errors(), noises[1:-1])
 
     def _refit_folds(self, candidates: Sequence[ModelCandidate], fold_size: int = 1) -> None:
-        """Fit some candidates again without each withheld part, or without each pair of them."""
+        """Fit some candidates again without each withheld item, or without each pair of items."""
         comparison = self.comparison
         for fold in map(frozenset, combinations(comparison.withheld, fold_size)):
             refits = comparison.refits.setdefault(fold, {})
@@ -342,18 +342,18 @@ class Selection:
     def exceeds_noise(self, fit: FoundModel) -> bool:
         """Whether a fit's residual exceeds the sensor noise, so that another law may be better.
 
-        The test assumes white noise. For smoother noise (:mod:`anhyst.model.residual_analysis`),
-        its only effect is an unnecessary search.
+        The test assumes white noise. With smoother noise (:mod:`anhyst.model.residual_analysis`), a
+        wrong result only causes an unnecessary search.
         """
         cost = Objective(fit.space).linearise(fit.theta).cost
         return cost > max(_NOISE_LIMITED_RATIO**2 * self._noise_cost(fit), NEGLIGIBLE_DEVIATION**2)
 
     def _noise_cost(self, fit: FoundModel) -> float:
         """Return the cost that the sensor noise adds to any fit."""
-        ordered = [loop for group in self.loopset.by_schedule().values() for loop in group]
+        ordered_loops = [loop for group in self.loopset.by_schedule().values() for loop in group]
         return sum(
             record.weight**2 * record.input.size * estimate_noise(loop.output) ** 2
-            for record, loop in zip(fit.space.records.loops, ordered, strict=True)
+            for record, loop in zip(fit.space.records.loops, ordered_loops, strict=True)
         )
 
     def _filter_eligible(self, candidates: list[ModelCandidate]) -> list[ModelCandidate]:
@@ -379,7 +379,7 @@ class Selection:
     def select(self) -> ModelCandidate:
         """Return the best candidate that passes the acceptance test and is not overfitted.
 
-        If its error is much larger than the smallest one, these tests are ignored.
+        The tests are ignored if the error would otherwise be much larger than the smallest one.
         """
         comparison = self.comparison
         candidates = list(comparison.eligible)
@@ -388,8 +388,8 @@ class Selection:
         )
         while comparison.eligible:
             best = comparison.select_best()
-            passes = _passes_acceptance(comparison.fits[best].reduced, self.loopset)
-            if len(candidates) == 1 or (passes and not self._is_overfitted_between_gaps(best)):
+            passing_candidates = _passes_acceptance(comparison.fits[best].reduced, self.loopset)
+            if len(candidates) == 1 or (passing_candidates and not self._is_overfitted_between_gaps(best)):
                 if (comparison.withheld_error(best) or 0.0) <= max_error:
                     return best
                 break
@@ -417,11 +417,11 @@ class Selection:
         )
 
     def finish_best(self, best: ModelCandidate) -> tuple[ModelCandidate, FoundModel, str]:
-        """Finish the best candidate; if that fails, the next one. The last failure is raised."""
+        """Finish the best candidate or, if that fails, the next; raise the last failure."""
         comparison = self.comparison
         while True:
             try:
-                fit, dead_band = _finish(self.run, self.loopset, comparison.fits[best].reduced)
+                fit, dead_band = _finish_fit(self.run, self.loopset, comparison.fits[best].reduced)
                 if (
                     len(comparison.eligible) > 1
                 ):  # with a single remaining candidate, only the deviation is reported
@@ -435,7 +435,7 @@ class Selection:
                 return best, fit, dead_band
 
     def ambiguity_within_one_loop(self, best: ModelCandidate) -> float:
-        """Return how far candidates that follow the only loop equally well differ inside it."""
+        """Return how much equally good candidates differ inside the only loop."""
         if len(self.loopset) > 1:
             return 0.0
         chosen = self.comparison.fits[best].reduced
@@ -467,7 +467,7 @@ def _is_usable(fit: FoundModel, loopset: Loops) -> bool:
     return find_compile_obstacle(model) is None and has_plausible_initial_curve(model, loopset)
 
 
-@lru_cache(maxsize=2)  # the same fit is tested several times in a row
+@lru_cache(maxsize=2)  # the same fit is tested several times in succession
 def _passes_acceptance(fit: FoundModel, loopset: Loops) -> bool:
     model = replace(make_model(fit, loopset), valid=valid_range(loopset))
     return model.acceptance().passed is not False
@@ -484,7 +484,7 @@ def _require_no_drift(fit: FoundModel, loopset: Loops) -> None:
         )
 
 
-def _finish(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:
+def _finish_fit(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:
     """Add the dead band and run the fit to convergence on all samples."""
     dead_band = "none: not requested"
     if fit.space.form.cells is not None:
@@ -495,10 +495,10 @@ def _finish(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel
     descend = partial(
         descend_from, start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness
     )
-    converged = run.step("last steps", descend)
-    # The last steps gain little. They are discarded if they make a usable model unusable.
-    became_unusable = _is_usable(start, loopset) and not _is_usable(converged, loopset)
-    return start.with_records(run.records) if became_unusable else converged, dead_band
+    final_fit = run.step("last steps", descend)
+    # The last steps gain little, and are discarded if they make a usable model unusable.
+    became_unusable = _is_usable(start, loopset) and not _is_usable(final_fit, loopset)
+    return start.with_records(run.records) if became_unusable else final_fit, dead_band
 
 
 def _add_dead_band(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:

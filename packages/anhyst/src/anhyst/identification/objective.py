@@ -23,7 +23,7 @@ from anhyst.identification.response import (
     ResponseForm,
     interpolate_over_gaps,
     output_derivatives,
-    require_slope,
+    require_steepness,
 )
 from anhyst.identification.space import CoordinateSpace
 from anhyst.support.errors import NoResponseError
@@ -34,7 +34,7 @@ _MAX_SAMPLES_PER_CALL = 20_000
 
 
 class CellResponder:
-    """Simulates drives from the demagnetised state, and caches how drives are grouped."""
+    """Simulator of drives from the demagnetised state, with a cache of how drives are grouped."""
 
     def __init__(self) -> None:
         self._groups: dict[tuple[int, ...], list[_DriveGroup]] = {}
@@ -60,20 +60,20 @@ class CellResponder:
         """Yield gap, output and derivatives, shape (n, parameters), of all drives."""
         for cells, drives in self._group_cells(form, sets, records):
             omega, r, scale = drives.cell_inputs(sets)
-            # The effect of the circuit at other gaps through the history is neglected.
+            # The dependence of the history on the circuit at other gaps is neglected.
             r_t = np.stack([-r * drives.is_own_gap / scale, -drives.is_own_gap / scale], axis=1)
             path = cells.follow_with_derivatives(omega, r, drives.is_own_gap, r_t, drives.starts)
             path = CellPath(*(values[drives.sample_indices] for values in path))
-            output, by_local = output_derivatives(form, sets, drives.gaps, path)
+            output, local_derivatives = output_derivatives(form, sets, drives.gaps, path)
             for gap, samples in drives.gap_slices:
-                yield gap, output[samples], by_local[samples]
+                yield gap, output[samples], local_derivatives[samples]
 
     def _group_cells(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[DrivenCells, _DriveGroup]]:
         """Yield the cells of each group of drives that share them."""
         assert form.cells is not None
-        require_slope(sets)
+        require_steepness(sets)
         try:
             cells = [form.cells.make_driven_cells(parameter_set.law) for parameter_set in sets]
         except ValueError as error:
@@ -91,7 +91,7 @@ class CellResponder:
 
 @dataclass(frozen=True, eq=False)
 class _DriveGroup:
-    """Drives one after the other, each after its history."""
+    """Concatenated drives, each preceded by its history."""
 
     records: Sequence[FitRecord]
     drive: FloatArray  # SI; shape (n,)
@@ -102,17 +102,17 @@ class _DriveGroup:
 
     @cached_property
     def sample_indices(self) -> NDArray[np.intp]:
-        """Indices of the samples of records."""
+        """Indices of the record samples, without the histories."""
         return np.concatenate([np.arange(samples.start, samples.stop) for samples in self.record_slices])
 
     @cached_property
     def gap_slices(self) -> list[tuple[int, slice]]:
-        """Gaps, and the slices of their samples among the samples of records."""
-        spans, first = [], 0
+        """Gaps, and the slice of each gap in the samples of all records."""
+        spans, begin = [], 0
         for gap, gap_records in groupby(self.records, lambda record: record.gap):
-            last = first + sum(record.input.size for record in gap_records)
-            spans.append((gap, slice(first, last)))
-            first = last
+            end = begin + sum(record.input.size for record in gap_records)
+            spans.append((gap, slice(begin, end)))
+            begin = end
         return spans
 
     @cached_property
@@ -122,7 +122,7 @@ class _DriveGroup:
         return np.repeat([record.gap for record in self.records], sizes)
 
     def cell_inputs(self, sets: Sequence[ParameterSet]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return omega and the right side of the equation, and the input scale, of each sample."""
+        """Return omega, the right side of the cell equation, and the input scale of each sample."""
         omega, scale, in_0 = interpolate_over_gaps(sets, self.gap_position)
         return omega, (self.drive - in_0) / scale, scale
 
@@ -158,8 +158,8 @@ def _join_drives(records: Sequence[FitRecord]) -> _DriveGroup:
 
 
 PRIOR_COST = 1e-8
-"""Cost of a parameter one prior standard deviation from its prior mean, relative to the largest
-output squared: the same as a residual of 1e-4."""
+"""Cost of a parameter that is one prior standard deviation from its prior mean, relative to the
+largest output squared: the cost of a residual of 1e-4."""
 
 DRIFT_STD = 0.003
 """Prior standard deviation of the drift of the output sensor in a record, relative to full scale.
@@ -193,7 +193,7 @@ class Objective:
     """Weighted residuals as a function of the coordinates of a space.
 
     With equal weights of all samples, the sum of squares is the mean square residual relative to
-    the largest output squared. ``evaluations`` counts calls.
+    the largest output squared. ``evaluations`` counts the simulations.
 
     With ``smoothness`` above zero, differences of coordinates between neighbouring gaps are
     additional residuals, multiplied by its square root. Parameters with a prior mean add residuals
@@ -227,7 +227,7 @@ class Objective:
 
     @property
     def no_answer_deviations(self) -> FloatArray:
-        """Residuals that replace those of parameters without a solution."""
+        """Residuals for parameters without a solution."""
         large_residual = UNSOLVED_DEVIATION * self.space.records.output_span * self.weights
         return np.concatenate(
             [large_residual, np.zeros(1 + self._smoothness_rows.shape[0] + self._prior_targets.size)]
@@ -245,7 +245,7 @@ class Objective:
         except NoResponseError:
             return self.no_answer_deviations
         residual = (outputs - self.measured) * self.weights
-        residual, cost = self._drift.remove(residual)
+        residual, cost = self._drift.subtract_from(residual)
         return np.concatenate(
             [residual, cost, self._smoothness_rows @ theta, self._prior_rows @ theta - self._prior_targets]
         )
@@ -253,8 +253,8 @@ class Objective:
     def normal_equations(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return residuals, gradient of half their sum of squares, and normal matrix.
 
-        The matrices are summed gap by gap. A parameter of one gap costs nothing at others, and no
-        product is large enough for a multithreaded library.
+        The matrices are summed gap by gap. Parameters of one gap then need no computation at other
+        gaps, and no product is so large that a library would use several threads.
         """
         self.evaluations += 1
         sets = self.space.unpack(theta)
@@ -278,9 +278,9 @@ class Objective:
             start = samples.stop
             values.append(value)
         residual = np.concatenate(values)
-        without_drift, cost = self._drift.remove(residual)
+        residual_without_drift, cost = self._drift.subtract_from(residual)
         values = [
-            without_drift,
+            residual_without_drift,
             cost,
             self._smoothness_rows @ theta,
             self._prior_rows @ theta - self._prior_targets,
@@ -312,11 +312,11 @@ class Objective:
         try:
             return Linearisation(*self.normal_equations(theta))
         except NoResponseError:
-            zeros = np.zeros((theta.size, theta.size))
-            return Linearisation(self.no_answer_deviations, zeros[0], zeros)
+            zero_jacobian = np.zeros((theta.size, theta.size))
+            return Linearisation(self.no_answer_deviations, zero_jacobian[0], zero_jacobian)
 
     def linearise_if_better(self, theta: FloatArray, cost: float) -> Linearisation | None:
-        """Linearise if the cost is below a limit, else return None; numerically, this is slow."""
+        """Linearise if the cost is below a limit, else return None; slow without derivatives."""
         if not self.space.form.kernel.has_derivatives:
             deviations = self.deviations(theta)
             if float(deviations @ deviations) >= cost:
@@ -351,14 +351,14 @@ class _Drift:
         """Return the slope with the lowest cost."""
         return float(self.direction @ deviation / self.squared_norm)
 
-    def remove(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def subtract_from(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals without the drift, and the cost of the drift as a residual."""
         slope = self.slope(deviation)
         return deviation - self.direction * slope, np.array([self._prior_weight * slope])
 
 
 def _make_smoothness_rows(space: CoordinateSpace) -> FloatArray:
-    """Return rows that give the differences between neighbouring gaps, except for offsets."""
+    """Return matrix rows for the coordinate differences of neighbouring gaps, except offsets."""
     column_of = {entry: index for index, entry in enumerate(space.entries)}
     pairs = [
         (column_of[name, gap], column_of[name, gap + 1])
@@ -366,13 +366,13 @@ def _make_smoothness_rows(space: CoordinateSpace) -> FloatArray:
         if gap is not None and gap + 1 < space.records.gap_count and name not in {"in_0", "out_0"}
     ]
     rows = np.zeros((len(pairs), space.size))
-    for row, (first, second) in zip(rows, pairs, strict=True):
-        row[first], row[second] = -1.0, 1.0
+    for row, (begin, second) in zip(rows, pairs, strict=True):
+        row[begin], row[second] = -1.0, 1.0
     return rows
 
 
 def _make_prior_rows(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
-    """Return rows that scale coordinates by their prior standard deviation, and the prior means."""
+    """Return matrix rows that divide coordinates by their prior deviation, and the prior means."""
     rows, targets = [], []
     for row, (name, _) in zip(np.eye(space.size), space.entries, strict=True):
         number = space.fit_parameters[name]

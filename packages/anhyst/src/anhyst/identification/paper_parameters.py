@@ -1,9 +1,9 @@
 """Define the paper's seven free parameters, their search coordinates, and the criterion (eq. 16).
 
 The parameters are ``M_s, a, alpha, k, c`` of the law and ``c_H, c_out`` (the paper's c_B) of eqs.
-10 and 11. They are redundant on purpose, as in the paper: the loops of one gap do not change if
-``M_s, a, k, c_H`` are multiplied by q and ``c_out`` is divided by ``q**2`` (docs/theory.md). If
-field or flux density is measured, c_H or c_out is 1.
+10 and 11. The parameters are redundant on purpose, as in the paper: the loops of one gap do not
+change if ``M_s, a, k, c_H`` are multiplied by q and ``c_out`` is divided by ``q**2``
+(docs/theory.md). If field or flux density is measured, c_H or c_out is 1.
 
 Coordinates are logarithms of positive parameters, the inverse hyperbolic sine of ``alpha``, and
 scaled values of the others. The criterion is computed for one parameter set or for many at the same
@@ -35,28 +35,28 @@ POSITIVE_NAMES = frozenset({"M_s", "a", "k", "c_H", "c_out"})
 OFFSET_NAMES = ("in_0", "out_0")
 
 _ALPHA_SCALE = 1e-3  # size at which the coordinate of alpha changes from linear to logarithmic
-_SATURATION_RANGE = (2e5, 2e6)  # M_s from ferrite to cobalt iron, A/m
-_SHAPE_RANGE = (1.0, 3e4)  # a from soft iron to iron sheared by its gap, A/m
-_PINNING_RANGE = (0.05, 3e4)  # k from almost closed loops to iron sheared by its gap, A/m
+_SATURATION_RANGE = (2e5, 2e6)  # range of M_s: from ferrite to cobalt iron, A/m
+_SHAPE_RANGE = (1.0, 3e4)  # range of a: from soft iron to iron sheared by a gap, A/m
+_PINNING_RANGE = (0.05, 3e4)  # range of k: from almost closed loops to iron sheared by a gap, A/m
 _FIELD_RANGE = (30.0, 3e5)  # largest field that c_H may produce at the largest input, A/m
 _SATURATED_OUTPUT_RANGE = (1.0, 100.0)  # output at saturation, relative to the largest measured output
 
 _ALPHA_RANGE = (-0.5, 0.05)
-"""From the demagnetisation of a wide gap to the interaction at which jumps begin."""
+"""Range from the demagnetisation of a wide gap to the interaction at which jumps begin."""
 
 COMMON_AIR_CORE_SLOPE = 1e-5
 """a/M_s in the common gauge, as in soft iron. With such a small value, a gap-dependent alpha is
 equivalent to a gap-dependent reluctance (docs/theory.md)."""
 
 _REVERSIBLE_RANGE = (0.0, 0.95)
-_MAX_OFFSET_SHARE = 0.1  # relative to the range of input or output
+_MAX_OFFSET_SHARE = 0.1  # offset bounds, relative to the input or output range
 
 
 @dataclass(frozen=True, eq=False)
 class Variables:
     """Named coordinates within bounds."""
 
-    names: tuple[str, ...]  # parameters that vary
+    names: tuple[str, ...]  # names of the parameters that vary
     low: FloatArray  # bounds of the coordinates, shape (n,)
     high: FloatArray
     # scale of each coordinate that is neither a logarithm nor alpha
@@ -67,8 +67,8 @@ class Variables:
         """Number of coordinates."""
         return len(self.names)
 
-    def only(self, names: Sequence[str]) -> Variables:
-        """Return only some of the variables, in the present order."""
+    def restrict_to(self, names: Sequence[str]) -> Variables:
+        """Return only some of the variables, in their present order."""
         indices = [index for index, name in enumerate(self.names) if name in names]
         kept_names = tuple(self.names[index] for index in indices)
         return Variables(kept_names, self.low[indices], self.high[indices], self.spans)
@@ -140,14 +140,14 @@ def to_gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, Flo
     >>> {name: round(float(value), 6) for name, value in found.items()}
     {'kappa': 2.0, 'c': 0.2, 'omega': 20.0, 'scale': 0.05, 'gain': 328.586765, 'h': 0.00098}
     """
-    effective = values["M_s"] * (1.0 - values["alpha"])
+    effective_saturation = values["M_s"] * (1.0 - values["alpha"])
     return {
         "kappa": values["k"] / values["a"],
         "c": values["c"],
         "omega": -values["alpha"] * values["M_s"] / values["a"],
         "scale": values["a"] / values["c_H"],
-        "gain": values["c_out"] * (MU_0 * effective) ** power,
-        "h": values["a"] / effective,
+        "gain": values["c_out"] * (MU_0 * effective_saturation) ** power,
+        "h": values["a"] / effective_saturation,
     }
 
 
@@ -166,13 +166,13 @@ def mean_over_gaps(name: str, values: Sequence[float]) -> float:
     return float(np.mean(values))
 
 
-def names_set_by_gauge(searched: Sequence[str]) -> tuple[str, ...]:
+def names_set_by_gauge(searched_names: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters that :func:`move_to_one_gauge` makes equal at all gaps."""
     partner_names = {"M_s": "c_out", "a": "c_H"}
-    return tuple(name for name, partner in partner_names.items() if partner in searched)
+    return tuple(name for name, redundant_name in partner_names.items() if redundant_name in searched_names)
 
 
-def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) -> list[Values]:
+def move_to_one_gauge(sets: Sequence[Values], searched_names: Sequence[str], power: int) -> list[Values]:
     """Move the sets of all gaps along the redundancies to a common ``M_s`` and a common ``a``.
 
     Without a common gauge, a mean over gaps has no meaning. ``M_s`` becomes its geometric mean,
@@ -182,27 +182,27 @@ def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: in
     gauge-free form. If field (``c_H = 1``) or flux density (``c_out = 1``) is measured, ``a`` or
     ``M_s`` is determined.
     """
-    names = names_set_by_gauge(searched)
+    names = names_set_by_gauge(searched_names)
     saturation = mean_over_gaps("M_s", [values["M_s"] for values in sets])
     moved_sets = []
     for values in sets:
         arrays = {name: np.asarray(value) for name, value in values.items()}
         form = {name: float(value) for name, value in to_gauge_free(arrays, power).items()}
         a = COMMON_AIR_CORE_SLOPE * saturation if "a" in names else values["a"]
-        effective = values["M_s"] * (1.0 - values["alpha"])
-        m_s = saturation if "M_s" in names else effective - form["omega"] * a
+        effective_saturation = values["M_s"] * (1.0 - values["alpha"])
+        m_s = saturation if "M_s" in names else effective_saturation - form["omega"] * a
         alpha = -form["omega"] * a / m_s
         moved_values = {"M_s": m_s, "a": a, "alpha": alpha, "k": form["kappa"] * a}
-        if "c_H" in searched:
+        if "c_H" in searched_names:
             moved_values["c_H"] = a / form["scale"]
-        if "c_out" in searched:
+        if "c_out" in searched_names:
             moved_values["c_out"] = form["gain"] / (MU_0 * m_s * (1.0 - alpha)) ** power
         moved_sets.append(values | moved_values)
     return moved_sets
 
 
 UNSOLVED_COST = 10.0  # cost of parameters without a solution
-_KAPPA_RANGE = (2e-3, 5e2)  # range of pinning over shape that the tables of the core support
+_KAPPA_RANGE = (2e-3, 5e2)  # range of k/a that the tables of the core support
 
 
 class Criterion:
@@ -242,7 +242,7 @@ class Criterion:
         """Return the costs of many sets, shape (count,); infinite if the batch cannot compute one.
 
         The batch uses linear steps, only three cycles of a steady-state loop, no jumps, and the
-        effective-field law instead of that of 1986. This is accurate enough to select parents.
+        effective-field law instead of that of 1986. The batch is accurate enough to select parents.
         """
         form = to_gauge_free(values, self._form.power)
         is_supported = (form["omega"] > 0.01 - JUMP_INTERACTION) & (_KAPPA_RANGE[0] < form["kappa"])
@@ -278,9 +278,9 @@ def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
 def run_simplex(
     cost: Callable[[FloatArray], float], variables: Variables, start: FloatArray, max_evaluations: int
 ) -> tuple[FloatArray, float]:
-    """Run a Nelder-Mead simplex search, restarted at its result until that gains little."""
-    # Imported here, because the import takes longer than the default search, which does not need
-    # it.
+    """Run a Nelder-Mead simplex search; restart it at its result until this gains little."""
+    # Imported here, because importing SciPy takes longer than the default search, which does not
+    # need it.
     from scipy.optimize import minimize
 
     best_theta, best_cost, step = start, cost(start), 0.05

@@ -1,12 +1,12 @@
 """Search the seven free parameters of the paper at each gap, by evolution and simplex (II.B, II.C).
 
 1. At each gap, an evolution strategy searches the seven parameters and the offsets of input and output
-   with the criterion of eq. 16. The batch of the core computes a generation at once, on thinned loops.
+   with the criterion of eq. 16. The core computes each generation in one batch, on thinned loops.
    A Nelder-Mead simplex search continues with the exact law.
 2. Offsets belong to the sensors, not to a gap. They are replaced by their means, and the seven
-   parameters are searched again. This is the paper's free model. It fits each gap as well as the law
-   can, and its parameters scatter along the redundancies (Fig. 1). An ordinary spline through them is
-   wrong between the gaps (Fig. 2, :func:`spline_model_at`).
+   parameters are searched again. The result, the paper's free model, fits each gap as well as the law
+   can, but its parameters scatter along the redundancies (Fig. 1). An ordinary spline through these
+   parameters is wrong between the gaps (Fig. 2, :func:`spline_model_at`).
 3. :mod:`.paper_sequence` then makes one parameter after another equal at all gaps (Fig. 3).
 
 Searches use thinned loops, because the exact step does not depend on the sampling. Every reported
@@ -44,17 +44,17 @@ _FIRST_STEP = 0.2  # first step size, relative to the range of a variable
 _MIN_STEP = 1e-9  # smallest step size, relative to the range
 
 
-def reflected(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+def reflect_into_bounds(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Bring values within bounds by reflecting them as often as necessary.
 
-    Unlike clipping, this does not collect individuals on the bounds.
+    Unlike clipping, reflection does not collect individuals on the bounds.
 
-    >>> reflected(np.array([1.2, -0.5, 3.4]), np.zeros(3), np.ones(3)).round(12)
+    >>> reflect_into_bounds(np.array([1.2, -0.5, 3.4]), np.zeros(3), np.ones(3)).round(12)
     array([0.8, 0.5, 0.6])
     """
     span = high - low
-    phase = np.mod(values - low, 2.0 * span)
-    return np.asarray(low + np.minimum(phase, 2.0 * span - phase))
+    position = np.mod(values - low, 2.0 * span)
+    return np.asarray(low + np.minimum(position, 2.0 * span - position))
 
 
 class EvolutionStrategy:
@@ -92,8 +92,8 @@ class EvolutionStrategy:
         self._random = np.random.default_rng(seed)
         self._mu, self._lambda = parents, children
         size = low.size
-        self._tau = 1.0 / np.sqrt(2.0 * np.sqrt(size))  # for each step size
-        self._tau_common = 1.0 / np.sqrt(2.0 * size)  # for all step sizes of a child
+        self._tau = 1.0 / np.sqrt(2.0 * np.sqrt(size))  # learning rate of each step size
+        self._tau_common = 1.0 / np.sqrt(2.0 * size)  # learning rate common to all steps
         self._x = low + (high - low) * self._random.random((children, size))
         self._sigma = np.tile(_FIRST_STEP * (high - low), (children, 1))
         self.best = self._x[0].copy()
@@ -105,15 +105,15 @@ class EvolutionStrategy:
 
     def tell(self, costs: FloatArray) -> None:
         """Select the parents of the next generation by their costs, and create it."""
-        ranked = np.argsort(np.where(np.isnan(costs), np.inf, costs), kind="stable")
-        if costs[ranked[0]] < self.best_cost:
-            self.best_cost = float(costs[ranked[0]])
-            self.best = self._x[ranked[0]].copy()
-        x, sigma = (values[ranked[: self._mu]] for values in (self._x, self._sigma))
-        couples = self._random.integers(0, self._mu, (2, self._lambda))
+        ranking = np.argsort(np.where(np.isnan(costs), np.inf, costs), kind="stable")
+        if costs[ranking[0]] < self.best_cost:
+            self.best_cost = float(costs[ranking[0]])
+            self.best = self._x[ranking[0]].copy()
+        x, sigma = (values[ranking[: self._mu]] for values in (self._x, self._sigma))
+        parent_pairs = self._random.integers(0, self._mu, (2, self._lambda))
         is_from_first = self._random.random((self._lambda, self._low.size)) < 0.5
-        self._x = np.where(is_from_first, x[couples[0]], x[couples[1]])
-        self._sigma = 0.5 * (sigma[couples[0]] + sigma[couples[1]])
+        self._x = np.where(is_from_first, x[parent_pairs[0]], x[parent_pairs[1]])
+        self._sigma = 0.5 * (sigma[parent_pairs[0]] + sigma[parent_pairs[1]])
         self._mutate()
 
     def _mutate(self) -> None:
@@ -124,7 +124,7 @@ class EvolutionStrategy:
         span = self._high - self._low
         self._sigma = np.clip(self._sigma, _MIN_STEP * span, span)
         steps = self._sigma * self._random.standard_normal(self._x.shape)
-        self._x = reflected(self._x + steps, self._low, self._high)
+        self._x = reflect_into_bounds(self._x + steps, self._low, self._high)
 
 
 _PARENTS = 30
@@ -156,9 +156,9 @@ class SearchState:
     evaluations: int = 0
 
     @classmethod
-    def from_plain(cls, stored: dict[str, Any]) -> SearchState:
+    def from_plain(cls, stored_state: dict[str, Any]) -> SearchState:
         """Restore a state from a checkpoint, which stores tuples as lists."""
-        return cls(**stored | {key: tuple(stored[key]) for key in ("sets", "varying")})
+        return cls(**stored_state | {key: tuple(stored_state[key]) for key in ("sets", "varying")})
 
 
 @dataclass
@@ -198,14 +198,14 @@ class PaperSearch:
         return Criterion(self.run.form, self._records[gap].thinned(samples))
 
     def make_state(self, sets: Sequence[Values], varying: Sequence[str], evaluations: int) -> SearchState:
-        """Return the state of a search with these sets."""
+        """Return the state of a search with given parameter sets."""
         return SearchState(tuple(sets), tuple(varying), self.cost(sets), evaluations)
 
     def refine(
         self, gap: int, values: Values, names: Sequence[str], evaluations_per_variable: int
     ) -> tuple[Values, int]:
         """Run the simplex search at one gap from given values; also return its evaluations."""
-        variables = self.variables.only(names)
+        variables = self.variables.restrict_to(names)
         criterion = self._criterion(gap, _SIMPLEX_SAMPLES)
 
         def cost(theta: FloatArray) -> float:
@@ -218,7 +218,7 @@ class PaperSearch:
 
     def evolve(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
         """Run the evolution strategy at one gap over the whole range of the named parameters."""
-        variables = self.variables.only(names)
+        variables = self.variables.restrict_to(names)
         criterion = self._criterion(gap, _EVOLUTION_SAMPLES)
         seed = [self.run.seed, gap, variables.size]
         strategy = EvolutionStrategy(variables.low, variables.high, seed, _PARENTS, _CHILDREN)
@@ -256,27 +256,27 @@ def _to_floats(arrays: Mapping[str, FloatArray]) -> Values:
     return {name: float(value) for name, value in arrays.items()}
 
 
-def search_each_gap(bench: PaperSearch) -> SearchState:
+def search_each_gap(search: PaperSearch) -> SearchState:
     """Find the paper's free model: a separate set for every gap, with common offsets."""
-    names = bench.variables.names
-    sets, evaluations = bench.search_gaps(
-        "gap {} from scratch", [bench.fixed_values] * bench.gap_count, names
+    names = search.variables.names
+    sets, evaluations = search.search_gaps(
+        "gap {} from scratch", [search.fixed_values] * search.gap_count, names
     )
     offsets = [name for name in names if name in OFFSET_NAMES]
-    if offsets and bench.gap_count > 1:
+    if offsets and search.gap_count > 1:
         means = {name: mean_over_gaps(name, [values[name] for values in sets]) for name in offsets}
         common = [values | means for values in sets]
-        sets, second_evaluations = bench.search_gaps(
-            "gap {} with common offsets", common, bench.searched_names
+        sets, second_evaluations = search.search_gaps(
+            "gap {} with common offsets", common, search.searched_names
         )
         evaluations += second_evaluations
-    return bench.make_state(sets, bench.searched_names, evaluations)
+    return search.make_state(sets, search.searched_names, evaluations)
 
 
 def model_at_nodes(state: SearchState, run: SearchRun, loopset: Loops) -> Model:
     """Return the model with one value per gap for gap-dependent parameters, without records.
 
-    The gap map is ``scaling`` if it allows these parameters, else ``free``.
+    The gap map is ``scaling`` if it allows the varying parameters, else ``free``.
     """
     is_single_gap = run.records.gap_count == 1
     parameters: dict[str, Parameter] = dict(state.sets[0])
@@ -298,14 +298,14 @@ def model_at_nodes(state: SearchState, run: SearchRun, loopset: Loops) -> Model:
 def spline_model_at(model: Model, gap: float) -> Model:
     """Return the model of one gap from cubic splines through all parameters (the paper's II.C).
 
-    It demonstrates why this fails (Figs. 1 and 2): a spline overshoots between nodes, and
-    parameters that scatter along a redundancy are not consistent. Models use the interpolation of
-    :mod:`anhyst.model.parameters`.
+    The result shows why ordinary splines fail (Figs. 1 and 2): a spline overshoots between nodes,
+    and parameters that scatter along a redundancy are not consistent. Models use the interpolation
+    of :mod:`anhyst.model.parameters`.
     """
     if len(model.nodes) < 2:
         raise InputError("a spline over the gap needs a model with at least two nodes", code="single-gap")
-    # Imported here, because the import takes longer than the default search, which does not need
-    # it.
+    # Imported here, because importing SciPy takes longer than the default search, which does not
+    # need it.
     from scipy.interpolate import CubicSpline
 
     parameters = {

@@ -1,11 +1,11 @@
 """Perform the paper's search: free parameter sets at each gap, the reduction, and the model.
 
 The reduction decreases the number of gap-dependent parameters (the paper, II.D and Fig. 3). Each
-round tries every parameter that still depends on the gap: it is replaced by its mean over the gaps,
-and the others are searched again briefly at each gap. The parameter with the lowest cost stays
-fixed, and the others are searched in full. The rounds end when one parameter is left. Before the
-first round, all gaps are converted to one gauge, because a mean over different gauges has no
-meaning (docs/theory.md).
+round tries every parameter that still depends on the gap: the parameter is replaced by its mean
+over the gaps, and the others are searched again briefly at each gap. The parameter with the lowest
+cost stays fixed, and the others are searched in full. The rounds end when one parameter is left.
+Before the first round, all gaps are converted to one gauge, because a mean over different gauges
+has no meaning (docs/theory.md).
 """
 
 from __future__ import annotations
@@ -55,77 +55,80 @@ _NEGLIGIBLE_COST = 1e-5
 """
 
 
-def count_stages(bench: PaperSearch, last: str | None) -> int:
+def count_stages(search: PaperSearch, last_name: str | None) -> int:
     """Return the number of stages of :func:`reductions`."""
-    gaps, names = bench.gap_count, len(bench.searched_names)
-    fixed_last = 0 if last is None else 1
+    gaps, names = search.gap_count, len(search.searched_names)
+    fixed_last = 0 if last_name is None else 1
     return gaps + sum(varying_count - fixed_last + gaps for varying_count in range(2, names + 1))
 
 
-def move_to_common_gauge(bench: PaperSearch, free_state: SearchState) -> SearchState:
+def move_to_common_gauge(search: PaperSearch, free_state: SearchState) -> SearchState:
     """Convert all gaps to one gauge and, if their loops allow it, to one minimum of the cost.
 
     Parameters chosen by the gauge are then equal at all gaps, so they are fixed first and at no
     cost. Loops that barely saturate also have long flat valleys, in which a mean over gaps has no
-    meaning. Therefore, the other parameters are searched again, outward from the reference gap,
-    from the result of the neighbouring gap and from the own set. The neighbour's result is
+    meaning. Therefore, the other parameters are searched again, outward from the reference gap.
+    Each gap starts from the result of its neighbour and from its own set. The neighbour's result is
     preferred unless it costs more.
     """
-    moved_sets = move_to_one_gauge(free_state.sets, bench.searched_names, bench.run.form.power)
-    reference = bench.run.records.reference_gap
+    moved_sets = move_to_one_gauge(free_state.sets, search.searched_names, search.run.form.power)
+    reference = search.run.records.reference_gap
     sets: dict[int, Values] = {}
     evaluations = free_state.evaluations
-    for gap in [reference, *range(reference + 1, bench.gap_count), *range(reference - 1, -1, -1)]:
+    for gap in [reference, *range(reference + 1, search.gap_count), *range(reference - 1, -1, -1)]:
         neighbour = sets.get(gap - 1 if gap > reference else gap + 1)
-        sets[gap], gap_evaluations = bench.run.stage(
-            f"gap {gap} in one gauge", partial(_search_from_neighbour, bench, gap, moved_sets[gap], neighbour)
+        sets[gap], gap_evaluations = search.run.stage(
+            f"gap {gap} in one gauge",
+            partial(_search_from_neighbour, search, gap, moved_sets[gap], neighbour),
         )
         evaluations += gap_evaluations
-    return bench.make_state([sets[gap] for gap in range(bench.gap_count)], free_state.varying, evaluations)
+    return search.make_state([sets[gap] for gap in range(search.gap_count)], free_state.varying, evaluations)
 
 
 def _search_from_neighbour(
-    bench: PaperSearch, gap: int, own_values: Values, neighbour_values: Values | None
+    search: PaperSearch, gap: int, own_values: Values, neighbour_values: Values | None
 ) -> tuple[Values, int]:
     """Search one gap from its own set and from its neighbour's; prefer the neighbour's result."""
-    names = [name for name in bench.searched_names if name not in names_set_by_gauge(bench.searched_names)]
+    names = [name for name in search.searched_names if name not in names_set_by_gauge(search.searched_names)]
     starts = [own_values] if neighbour_values is None else [neighbour_values, own_values]
-    results = [bench.refine(gap, start, names, bench.effort.final) for start in starts]
-    costs = [bench.cost_at(gap, values) for values, _ in results]
+    results = [search.refine(gap, start, names, search.effort.final) for start in starts]
+    costs = [search.cost_at(gap, values) for values, _ in results]
     best = 0 if costs[0] <= _max_equal_cost(min(costs)) else 1
     return results[best][0], sum(evaluations for _, evaluations in results)
 
 
 def reductions(
-    bench: PaperSearch, free_state: SearchState, last: str | None = None
+    search: PaperSearch, free_state: SearchState, last_name: str | None = None
 ) -> Iterator[tuple[SearchState, ReductionStep]]:
-    """Fix one parameter after another until one is left; yield each state and step."""
-    state = move_to_common_gauge(bench, free_state)
+    """Make one parameter after another equal at all gaps until one varies; yield each step."""
+    state = move_to_common_gauge(search, free_state)
     while len(state.varying) > 1:
-        trials = {name: _try_freezing(bench, state, name) for name in state.varying if name != last}
+        trials = {name: _try_freezing(search, state, name) for name in state.varying if name != last_name}
         costs = {name: trial.cost for name, trial in trials.items()}
         fixed_name, previous_state = _select_cheapest(state, costs), state
         evaluations = previous_state.evaluations + sum(trial.evaluations for trial in trials.values())
         stage = _stage_name(trials[fixed_name].varying, "in full at gap {}")
-        sets, full_evaluations = bench.search_gaps(stage, trials[fixed_name].sets, trials[fixed_name].varying)
-        state = bench.make_state(sets, trials[fixed_name].varying, evaluations + full_evaluations)
+        sets, full_evaluations = search.search_gaps(
+            stage, trials[fixed_name].sets, trials[fixed_name].varying
+        )
+        state = search.make_state(sets, trials[fixed_name].varying, evaluations + full_evaluations)
         yield state, ReductionStep(fixed_name, previous_state.cost, state.cost, costs)
 
 
-def _try_freezing(bench: PaperSearch, state: SearchState, name: str) -> SearchState:
+def _try_freezing(search: PaperSearch, state: SearchState, name: str) -> SearchState:
     """Replace one parameter by its mean, and search the others briefly at every gap."""
     other_names = [other_name for other_name in state.varying if other_name != name]
     mean = mean_over_gaps(name, [values[name] for values in state.sets])
 
     def work() -> dict[str, object]:
         results = [
-            bench.refine(gap, values | {name: mean}, other_names, bench.effort.trial)
+            search.refine(gap, values | {name: mean}, other_names, search.effort.trial)
             for gap, values in enumerate(state.sets)
         ]
         evaluations = sum(result[1] for result in results)
-        return asdict(bench.make_state([result[0] for result in results], other_names, evaluations))
+        return asdict(search.make_state([result[0] for result in results], other_names, evaluations))
 
-    return SearchState.from_plain(bench.run.stage(_stage_name(state.varying, f"without {name}"), work))
+    return SearchState.from_plain(search.run.stage(_stage_name(state.varying, f"without {name}"), work))
 
 
 def _stage_name(varying: Sequence[str], description: str) -> str:
@@ -137,7 +140,7 @@ def _select_cheapest(state: SearchState, costs: dict[str, float]) -> str:
     limit = _max_equal_cost(min(costs.values()))
     return min(
         (name for name, cost in costs.items() if cost <= limit),
-        key=lambda name: _spread(name, [values[name] for values in state.sets]),
+        key=lambda name: _relative_spread(name, [values[name] for values in state.sets]),
     )
 
 
@@ -146,7 +149,7 @@ def _max_equal_cost(cost: float) -> float:
     return cost * (1.0 + _EQUAL_COST_SHARE) + _NEGLIGIBLE_COST
 
 
-def _spread(name: str, values: Sequence[float]) -> float:
+def _relative_spread(name: str, values: Sequence[float]) -> float:
     """Return the relative spread of a parameter over the gaps."""
     if name in POSITIVE_NAMES:
         return float(np.std(np.log(values)))
@@ -162,43 +165,43 @@ _EQUAL_COST_RATIO = 1.01  # ratio of costs up to which a model in another form i
 def search_paper(run: SearchRun, loopset: Loops, gap_map: str, effort: SearchEffort | None = None) -> Outcome:
     """Perform the paper's search."""
     require_gaps(run.records, gap_map)
-    bench = PaperSearch(run, loopset, effort or SearchEffort())
-    last_name = _last_varying(bench, gap_map)
-    is_reducing = bench.gap_count > 1 and gap_map != "free"
-    has_common_offsets = bench.gap_count > 1 and not set(OFFSET_NAMES) <= run.fixed
-    run.total_stages = bench.gap_count * (2 if has_common_offsets else 1)
-    run.total_stages += count_stages(bench, last_name) if is_reducing else 0
+    search = PaperSearch(run, loopset, effort or SearchEffort())
+    last_name = _last_varying(search, gap_map)
+    is_reducing = search.gap_count > 1 and gap_map != "free"
+    has_common_offsets = search.gap_count > 1 and not set(OFFSET_NAMES) <= run.fixed
+    run.total_stages = search.gap_count * (2 if has_common_offsets else 1)
+    run.total_stages += count_stages(search, last_name) if is_reducing else 0
     free_state: SearchState | None = None
     steps: list[ReductionStep] = []
     interrupted = False
     try:
-        free_state = state = search_each_gap(bench)
-        for next_state, step in reductions(bench, free_state, last_name) if is_reducing else ():
+        free_state = state = search_each_gap(search)
+        for next_state, step in reductions(search, free_state, last_name) if is_reducing else ():
             state = next_state
             steps.append(step)
     except KeyboardInterrupt:
         if free_state is None:
             raise
         interrupted = True
-    model, fit = _make_model(bench, state, gap_map)
+    model, fit = _make_model(search, state, gap_map)
     return Outcome(
         model,
         assess_uncertainty(fit, loopset),
         fit.theta.size,
         fit.evaluations,
-        _explain(state, model, is_reducing, interrupted),
+        _explain_reduction(state, model, is_reducing, interrupted),
         interrupted,
         steps=tuple(steps),
-        per_gap=model_at_nodes(free_state, run, loopset) if bench.gap_count > 1 else None,
+        per_gap=model_at_nodes(free_state, run, loopset) if search.gap_count > 1 else None,
         resumed_stages=run.resumed_stages,
         fit=fit,
     )
 
 
-def _last_varying(bench: PaperSearch, gap_map: str) -> str | None:
+def _last_varying(search: PaperSearch, gap_map: str) -> str | None:
     name = LAST_VARYING.get(gap_map)
-    if name is not None and name not in bench.searched_names:
-        quantity = bench.loopset.input.name
+    if name is not None and name not in search.searched_names:
+        quantity = search.loopset.input.name
         raise InputError(
             f"gap map '{gap_map}' with search 'paper' reduces to {name}, but {name} is known with a "
             f"measured {quantity}; use --gap-map auto or --search default",
@@ -208,34 +211,34 @@ def _last_varying(bench: PaperSearch, gap_map: str) -> str | None:
     return name
 
 
-def _make_model(bench: PaperSearch, state: SearchState, gap_map: str) -> tuple[Model, FoundModel]:
-    model = model_at_nodes(state, bench.run, bench.loopset)
-    sets = [make_parameter_set(values, bench.run.form.power) for values in state.sets]
+def _make_model(search: PaperSearch, state: SearchState, gap_map: str) -> tuple[Model, FoundModel]:
+    model = model_at_nodes(state, search.run, search.loopset)
+    sets = [make_parameter_set(values, search.run.form.power) for values in state.sets]
     h = float(np.mean([parameter_set.h for parameter_set in sets]))
     # A gap-dependent alpha can be a reluctance, for a gap and not in the law of 1986.
-    is_over_gap = gap_map == "reluctance" or is_scheduled_over_gap(bench.loopset)
-    can_be_circuit = "c_H" in bench.searched_names and not bench.run.form.kernel.is_coupled
-    if state.varying == ("alpha",) and is_over_gap and can_be_circuit and bench.gap_count > 1:
-        fit = _make_fit(bench, state, "reluctance", _as_series_reluctance(sets, h), h)
+    is_over_gap = gap_map == "reluctance" or is_scheduled_over_gap(search.loopset)
+    can_be_circuit = "c_H" in search.searched_names and not search.run.form.kernel.is_coupled
+    if state.varying == ("alpha",) and is_over_gap and can_be_circuit and search.gap_count > 1:
+        fit = _make_fit(search, state, "reluctance", _as_series_reluctance(sets, h), h)
         outputs = Objective(fit.space).outputs(fit.parameter_sets)
-        if mean_deviation(bench.run.records, outputs) <= _EQUAL_COST_RATIO * state.cost:
-            return make_model(fit, bench.loopset), fit
-    return model, _make_fit(bench, state, model.gap_map, sets, h)
+        if mean_deviation(search.run.records, outputs) <= _EQUAL_COST_RATIO * state.cost:
+            return make_model(fit, search.loopset), fit
+    return model, _make_fit(search, state, model.gap_map, sets, h)
 
 
 def _make_fit(
-    bench: PaperSearch, state: SearchState, gap_map: str, sets: list[ParameterSet], h: float
+    search: PaperSearch, state: SearchState, gap_map: str, sets: list[ParameterSet], h: float
 ) -> FoundModel:
-    form = replace(bench.run.form, h=h)
-    space = CoordinateSpace(gap_map, bench.run.records, form, bench.run.fixed)
+    form = replace(search.run.form, h=h)
+    space = CoordinateSpace(gap_map, search.run.records, form, search.run.fixed)
     return FoundModel(space, space.pack(sets), state.cost, state.evaluations)
 
 
 def _as_series_reluctance(sets: list[ParameterSet], h: float) -> list[ParameterSet]:
     """Convert a gap-dependent alpha to a gap-dependent series reluctance.
 
-    They are equal up to the slope of the air core, which is small in the common gauge
-    (docs/theory.md). With a reluctance, the gap may move during a run; with alpha, it must be
+    Both forms are equal except for the slope of the air core, which is small in the common gauge
+    (docs/theory.md). With a reluctance, the gap may move during a run; with alpha, the gap must be
     fixed.
     """
     c_h_without_reluctance = float(
@@ -248,7 +251,7 @@ def _as_series_reluctance(sets: list[ParameterSet], h: float) -> list[ParameterS
     ]
 
 
-def _explain(state: SearchState, model: Model, is_reducing: bool, is_interrupted: bool) -> str:
+def _explain_reduction(state: SearchState, model: Model, is_reducing: bool, is_interrupted: bool) -> str:
     if is_interrupted:
         return "the search was interrupted: this is the best model so far"
     if not model.nodes or len(model.nodes) < 2:

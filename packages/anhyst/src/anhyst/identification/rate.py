@@ -1,10 +1,10 @@
 """Fit the eddy currents of solid iron, as a number of layers, to loops of several speeds.
 
 The static model comes from the slow loops and is fixed, because layers do not change static
-behaviour. Three parameters are fitted to the fast loops: ``gamma``, the share of the surface, and
-the share of sheets. Withheld speeds (or gaps, with a single fast speed) decide whether there is a
-rate dependence. The fit decides on the number of layers: from two layers on, the number of
-parameters is the same (docs/rate.md).
+behaviour. Three parameters are fitted to the fast loops: ``gamma``, the surface layer's fraction of
+the cross-section, and the laminated fraction of the path. Withheld speeds (or gaps, with a single
+fast speed) decide whether there is a rate dependence. The fit decides on the number of layers: from
+two layers on, the number of parameters is the same (docs/rate.md).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MAX_ERROR_RATIO = 0.9
 """Largest error, relative to the static model or to fewer layers, with which layers are accepted.
 """
 
-MAX_SAMPLES_PER_LOOP = 120  # samples of a loop that are fitted, at most
+MAX_SAMPLES_PER_LOOP = 120  # maximum number of fitted samples per loop
 
 CYCLE_TOLERANCE = 1e-6
 MAX_CYCLES = 40
@@ -41,7 +41,7 @@ GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)
 """Initial values of ``gamma``, relative to the value whose eddy-current field at the fastest rate
 equals the drive."""
 
-START_LAMINATED_SHARE = 0.2  # initial laminated share of the path
+START_LAMINATED_SHARE = 0.2  # initial laminated fraction of the path
 
 MIN_RATE_EFFECT_RATIO = 0.3
 """Rms rate effect in the slow loops, relative to the static residual, above which the effect is
@@ -55,7 +55,7 @@ class RateFit:
     """Result of fitting the rate dependence to fast loops."""
 
     model: Model  # the model with layers or a lag; unchanged if they do not help
-    reason: str  # a sentence
+    reason: str  # reason, as a sentence
     log_gamma_std: float = 0.0  # standard deviation of ln(gamma)
     error: float = (
         np.inf
@@ -83,10 +83,10 @@ class RateFit:
 
 @dataclass(frozen=True)
 class _RateParameters:
-    """The fitted parameters, and the number of layers."""
+    """The fitted parameters of the rate dependence, and the number of layers."""
 
     count: int  # number of layers
-    theta: tuple[float, ...]  # ``ln(gamma)`` and, with several layers, the logits of both shares
+    theta: tuple[float, ...]  # ``ln(gamma)`` and, with several layers, the logits of both fractions
 
     @property
     def gamma(self) -> float:
@@ -95,7 +95,7 @@ class _RateParameters:
 
     @property
     def shares(self) -> tuple[float, float]:
-        """Share of the section at the surface, and laminated share of the path."""
+        """Fraction of the section in the surface layer, and laminated fraction of the path."""
         if self.count == 1:
             return 1.0, 0.0
         surface, laminated = 0.5 + 0.5 * np.tanh(0.5 * np.array(self.theta[1:]))
@@ -105,7 +105,7 @@ class _RateParameters:
 class _LoopPath:
     """One measured loop, prepared for simulation with any rate parameters."""
 
-    def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest: float) -> None:
+    def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest_output: float) -> None:
         assert loop.time is not None
         step = 1 + (loop.n - 1) // MAX_SAMPLES_PER_LOOP
         end_rows = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
@@ -118,7 +118,7 @@ class _LoopPath:
         self.circuit = model.circuit(gap, np.zeros(samples.size))
         self.drive = self.circuit.magnetomotive(loop.input[samples])
         self.measured = loop.output[samples]
-        self.largest = largest
+        self.largest = largest_output
         self.iron = iron
         start = None if loop.schedule is None else float(loop.schedule[0])
         self.state = initial_state(model, iron, as_history(loop.history, model), start)
@@ -141,18 +141,18 @@ class _LoopPath:
 class _RateProblem:
     """Fast loops in groups of equal speed, with a static model."""
 
-    def __init__(self, model: Model, speeds: SpeedGroups, largest: float) -> None:
+    def __init__(self, model: Model, speeds: SpeedGroups, largest_output: float) -> None:
         irons: dict[float | None, AnyIron] = {}  # separate objects, because the fit changes their layers
         law = model.operator_law
 
         def path(loop: Loop) -> _LoopPath:
             gap = loop.schedule_value if model.needs_fixed_gap else None
             if gap not in irons:
-                at = model.parameters_at(gap if gap is not None else model.first_node)
-                iron = law.iron(*(at[spec.name] for spec in law.parameters))
+                parameters_at_gap = model.parameters_at(gap if gap is not None else model.first_node)
+                iron = law.iron(*(parameters_at_gap[spec.name] for spec in law.parameters))
                 assert isinstance(iron, AnyIron)
                 irons[gap] = iron
-            return _LoopPath(model, loop, irons[gap], largest)
+            return _LoopPath(model, loop, irons[gap], largest_output)
 
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
         self.slow = [path(loop) for loop in speeds.slow.loops]
@@ -164,19 +164,19 @@ class _RateProblem:
     def make_folds(self) -> list[tuple[list[list[_LoopPath]], list[list[_LoopPath]]]]:
         """Return pairs of fitted and withheld groups: each speed is withheld, or each gap."""
         if len(self.groups) > 1:
-            all_parts = [[group] for group in self.groups]
+            all_groups = [[group] for group in self.groups]
         else:
             paths = self.groups[0]
             gaps = sorted({path.gap for path in paths if path.gap is not None})
-            all_parts = [[[path for path in paths if path.gap == gap]] for gap in gaps]
-        if len(all_parts) < 2:
+            all_groups = [[[path for path in paths if path.gap == gap]] for gap in gaps]
+        if len(all_groups) < 2:
             return [(self.groups, self.groups)]
         return [
             (
-                [group for other in all_parts if other is not withheld_groups for group in other],
+                [group for other in all_groups if other is not withheld_groups for group in other],
                 withheld_groups,
             )
-            for withheld_groups in all_parts
+            for withheld_groups in all_groups
         ]
 
     def fit(
@@ -188,8 +188,8 @@ class _RateProblem:
         if start is None:
             shares = () if count == 1 else (_logit(1.0 / count), _logit(START_LAMINATED_SHARE))
             starts = [
-                _RateParameters(count, (float(np.log(g * self.gamma_scale)), *shares))
-                for g in GAMMA_START_RATIOS
+                _RateParameters(count, (float(np.log(gamma_ratio * self.gamma_scale)), *shares))
+                for gamma_ratio in GAMMA_START_RATIOS
             ]
             start = min(starts, key=lambda rate: mean_error(groups, rate))
 
@@ -202,16 +202,16 @@ class _RateProblem:
             ]
             return np.concatenate(rows)
 
-        bound = np.array([50.0, 6.0, 6.0][: len(start.theta)])
+        theta_limits = np.array([50.0, 6.0, 6.0][: len(start.theta)])
         theta_start = np.array(start.theta)
         theta_start[1:] = np.clip(theta_start[1:], -5.9, 5.9)
         result = least_squares(
-            residuals, theta_start, bounds=(-bound, bound), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
+            residuals, theta_start, bounds=(-theta_limits, theta_limits), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
             max_nfev=15,
         )  # fmt: skip
         degrees_of_freedom = max(1, result.fun.size - result.x.size)
-        inverse = np.linalg.pinv(result.jac.T @ result.jac)
-        std = float(np.sqrt(2.0 * result.cost / degrees_of_freedom * inverse[0, 0]))
+        covariance = np.linalg.pinv(result.jac.T @ result.jac)
+        std = float(np.sqrt(2.0 * result.cost / degrees_of_freedom * covariance[0, 0]))
         return _RateParameters(count, tuple(result.x.tolist())), std
 
 
@@ -253,11 +253,12 @@ def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = 
         if is_better:
             best_error, chosen = error, (rate, std)
         elif chosen is not None and count > 2:
-            break  # more layers would be finer still
+            break  # more layers would only be a finer discretisation
     static_text = f"{100.0 * static_error:.2g} % of the largest output"
     if chosen is None:
         return RateFit(
-            static, f"layers do not improve the fast loops: the error of the static model is {static_text}"
+            static,
+            f"layers do not improve the fit of fast loops: the error of the static model is {static_text}",
         )
     rate, std = chosen
     rate_model = replace(
@@ -285,8 +286,8 @@ def _with_series_reluctance(model: Model) -> Model:
 
     Static behaviour does not change. With layers, a reluctance acts on the flux of all layers
     together, and a coupling on the flux of each. A negative coupling is a gap, and is converted. A
-    positive coupling belongs to the iron and is kept. If the iron would jump without a gap, a
-    positive coupling is converted as far as the reluctance stays positive.
+    positive coupling is a property of the iron and is not converted. If the iron would jump without
+    a gap, a positive coupling is converted as far as the reluctance stays positive.
     """
     law, alpha = model.operator_law, model.parameters["alpha"]
     if law.cells is None or isinstance(alpha, tuple) or not alpha or model.needs_fixed_gap:

@@ -16,8 +16,8 @@ from anhyst.identification.model_building import is_scheduled_over_gap
 from anhyst.model.schema import CHOSEN, CandidateFit
 
 _MIN_OFFER_RATIO = 1.5
-"""Ratio of rms residuals to a map that cannot be compiled, above which the text suggests that map.
-"""
+"""Ratio of rms residuals, selected map to a map that cannot be compiled, above which the text
+suggests that other map."""
 
 
 def list_candidates(
@@ -34,14 +34,14 @@ def list_candidates(
             left_out=comparison.finite_withheld_error(candidate)
             if candidate in comparison.eligible
             else None,
-            note=_note(comparison, candidate, best),
+            note=_explain_drop(comparison, candidate, best),
         )
         for candidate, title in zip(candidates, make_titles(candidates, law), strict=True)
         for fits in [comparison.fits.get(candidate)]
     )
 
 
-def _note(comparison: CandidateComparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
+def _explain_drop(comparison: CandidateComparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
     if candidate == best:
         return CHOSEN
     if candidate in comparison.dropped:
@@ -61,7 +61,7 @@ def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str,
         )
     text = (
         f"law {names[best]} predicts withheld {withheld_names[comparison.withheld_kind]} with a mean error of "
-        f"{_percent(own_error)} of the largest output"
+        f"{_as_percent(own_error)} of the largest output"
     )
     errors = {
         model: comparison.finite_withheld_error(model) for model in comparison.eligible if model != best
@@ -69,18 +69,18 @@ def explain_law(comparison: CandidateComparison, best: ModelCandidate, law: str,
     other_errors = {model: error for model, error in errors.items() if error is not None}
     if not other_errors:
         return text
-    closest = min(other_errors, key=lambda model: other_errors[model])
-    map_text = "" if closest.file_gap_map == best.file_gap_map else f" under '{closest.file_gap_map}'"
-    text += f"; {names[closest]}{map_text} has an error of {_percent(other_errors[closest])}"
-    return text + (_explain_rejected(comparison, best, closest) if other_errors[closest] < own_error else "")
+    rival = min(other_errors, key=lambda model: other_errors[model])
+    map_text = "" if rival.file_gap_map == best.file_gap_map else f" under '{rival.file_gap_map}'"
+    text += f"; {names[rival]}{map_text} has an error of {_as_percent(other_errors[rival])}"
+    return text + (_explain_rejected(comparison, best, rival) if other_errors[rival] < own_error else "")
 
 
-def _explain_rejected(comparison: CandidateComparison, best: ModelCandidate, rejected: ModelCandidate) -> str:
+def _explain_rejected(comparison: CandidateComparison, best: ModelCandidate, loser: ModelCandidate) -> str:
     """Explain why a candidate with a smaller mean error was not selected."""
-    if comparison.is_several_times_worse(rejected, best):
-        rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, rejected)])
-        return f", but it fits the loops with {_percent(rms[1])} rms instead of {_percent(rms[0])}"
-    if rejected.rank > best.rank:
+    if comparison.is_several_times_worse(loser, best):
+        rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, loser)])
+        return f", but it fits the loops with {_as_percent(rms[1])} rms instead of {_as_percent(rms[0])}"
+    if loser.rank > best.rank:
         return ", but the difference is within its scatter and the law is more complex"
     return ", but its mean square error, which decides, is larger or within its scatter"
 
@@ -88,9 +88,9 @@ def _explain_rejected(comparison: CandidateComparison, best: ModelCandidate, rej
 def explain_gap_map(
     comparison: CandidateComparison,
     best: ModelCandidate,
-    requested: str,
+    requested_map: str,
     loopset: Loops,
-    rejected: Sequence[ModelCandidate],
+    loser: Sequence[ModelCandidate],
 ) -> str:
     """Explain why this gap map was selected."""
     name = best.file_gap_map
@@ -100,16 +100,16 @@ def explain_gap_map(
         return f"there are loops at only one {schedule_name}, so no parameter depends on the {schedule_name}"
     if count == 2:
         reason = (
-            f"gap map '{name}' was {'selected by its fit only' if requested == 'auto' else 'requested'}; "
+            f"gap map '{name}' was {'selected by its fit only' if requested_map == 'auto' else 'requested'}; "
             f"with two {gaps} none can be withheld for a test, so the model is a guess between and "
             "beyond them"
         )
-    elif requested != "auto":
+    elif requested_map != "auto":
         reason = f"gap map '{name}' was requested"
     else:
         reason = _explain_comparison(comparison, best, gaps)
     text = f"{reason}{_offer_free_map(comparison, best, loopset)}"
-    if names := dict.fromkeys(candidate.file_gap_map for candidate in rejected):
+    if names := dict.fromkeys(candidate.file_gap_map for candidate in loser):
         text += (
             f"; passed over: {', '.join(names)} (cannot be compiled, fails the acceptance test, "
             "deviates between the gaps or has an implausible initial curve)"
@@ -124,11 +124,11 @@ def _explain_comparison(comparison: CandidateComparison, best: ModelCandidate, g
     if not np.isfinite(own_error):
         return f"gap map '{name}' fits the loops best"
     reason = (
-        f"gap map '{name}' predicts withheld {gaps} with a mean error of {_percent(own_error)} of the "
+        f"gap map '{name}' predicts withheld {gaps} with a mean error of {_as_percent(own_error)} of the "
         "largest output"
     )
     if other_maps := ", ".join(
-        f"{map_name} {_percent(error)}" if np.isfinite(error) else f"{map_name} has no solution there"
+        f"{map_name} {_as_percent(error)}" if np.isfinite(error) else f"{map_name} has no solution there"
         for map_name, error in errors.items()
     ):
         reason += f" ({other_maps})"
@@ -149,16 +149,16 @@ def _offer_free_map(comparison: CandidateComparison, best: ModelCandidate, loops
     ]
     if not costs or own_cost < _MIN_OFFER_RATIO**2 * min(costs):
         return ""
-    rms = [_percent(float(np.sqrt(cost))) for cost in (own_cost, min(costs))]
+    rms = [_as_percent(float(np.sqrt(cost))) for cost in (own_cost, min(costs))]
     return f"; --gap-map free fits the loops with {rms[1]} rms instead of {rms[0]}, but cannot be compiled"
 
 
 def _schedule_plural(loopset: Loops) -> str:
-    """Return the plural name of the values of the schedule."""
+    """Return the plural name of the scheduling variable's values."""
     if loopset.schedule is None or is_scheduled_over_gap(loopset):
         return "gaps"
     return f"values of the {loopset.schedule.name}"
 
 
-def _percent(share: float) -> str:
+def _as_percent(share: float) -> str:
     return f"{100.0 * share:.2g} %"

@@ -31,14 +31,14 @@ PARAMETER_NAMES = ("kappa", "c", *CIRCUIT_NAMES)
 """Gauge-free parameters of a Jiles-Atherton law at one gap, in the same order."""
 
 _DERIVATIVE_COUNT = 5  # kappa, c, omega, scale, in_0; derivatives computed by the core
-_START_DERIVATIVE = 5  # one more derivative: by the state at the start of a steady-state cycle
+_START_DERIVATIVE = 5  # index of the derivative with respect to a cycle's start state
 _CLOSED_TOLERANCE = 1e-10
 _NEARLY_CLOSED_TOLERANCE = 1e-5
 _MAX_PASSES = 80
 MAX_FLATNESS = 0.95
 _PASSES_PER_EXTRAPOLATION = 4  # passes before each extrapolation to the steady state
 _MAX_FIELD = 1e3  # effective field, in units of a, above that of any loop
-_MAX_MAGNETISATION = 1.0 - 1e-6  # magnetisation below which the effective field is within that limit
+_MAX_MAGNETISATION = 1.0 - 1e-6  # magnetisation below which x is within _MAX_FIELD
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class ParameterSet:
 
     @property
     def kappa(self) -> float:
-        """Pinning over shape, k/a, of a Jiles-Atherton law."""
+        """Ratio k/a of pinning and shape parameter of a Jiles-Atherton law."""
         return self.law[0]
 
     @property
@@ -74,7 +74,7 @@ class ResponseForm:
     cells: CellKernel | WeightKernel | None = None
     # mu_0 if field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0
     permeability: float = 0.0
-    h: float = 1e-3  # value of h without this rule
+    h: float = 1e-3  # value of h if field or flux density is not measured
     # fixed half-width of the play before the irreversible part, relative to the pinning
     dead_band: float = 0.0
 
@@ -105,7 +105,7 @@ class ResponseForm:
 
     def make_operator(self, parameter_set: ParameterSet) -> Operator:
         """Build the law for a parameter set; in the law of 1986, interaction enters twice."""
-        require_slope([parameter_set])
+        require_steepness([parameter_set])
         kernel = self.kernel
         assert isinstance(kernel, Kernel)
         try:
@@ -115,14 +115,14 @@ class ResponseForm:
             raise NoResponseError(str(error)) from error
 
 
-def require_slope(sets: Sequence[ParameterSet]) -> None:
+def require_steepness(sets: Sequence[ParameterSet]) -> None:
     """Raise an error for sets whose curve would be almost as flat as the air core."""
     if max(parameter_set.h * parameter_set.omega for parameter_set in sets) > MAX_FLATNESS:
         raise NoResponseError("the curve would be almost as flat as the air core")
 
 
 class Responder:
-    """Simulates drives, and starts steady-state cycles from their last known start."""
+    """Simulator of drives; it starts steady-state cycles from their last known start state."""
 
     def __init__(self) -> None:
         self._starts: dict[int, FloatArray] = {}
@@ -205,22 +205,22 @@ class Responder:
             require_answer(status)
         state = _make_admissible(state, form, parameter_set, float(terms.r[-1]))
         for _ in range(_MAX_PASSES):
-            seeds = _start_derivatives(form, parameter_set, terms, state)
-            x, m, x_t, m_t, final_state, seeds_after, status, _ = operator.sensitivity(
-                terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
+            tangents = _start_derivatives(form, parameter_set, terms, state)
+            x, m, x_t, m_t, final_state, tangents_after, status, _ = operator.sensitivity(
+                terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, tangents
             )
             require_answer(status)
-            remaining = min(float(seeds_after[_START_DERIVATIVE, 1]), 0.999)
-            mismatch = (final_state[1] - state[1]) / (1.0 - remaining)
+            remaining_share = min(float(tangents_after[_START_DERIVATIVE, 1]), 0.999)
+            mismatch = (final_state[1] - state[1]) / (1.0 - remaining_share)
             if abs(mismatch) < _NEARLY_CLOSED_TOLERANCE:
                 break
-            start = final_state + remaining * mismatch * seeds[_START_DERIVATIVE]
+            start = final_state + remaining_share * mismatch * tangents[_START_DERIVATIVE]
             state = _make_admissible(start, form, parameter_set, float(terms.r[-1]))
         # The remaining mismatch is so small that the derivatives correct it without another pass.
         x += mismatch * x_t[:, _START_DERIVATIVE]
         m += mismatch * m_t[:, _START_DERIVATIVE]
-        self._starts[id(record)] = final_state + remaining * mismatch * seeds[_START_DERIVATIVE]
-        start_t = seeds_after[:_DERIVATIVE_COUNT, 1] / (1.0 - remaining)
+        self._starts[id(record)] = final_state + remaining_share * mismatch * tangents[_START_DERIVATIVE]
+        start_t = tangents_after[:_DERIVATIVE_COUNT, 1] / (1.0 - remaining_share)
         m_t[:, :_DERIVATIVE_COUNT] += m_t[:, _START_DERIVATIVE, None] * start_t
         x_t[:, :_DERIVATIVE_COUNT] += x_t[:, _START_DERIVATIVE, None] * start_t
         return CellPath(x, m, x_t, m_t)
@@ -266,7 +266,7 @@ def _make_operators(form: ResponseForm, sets: Sequence[ParameterSet]) -> list[Op
 
 
 def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tuple[FloatArray, ...]:
-    """Return omega, scale and in_0 at positions of gaps, also between them."""
+    """Return omega, scale and in_0 at gap positions, also between the gaps."""
     indices = np.arange(len(sets))
     return tuple(
         np.interp(gap, indices, values)
@@ -277,14 +277,14 @@ def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tupl
     )
 
 
-def history_inputs(sets: Sequence[ParameterSet], past: InputHistory) -> tuple[FloatArray, FloatArray]:
+def history_inputs(sets: Sequence[ParameterSet], history: InputHistory) -> tuple[FloatArray, FloatArray]:
     """Return omega and right side of the equation for a history, at its gaps."""
-    omega, scale, in_0 = interpolate_over_gaps(sets, past.gap_position)
-    return omega, (past.drive - in_0) / scale
+    omega, scale, in_0 = interpolate_over_gaps(sets, history.gap_position)
+    return omega, (history.drive - in_0) / scale
 
 
 class _SolverInputs:
-    """Inputs of the solver for a drive, with derivatives by kappa, c, omega, scale, in_0."""
+    """Solver inputs for a drive, with derivatives with respect to kappa, c, omega, scale, in_0."""
 
     def __init__(
         self, form: ResponseForm, parameter_set: ParameterSet, drive: FloatArray, directions: int
@@ -314,8 +314,8 @@ def _follow_record(
     at_other_gaps = np.flatnonzero(record.history.gap_position != record.gap)
     terms.omega_t[at_other_gaps] = terms.r_t[at_other_gaps] = 0.0
     inputs = terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t
-    seeds = np.zeros((_DERIVATIVE_COUNT, 3))
-    *path, _, _, status, _ = operator.sensitivity(*inputs, demagnetised(), seeds)
+    tangents = np.zeros((_DERIVATIVE_COUNT, 3))
+    *path, _, _, status, _ = operator.sensitivity(*inputs, demagnetised(), tangents)
     require_answer(status)
     return CellPath(*(values[skipped_samples:] for values in path))
 
@@ -325,7 +325,7 @@ def _start_derivatives(
 ) -> FloatArray:
     """Return the derivatives of the state before the first sample, where x depends on y.
 
-    The play keeps the same relative position in its width, as after a drive has moved it.
+    The play has the same relative position in its width as after a drive has moved it.
     """
     x, y, p = state.tolist()
     kappa, c = parameter_set.law
@@ -334,11 +334,11 @@ def _start_derivatives(
     x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * anhysteretic)
     x_t = x_t - parameter_set.omega * (anhysteretic - y) * terms.law_t[:, 1]
     x_t[_START_DERIVATIVE] = -parameter_set.omega * (1.0 - c)
-    seeds = np.zeros((_DERIVATIVE_COUNT + 1, 3))
-    seeds[:, 0] = seeds[:, 2] = x_t / steepness
-    seeds[0, 2] += (p - x) / kappa if form.dead_band else 0.0
-    seeds[_START_DERIVATIVE, 1] = 1.0
-    return seeds
+    tangents = np.zeros((_DERIVATIVE_COUNT + 1, 3))
+    tangents[:, 0] = tangents[:, 2] = x_t / steepness
+    tangents[0, 2] += (p - x) / kappa if form.dead_band else 0.0
+    tangents[_START_DERIVATIVE, 1] = 1.0
+    return tangents
 
 
 def _langevin(x: float) -> tuple[float, float]:
@@ -362,7 +362,7 @@ def _make_admissible(
         anhysteretic, slope = _langevin(x)
         mismatch = x + omega * ((1.0 - c) * y + c * anhysteretic) - r
         x -= mismatch / (1.0 + omega * c * slope)
-    x = min(max(x, -_MAX_FIELD), _MAX_FIELD)  # y of other parameters can make x arbitrarily large
+    x = min(max(x, -_MAX_FIELD), _MAX_FIELD)  # y of other parameters could make x arbitrarily large
     p = x + play_offset
     anhysteretic, _ = _langevin(p)
     max_distance = kappa / 3.0
@@ -375,7 +375,7 @@ def _make_admissible(
 
 
 def _extrapolate_cycle(state: FloatArray, cycle_ends: list[float]) -> FloatArray:
-    """Extrapolate the last three ends of passes: small loops need hundreds of passes to settle."""
+    """Extrapolate the states after the last three passes: small loops need hundreds of passes."""
     first_step, second_step = cycle_ends[-2] - cycle_ends[-3], cycle_ends[-1] - cycle_ends[-2]
     if abs(second_step) >= abs(first_step):
         return state

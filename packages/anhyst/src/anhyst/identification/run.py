@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from anhyst.identification.default_search import FoundModel
 
-MAX_SEARCH_SAMPLES = 400  # samples per loop in a search, at most
+MAX_SEARCH_SAMPLES = 400  # maximum number of samples per loop in a search
 
 Stage = TypeVar("Stage")
 
@@ -58,7 +58,7 @@ class SearchRun:
     only_cells: bool = False  # whether only play cells may be selected
     dead_band: bool = True  # whether a dead band is fitted
     total_stages: int = 1  # expected number of stages
-    progress: Progress | None = None  # called with the number of stages done and the total
+    progress: Progress | None = None  # gets the number of finished stages and the total
     # file that stores finished stages until the run ends without an error; None: no file
     checkpoint: Path | None = None
     resumed_stages: int = 0  # number of stages taken from the checkpoint
@@ -72,7 +72,7 @@ class SearchRun:
     def __post_init__(self) -> None:
         if self.checkpoint is None:
             return
-        self._key = _key(self)
+        self._key = _checkpoint_key(self)
         try:
             stored_content = json.loads(self.checkpoint.read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -82,7 +82,7 @@ class SearchRun:
 
     @cached_property
     def search_records(self) -> FitRecords:
-        """The records for the search, with long loops thinned; the exact step allows this."""
+        """The records for the search, with long loops thinned (the exact step allows thinning)."""
         return self.records.thinned(MAX_SEARCH_SAMPLES)
 
     def stage(self, name: str, work: Callable[[], Stage]) -> Stage:
@@ -96,8 +96,8 @@ class SearchRun:
                     json.dump({"key": self._key, "stages": self._stored_stages}, file)
         return self.step("search", lambda: cast("Stage", self._stored_stages[name]))
 
-    def timed(self, kind: str, work: Callable[[], Stage]) -> Stage:
-        """Perform a part of a stage and add its processor time to its kind."""
+    def measure_time(self, kind: str, work: Callable[[], Stage]) -> Stage:
+        """Perform one part of a stage, and add its processor time to the total of its kind."""
         start = time.process_time()
         result = work()
         self.cpu_times[kind] = self.cpu_times.get(kind, 0.0) + time.process_time() - start
@@ -105,7 +105,7 @@ class SearchRun:
 
     def step(self, kind: str, work: Callable[[], Stage]) -> Stage:
         """Perform a stage without storing its result, and report the progress."""
-        result = self.timed(kind, work)
+        result = self.measure_time(kind, work)
         self._done_stages += 1
         if self.progress is not None:
             self.progress(self._done_stages, max(self.total_stages, self._done_stages))
@@ -146,7 +146,7 @@ class Outcome:
     fit: FoundModel | None = None  # the same fit in gauge-free coordinates
 
 
-def _key(run: SearchRun) -> str:
+def _checkpoint_key(run: SearchRun) -> str:
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(source.read_bytes())  # a changed search does not continue an old checkpoint
@@ -299,8 +299,8 @@ class IdentifyResult(Result):
         self.loops.draw(ax)
         scale, _ = length_scale(self.loops.output)
         for loop, fitted_output in zip(self.loops.loops, self.fitted, strict=True):
-            plotted = thinning_slice(loop.n)
-            ax.plot(loop.input[plotted], scale * fitted_output[plotted], color="0.15", lw=0.8, ls="--")
+            samples = thinning_slice(loop.n)
+            ax.plot(loop.input[samples], scale * fitted_output[samples], color="0.15", lw=0.8, ls="--")
         ax.plot([], [], color="0.15", lw=0.8, ls="--", label="model")
 
     def save(self, path: PathLike) -> Path:

@@ -1,11 +1,11 @@
 """Generate start parameters for a search, and select those with the smallest residual.
 
-For a Jiles-Atherton law, many parameter sets are simulated at one gap by the batch of the core.
-Offset and gain of the output follow by linear regression, so that only pinning, reversibility,
-interaction and the input scale are sampled. For play cells, normalised parameters are sampled: the
-drive relative to the width of the curve, pinning and its spread, the reversible part, and the share
-of the drive across the iron. Scale, gain and the gap-dependent parameters then follow in closed
-form from the largest output at every gap.
+For a Jiles-Atherton law, the core simulates many parameter sets at one gap in one batch. Offset and
+gain of the output follow by linear regression, so that only pinning, reversibility, interaction and
+the input scale are sampled. For play cells, normalised parameters are sampled: the drive relative
+to the width of the curve, pinning and its spread, the reversible part, and the fraction of the
+drive across the iron. Scale, gain and the gap-dependent parameters then follow in closed form from
+the largest output at every gap.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ _MAX_BIAS_RATIO = 1.5  # largest sampled input offset, relative to the largest i
 _MIN_SIDE_RATIO = 0.3
 """Smallest ratio of the smaller to the larger side of a bipolar input."""
 
-_SCREENING_SAMPLES = 64  # samples per loop in the screening, at most
+_SCREENING_SAMPLES = 64  # maximum number of samples per loop in the screening
 
 
 def batch_instruction_set() -> str:
-    """Return the instruction set of the batch: the processor's best, or the environment's."""
+    """Return the instruction set of the batch: the best, or that of the environment variable."""
     levels = batch_levels()
     level = os.environ.get(LEVEL_VARIABLE)
     if level is None:
@@ -66,7 +66,7 @@ def sample_unit_cube(dimensions: int, count: int, seed: int) -> FloatArray:
     """Return evenly distributed points of the unit cube, shape (dimensions, count).
 
     The points are multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio in d
-    dimensions (M. Roberts 2018), from a random start. Sobol's sequence is not better here, and
+    dimensions (Roberts 2018), from a random start. Sobol's sequence is not better here, and
     importing SciPy's takes longer than the whole search.
     """
     root = 2.0
@@ -87,15 +87,15 @@ def sample_sets(
     0.95), and omega + 3 (0.1 to 300, logarithmic) unless omega is zero. in_0 is zero, or, if
     biased, up to 1.5 times the largest input in both directions, most densely near zero.
     """
-    draw = sample_unit_cube(5 if is_biased else 4, count, seed)
-    max_field = 0.3 * 100.0 ** draw[0]
-    kappa = np.clip(max_field * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
-    c = 0.95 * draw[2]
-    omega = 0.1 * 3000.0 ** draw[3] - JUMP_INTERACTION if is_interacting else np.zeros(count)
+    draws = sample_unit_cube(5 if is_biased else 4, count, seed)
+    max_field = 0.3 * 100.0 ** draws[0]
+    kappa = np.clip(max_field * 0.01 * 300.0 ** draws[1], 5e-3, 2e2)
+    c = 0.95 * draws[2]
+    omega = 0.1 * 3000.0 ** draws[3] - JUMP_INTERACTION if is_interacting else np.zeros(count)
     langevin_at_max = 1.0 / np.tanh(max_field) - 1.0 / max_field
     drive = np.maximum(max_field + omega * langevin_at_max, 0.1 * max_field)
     largest_input = max(float(np.max(np.abs(record.input))) for record in records.loops)
-    in_0 = _MAX_BIAS_RATIO * largest_input * (2.0 * draw[4] - 1.0) ** 3 if is_biased else np.zeros(count)
+    in_0 = _MAX_BIAS_RATIO * largest_input * (2.0 * draws[4] - 1.0) ** 3 if is_biased else np.zeros(count)
     return np.stack([kappa, c, omega, largest_input / drive, in_0])
 
 
@@ -161,7 +161,7 @@ def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray
 
 
 def screen_starts(space: CoordinateSpace, count: int, max_starts: int, seed: int) -> list[ParameterSet]:
-    """Return the best sets of a screening at a single gap, with a minimum distance."""
+    """Return the best sets of a screening at a single gap, with a minimum distance between them."""
     is_interacting = "omega" not in space.fixed
     start_sets = _select_best_sets(space, sample_sets(space.records, count, seed, is_interacting), max_starts)
     # A bias is visible only if the output is even in the flux and the drive is bipolar.
@@ -243,25 +243,25 @@ slope of its curve."""
 _PINNING_RANGE = (0.02, 1.0)  # pinning of a population, relative to the largest effective field
 
 _SPREAD_RANGE = (0.7, 5.0)
-_REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # share of the reversible part, relative to the first population
+_REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # reversible saturation, relative to the first population
 
 _REVERSIBLE_WIDTH_RANGE = (0.3, 6.0)
 _SHARE_RANGE = (0.1, 1.5)
 _WIDTH_RANGE = (0.2, 8.0)
-"""Share and width of a further population, relative to the first."""
+"""Ranges of saturation and width of a further population, relative to the first."""
 
 _IRON_DRIVE_SHARE_WITH_GAP = (0.02, 0.9)
 _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.3, 4.0)
-"""Share of the drive across the iron, with a gap and without one. Without a gap, interaction may
-increase the field."""
+"""Ranges of the fraction of the drive across the iron, with a gap and without one. Without a gap,
+interaction may increase the field."""
 
-_MAX_INTERACTION = 0.8  # largest interaction, relative to the one at which M jumps
+_MAX_INTERACTION = 0.8  # largest interaction, relative to the value at which M jumps
 
 _CURVE_SAMPLES = 200
 
 
 class CellStart(NamedTuple):
-    """Law parameters, largest effective field in their units, part of the drive across the iron."""
+    """Start point: law parameters, largest effective field, drive fraction across the iron."""
 
     law: tuple[float, ...]
     max_field: float
@@ -289,7 +289,7 @@ def sample_cell_starts(kernel: CellKernel, count: int, seed: int, has_gap: bool)
 
 
 def scale_to_loops(space: CoordinateSpace, start: CellStart) -> list[ParameterSet]:
-    """Return sets at each gap that pass through the largest output there."""
+    """Return a parameter set for each gap whose curve passes through the largest output there."""
     form = space.form
     field = np.linspace(0.0, 3.0 * start.max_field, _CURVE_SAMPLES)
     assert space.form.cells is not None

@@ -33,9 +33,9 @@ GAP_DEPENDENT = {
     "circuit": frozenset({"omega", "gain", "in_0", "out_0"}),
     "free": frozenset(CIRCUIT_NAMES),
 }
-"""Gap-dependent parameters of each gap map; ``free`` includes those of the law too. If omega is a
-reluctance, the input scale depends on it: ``scale = scale_0/(1 - h*omega)``, and 1/(1 - h*omega) =
-1 + rho."""
+"""Gap-dependent parameters of each gap map; ``free`` also includes the law's parameters. If omega
+is a reluctance, the input scale depends on it: ``scale = scale_0/(1 - h*omega)``, and 1/(1 -
+h*omega) = 1 + rho."""
 
 SERIES_MAPS = frozenset({"reluctance", "leakage", "circuit"})
 """Gap maps in which omega is a reluctance in series with the iron."""
@@ -118,7 +118,7 @@ class CoordinateSpace:
 
     @cached_property
     def _coordinate_kinds(self) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-        """Indices of logarithms and of inverse hyperbolic sines; units of all coordinates."""
+        """Indices of logarithmic and of inverse hyperbolic sine coordinates; units of all."""
         kinds = np.array([self.fit_parameters[name].coordinate for name, _ in self.entries])
         units = np.array([self.unit(name) for name, _ in self.entries])
         return np.flatnonzero(kinds == "log"), np.flatnonzero(kinds == "asinh"), units
@@ -194,13 +194,13 @@ class CoordinateSpace:
     def _gain_and_leakage(self, sets: Sequence[ParameterSet]) -> tuple[float, float]:
         """Return gain without leakage, and leakage, that fit the gains of all gaps best."""
         omega = np.array([parameter_set.omega for parameter_set in sets])
-        root = np.array([parameter_set.gain for parameter_set in sets]) ** (1.0 / self.form.power)
+        roots = np.array([parameter_set.gain for parameter_set in sets]) ** (1.0 / self.form.power)
         centred = omega - omega.mean()
         spread = float(centred @ centred)
-        slope = float(centred @ root) / spread if spread > 0.0 else 0.0
-        closed_gap_root = float(root.mean() - slope * omega.mean())
+        slope = float(centred @ roots) / spread if spread > 0.0 else 0.0
+        closed_gap_root = float(roots.mean() - slope * omega.mean())
         if closed_gap_root <= 0.0 or slope == 0.0:
-            return float(root.mean()) ** self.form.power, 0.0
+            return float(roots.mean()) ** self.form.power, 0.0
         return closed_gap_root**self.form.power, -slope / closed_gap_root * max(sets[-1].omega, _MIN_OMEGA)
 
     def without_gaps(self, withheld: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:

@@ -1,6 +1,6 @@
 """Estimate the uncertainty of fitted parameters, and decide which sensor offsets the data require.
 
-Every law has a model error, and a fitted offset can hide a part of it. The offset then means a
+Every law has a model error, and a fitted offset can hide a part of it. The offset then represents a
 force that does not exist. Therefore, an offset is fitted only if it reduces the cost by more than
 chance and by more than a usual sensor offset would cost. Residuals that are correlated along a
 record or equal in all loops count once.
@@ -35,7 +35,7 @@ from anhyst.support.units import MU_0
 _MAX_RELATIVE_STD = 0.2
 
 _MAX_NAMED_PARAMETERS = 6
-"""Maximum number of uncertain parameters that are named. Many are meaningful only together."""
+"""Maximum number of uncertain parameters that are named. Many are meaningful only as a set."""
 
 _MAX_SEPARABLE_CORRELATION = 0.95
 """Correlation above which two parameters are not separable."""
@@ -44,8 +44,8 @@ _MAX_SEPARABLE_CORRELATION = 0.95
 def correlation_length(deviations: FloatArray) -> float:
     """Return the number of successive samples that count as one independent sample.
 
-    This is twice the integral of the autocorrelation up to its first zero. Model errors vary slowly
-    along a record, so that counting each sample would make the uncertainty far too small.
+    The number is twice the integral of the autocorrelation up to its first zero. Model errors vary
+    slowly along a record, so that counting each sample would make the uncertainty far too small.
     """
     centred = deviations - deviations.mean()
     sum_of_squares = float(centred @ centred)
@@ -53,8 +53,8 @@ def correlation_length(deviations: FloatArray) -> float:
         return 1.0
     spectrum = np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2
     correlation = np.fft.irfft(spectrum)[: centred.size] / sum_of_squares
-    negative = np.flatnonzero(correlation <= 0.0)
-    zero_lag = int(negative[0]) if negative.size else centred.size
+    nonpositive_lags = np.flatnonzero(correlation <= 0.0)
+    zero_lag = int(nonpositive_lags[0]) if nonpositive_lags.size else centred.size
     return max(1.0, 2.0 * float(correlation[:zero_lag].sum()) - 1.0)
 
 
@@ -93,7 +93,7 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     ):
         value = at_gaps[gap or 0].get(name, coordinate_value)
         number = space.fit_parameters[name]
-        label = _label(number, units)
+        label = _full_name(number, units)
         if gap is not None and loopset.schedule is not None:
             label += f" at {loopset.schedule.show(float(space.records.nodes[gap]))}"
         names.append(label)
@@ -102,7 +102,7 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     sentences = describe_uncertainty(names, values, stds, correlation) + _describe_gauge(fit)
     for name, reading in readings.items():
         if name in space.fixed and reading.std is not None and reading.offset != 0.0:
-            names.append(_label(space.fit_parameters[name], units))
+            names.append(_full_name(space.fit_parameters[name], units))
             values.append(reading.offset)
             stds.append(reading.half_width)
             sentences.append(f"{names[-1]}: sensor reading at rest, not fitted")
@@ -117,7 +117,7 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     )
 
 
-def _label(number: FitParameter, units: Mapping[str, str]) -> str:
+def _full_name(number: FitParameter, units: Mapping[str, str]) -> str:
     return f"{number.meaning} ({units[number.unit_of]})" if number.unit_of else number.meaning
 
 
@@ -169,7 +169,7 @@ def _group_correlated(correlation: FloatArray) -> list[list[int]]:
     groups: list[list[int]] = []
     for index in range(correlation.shape[0]):
         correlated_groups = [
-            g for g in groups if any(abs(correlation[index, o]) > _MAX_SEPARABLE_CORRELATION for o in g)
+            g for g in groups if any(abs(correlation[index, j]) > _MAX_SEPARABLE_CORRELATION for j in g)
         ]
         groups = [g for g in groups if g not in correlated_groups] + [
             [*(o for g in correlated_groups for o in g), index]
@@ -187,15 +187,15 @@ MIN_REST_READING_STD = 5e-4
 
 _MAX_OFFSET_PENALTY = 25.0
 """Largest penalty of an unusual offset, and of a contradiction to a reading at rest, as twice the
-logarithm of the odds. Clear evidence in the loops can still exceed this penalty."""
+logarithm of the odds. Clear evidence in the loops can still exceed the penalty."""
 
 _CONTRADICTION_SIGMAS = 4.0
 """Number of standard errors above which a fitted offset contradicts the sensor reading."""
 
 _MAX_REST_READING_COST_RATIO = 2.0
 """A reading at rest replaces a contradicting fitted offset unless it increases the mean square
-residual by more than this factor. The model error that an offset can hide raised it by 1.4 (three
-gaps, 2 mA of noise)."""
+residual by more than this factor. A model error that an offset can hide increased that residual by
+a factor of 1.4 (three gaps, 2 mA of noise)."""
 
 _NEGLIGIBLE_COST = 1e-20
 """Mean square residual, relative to the largest output squared, below which fits are equal."""
@@ -206,7 +206,7 @@ def remove_unneeded_offsets(
 ) -> FoundModel:
     """Fix the offsets at the sensor readings at rest, except offsets that the data require.
 
-    Offsets that differ between gaps are not sensor offsets, and stay free.
+    Offsets that differ between gaps are not sensor offsets, so they are not removed.
     """
     free_offsets = sorted(name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None)
     if not free_offsets:
@@ -223,8 +223,8 @@ def remove_unneeded_offsets(
     removable_sets = [
         frozenset(names) for n in range(1, len(free_offsets) + 1) for names in combinations(free_offsets, n)
     ]
-    contradicted = _find_contradicted_offsets(fit)
-    removable_sets = [names for names in removable_sets if contradicted <= names]
+    contradicted_names = _find_contradicted_offsets(fit)
+    removable_sets = [names for names in removable_sets if contradicted_names <= names]
 
     def score(cost: float, space: CoordinateSpace, theta: FloatArray) -> float:
         return independent_samples * math.log(cost + _NEGLIGIBLE_COST) + _offset_penalty(
@@ -238,17 +238,17 @@ def remove_unneeded_offsets(
         attempts[names] = score(cost, space, theta[coordinates]), space, theta[coordinates]
     _, space, start = min(attempts.values(), key=lambda attempt: attempt[0])
     full_score = score(fit.cost, fit.space, fit.theta)
-    # For any values of the remaining offsets, the reduced fit is rejected above this cost.
+    # For any values of the remaining offsets, a reduced fit with a higher cost is rejected.
     remaining_offsets = sum(name in OFFSET_NAMES for name, _ in space.entries)
     goal_cost = math.exp(
         full_score / independent_samples
         - remaining_offsets * math.log(independent_samples) / independent_samples
     )
-    if contradicted:
+    if contradicted_names:
         goal_cost = _MAX_REST_READING_COST_RATIO * fit.cost
     reduced_fit = descend_from(space, start, tolerance, max_steps, fit.smoothness, goal_cost)
     is_better = score(reduced_fit.cost, reduced_fit.space, reduced_fit.theta) <= full_score
-    best_fit = reduced_fit if is_better or (contradicted and reduced_fit.cost <= goal_cost) else fit
+    best_fit = reduced_fit if is_better or (contradicted_names and reduced_fit.cost <= goal_cost) else fit
     try:
         Objective(best_fit.space).outputs(best_fit.parameter_sets)
     except NoResponseError:  # the reduced fit may have no solution
@@ -317,7 +317,7 @@ _REVERSAL_POSITIONS = (0.0, 1.0, 0.3, 0.9, 0.1, 0.6, 0.4, 0.8, 0.2, 0.7, 0.0)
 _SAMPLES_PER_BRANCH = 40
 
 
-def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops) -> float:
+def ambiguity_within_loop(chosen_model: Model, other_models: Sequence[Model], loopset: Loops) -> float:
     """Return the largest rms difference of models inside a loop, relative to full scale."""
     loop = loopset.loops[0]
     low, high = float(loop.input.min()), float(loop.input.max())
@@ -326,7 +326,7 @@ def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops
     drive = np.interp(positions, np.arange(drive_values.size), drive_values)
     history = History("conditioned", (low, high, low, high, low))
     outputs = []
-    for model in (chosen, *others):
+    for model in (chosen_model, *other_models):
         schedule = loop.schedule_value if model.needs_schedule else None
         try:
             outputs.append(model.predict(drive, schedule, history=history).output)
@@ -340,12 +340,12 @@ _MAX_DEVIATION_RATIO = 2.0
 """Largest allowed deviation between two maps midway between gaps, relative to the sum of their
 errors at withheld gaps."""
 _MAX_SIMPLER_ERROR_RATIO = 3.0
-"""Cross-validation error relative to a map, up to which a simpler map is evidence against that map.
-"""
+"""Largest cross-validation error of a simpler map, relative to that of another map, with which the
+simpler map is evidence against the other."""
 
 
-def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
-    """Return the largest mean deviation of two models midway between gaps, per full scale."""
+def deviation_between_gaps(model: Model, rival_model: Model, loopset: Loops) -> float:
+    """Return the largest mean deviation of two models midway between gaps, in full scales."""
     groups = loopset.by_schedule()
     deviations = []
     for low, high in pairwise(sorted(groups)):
@@ -354,7 +354,7 @@ def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
         gap = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
         try:
             output = model.predict(loop.input, gap, history=history).output
-            rival_output = rival.predict(loop.input, gap, history=history).output
+            rival_output = rival_model.predict(loop.input, gap, history=history).output
         except (InputError, NegativeResult):
             return float("inf")
         deviations.append(float(np.mean(np.abs(output - rival_output))))
@@ -362,7 +362,7 @@ def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
 
 
 def is_overfitted_between_gaps(
-    model: Model, error: float, simpler: Sequence[tuple[Model, float]], loops: Loops
+    model: Model, error: float, simpler_models: Sequence[tuple[Model, float]], loops: Loops
 ) -> bool:
     """Whether a model deviates between gaps from all simpler maps by more than their errors.
 
@@ -370,14 +370,14 @@ def is_overfitted_between_gaps(
     """
     if model.needs_fixed_gap:
         return False
-    comparable = [
+    comparable_models = [
         (other, other_error)
-        for other, other_error in simpler
+        for other, other_error in simpler_models
         if other_error <= _MAX_SIMPLER_ERROR_RATIO * error
     ]
-    return bool(comparable) and all(
+    return bool(comparable_models) and all(
         deviation_between_gaps(model, other, loops) > _MAX_DEVIATION_RATIO * (error + other_error)
-        for other, other_error in comparable
+        for other, other_error in comparable_models
     )
 
 
@@ -471,9 +471,9 @@ def free_unresolved_cells(model: Model, loops: Loops) -> Model:
             if best_model is model and rejected_count > unresolved_count
             else (accepted_count + rejected_count) // 2
         )
-        freed = _free_first_cells(model, cells, middle)
-        if _mean_square_error(freed, loops) <= max_cost:
-            best_model, accepted_count = freed, middle
+        freed_model = _free_first_cells(model, cells, middle)
+        if _mean_square_error(freed_model, loops) <= max_cost:
+            best_model, accepted_count = freed_model, middle
         else:
             rejected_count = middle
     return best_model

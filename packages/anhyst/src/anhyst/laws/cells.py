@@ -6,8 +6,8 @@ the magnetisation is a sum of curves at the positions of the cells::
     p_i <- clip(p_i, x - r_i, x + r_i),    M = sum_i sum_j W_ij * phi_j(p_i)
     phi_j(p) = (phi((p - b_j) / a_j) + phi((p + b_j) / a_j)) / 2
 
-Cell 0 has no threshold: the reversible part. Curves with centres ``b_j`` on a fine grid make the
-cells a discrete Preisach operator.
+The threshold of cell 0, the reversible part, is zero. Curves with centres ``b_j`` on a fine grid
+make the cells a discrete Preisach operator.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PINNED_CELLS = 12  # number of pinned cells of discretised populations
 
 MIN_THRESHOLD_RATIO = 0.2
 MAX_THRESHOLD_RATIO = 2.0
-"""First threshold relative to the smallest pinning scale, and last relative to the largest."""
+"""Ratios of the smallest and largest threshold to the smallest and largest pinning scale."""
 
 MAX_CELLS = 64  # largest number of cells in the core, including the one without a threshold
 
@@ -41,19 +41,19 @@ class Population(NamedTuple):
     magnetisation: float  # saturation magnetisation of the population, A/m
     width: float  # width of the curve of its cells, A/m
     scale: float  # scale ``k`` of the thresholds, A/m
-    spread: float  # exponent ``s``; thresholds scatter less if it is larger
+    spread: float  # exponent ``s``; a larger exponent makes the thresholds scatter less
 
 
 @dataclass(frozen=True, eq=False)
 class CellWeights:
     """Thresholds, widths and weights of play cells."""
 
-    thresholds: FloatArray  # ascending from 0, A/m; shape (n + 1,)
+    thresholds: FloatArray  # thresholds, ascending from 0, A/m; shape (n + 1,)
     widths: FloatArray  # widths of the curves, above 0, A/m; shape (J,)
     # contribution of each cell and curve to the saturation, 0 or above, A/m; shape (n + 1, J)
     weights: FloatArray
-    shape: Shape = "tanh"  # curve, ``"tanh"`` or ``"langevin"``
-    # centres of the curves, 0 or above, A/m; shape (J,); None: all 0
+    shape: Shape = "tanh"  # form of the curves, ``"tanh"`` or ``"langevin"``
+    # centres of the curves, 0 or above, A/m, shape (J,); None: all 0
     centres: FloatArray | None = None
 
     def __post_init__(self) -> None:
@@ -131,12 +131,12 @@ class CellWeights:
     ) -> FloatArray:
         """Return a function of (p -+ b)/a for each cell and curve; shape (n + 1, J, m).
 
-        `function` gives the curve itself, or its derivative by the normalised position.
+        `function` is the curve itself, or its derivative with respect to (p -+ b)/a.
         """
         fields, middles, widths = (positions[:, None, :], self.curve_centres[:, None], self.widths[:, None])
         signs = (-1.0, 1.0) if self.curve_centres.any() else (1.0,)
-        halves = [function(self.shape, (fields + side * middles) / widths) for side in signs]
-        return np.asarray(sum(halves) / len(halves))
+        values = [function(self.shape, (fields + sign * middles) / widths) for sign in signs]
+        return np.asarray(sum(values) / len(values))
 
     @property
     def saturation(self) -> float:
@@ -148,15 +148,15 @@ class _Discretisation(NamedTuple):
     """Populations discretised into cells, for the weights and their derivatives.
 
     A cell represents the thresholds between the geometric means with its neighbours. The first cell
-    represents all smaller ones, the last all larger ones.
+    represents all smaller thresholds, and the last cell all larger ones.
     """
 
     thresholds: FloatArray  # 0, then geometrically spaced, A/m; shape (n + 1,)
-    # logarithms of the limits between cells above 0, relative to the pinning scale; shape (J, n -
+    # logarithms of the threshold limits between cells, relative to the pinning scale; shape (J, n -
     # 1)
     log_ratios: FloatArray
-    shares: FloatArray  # share of each population at each threshold above 0; shape (J, n)
-    # derivative of the share above each limit by the logarithm of ``u = (limit/scale)**spread``;
+    shares: FloatArray  # fraction of each population at each threshold; shape (J, n)
+    # derivative of the fraction above each limit with respect to ``ln((limit/scale)**spread)``;
     # shape (J, n - 1)
     log_derivatives: FloatArray
 
@@ -166,15 +166,15 @@ def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
     scales = np.array([[cell.scale] for cell in pinned])
     spreads = np.array([[cell.spread] for cell in pinned])
     low, high = MIN_THRESHOLD_RATIO * float(scales.min()), MAX_THRESHOLD_RATIO * float(scales.max())
-    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would take as long as the rest
+    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would take as long as all else
     log_low, log_high = np.log10(low), np.log10(high)
     levels[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((log_high - log_low) / (PINNED_CELLS - 1)) + log_low)
     levels[1], levels[-1] = low, high
-    logs = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
-    u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # exp(-u) is zero beyond 700
-    remaining = np.zeros((len(pinned), PINNED_CELLS + 1))
-    remaining[:, 0], remaining[:, 1:-1] = 1.0, np.exp(-u)
-    return _Discretisation(levels, logs, remaining[:, :-1] - remaining[:, 1:], -u * remaining[:, 1:-1])
+    log_limits = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
+    u = np.exp(np.minimum(spreads * log_limits, np.log(700.0)))  # exp(-u) is zero beyond 700
+    tails = np.zeros((len(pinned), PINNED_CELLS + 1))
+    tails[:, 0], tails[:, 1:-1] = 1.0, np.exp(-u)
+    return _Discretisation(levels, log_limits, tails[:, :-1] - tails[:, 1:], -u * tails[:, 1:-1])
 
 
 def discretise_populations(
@@ -198,33 +198,33 @@ def discretise_populations(
 
 
 class Tangents(NamedTuple):
-    """Derivatives of weights, widths and thresholds by the parameters of populations."""
+    """Derivatives of weights, widths and thresholds with respect to population parameters."""
 
-    # by magnetisation and width of the reversible part, then by magnetisation, width, scale and
-    # spread of each population; shape (n + 1, J, d)
+    # derivatives of the weights, d in the order: magnetisation and width of the reversible part,
+    # then magnetisation, width, scale and spread of each population; shape (n + 1, J, d)
     weights: FloatArray
     widths: FloatArray  # derivatives of the widths; shape (J, d)
     thresholds: FloatArray  # derivatives of the thresholds; shape (n + 1, d)
 
 
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
-    """Return the derivatives of :func:`discretise_populations` by its ``d = 2 + 4 J`` parameters."""
+    """Return the derivatives of all cell data with respect to the ``d = 2 + 4 J`` parameters."""
     magnetisation, _, scales, spreads = np.array(pinned).T
-    levels, logs, shares, log_derivatives = _discretise(tuple(pinned))
+    levels, log_limits, shares, log_derivatives = _discretise(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
     log_thresholds = np.zeros((PINNED_CELLS, directions))  # derivatives of the logarithms of the thresholds
     position = np.linspace(0.0, 1.0, PINNED_CELLS)
     for weight, population in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
         log_thresholds[:, 4 * population + 4] += weight / scales[population]
     index, column = np.arange(count), 4 * np.arange(count) + 2
-    remaining = np.zeros((count, PINNED_CELLS + 1, directions))  # derivatives of the share above each limit
-    inner_remaining = remaining[:, 1:-1]
+    tails = np.zeros((count, PINNED_CELLS + 1, directions))  # derivatives of the fractions
+    inner_remaining = tails[:, 1:-1]
     inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
     inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]
     inner_remaining *= (spreads[:, None] * log_derivatives)[:, :, None]
-    inner_remaining[index, :, column + 3] = log_derivatives * logs
+    inner_remaining[index, :, column + 3] = log_derivatives * log_limits
     weights = np.zeros((levels.size, 1 + count, directions))
-    weights[1:, 1:] = (magnetisation[:, None, None] * (remaining[:, :-1] - remaining[:, 1:])).swapaxes(0, 1)
+    weights[1:, 1:] = (magnetisation[:, None, None] * (tails[:, :-1] - tails[:, 1:])).swapaxes(0, 1)
     weights[1:, 1 + index, column] = shares.T
     widths = np.zeros((1 + count, directions))
     weights[0, 0, 0] = widths[0, 1] = widths[1 + index, column + 1] = 1.0
@@ -233,7 +233,7 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     return Tangents(weights, widths, thresholds)
 
 
-FIELD_SAMPLES = 2001  # number of fields at which the largest slope is searched
+FIELD_SAMPLES = 2001  # number of fields in the search for the largest slope
 
 
 def curve_value(shape: Shape, position: FloatArray) -> FloatArray:
@@ -256,8 +256,8 @@ def curve_slope(shape: Shape, position: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def steepest_slope(cells: CellWeights) -> float:
-    """Return the largest slope of the magnetisation over the effective field, on any path."""
-    reach = float((cells.curve_centres + 3.0 * cells.widths).max())
-    plays = np.linspace(-reach, cells.thresholds[-1] + reach, FIELD_SAMPLES) - cells.thresholds[:, None]
+    """Return the largest slope dM/dx of the magnetisation that any path can have."""
+    span = float((cells.curve_centres + 3.0 * cells.widths).max())
+    plays = np.linspace(-span, cells.thresholds[-1] + span, FIELD_SAMPLES) - cells.thresholds[:, None]
     slope = cells.curves(plays, curve_slope)
     return float(np.einsum("ij,ijm->m", cells.weights / cells.widths, slope).max())

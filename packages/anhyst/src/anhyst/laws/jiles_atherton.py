@@ -46,11 +46,11 @@ FIT_PARAMETERS = (FitParameter("kappa", "k/a", 2e-3, 5e2, "log"), FitParameter("
 
 
 MAX_STEEPEST_FIELD = 20.0
-"""Largest field, relative to the shape field ``a``, at which the largest slope is searched."""
+"""Largest field in the search for the largest slope, relative to the shape field ``a``."""
 
 
 def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
-    """Return the irreversible part after a rise from a large negative field, in units of the law."""
+    """Return the irreversible part, normalised, on the branch up from a large negative field."""
     import numpy as np
 
     from anhyst._core import Operator, langevin
@@ -66,8 +66,8 @@ def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
 def steepest_slope(kappa: float, c: float) -> float:
     """Return the largest slope of a law on any path, in units of the law; at most 1/3.
 
-    Any other history has a smaller irreversible slope, and a play separates the two parts of the
-    slope. Therefore, no path is steeper than the ascending branch without a play.
+    Any other history has a smaller irreversible slope, and a play separates the irreversible slope
+    from the reversible one. Therefore, no path is steeper than the ascending branch without a play.
     """
     import numpy as np
 
@@ -104,7 +104,7 @@ def _operator_of_1986(kappa: float, c: float, play: float, omega: float) -> Oper
     return Operator(kappa, c, play, -omega * c, "jiles-atherton-1986")
 
 
-# A first-order lag of the anhysteretic curve, by distance travelled in the effective field.
+# The irreversible part lags behind the anhysteretic curve, to first order in the travelled field.
 EFFECTIVE_FIELD = Law(
     name="effective-field",
     title="effective-field Jiles-Atherton law",
@@ -114,7 +114,7 @@ EFFECTIVE_FIELD = Law(
     least_slope=least_slope,
 )
 
-# The same lag in the field that includes the irreversible part only.
+# Law with the same lag, whose effective field contains only the irreversible magnetisation.
 JILES_ATHERTON_1986 = Law(
     name="jiles-atherton-1986",
     title="Jiles-Atherton law of 1986",

@@ -1,8 +1,8 @@
 """Define the interface of a hysteresis law: its parameters, its simulation and its fit.
 
-A :class:`Law` describes its parameters and builds an iron, which simulates whole records. A law
-with a :class:`Kernel` has a fast fit in gauge-free parameters; others are fitted through their
-iron.
+A :class:`Law` describes its parameters and makes an iron object, which simulates whole records. A
+law with a :class:`Kernel` has a fast fit in gauge-free (not redundant) parameters; others are
+fitted through their iron.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Coordinate = Literal["reciprocal", "log", "plain"]
 """Coordinate in which a parameter is interpolated over the gap and varied in a search."""
 
 Role = Literal["saturation", "pinning", "reversible", "dead band", ""]
-"""Physical role of a parameter in any law: used for drift, and for widening a dead band."""
+"""Physical role of a parameter in any law: used to simulate drift, and to widen a dead band."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,24 +29,24 @@ class ParameterSpec:
     """One parameter of a model."""
 
     name: str  # name in a model file, without its unit
-    meaning: str  # meaning in a few words
-    unit: str = "1"  # SI; "1" for a pure number
+    meaning: str  # meaning of the parameter in a few words
+    unit: str = "1"  # SI unit; "1" for a pure number
     low: float = -math.inf  # range; ``closed`` states whether it includes its ends
     high: float = math.inf
     closed: bool = False
-    default: float | None = None  # value if it is missing; None: it is required
-    coordinate: Coordinate = "plain"  # coordinate of the curve over the scheduling variable
+    default: float | None = None  # default of a missing value; None: a value is required
+    coordinate: Coordinate = "plain"  # coordinate for interpolation over the scheduling variable
     # search range for laws without a kernel, in ``A/m`` relative to the largest applied field;
     # None: fixed at its default
     search: tuple[float, float] | None = None
-    role: Role = ""  # role in any law
+    role: Role = ""  # physical role of the parameter
 
     def find_problem(self, value: float) -> str | None:
-        """Return what is wrong with a value; None if it is valid."""
+        """Return the fault of a parameter value, or None."""
         if not math.isfinite(value):
             return "is not a finite number"
-        inside = self.low <= value <= self.high if self.closed else self.low < value < self.high
-        if inside:
+        is_in_range = self.low <= value <= self.high if self.closed else self.low < value < self.high
+        if is_in_range:
             return None
         if math.isfinite(self.low) and math.isfinite(self.high):
             return f"must lie within {self.low:g} and {self.high:g}, is {value:g}"
@@ -68,12 +68,12 @@ class IronOperator(Protocol):
     def forward(
         self, drive: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray, /
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
-        """From the drive, A/m: return flux density (T), field (A/m), final state, status, index."""
+        """Return flux density (T), field (A/m), final state, status and index for a drive, A/m."""
 
     def inverse(
         self, flux_density: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray, /
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
-        """From the flux density, T: return drive (A/m), field (A/m), final state, status, index."""
+        """Return drive (A/m), field (A/m), final state, status and index for a flux density, T."""
 
     def settle(
         self,
@@ -91,9 +91,9 @@ class IronOperator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FitParameter:
-    """One parameter of a fit."""
+    """One parameter of a fit, with its bounds and its prior."""
 
-    name: str  # name; the meaning is in the symbols of a model file, or in words
+    name: str  # name, and meaning in symbols of a model file or in words
     meaning: str
     low: float  # bounds of a search, in the unit of ``unit_of``
     high: float
@@ -126,13 +126,13 @@ class Kernel:
         return {"M_s": saturation, "a": width, "k": kappa * width, "c": c, "alpha": alpha}
 
     def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
-        """Scale the field inside an iron without interaction by a factor, by adding interaction."""
+        """Scale the internal field of an iron without interaction by adding interaction."""
         iron["alpha"] = 1.0 - factor
         iron["a"] *= factor
         iron["k"] *= factor
 
     def dead_band_parameter(self, iron: Mapping[str, float], ratio: float) -> dict[str, float]:
-        """Return the parameter of a dead band whose half-width is a share of the pinning."""
+        """Return the parameter of a dead band whose half-width is a fraction of the pinning."""
         return {"r_d": ratio * iron["k"]}
 
 
@@ -143,20 +143,20 @@ class Law:
     name: str  # name in model files and on the command line
     title: str  # name in reports
     parameters: tuple[ParameterSpec, ...]  # parameters of the iron, in the order of the file
-    # builds the iron from its parameters, in that order; raises ValueError if they are invalid
+    # function that makes the iron from parameters in that order; ValueError if they are invalid
     iron: Callable[..., IronOperator]
     states: int = 3  # number of states; all are zero in the demagnetised state
-    # for the fast fit; other laws are fitted through their iron, with finite differences
+    # kernel of the fast fit; None: fitted through the iron, with finite differences
     kernel: Kernel | None = None
     # smallest slope of the drive over the field, relative to that without iron, from the parameters
     # of the iron and the reluctance ratios of the gap; None: the law has no compensator
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
-    # reason for this, to complete the sentence "cannot be compiled: ..."
+    # reason for the missing compensator, to complete the sentence "cannot be compiled: ..."
     obstacle: str = "there is no compensator for it"
-    # returns the law with given cells instead of the parameters that describe them, or raises
-    # ValueError if they do not fit the law; None for a law without cells
+    # function that returns the law with given cells instead of parameters, or raises ValueError if
+    # they do not fit the law; None for a law without cells
     of_cells: Callable[[CellWeights], Law] | None = None
-    # returns the cells for given parameters; None for a law without cells
+    # function that returns the cells for given parameters; None for a law without cells
     cells: Callable[[Mapping[str, float]], CellWeights] | None = None
     # whether large reversals remain in memory after any number of smaller cycles (return-point
     # memory)

@@ -30,13 +30,13 @@ _POPULATION_PARAMETERS: tuple[tuple[str, str, str, float, tuple[float, float], R
     ("M", "share of the saturation", "A/m", 0.0, (10.0, 1e5), "saturation"),
     ("a", "width of its curve", "A/m", 1.0, (0.02, 5.0), ""),
     ("k", "pinning scale", "A/m", 1.0, (5e-3, 1.0), "pinning"),
-    ("s", "exponent of the pinning, the larger the narrower", "1", 2.0, (0.5, 5.0), ""),
+    ("s", "exponent of the thresholds; a larger one narrows their distribution", "1", 2.0, (0.5, 5.0), ""),
 )
 """Symbol, meaning, unit, default, search range and role."""
 
 
 def _population_specs(number: int) -> Iterator[ParameterSpec]:
-    """Yield the parameters of a population; all except those of the first are optional."""
+    """Yield the parameters of a population; only the first population is required."""
     is_first = number == 1
     ordinal = ("first", "second", "third")[number - 1]
     for symbol, meaning, unit, default, search, role in _POPULATION_PARAMETERS:
@@ -120,7 +120,7 @@ def _with_cells(name: str, cells: CellWeights) -> Law:
         other_law = next(law_name for law_name, curve in _SHAPES.items() if curve == cells.shape)
         raise ValueError(f"shape is {cells.shape!r}, that of law {other_law!r}; {name!r} has {shape!r}")
 
-    def given(_: Mapping[str, float]) -> CellWeights:
+    def replacement_cells(_: Mapping[str, float]) -> CellWeights:
         return cells
 
     return replace(
@@ -128,8 +128,8 @@ def _with_cells(name: str, cells: CellWeights) -> Law:
         parameters=(ALPHA,),
         iron=partial(make_iron, cells),
         states=cells.thresholds.size,
-        least_slope=partial(_least_slope, given),
-        cells=given,
+        least_slope=partial(_least_slope, replacement_cells),
+        cells=replacement_cells,
     )
 
 

@@ -1,8 +1,8 @@
 """Simulate whole records for a hysteresis law written in Python that computes single steps.
 
 The circuit around the iron gives ``drive = H + (rho + e)*B/mu0 - e*B_before/mu0`` with ``B = mu0*(H
-+ M)`` and ``e = mu0*gamma/dt``. The magnetisation never falls as the field rises, so the distance
-of the root from the start is at most the mismatch of the equation there.
++ M)`` and ``e = mu0*gamma/dt``. The magnetisation never falls as the field rises. Therefore, the
+distance of a field from the solution is at most the error of the equation there.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class SampledIron(ABC):
 
     @abstractmethod
     def step(self, state: State, field: float) -> tuple[float, State]:
-        """Return magnetisation (A/m) and state after a straight change to a field (A/m).
+        """Return magnetisation (A/m) and state after a monotonic change to a field (A/m).
 
         The magnetisation must not fall as the field rises.
         """
@@ -91,7 +91,7 @@ class SampledIron(ABC):
         return field + self.step(state, field)[0]
 
     def _root(self, state: State, field_factor: float, flux_factor: float, total: float) -> float:
-        """Solve ``of_field*H + of_flux*B/mu0 = total`` for the field H, A/m."""
+        """Solve ``field_factor*H + flux_factor*B/mu0 = total`` for the field H, A/m."""
 
         def mismatch_at(field: float) -> float:
             return field_factor * field + flux_factor * self._flux(state, field) - total

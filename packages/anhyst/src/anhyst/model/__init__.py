@@ -1,1 +1,1 @@
-"""The model of an actuator: parameters over the gap, model file, prediction, acceptance test."""
+"""The model of an actuator: parameters, model file, prediction and acceptance test."""

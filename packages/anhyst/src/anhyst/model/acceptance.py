@@ -1,7 +1,7 @@
-"""Test the plausibility of a model: the force rises with a closing gap and with a rising current.
+"""Test the plausibility of a model: the force rises as the gap closes and as the current rises.
 
-The first test is the paper's (II.C), at any fixed current. The second test applies at any fixed
-gap, from the demagnetised state and from remanence.
+The first test is that of the paper (II.C), at any fixed current. The second test applies at any
+fixed gap, from the demagnetised state and from remanence.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ GAPS_PER_INTERVAL = 20
 DRIVES_PER_BRANCH = 100
 
 MAX_OUTPUT_FALL = 1e-4
-"""Largest fall of the output, relative to the largest output, that counts as none. It is a tenth of
-the resolution of the best force sensors, and far above rounding errors."""
+"""Largest fall of the output, relative to the largest output, that is ignored. It is a tenth of the
+resolution of the best force sensors, and far above rounding errors."""
 
 MAX_SENSOR_OFFSET = 0.02
-"""Largest plausible offset of a sensor, relative to the range. Differences of the offsets between
-gaps up to this size are not a property of the magnet; beyond it, they are a fault of the model."""
+"""Largest plausible offset of a sensor, relative to the range. The sensor can cause
+a difference of offsets between gaps up to this size. A larger one is a fault of the model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class GapCheck:
     # steady-state cycle, ascending then descending branch, in units of the input, as read by the
     # sensor of the gap with the largest offset; shape (n,)
     drive: FloatArray
-    # output over that cycle at each gap, with the sensor offset; NaN if the model could not be
+    # output over this cycle at each gap, with the sensor offset; NaN if the model could not be
     # computed; shape (g, n)
     output: FloatArray
     # offset of the output minus the smallest offset of all gaps, which is subtracted before the
@@ -69,10 +69,10 @@ class GapCheck:
         if self.failure:
             return f"the model cannot be computed at a gap of {gap_text}: {self.failure}"
         if self.passed:
-            span = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
-            return f"at every drive the output rises as the gap closes ({span}, both branches)"
+            gap_range_text = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
+            return f"at every drive the output rises as the gap closes ({gap_range_text}, both branches)"
         return (
-            f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest, at "
+            f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest output, at "
             f"{gap_text} and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
             "no electromagnet with a simple gap does that; do not use the model there"
         )
@@ -86,7 +86,7 @@ class DriveCheck:
     fall: float
     at_drive: float  # drive at the largest fall, in units of the input
     where: str  # gap and initial state, in words
-    failure: str = ""  # reason why it could not be computed; empty if it could
+    failure: str = ""  # reason why the output could not be computed; empty if it could
 
     @property
     def passed(self) -> bool:
@@ -100,7 +100,7 @@ class DriveCheck:
         if self.passed:
             return "the output never falls as the drive rises from rest"
         return (
-            f"the output falls as the drive rises: by {100 * self.fall:.2g} % of the largest, at "
+            f"the output falls as the drive rises: by {100 * self.fall:.2g} % of the largest output, at "
             f"{self.at_drive:.4g} {unit} {self.where}; no electromagnet does that; do not use the "
             "model there"
         )
@@ -109,27 +109,27 @@ class DriveCheck:
 def check_over_drive(model: ModelData) -> DriveCheck | None:
     """Test that the force never falls as the drive rises from rest, at any fixed gap.
 
-    The test starts from the demagnetised state and from remanence after the largest drive, and uses
-    100 drives up to the largest measured one, at each node and half-way between nodes. Rest is the
-    sensor reading at zero drive, but at most :data:`MAX_SENSOR_OFFSET` of the largest drive.
+    The test starts from the demagnetised state and from remanence after the largest drive. It uses
+    100 drives up to the largest measured drive, at each node and half-way between nodes. Rest is
+    the sensor reading at zero drive, but at most :data:`MAX_SENSOR_OFFSET` of the largest drive.
     """
     if not output_map(model.output).is_even or model.valid is None:
         return None
     largest_drive = _largest_drive(model)
-    start = _rest_drive(model, MAX_SENSOR_OFFSET)
-    ascending_drive = np.linspace(start, largest_drive, DRIVES_PER_BRANCH)
-    states = {
+    rest_drive = _rest_drive(model, MAX_SENSOR_OFFSET)
+    ascending_drive = np.linspace(rest_drive, largest_drive, DRIVES_PER_BRANCH)
+    start_by_history = {
         "demagnetised": "from the demagnetised state",
-        f"conditioned:{start!r},{largest_drive!r},{start!r}": "from remanence",
+        f"conditioned:{rest_drive!r},{largest_drive!r},{rest_drive!r}": "from remanence",
     }
-    worst_check = DriveCheck(0.0, start, "")
+    worst_check = DriveCheck(0.0, rest_drive, "")
     largest_output = max(map(abs, model.valid.output))
     gaps: list[float | None] = [None]
     if model.needs_schedule:
         nodes = np.array(model.nodes)
         gaps = [*np.sort([*nodes, *(0.5 * (nodes[1:] + nodes[:-1]))]).tolist()]
     for gap in gaps:
-        for history, start_text in states.items():
+        for history, start_text in start_by_history.items():
             start_description = start_text
             if gap is not None and model.schedule is not None:
                 start_description = f"at {model.schedule.show(gap)} {start_text}"
@@ -137,7 +137,7 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
                 time = slow_times(ascending_drive.size)
                 output = run_record(model, "drive", ascending_drive, gap, time, history).output
             except (InputError, NegativeResult) as error:
-                return DriveCheck(np.inf, start, start_description, str(error))
+                return DriveCheck(np.inf, rest_drive, start_description, str(error))
             output_falls = np.maximum.accumulate(output) - output
             row = int(np.argmax(output_falls))
             largest_fall = float(output_falls[row]) / max(largest_output, np.finfo(np.float64).tiny)
@@ -148,29 +148,29 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """Results of both tests; None if a test does not apply."""
+    """Results of the tests over gap and drive; None if a test does not apply."""
 
     over_gap: GapCheck | None
     over_drive: DriveCheck | None
 
-    def _checks(self) -> list[GapCheck | DriveCheck]:
+    def _applicable_checks(self) -> list[GapCheck | DriveCheck]:
         return [check for check in (self.over_gap, self.over_drive) if check is not None]
 
     @property
     def passed(self) -> bool | None:
         """Whether all applicable tests have passed; None if none applies."""
-        checks = self._checks()
+        checks = self._applicable_checks()
         return all(check.passed for check in checks) if checks else None
 
     def text(self, unit: str) -> str:
-        """Return the failed tests or, if none failed, the passed ones; ``unit`` is the drive's."""
-        checks = self._checks()
-        failed = [check for check in checks if not check.passed]
-        return "; ".join(check.text(unit) for check in failed or checks)
+        """Return the failed tests, otherwise the passed ones; ``unit`` is the unit of the drive."""
+        checks = self._applicable_checks()
+        failed_checks = [check for check in checks if not check.passed]
+        return "; ".join(check.text(unit) for check in failed_checks or checks)
 
 
 def check_acceptance(model: ModelData) -> Acceptance:
-    """Run both acceptance tests."""
+    """Run the acceptance tests over gap and drive."""
     return Acceptance(check_over_gap(model), check_over_drive(model))
 
 
@@ -203,10 +203,10 @@ def check_over_gap(model: ModelData, at: Callable[[float], ModelData] | None = N
                 model.parameters["out_0"]
             )
             largest_drive = _largest_drive(model)
-            shares = np.atleast_1d(model.parameters["in_0"]) / largest_drive
-            share = model_at_gap.interpolate_parameter("in_0", gap)[0] / largest_drive
+            ratios = np.atleast_1d(model.parameters["in_0"]) / largest_drive
+            ratio = model_at_gap.interpolate_parameter("in_0", gap)[0] / largest_drive
             applied_drive = drive - largest_drive * float(
-                np.clip(shares.max() - share, 0.0, MAX_SENSOR_OFFSET)
+                np.clip(ratios.max() - ratio, 0.0, MAX_SENSOR_OFFSET)
             )
             time = slow_times(drive.size)
             output[index] = run_record(model_at_gap, "drive", applied_drive, schedule, time, "settled").output
@@ -217,9 +217,9 @@ def check_over_gap(model: ModelData, at: Callable[[float], ModelData] | None = N
         return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", sign, failure)
     relative_fall = _falls_as_gap_closes(sign * output, sign * offset)
     gap_index, sample = np.unravel_index(int(np.argmax(relative_fall)), relative_fall.shape)
-    worst_place = float(relative_fall[gap_index, sample]), float(gaps[gap_index]), float(drive[sample])
+    worst_point = (float(relative_fall[gap_index, sample]), float(gaps[gap_index]), float(drive[sample]))
     branch = "rising" if sample < DRIVES_PER_BRANCH else "falling"
-    return GapCheck(gaps, drive, output, offset, *worst_place, branch, sign)
+    return GapCheck(gaps, drive, output, offset, *worst_point, branch, sign)
 
 
 _NEGATIVE_END_RATIO = 1.05
@@ -233,22 +233,22 @@ def _largest_drive(model: ModelData) -> float:
     the positive end is returned, so that sensor noise does not decide.
     """
     low, high = model.valid_range.input
-    bias = float(np.mean(model.parameters["in_0"]))
-    return low if abs(low - bias) > _NEGATIVE_END_RATIO * abs(high - bias) else high
+    offset = float(np.mean(model.parameters["in_0"]))
+    return low if abs(low - offset) > _NEGATIVE_END_RATIO * abs(high - offset) else high
 
 
 def _rest_drive(model: ModelData, max_share: float = 0.5) -> float:
-    """Return the smallest drive that is nowhere negative, at most `max_share` of the largest drive."""
+    """Return the largest input offset of all nodes, from 0 to `max_share` of the largest drive."""
     largest_drive = _largest_drive(model)
-    shares = np.atleast_1d(model.parameters["in_0"]) / largest_drive
-    return largest_drive * float(np.clip(shares.max(), 0.0, max_share))
+    offset_ratios = np.atleast_1d(model.parameters["in_0"]) / largest_drive
+    return largest_drive * float(np.clip(offset_ratios.max(), 0.0, max_share))
 
 
 def _falls_as_gap_closes(output: FloatArray, offset: FloatArray) -> FloatArray:
-    """Return how far the output is below that of any wider gap, relative to the largest output."""
+    """Return the fall of the output below that of any wider gap, relative to the largest output."""
     smallest_output = np.finfo(np.float64).tiny
     largest_output = float(np.fmax.reduce(np.abs(output), axis=None, initial=smallest_output))
     max_offset = MAX_SENSOR_OFFSET * largest_output
-    closing = (output - np.clip(offset, -max_offset, max_offset)[:, None])[::-1]
-    running_maximum = np.fmax.accumulate(closing, axis=0)
-    return (running_maximum - closing)[::-1] / largest_output
+    closing_order = (output - np.clip(offset, -max_offset, max_offset)[:, None])[::-1]
+    running_maximum = np.fmax.accumulate(closing_order, axis=0)
+    return (running_maximum - closing_order)[::-1] / largest_output

@@ -88,7 +88,7 @@ class Model(Result, ModelData):
         history: HistoryLike | None = None,
     ) -> Prediction:
         """Compute the output for a drive."""
-        return self._run("drive", drive, schedule, time, history)
+        return self._run_record("drive", drive, schedule, time, history)
 
     def invert(
         self,
@@ -102,9 +102,9 @@ class Model(Result, ModelData):
         The drive for a force is unipolar. A sample without a solution is flagged
         (:meth:`.Circuit.flux_density`).
         """
-        return self._run("demand", demand, schedule, time, history)
+        return self._run_record("demand", demand, schedule, time, history)
 
-    def _run(
+    def _run_record(
         self,
         kind: InputKind,
         values: ArrayLike,
@@ -130,14 +130,14 @@ class Model(Result, ModelData):
         return check_over_gap(self)
 
     def acceptance(self) -> Acceptance:
-        """Run both acceptance tests; see :func:`anhyst.model.acceptance.check_acceptance`."""
+        """Run the acceptance tests; see :func:`anhyst.model.acceptance.check_acceptance`."""
         return check_acceptance(self)
 
     def settled_loop(self, schedule: float | None, samples: int) -> tuple[FloatArray, FloatArray]:
         """Return drive and output of the steady-state loop over the valid range, ascending first.
 
-        Each branch has `samples` samples. A rate-dependent model is cycled in :data:`CYCLE_S`. A
-        model without a valid range raises `InputError`.
+        Each branch has `samples` samples. A cycle of a rate-dependent model takes :data:`CYCLE_S`.
+        A model without a valid range raises `InputError`.
         """
         ascending = np.linspace(*self.valid_range.input, samples)
         drive = np.concatenate([ascending, ascending[::-1]])
@@ -163,7 +163,7 @@ class Model(Result, ModelData):
         for name, value in self.parameters.items():
             values = value if isinstance(value, tuple) else (value,)
             nodes = self.nodes if len(values) > 1 else (float("nan"),)
-            rows += [(self.file_keys[name][1], *pair) for pair in zip(nodes, values, strict=True)]
+            rows += [(self.file_keys[name][1], *entry) for entry in zip(nodes, values, strict=True)]
         node_column = self.schedule.column if self.schedule is not None else "node"
         names, positions, numbers = zip(*rows, strict=True)
         return {"parameter": list(names), node_column: list(positions), "value": list(numbers)}
@@ -249,13 +249,13 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
 
 def _find_source(path: str, sha256: str, folder: Path) -> Path:
     candidates = [Path(path), folder / path, folder / Path(path).name]
-    present = [path for path in candidates if path.is_file()]
-    for candidate in present:
+    existing_files = [path for path in candidates if path.is_file()]
+    for candidate in existing_files:
         with candidate.open("rb") as stream:
             if hashlib.file_digest(stream, "sha256").hexdigest() == sha256:
                 return candidate
-    if present:
-        text = f"{present[0]}: file changed after the identification; identify again"
+    if existing_files:
+        text = f"{existing_files[0]}: file changed after the identification; identify again"
         raise InputError(text, code="source-changed")
     raise InputError(f"{path}: no such file; restore the measurements or identify again", code="no-such-file")
 
@@ -300,19 +300,19 @@ def least_slope(model: Model, at: FloatArray) -> FloatArray:
 
 def _find_jump(model: Model) -> str | None:
     gaps = _gaps_to_check(model)
-    jumps = least_slope(model, gaps) < MIN_SLOPE
-    if not jumps.any():
+    has_jump = least_slope(model, gaps) < MIN_SLOPE
+    if not has_jump.any():
         return None
     text = (
         "alpha: the output jumps at some currents, and no current gives the values between "
         "(the coupling of the iron exceeds the effect of the gap), so the model cannot be compiled: "
     )
-    if jumps.all():
+    if has_jump.all():
         other_map = "scaling" if "rho" in model.varying else "reluctance"
-        switch = f"identify with --gap-map {other_map}, or " if len(model.nodes) > 1 else ""
-        return f"{text}{switch}measure with a wider gap; predict and invert follow the jumps"
+        gap_map_advice = f"identify with --gap-map {other_map}, or " if len(model.nodes) > 1 else ""
+        return f"{text}{gap_map_advice}measure with a wider gap; predict and invert follow the jumps"
     name, unit = ("", "") if model.schedule is None else (model.schedule.name, model.schedule.unit)
-    low, high = gaps[jumps].min(), gaps[jumps].max()
+    low, high = gaps[has_jump].min(), gaps[has_jump].max()
     return (
         f"{text}it jumps at a {name} of {low:.3g} to {high:.3g} {unit}: remove the loops there, "
         f"or limit the {name} in the model's [valid] to values without jumps"
@@ -320,7 +320,7 @@ def _find_jump(model: Model) -> str | None:
 
 
 def _gaps_to_check(model: Model) -> FloatArray:
-    """Return gaps evenly over the valid range, and the nodes inside it."""
+    """Return evenly spaced gaps over the valid range, and the nodes inside it."""
     nodes = np.array(model.nodes)
     valid_gaps = None if model.valid is None else model.valid.schedule
     low, high = valid_gaps or ((nodes[0], nodes[-1]) if nodes.size else (0.0, 0.0))

@@ -40,7 +40,7 @@ class LoopDifference:
     """Difference of the steady-state loops at one value of the scheduling variable."""
 
     schedule: float | None  # scheduling variable, SI
-    # largest absolute output of the first model there, in units of the output
+    # largest absolute output of the first model at this value, in units of the output
     largest_output: float
     mean: float  # mean and largest absolute difference of the outputs
     worst: float
@@ -78,11 +78,11 @@ class ModelDiff(Result):
 
     @property
     def same(self) -> bool:
-        """Whether the models compute the same, except for names and records of origin."""
+        """Whether the models give the same results; their names and origins may differ."""
         return not self.settings and not self.parameters
 
     def facts(self) -> dict[str, str]:
-        """Return the differences, and the distance of the loops."""
+        """Return the names of all differences, and the mean and largest difference of the loops."""
         facts = {"different": ", ".join(item.name for item in (*self.settings, *self.parameters))}
         if self.mean is not None and self.worst is not None:
             facts |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} (SI)"}
@@ -108,36 +108,36 @@ class ModelDiff(Result):
 def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     """Compare two models of the same kind: `anhyst.diff`."""
     first, second = resolve_model(first, "diff", "first"), resolve_model(second, "diff", "second")
-    for role in ("input", "output"):
-        first_quantity, second_quantity = getattr(first, role), getattr(second, role)
+    for quantity_role in ("input", "output"):
+        first_quantity, second_quantity = getattr(first, quantity_role), getattr(second, quantity_role)
         if first_quantity != second_quantity:
             raise InputError(
-                f"the models cannot be compared: the {role} of one is {first_quantity.column}, of the other "
+                f"the models cannot be compared: the {quantity_role} of one is {first_quantity.column}, of the other "
                 f"{second_quantity.column}",
                 code="quantities-differ",
             )
-    settings = _find_changes(_settings(first), _settings(second))
+    settings = _find_changes(_compared_settings(first), _compared_settings(second))
     parameters = _find_changes(first.parameters, second.parameters)
     try:
-        drive = _common_range([m.valid.input for m in (first, second) if m.valid])
+        drive = _common_range([model.valid.input for model in (first, second) if model.valid])
         gaps = _common_schedule(first, second)
     except InputError as error:
         return ModelDiff(settings, parameters, None, (), None, None, str(error))
-    loops = tuple(_compare(first, second, drive, gap) for gap in gaps)
+    loops = tuple(_compare_loops(first, second, drive, gap) for gap in gaps)
     mean = float(np.mean([loop.mean for loop in loops]))
     return ModelDiff(settings, parameters, drive, loops, mean, max(loop.worst for loop in loops))
 
 
 def _find_changes(first: Mapping[str, Value], second: Mapping[str, Value]) -> tuple[Change, ...]:
-    pairs = ((name, first.get(name), second.get(name)) for name in {**first, **second})
+    named_pairs = ((name, first.get(name), second.get(name)) for name in {**first, **second})
     return tuple(
         Change(name, first_value, second_value)
-        for name, first_value, second_value in pairs
+        for name, first_value, second_value in named_pairs
         if first_value != second_value
     )
 
 
-def _settings(model: Model) -> dict[str, Value]:
+def _compared_settings(model: Model) -> dict[str, Value]:
     schedule, valid_range = model.schedule, model.valid
     return {
         "law": model.law,
@@ -171,9 +171,9 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     nodes = np.unique([*first.nodes, *second.nodes])
     if not nodes.size:
         return [None]
-    ranges = [m.valid.schedule for m in (first, second) if m.valid and m.valid.schedule]
-    spans = ranges or [(m.nodes[0], m.nodes[-1]) for m in (first, second) if m.nodes]
-    low, high = max(low for low, _ in spans), min(high for _, high in spans)
+    ranges = [model.valid.schedule for model in (first, second) if model.valid and model.valid.schedule]
+    limits = ranges or [(model.nodes[0], model.nodes[-1]) for model in (first, second) if model.nodes]
+    low, high = max(low for low, _ in limits), min(high for _, high in limits)
     common_nodes = nodes[(nodes >= low) & (nodes <= high)]
     if not common_nodes.size:
         text = "the valid ranges of the schedule do not overlap: no loops compared"
@@ -181,7 +181,7 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     return sorted([*common_nodes.tolist(), *(0.5 * (common_nodes[1:] + common_nodes[:-1])).tolist()])
 
 
-def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
+def _compare_loops(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
     ascending = np.linspace(*drive, DRIVES_PER_BRANCH)
     cycle = np.concatenate([ascending, ascending[-2::-1]])
     times = slow_times(cycle.size)

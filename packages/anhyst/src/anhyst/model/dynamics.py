@@ -1,21 +1,21 @@
 """Model the dynamics of an actuator: lag, creep, and layers of solid iron.
 
-The effective field follows the delayed drive. Slow parts of the flux density ``B`` of the iron (for
-a piezo, of its polarisation) are added to it::
+The effective field follows the delayed drive. Creep states ``s_j`` follow the flux density ``B`` of
+the iron (for a piezo, its polarisation) slowly, and are added to it::
 
     output(t) = c_out * (B + sum_j w_j s_j)**power + out_0,    T_j ds_j/dt = B - s_j
 
 A sample is held until the next one, so each ``s_j`` depends on earlier samples only. Therefore, the
-inverse can subtract the slow parts from the demand, solve for ``B``, and then update them.
+inverse can subtract the creep from the demand, solve for ``B``, and then update the creep states.
 
 Solid iron consists of ``N`` layers between which the field diffuses. Layer ``j``, counted from the
-surface, has a share ``phi_j`` of the section and its own field ``H_j``; ``S_j`` is the flux density
-in layer ``j`` and all deeper layers, over the whole section::
+surface, has a fraction ``phi_j`` of the cross-section and its own field ``H_j``; ``S_j`` is the
+flux density in layer ``j`` and all deeper layers, over the whole section::
 
-    H_(j-1) = H_j + gamma/(N - 1) * dS_j/dt,                j = 2..N
-    c_H(gap) * (input - in_0) = l*H_l + (1 - l)*H_1 + rho(gap)*B/mu0,      B = S_1
+    H_(j-1) = H_j + gamma/(N - 1) * dS_j/dt,    j = 2..N
+    c_H(gap) * (input - in_0) = l*H_l + (1 - l)*H_1 + rho(gap)*B/mu0,    B = S_1
 
-Sheets, a share ``l`` of the path, need the field ``H_l`` for the whole flux. At rest, all fields
+Sheets, a fraction ``l`` of the path, need the field ``H_l`` for the whole flux. At rest, all fields
 are equal, and the model is that of one layer (docs/rate.md).
 """
 
@@ -49,8 +49,8 @@ class Dynamics:
     fastest: float = 0.0
 
     def __post_init__(self) -> None:
-        numbers = (self.lag, self.fastest, *self.times, *self.shares)
-        if not all(math.isfinite(number) and number >= 0.0 for number in numbers):
+        values = (self.lag, self.fastest, *self.times, *self.shares)
+        if not all(math.isfinite(value) and value >= 0.0 for value in values):
             text = "model dynamics: lag, times, shares and rate must be finite and not negative"
             raise InputError(text, code="out-of-range")
         if len(self.times) != len(self.shares):
@@ -65,45 +65,45 @@ class Dynamics:
         """Whether a run needs the times of its samples."""
         return self.lag > 0.0 or bool(self.times)
 
-    def advance(self, flux: float, slow_parts: FloatArray, step: float) -> FloatArray:
-        """Return the slow parts after a flux density was constant for a time, s."""
-        return np.asarray(flux + np.exp(-step / np.array(self.times)) * (slow_parts - flux))
+    def advance_creep(self, flux: float, creep_states: FloatArray, time_step: float) -> FloatArray:
+        """Return the creep states after the flux density has been constant for a time, s."""
+        return np.asarray(flux + np.exp(-time_step / np.array(self.times)) * (creep_states - flux))
 
     def apply_creep(
-        self, inputs: FloatArray, time: FloatArray, slow_parts: FloatArray, *, is_flux_known: bool
+        self, inputs: FloatArray, time: FloatArray, creep_states: FloatArray, *, is_flux_known: bool
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Add creep to a known flux density, or subtract it from one that includes it.
+        """Add creep to a known flux density, or subtract it from a flux density that includes it.
 
-        Return the resulting record, the slow parts at its last sample, and the flux density without
-        creep there.
+        Return the resulting record, the creep states at its last sample, and the flux density
+        without creep there.
         """
         decay = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
         shares = np.array(self.shares)
         if is_flux_known:
-            slow_rows = np.stack(
-                [_follow_known_flux(inputs, *pair) for pair in zip(decay.T, slow_parts, strict=True)]
+            creep_rows = np.stack(
+                [_follow_known_flux(inputs, *pair) for pair in zip(decay.T, creep_states, strict=True)]
             )
-            return inputs + shares @ slow_rows, slow_rows[:, -1], float(inputs[-1])
+            return inputs + shares @ creep_rows, creep_rows[:, -1], float(inputs[-1])
         creep = np.empty(inputs.size)
         flux_before = 0.0
         for i, value in enumerate(inputs.tolist()):
-            slow_parts = flux_before + decay[i] * (slow_parts - flux_before) if i else slow_parts
-            creep[i] = flux_before = value - float(shares @ slow_parts)
-        return creep, slow_parts, flux_before
+            creep_states = flux_before + decay[i] * (creep_states - flux_before) if i else creep_states
+            creep[i] = flux_before = value - float(shares @ creep_states)
+        return creep, creep_states, flux_before
 
-    def settled_slow_parts(self, inputs: FloatArray, time: FloatArray, *, is_flux_known: bool) -> FloatArray:
-        """Return the slow parts at the start of a cycle in its steady state."""
-        step = float(np.median(np.diff(time)))
+    def settled_creep(self, inputs: FloatArray, time: FloatArray, *, is_flux_known: bool) -> FloatArray:
+        """Return the creep states at the start of a cycle in its steady state."""
+        time_step = float(np.median(np.diff(time)))
 
-        def run_cycle(slow_parts: FloatArray) -> FloatArray:
-            _, end, last_flux = self.apply_creep(inputs, time, slow_parts, is_flux_known=is_flux_known)
-            return self.advance(last_flux, end, step)
+        def run_cycle(states: FloatArray) -> FloatArray:
+            _, end_states, last_flux = self.apply_creep(inputs, time, states, is_flux_known=is_flux_known)
+            return self.advance_creep(last_flux, end_states, time_step)
 
-        offset = run_cycle(np.zeros(len(self.times)))
-        matrix = np.stack([run_cycle(unit) - offset for unit in np.eye(len(self.times))], axis=1)
-        return np.asarray(np.linalg.solve(np.eye(len(self.times)) - matrix, offset))
+        forced_states = run_cycle(np.zeros(len(self.times)))
+        cycle_matrix = np.stack([run_cycle(unit) - forced_states for unit in np.eye(len(self.times))], axis=1)
+        return np.asarray(np.linalg.solve(np.eye(len(self.times)) - cycle_matrix, forced_states))
 
-    def delayed(self, values: FloatArray, time: FloatArray) -> FloatArray:
+    def delay_record(self, values: FloatArray, time: FloatArray) -> FloatArray:
         """Return a record delayed by the lag, with its first value before its start."""
         return np.interp(time - self.lag, time, values)
 
@@ -113,13 +113,13 @@ def _follow_known_flux(inputs: FloatArray, decay: FloatArray, start: float) -> F
 
     Python floats are faster than arrays here.
     """
-    slow_part, flux_before = float(start), 0.0
-    slow_values: list[float] = []
-    for factor, value in zip(decay.tolist(), inputs.tolist(), strict=True):
-        slow_part = flux_before + factor * (slow_part - flux_before) if slow_values else slow_part
-        slow_values.append(slow_part)
+    creep_state, flux_before = float(start), 0.0
+    creep_values: list[float] = []
+    for step_decay, value in zip(decay.tolist(), inputs.tolist(), strict=True):
+        creep_state = flux_before + step_decay * (creep_state - flux_before) if creep_values else creep_state
+        creep_values.append(creep_state)
         flux_before = value
-    return np.array(slow_values)
+    return np.array(creep_values)
 
 
 MAX_LAYERS = 16
@@ -130,17 +130,17 @@ class Layers:
     """Layers of solid iron; ``gamma`` of the model determines the delay of the inner layers."""
 
     count: int  # number of layers, 2 to 16
-    surface: float  # share of the section in the first layer, above 0 and below 1
-    laminated: float = 0.0  # share of the path in sheets, 0 or above and below 1
+    surface: float  # fraction of the cross-section in the first layer, above 0 and below 1
+    laminated: float = 0.0  # fraction of the path in sheets, 0 or above and below 1
 
     def __post_init__(self) -> None:
-        for key, is_wrong, allowed in (
+        for key, is_wrong, range_text in (
             ("count", not 2 <= self.count <= MAX_LAYERS, f"from 2 to {MAX_LAYERS}"),
             ("surface", not 0.0 < self.surface < 1.0, "above 0 and below 1"),
             ("laminated", not 0.0 <= self.laminated < 1.0, "from 0 to below 1"),
         ):
             if is_wrong:
-                text = f"model layers: {key} is {getattr(self, key):g}; give a number {allowed}"
+                text = f"model layers: {key} is {getattr(self, key):g}; give a number {range_text}"
                 raise InputError(text, code="out-of-range", key=key)
 
     @property

@@ -43,17 +43,17 @@ from anhyst.support.units import Quantity
 MAX_CACHED_SAMPLES = 1 << 13
 MAX_CACHED_ROWS = 32
 """Largest number of samples of a cached look-up over the scheduling variable, and number of cached
-ones."""
+look-ups."""
 
 MAX_COMPILED_LAYERS = 4
 """Largest number of layers of a compensator."""
 MIN_SLOPE = 1e-3
-"""Smallest slope of the drive over the field, relative to that without iron. No measured loop and
-no 16-bit word can distinguish smaller values from a jump."""
+"""Smallest slope of the drive over the field, relative to the slope without iron. No measured loop
+and no 16-bit word can distinguish smaller values from a jump."""
 
 
 @lru_cache(maxsize=256)
-def _iron(law: Law, layers: Layers | None, *parameters: float) -> IronOperator:
+def _cached_iron(law: Law, layers: Layers | None, *parameters: float) -> IronOperator:
     from anhyst._core import AnyIron
 
     try:
@@ -156,7 +156,7 @@ class ModelData:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by value: caches and the read-only view of the parameters cannot be pickled."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         return partial(type(self), **values | {"parameters": dict(self.parameters)}), ()
 
     @cached_property
@@ -166,7 +166,7 @@ class ModelData:
 
     @cached_property
     def operator_law(self) -> Law:
-        """The law, with the cells of the model if there are any."""
+        """The law, with the play cells of the model if it has any."""
         return get_law(self.law, self.cells)
 
     @property
@@ -224,7 +224,7 @@ class ModelData:
     def has_layers(self) -> bool:
         """Whether a compensator supports the layers of the iron.
 
-        There is no gap between layers, so iron that would jump without a gap is not supported.
+        There is no air gap between layers, so iron that jumps without an air gap is not supported.
         """
         law = self.operator_law
         if self.layers is None or law.cells is None or law.least_slope is None:
@@ -235,7 +235,7 @@ class ModelData:
 
     @property
     def jumps_without_gap(self) -> bool:
-        """Whether the iron would jump without a gap."""
+        """Whether the flux of the iron would jump without an air gap."""
         slope_function = self.operator_law.least_slope
         iron = self.parameters_at(self.first_node)
         return slope_function is not None and float(slope_function(iron, np.zeros(1)).min()) < MIN_SLOPE
@@ -270,12 +270,12 @@ class ModelData:
             for name in self.varying
         }
 
-    def interpolate_parameter(self, name: str, at: ArrayLike) -> FloatArray:
+    def interpolate_parameter(self, name: str, schedule: ArrayLike) -> FloatArray:
         """Return a parameter of :attr:`specs` at scheduling values; all in SI, shape (n,).
 
-        If the parameter leaves its range too far beyond the nodes, `InputError` is raised.
+        `InputError` is raised if extrapolation beyond the nodes leaves the range of the parameter.
         """
-        query = np.atleast_1d(np.asarray(at, dtype=np.float64))
+        query = np.atleast_1d(np.asarray(schedule, dtype=np.float64))
         if name in self.curves and query.size:
             values = self.curves[name](query)
             for extreme_value in (values.min(), values.max()):
@@ -313,7 +313,7 @@ class ModelData:
         return self.nodes[0] if self.nodes else 0.0
 
     def iron_at(self, schedule: float | None = None) -> IronOperator:
-        """Return the iron at a scheduling value (SI); it has no state and may be shared."""
+        """Return the iron at a scheduling value (SI); it has no state, so users can share it."""
         if self.needs_fixed_gap:
             return self._iron(self.schedule_or_default(schedule))
         return self._iron_everywhere
@@ -325,14 +325,14 @@ class ModelData:
     def _iron(self, schedule: float) -> IronOperator:
         gap, law = np.array([schedule]), self.operator_law
         values = (float(self.interpolate_parameter(spec.name, gap)[0]) for spec in law.parameters)
-        return _iron(law, self.layers, *values)
+        return _cached_iron(law, self.layers, *values)
 
     def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
         """Return the circuit at each sample; ``eddy_rate`` is 1/dt, 0 without eddy currents."""
         gaps = schedule
         if gaps is None:
             gaps = np.full(eddy_rate.shape, self.schedule_or_default(None))
-        # Searches need the same short rows repeatedly.
+        # Searches evaluate the same few scheduling values repeatedly.
         key, cache = gaps.tobytes() if gaps.size <= MAX_CACHED_SAMPLES else b"", self._cached_rows
         rows = cache.get(key) or tuple(self.interpolate_parameter(spec.name, gaps) for spec in CIRCUIT_SPECS)
         if key and key not in cache:

@@ -1,8 +1,8 @@
 """Define the parameters of a model, check them, and interpolate them over the gap.
 
-The parameters belong to the law of the iron or to the circuit around it. Each is a number, or one
-number for each node of the scheduling variable. :class:`Curve` interpolates between the nodes
-without overshoot, and extrapolates linearly beyond them.
+The parameters belong to the law of the iron or to the circuit around it. Each parameter is a
+number, or has one number for each node of the scheduling variable. :class:`Curve` interpolates
+between the nodes without overshoot, and extrapolates linearly beyond them.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ def find_problems(
     if gap_map not in GAP_MAPS:
         text = f"is {gap_map!r}; use one of {', '.join(GAP_MAPS)}"
         return [Problem("gap_map", text, code="unknown-choice")]
-    steps = np.diff(np.asarray(nodes, dtype=np.float64))
-    if not np.isfinite(steps).all() or (steps <= 0.0).any():
+    node_steps = np.diff(np.asarray(nodes, dtype=np.float64))
+    if not np.isfinite(node_steps).all() or (node_steps <= 0.0).any():
         text = "must be finite and ascend, without repeats"
         problems.append(Problem("nodes", text, code="not-ascending"))
     specs = parameter_specs(law)
@@ -126,14 +126,14 @@ class Circuit:
         return magnetomotive / self.turns + self.in_0
 
     def output(self, flux_density: FloatArray) -> FloatArray:
-        """Convert flux density, T, to the output in its unit."""
+        """Convert flux density, T, to the output, in units of the output."""
         return self.c_out * self.output_map.shape(flux_density) + self.out_0
 
     def flux_density(self, demand: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Convert a demanded output to flux density, T; also return whether it is reachable.
 
-        An even output has two solutions; the positive one is used. Below ``out_0``, it has none:
-        the flux density is then zero and the flag False.
+        An even output has two solutions; the positive one is used. A demand below ``out_0`` has no
+        solution: the flux density is then zero and the flag False.
         """
         flux_power = (demand - self.out_0) / self.c_out
         if not self.output_map.is_even:
@@ -160,10 +160,10 @@ class Curve:
     coordinate: Coordinate = "plain"  # coordinate of the interpolation
 
     def __post_init__(self) -> None:
-        for field in ("nodes", "values"):
-            array = np.array(getattr(self, field), dtype=np.float64)
+        for field_name in ("nodes", "values"):
+            array = np.array(getattr(self, field_name), dtype=np.float64)
             array.setflags(write=False)
-            object.__setattr__(self, field, array)
+            object.__setattr__(self, field_name, array)
         if self.nodes.ndim != 1 or self.nodes.shape != self.values.shape or not self.nodes.size:
             raise wrong_key(
                 self.name,
@@ -190,14 +190,14 @@ class Curve:
     def _evaluate(self, query: FloatArray) -> FloatArray:
         interpolant, slopes = self._interpolant
         low, high = self.nodes[0], self.nodes[-1]
-        straight = interpolant(np.minimum(np.maximum(query, low), high))
+        linear_values = interpolant(np.minimum(np.maximum(query, low), high))
         with np.errstate(over="ignore"):  # a parameter that is not finite is rejected by name
-            straight += slopes[0] * np.minimum(query - low, 0.0)
-            straight += slopes[-1] * np.maximum(query - high, 0.0)
-        result = self._from_linear(straight)
+            linear_values += slopes[0] * np.minimum(query - low, 0.0)
+            linear_values += slopes[-1] * np.maximum(query - high, 0.0)
+        parameter_values = self._from_linear(linear_values)
         # The logarithm and its inverse lose the last digit, but the value at a node is known.
         segment = np.minimum(np.searchsorted(self.nodes, query), self.nodes.size - 1)
-        return np.where(self.nodes[segment] == query, self.values[segment], result)
+        return np.where(self.nodes[segment] == query, self.values[segment], parameter_values)
 
     @cached_property
     def _interpolant(self) -> tuple[Callable[[FloatArray], FloatArray], FloatArray]:
@@ -210,7 +210,7 @@ class Curve:
         return _cubic(self.nodes, heights, slopes), slopes
 
     def straight(self) -> tuple[FloatArray, FloatArray]:
-        """Return the values at the nodes in the linear coordinate, and the slopes there."""
+        """Return the values at the nodes in the linear coordinate, and the slopes at the nodes."""
         return self._to_linear(self.values), self._interpolant[1]
 
     def _to_linear(self, values: FloatArray) -> FloatArray:

@@ -25,8 +25,8 @@ NOT_CONVERGED = -5
 NOT_SETTLED = -6  # the computation ended without a solution
 
 MIN_RUN_SAMPLES = 8
-"""Minimum number of samples at each scheduling value of a run. A shorter run at one value is
-treated as a moving schedule."""
+"""Minimum number of samples at each scheduling value of a run. If a run at one value is shorter,
+the schedule counts as moving."""
 
 _Step = Callable[
     [FloatArray, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray, int, int]
@@ -44,10 +44,10 @@ CYCLE_TOLERANCE = 1e-12
 class SampleError(InputError):
     """A sample that the core rejects."""
 
-    def __init__(self, name: str, sample: int, what: str) -> None:
-        super().__init__(f"{name}: sample {sample} {what}", code="sample-refused", key=name)
+    def __init__(self, name: str, sample: int, fault: str) -> None:
+        super().__init__(f"{name}: sample {sample} {fault}", code="sample-refused", key=name)
         self.sample = sample
-        self.what = what
+        self.fault = fault
 
 
 @dataclass(eq=False)
@@ -153,35 +153,35 @@ def _run_with_dynamics(
     time: FloatArray,
     initial_history: History,
 ) -> Prediction:
-    """Compute a record with lag and creep. For a demand, the drive is advanced by the lag."""
-    dynamics, at = model.dynamics, None
+    """Compute a record with lag and creep. For a demand, the lag advances the drive in time."""
+    dynamics, schedules = model.dynamics, None
     assert dynamics is not None
     if schedule is not None:
-        at = as_samples(schedule, "schedule", inputs.size)
+        schedules = as_samples(schedule, "schedule", inputs.size)
 
     def convert_creep(flux: FloatArray) -> FloatArray:
-        """Return the output with creep for a drive, without it for a demand."""
+        """Return the output with creep for a drive, or without creep for a demand."""
         if initial_history.kind == "settled":
-            slow_parts = dynamics.settled_slow_parts(flux, time, is_flux_known=kind == "drive")
-        else:  # after a long time at rest
-            slow_parts = np.full(len(dynamics.times), _flux_at_rest(model, at, initial_history))
-        creep, _, _ = dynamics.apply_creep(flux, time, slow_parts, is_flux_known=kind == "drive")
-        return model.circuit(at, np.zeros(inputs.size)).output(creep)
+            creep_state = dynamics.settled_creep(flux, time, is_flux_known=kind == "drive")
+        else:  # the creep has settled at rest before the record
+            creep_state = np.full(len(dynamics.times), _flux_at_rest(model, schedules, initial_history))
+        output_with_creep, _, _ = dynamics.apply_creep(flux, time, creep_state, is_flux_known=kind == "drive")
+        return model.circuit(schedules, np.zeros(inputs.size)).output(output_with_creep)
 
     fast_inputs, reachable = inputs, np.ones(inputs.size, dtype=np.bool_)
     if kind == "drive":
-        fast_inputs = dynamics.delayed(inputs, time)
+        fast_inputs = dynamics.delay_record(inputs, time)
     elif dynamics.times:
-        flux, reachable = model.circuit(at, np.zeros(inputs.size)).flux_density(inputs)
+        flux, reachable = model.circuit(schedules, np.zeros(inputs.size)).flux_density(inputs)
         fast_inputs = convert_creep(flux)
     run = _run_without_dynamics(model, kind, fast_inputs, schedule, time, initial_history)
     drive, output = inputs, run.output
     if kind == "demand":
-        # advanced by the lag; the last value is held after the end
+        # The lag advances the drive in time; the last value is held after the end.
         drive, output = np.interp(time + dynamics.lag, time, run.drive), inputs
     elif dynamics.times:
         output = convert_creep(run.flux_density)
-    valid, flags = flag_samples(model, kind, drive, output, at, reachable & run.reachable)
+    valid, flags = flag_samples(model, kind, drive, output, schedules, reachable & run.reachable)
     return replace(run, drive=drive, output=output, valid=valid, flags=flags)
 
 
@@ -214,30 +214,30 @@ def slow_times(size: int) -> FloatArray:
 
 
 def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[FloatArray, int]:
-    """Compute one uninterrupted part; return the final state and the number of cycles."""
+    """Compute an uninterrupted part of a record; return the final state and number of cycles."""
     start = None if record.schedule is None else float(record.schedule[run.start])
     iron = record.model.iron_at(start)
     if record.rate is not None:
         # A steady-state cycle returns to its start at its own rate. Before any other first sample,
         # the rate is unknown and taken as zero.
         later_rates = record.rate[run][1:]
-        settled = history.kind == "settled" and later_rates.size
-        record.rate[run.start] = np.median(later_rates) if settled else 0.0
+        is_cycle = history.kind == "settled" and later_rates.size
+        record.rate[run.start] = np.median(later_rates) if is_cycle else 0.0
     state, cycles = initial_state(record.model, iron, history, start), 0
     if history.kind == "settled":
         state, cycles = _settle(iron, record, run, state)
-    forward = record.kind == "drive"
-    step = _step(iron, record.kind)
+    is_prediction = record.kind == "drive"
+    run_core = _core_function(iron, record.kind)
     # The circuit of a long record is computed in pieces to save memory.
-    for piece_start in range(run.start, run.stop, PIECE_SAMPLES):
-        piece = slice(piece_start, min(piece_start + PIECE_SAMPLES, run.stop))
-        circuit = record.circuit(piece)
-        core = record.core_input(piece, circuit)
-        result, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
-        check_status(status, record.kind, piece_start + index, record.inputs)
-        record.results[piece] = circuit.output(result) if forward else circuit.drive(result)
-        record.flux_density[piece] = result if forward else core
-        record.field[piece] = field
+    for first_row in range(run.start, run.stop, PIECE_SAMPLES):
+        rows = slice(first_row, min(first_row + PIECE_SAMPLES, run.stop))
+        circuit = record.circuit(rows)
+        core = record.core_input(rows, circuit)
+        result, field, state, status, index = run_core(core, circuit.rho, circuit.eddy, state)
+        check_status(status, record.kind, first_row + index, record.inputs)
+        record.results[rows] = circuit.output(result) if is_prediction else circuit.drive(result)
+        record.flux_density[rows] = result if is_prediction else core
+        record.field[rows] = field
     return state, cycles
 
 
@@ -254,19 +254,19 @@ def initial_state(
     gaps = None if schedule is None else np.array(history.schedule_at_points(schedule), dtype=np.float64)
     circuit = model.circuit(gaps, np.zeros(points.shape))
     drive = circuit.magnetomotive(points)
-    conditioned: FloatArray
-    _, _, conditioned, status, index = iron.forward(drive, circuit.rho, circuit.eddy, state)
+    state_after: FloatArray
+    _, _, state_after, status, index = iron.forward(drive, circuit.rho, circuit.eddy, state)
     check_status(status, "turning point", index, points)
-    return conditioned
+    return state_after
 
 
-def _step(iron: IronOperator, kind: InputKind) -> _Step:
+def _core_function(iron: IronOperator, kind: InputKind) -> _Step:
     step: _Step = iron.forward if kind == "drive" else iron.inverse
     return step
 
 
 def _settle(iron: IronOperator, record: _RecordRun, run: slice, start: FloatArray) -> tuple[FloatArray, int]:
-    """Repeat a cycle until the state returns; also return the number of cycles."""
+    """Repeat a cycle until its state returns; also return the number of cycles."""
     kind, circuit = record.kind, record.circuit(run)
     core_inputs = (record.core_input(run, circuit), circuit.rho, circuit.eddy)
     state, cycles, status = iron.settle(*core_inputs, start, kind == "demand", MAX_CYCLES, CYCLE_TOLERANCE)
@@ -277,7 +277,7 @@ def _settle(iron: IronOperator, record: _RecordRun, run: slice, start: FloatArra
             code="cycle-does-not-close",
         )
     if status != OK:  # once more, to find the sample
-        *_, second_status, index = _step(iron, kind)(*core_inputs, start)
+        *_, second_status, index = _core_function(iron, kind)(*core_inputs, start)
         check_status(second_status or status, kind, run.start + index, record.inputs)
     return state, cycles
 
@@ -292,15 +292,15 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
     if size is not None and array.size != size:
         text = f"has {count_text(array.size, 'sample')} for {size}; give one for each"
         raise wrong_key(name, text, code="length-differs")
-    finite = np.isfinite(array)
-    if not finite.all():
-        text = f"sample {int(np.argmin(finite))} is not a finite number; correct it"
+    is_finite = np.isfinite(array)
+    if not is_finite.all():
+        text = f"sample {int(np.argmin(is_finite))} is not a finite number; correct it"
         raise wrong_key(name, text, code="not-finite")
     return array
 
 
 def as_history(history: HistoryLike | None, model: ModelData) -> History:
-    """Return the given history, or that of the model."""
+    """Return the given history, or the history of the model."""
     return model.history if history is None else History.of(history)
 
 
@@ -327,14 +327,14 @@ def _split_runs(model: ModelData, schedule: FloatArray | None, size: int) -> Ite
     if schedule is None or not model.needs_fixed_gap:
         yield slice(0, size)
         return
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(schedule)) + 1, [size]])
-    lengths = np.diff(edges)
+    bounds = np.concatenate([[0], np.flatnonzero(np.diff(schedule)) + 1, [size]])
+    lengths = np.diff(bounds)
     if len(lengths) > 1 and lengths.min() < MIN_RUN_SAMPLES:
         raise InputError(
-            f"the schedule moves at sample {int(edges[1])}, but in this model (gap map 'free') the "
+            f"the schedule moves at sample {int(bounds[1])}, but in this model (gap map 'free') the "
             f"iron itself varies with it ({', '.join(model.varying)}): run each value separately, "
             "or identify with the gap map scaling or reluctance",
             code="schedule-moves",
         )
-    for start, stop in pairwise(edges):
+    for start, stop in pairwise(bounds):
         yield slice(int(start), int(stop))

@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 Rows = NDArray[np.intp]
 Direction = Literal["predict", "invert"]
 INPUT_KINDS: Mapping[Direction, InputKind] = {"predict": "drive", "invert": "demand"}
-"""Input of the two commands, as their argument is named."""
+"""Input of the commands predict and invert, as their argument is named."""
 _SOURCE_KINDS = "a file, Loops, a data frame or a dict of arrays"
 
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Deviation of the computed quantity from the one measured in the file, SI."""
+    """Deviation of the computed quantity from the measured quantity in the file, SI."""
 
     mean_abs: float
     rms: float
@@ -92,7 +92,7 @@ class RunSummary(Result):
     columns: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     def facts(self) -> dict[str, str]:
-        """Return the number of rows, the range of the computed quantity and the samples outside."""
+        """Return the number of rows, the computed range, and samples outside the valid range."""
         return {
             "rows": str(self.rows),
             "history": self.history,
@@ -101,7 +101,7 @@ class RunSummary(Result):
         }
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the columns that were read, the computed one and ``valid``."""
+        """Return the columns that were read, the computed column and ``valid``."""
         return {
             name: column.as_list() if isinstance(column, Texts) else column
             for name, column in self.columns.items()
@@ -115,9 +115,9 @@ class RunSummary(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the summary values, without the columns."""
-        fields_ = asdict(replace(self, columns={}))
-        del fields_["columns"]
-        return fields_
+        summary_values = asdict(replace(self, columns={}))
+        del summary_values["columns"]
+        return summary_values
 
     def save(self, path: PathLike) -> Path:
         """Write the columns to a CSV file, completely or not at all."""
@@ -140,9 +140,9 @@ def run_file(
 
     The columns of the file are copied; the computed quantity and ``valid`` (1 inside the valid
     range of the model, 0 outside) are added. Each loop of the column ``loop`` is a separate run, at
-    each value of the scheduling variable. A file without that column is one run, except with the
+    each value of the scheduling variable. A file without ``loop`` is one run, except with the
     history ``settled``: then each part at one scheduling value is a cycle. If times and measured
-    output show that cycles were run one after the other, each keeps the history of those before.
+    output show that cycles were run one after the other, each cycle keeps the history of the earlier ones.
     """
     if isinstance(source, Loops):
         source = source.to_columns()
@@ -158,9 +158,9 @@ def run_file(
     history_option = history_text(model.history if history is None else history)
     computed_values, is_valid, runs, warnings = _compute_runs(model, direction, table, history_option)
     computed_quantity = model.output if direction == "predict" else model.input
-    name, computed = _add_computed_columns(table, computed_quantity, computed_values, is_valid)
+    name, computed_columns = _add_computed_columns(table, computed_quantity, computed_values, is_valid)
     if out is not None:
-        write_csv(out, computed)
+        write_csv(out, computed_columns)
     return RunSummary(
         out=None if out is None else str(out),
         column=name,
@@ -171,9 +171,9 @@ def run_file(
         low=float(computed_values.min()),
         high=float(computed_values.max()),
         outside=int((~is_valid).sum()),
-        deviation=_deviation(table, computed_quantity, computed_values, runs),
+        deviation=_compute_deviation(table, computed_quantity, computed_values, runs),
         warnings=tuple(map(word_for_reader, warnings)),
-        columns=computed,
+        columns=computed_columns,
     )
 
 
@@ -181,8 +181,8 @@ def _compute_runs(
     model: Model, direction: Direction, table: DataTable, history: str
 ) -> tuple[FloatArray, NDArray[np.bool_], list[Rows], tuple[str, ...]]:
     """Compute all runs of a table: results, their validity, the runs, and the warnings."""
-    forward, kind = direction == "predict", INPUT_KINDS[direction]
-    quantity = model.input if forward else model.output
+    is_prediction, kind = direction == "predict", INPUT_KINDS[direction]
+    quantity = model.input if is_prediction else model.output
     values = table.require(_column_name(table, quantity), quantity.column)
     schedule = None if model.schedule is None else table.get(model.schedule.name)
     if schedule is None and model.schedule is not None:
@@ -201,22 +201,22 @@ def _compute_runs(
     computed_values, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
     for rows, history_before in zip(runs, histories, strict=True):
-        run_schedule, clock = (None if c is None else c[rows] for c in (schedule, time))
+        run_schedule, clock = (None if column is None else column[rows] for column in (schedule, time))
         try:
             result = run_record(model, kind, values[rows], run_schedule, clock, history_before)
         except SampleError as error:
             raise InputError(
                 f"{table.locate_row(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
-                f"{error.what}; stay closer to the valid range of the model",
+                f"{error.fault}; stay closer to the valid range of the model",
                 code="sample-refused",
             ) from error
         except (InputError, NegativeResult) as error:
             location = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
             raise error.with_location(f"{table.path}{location}") from error
-        computed_values[rows] = result.output if forward else result.drive
+        computed_values[rows] = result.output if is_prediction else result.drive
         reachable[rows] = result.reachable
         notes.update(result.notes)
-    drive, output = (values, computed_values) if forward else (computed_values, values)
+    drive, output = (values, computed_values) if is_prediction else (computed_values, values)
     valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
@@ -252,7 +252,7 @@ def _find_histories(
         for index, rows in enumerate(runs):
             run_schedule = None if schedule is None else schedule[rows]
             loops.append(Loop(str(index), values[rows], measured_output[rows], run_schedule, time[rows]))
-    except InputError:  # a run that is not a loop
+    except InputError:  # some run is not a loop
         return [history_before] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"
     return [loop.history for loop in add_earlier_loops(loops, across_gaps=is_gap)]
@@ -263,8 +263,8 @@ def _column_name(table: DataTable, quantity: Quantity) -> str:
     names = {quantity.name} | {
         name for name, kind in OUTPUT_MAPS.items() if kind.magnetised_name == quantity.name
     }
-    present = {header.quantity.name for header in table.headers if header.quantity is not None}
-    return next((name for name in sorted(names) if name in present), quantity.name)
+    table_quantities = {header.quantity.name for header in table.headers if header.quantity is not None}
+    return next((name for name in sorted(names) if name in table_quantities), quantity.name)
 
 
 def _read_measured(table: DataTable, name: str) -> FloatArray | None:
@@ -275,7 +275,7 @@ def _read_measured(table: DataTable, name: str) -> FloatArray | None:
 
 
 def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) -> list[Rows]:
-    """Return the rows of each run, in their order."""
+    """Return the rows of each run, in the order of the file."""
     for header, column in zip(table.headers, table.columns, strict=True):
         if header.is_label and isinstance(column, Texts):
             return [run for rows in column.rows_by_text() for run in _split_by_schedule(schedule, rows)]
@@ -284,7 +284,7 @@ def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) 
 
 
 def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
-    """Split rows at steps of the scheduling variable; if it moves, they stay together."""
+    """Split rows at steps of the scheduling variable; if it moves, the rows stay together."""
     if schedule is None:
         return [rows]
     steps = np.flatnonzero(np.diff(schedule[rows])) + 1
@@ -296,21 +296,21 @@ def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 def _add_computed_columns(
     table: DataTable, quantity: Quantity, computed_quantity: FloatArray, valid: NDArray[np.bool_]
 ) -> tuple[str, dict[str, Any]]:
-    """Return the header of the computed column, and all columns with the computed ones."""
+    """Return the header of the computed column, and all columns including computed ones."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
-    name, flag = quantity.column, "valid"
+    name, flag_name = quantity.column, "valid"
     if name in columns:  # keep the measured column for comparison
         name = f"{quantity.symbol}_model{quantity.column.removeprefix(quantity.symbol)}"
-    if flag in columns:
-        flag = "valid_model"
-    if name in columns or flag in columns:
-        duplicate_name = name if name in columns else flag
+    if flag_name in columns:
+        flag_name = "valid_model"
+    if name in columns or flag_name in columns:
+        duplicate_name = name if name in columns else flag_name
         text = f"{table.path}: already has a column '{duplicate_name}'; rename it in the file"
         raise InputError(text, code="exists-already", key=duplicate_name)
-    return name, columns | {name: computed_quantity, flag: valid}
+    return name, columns | {name: computed_quantity, flag_name: valid}
 
 
-def _deviation(
+def _compute_deviation(
     table: DataTable, quantity: Quantity, predicted_values: FloatArray, runs: list[Rows]
 ) -> Deviation | None:
     measured_values = _read_measured(table, _column_name(table, quantity))
@@ -319,5 +319,5 @@ def _deviation(
     differences = np.abs(predicted_values - measured_values)
     largest_value = full_scale(quantity, (measured_values[rows] for rows in runs))
     mean, rms = float(differences.mean()), float(np.sqrt(np.square(differences).mean()))
-    of = name_full_scale(quantity, largest_value)
-    return Deviation(mean, rms, float(differences.max()), largest_value, of)
+    scale_name = name_full_scale(quantity, largest_value)
+    return Deviation(mean, rms, float(differences.max()), largest_value, scale_name)

@@ -27,7 +27,7 @@ InputKind = Literal["drive", "demand"]
 GIVEN_MARGIN = 1e-9
 COMPUTED_MARGIN = 0.02
 """Margins beyond the valid range within which given and computed values count as inside, relative
-to the range. The model of the largest measured loop does not end exactly at its largest sample."""
+to the range. The modelled loop ends near the largest measured sample, but not exactly there."""
 UNIT_ERROR_RATIO = 20.0
 """Ratio to the largest value of a model above which a value probably has a wrong unit."""
 
@@ -67,7 +67,7 @@ def flag_samples(
         allowance = margin * (high - low) + GIVEN_MARGIN * max(abs(low), abs(high))
         is_inside = (values >= low - allowance) & (values <= high + allowance)
         valid &= is_inside
-        # If given values are far outside, computed ones are outside as a consequence.
+        # If given values are far outside, computed values are outside as a consequence.
         if not is_inside.all() and not (quantity is computed_quantity and any(far_texts.values())):
             description = (
                 f"lie outside the valid range of {quantity.name.replace('_', ' ')}, {low:g} to "
@@ -81,7 +81,7 @@ def flag_samples(
 def describe_far_value(
     quantity: Quantity | None, values: FloatArray | None, limits: tuple[float, float] | None
 ) -> str:
-    """Describe how far values are outside a range; empty if the distance is plausible."""
+    """Describe by how much values are outside a range; empty if the distance is plausible."""
     if quantity is None or values is None or limits is None or quantity.unit == "degC":
         return ""
     name, unit = quantity.name.replace("_", " "), quantity.unit
@@ -103,16 +103,16 @@ def describe_far_value(
     return ""
 
 
-def likely_unit(quantity: Quantity, times: float) -> str:
+def likely_unit(quantity: Quantity, factor: float) -> str:
     """Return the unit, a thousandth or millionth of SI, that explains a factor; else empty."""
     dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
     small_units = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
     nearest_unit = min(
         (unit for unit in small_units if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
-        key=lambda unit: abs(math.log(unit.scale * times)),
+        key=lambda unit: abs(math.log(unit.scale * factor)),
         default=None,
     )
-    if nearest_unit is None or not 1.0 / 32.0 < nearest_unit.scale * times < 32.0:
+    if nearest_unit is None or not 1.0 / 32.0 < nearest_unit.scale * factor < 32.0:
         return ""
     return nearest_unit.symbol
 
@@ -220,7 +220,7 @@ class Prediction(Result):
         """Draw output over drive."""
         drive, output_quantity = self.quantities
         scale, label = length_scale(output_quantity)
-        plotted = thinning_slice(self.drive.size)
-        ax.plot(self.drive[plotted], scale * self.output[plotted], lw=1.1)
+        drawn_samples = thinning_slice(self.drive.size)
+        ax.plot(self.drive[drawn_samples], scale * self.output[drawn_samples], lw=1.1)
         ax.set_xlabel(drive.label)
         ax.set_ylabel(label)

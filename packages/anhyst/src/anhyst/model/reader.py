@@ -51,7 +51,7 @@ class _Reader:
             self.file.add_problem(("version",), text, code="wrong-version")
         self._raise_if_problems()
         drive, output_quantity, schedule = (
-            self._quantity(content, key) for key in ("input", "output", "schedule")
+            self._read_quantity(content, key) for key in ("input", "output", "schedule")
         )
         self._raise_if_problems()
         assert drive is not None
@@ -59,7 +59,7 @@ class _Reader:
         name = content.get("law")
         law = LAWS.get(name) if isinstance(name, str) else None
         self.names = schema.section_names(None, drive, output_quantity, schedule)
-        cells = self._cells(content)
+        cells = self._read_cells(content)
         if law is not None and cells is not None:
             with self._collect_table_error("cells"):
                 law = get_law(law.name, cells)
@@ -69,15 +69,15 @@ class _Reader:
         try:
             table = schema.model_table(law).model_validate(content)
         except ValidationError as error:
-            self._collect(error)
+            self._collect_findings(error)
             table = None
         self._check_ranges(content, law)
         self._raise_if_problems()
         assert table is not None
-        return self._build(kind, table, drive, output_quantity, schedule, cells)
+        return self._build_model(kind, table, drive, output_quantity, schedule, cells)
 
-    def _cells(self, content: dict[str, Any]) -> CellWeights | None:
-        """Read the table of cells first, because it determines the remaining parameters."""
+    def _read_cells(self, content: dict[str, Any]) -> CellWeights | None:
+        """Read the table of play cells first, because it determines the remaining parameters."""
         table_text = deepcopy(content.get("cells"))
         if table_text is None:
             return None
@@ -86,7 +86,7 @@ class _Reader:
         try:
             table = schema.CellsTable.model_validate(table_text)
         except ValidationError as error:
-            self._collect(error, ("cells",))
+            self._collect_findings(error, ("cells",))
             self._raise_if_problems()
             raise
         rows = {len(row) for row in table.weights}
@@ -97,10 +97,10 @@ class _Reader:
             )
             self.file.add_problem(self._file_path(("cells", "weights")), text, code="wrong-shape")
             self._raise_if_problems()
-        thresholds, widths, weights = map(np.array, (table.thresholds, table.widths, table.weights))
-        centres, cells = None if table.centres is None else np.array(table.centres), None
+        thresholds, curve_widths, weights = map(np.array, (table.thresholds, table.widths, table.weights))
+        curve_centres, cells = None if table.centres is None else np.array(table.centres), None
         with self._collect_table_error("cells"):
-            cells = CellWeights(thresholds, widths, weights, table.shape, centres)
+            cells = CellWeights(thresholds, curve_widths, weights, table.shape, curve_centres)
         self._raise_if_problems()
         return cells
 
@@ -115,7 +115,7 @@ class _Reader:
         except ValueError as error:
             self.file.add_problem((key,), str(error), code="cells-out-of-range")
 
-    def _quantity(self, content: dict[str, Any], key: str) -> Quantity | None:
+    def _read_quantity(self, content: dict[str, Any], key: str) -> Quantity | None:
         quantity_table = content.get(key)
         if quantity_table is None and key == "schedule":
             return None
@@ -129,7 +129,7 @@ class _Reader:
         try:
             table = schema.QuantityTable.model_validate(quantity_table)
         except ValidationError as error:
-            self._collect(error, (key,))
+            self._collect_findings(error, (key,))
             return None
         quantity = Quantity(table.quantity, table.symbol, table.unit)
         known_quantity = QUANTITIES.get(quantity.name)
@@ -143,50 +143,50 @@ class _Reader:
             self.file.add_problem((key, "unit"), text, code="unit-not-si")
         return quantity
 
-    def _strip_units(self, table: Any, at: KeyPath) -> None:
+    def _strip_units(self, table: Any, path: KeyPath) -> None:
         """Rename keys with units to fields, in place; report keys without their unit."""
         if isinstance(table, list):
             for index, item in enumerate(table):
-                self._strip_units(item, (*at, index))
+                self._strip_units(item, (*path, index))
         if not isinstance(table, dict):
             return
-        names = self._names_in(at)
-        fields = {key: field for field, (_, key) in names.items()}
+        names = self._names_of_table(path)
+        field_by_key = {key: field for field, (_, key) in names.items()}
         for key in list(table):
-            if key in fields:
-                table[fields[key]] = table.pop(key)
+            if key in field_by_key:
+                table[field_by_key[key]] = table.pop(key)
             elif field := schema.find_field(key, names):
                 text = f"the key must contain its unit; write {names[field][1]}"
-                self.file.add_problem((*at, key), text, code="unit-missing")
+                self.file.add_problem((*path, key), text, code="unit-missing")
                 table[field] = table.pop(key)
         for key, value in table.items():
-            self._strip_units(value, (*at, key))
+            self._strip_units(value, (*path, key))
 
-    def _collect(self, error: ValidationError, at: tuple[str, ...] = ()) -> None:
-        self.file.add_findings(error, self._advice, lambda location: self._file_path((*at, *location)))
+    def _collect_findings(self, error: ValidationError, path: tuple[str, ...] = ()) -> None:
+        self.file.add_findings(error, self._find_advice, lambda location: self._file_path((*path, *location)))
 
-    def _advice(self, path: KeyPath, finding: Any) -> Advice:
+    def _find_advice(self, path: KeyPath, finding: Any) -> Advice:
         advice = explain_finding(finding)
         if advice.code != "extra-forbidden":
             return advice
-        known_keys = [key for _, key in self._names_in(path[:-1]).values()]
+        known_keys = [key for _, key in self._names_of_table(path[:-1]).values()]
         close_matches = difflib.get_close_matches(str(path[-1]), known_keys, n=1)
         if not close_matches:
             return advice
         return Advice(f"is unknown; did you mean {close_matches[0]}?", code="extra-forbidden")
 
-    def _names_in(self, table: KeyPath) -> schema.Names:
-        """Return the keys with units of a table; elements of an array of tables are equal."""
+    def _names_of_table(self, table: KeyPath) -> schema.Names:
+        """Return the keys with units of a table; elements of an array of tables share them."""
         return self.names.get(tuple(key for key in table if isinstance(key, str)), {})
 
     def _file_path(self, location: KeyPath) -> KeyPath:
         """Return the path in the file of a location in the validated tables."""
         *table, last_key = location
-        names = self._names_in(tuple(table))
+        names = self._names_of_table(tuple(table))
         return (*table, names[last_key][1] if last_key in names else last_key)
 
     def _check_ranges(self, content: dict[str, Any], law: Law | None) -> None:
-        """Check values that types cannot check, if all types are correct."""
+        """Check values for conditions that types cannot express, if all types are correct."""
         parameters = content.get("parameters")
         if self.file.problems or law is None or not isinstance(parameters, dict):
             return
@@ -199,8 +199,8 @@ class _Reader:
         for problem in find_problems(law, values, nodes, content["gap_map"]):
             key_path = key_paths.get(problem.key, ("parameters", problem.key))
             self.file.add_problem(self._file_path(key_path), problem.text, code=problem.code)
-        for key, pair in content.get("valid", {}).items():
-            if pair[0] > pair[1]:
+        for key, limits in content.get("valid", {}).items():
+            if limits[0] > limits[1]:
                 text = "the first must not exceed the second"
                 self.file.add_problem(self._file_path(("valid", key)), text, code="range-reversed")
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
@@ -212,16 +212,16 @@ class _Reader:
     def _check_lengths(self, uncertainty_table: dict[str, Any]) -> None:
         count = len(uncertainty_table["names"])
         matrix = uncertainty_table.get("correlation", [])
-        for key, sizes in (
+        for key, lengths in (
             ("values", [len(uncertainty_table["values"])]),
             ("std", [len(uncertainty_table["std"])]),
             ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
         ):
-            if set(sizes) != {count}:
+            if set(lengths) != {count}:
                 text = f"must have one entry for each of {count} names"
                 self.file.add_problem(("uncertainty", key), text, code="length-differs")
 
-    def _build(
+    def _build_model(
         self,
         kind: type[Record],
         table: schema.ModelTable,

@@ -1,9 +1,9 @@
 """Decide whether the residual of a fit is noise, and describe its shape and remedy in one line.
 
-Signs and products of successive samples test whether a residual is white (:func:`_is_white`). If it
-is not, it is compared with the shapes that typical causes produce (:mod:`.residual_shapes`).
-Filtered or quantised noise is correlated too, so a shape counts only if it explains more than such
-noise would explain by chance.
+Signs and products of successive samples test whether a residual is white (:func:`_is_white`). A
+residual that is not white is compared with the shapes that typical causes produce
+(:mod:`.residual_shapes`). Filtered or quantised noise is correlated too, so a shape counts only if
+it explains more than such noise would explain by chance.
 """
 
 from __future__ import annotations
@@ -35,59 +35,59 @@ NEGLIGIBLE_DEVIATION = 1e-4
 
 MAX_NOISE_PEAK_RATIO = 8.0
 """Largest deviation that noise may reach, as a multiple of its rms. Normal noise of 1e6 samples
-reaches 5."""
+reaches 5 times its rms."""
 MIN_OUTLIER_DEVIATION = 0.01
 """Smallest deviation that is reported as an outlier, relative to full scale."""
 _MIN_JUMP_SHARE = 0.1
-"""Step of the input between two samples, relative to its range, above which it is a jump."""
+"""Step of the input between two samples, relative to its range, above which the step is a jump."""
 
 MAX_UNEXPLAINED = 0.05
 """Largest rms deviation beyond the noise, relative to full scale, of a usable model."""
 _MAX_CERTAIN_NOISE_RATIO = 2.0
-"""Largest rms that counts as noise, as a multiple of the noise of the record, for an unusable
-model."""
+"""Largest rms that counts as noise, as a multiple of the noise of the record, if the model is
+unusable."""
 
 _MAX_STEPS_PER_DIFFERENCE = 3
 """Largest number of converter steps in the smallest difference of two outputs."""
 _MAX_LAG_SAMPLES = 4
 """Number of earlier samples with which the correlation of a sample is tested."""
 _MAX_WHITE_SIGMAS = 3.1
-"""Standard deviations of the tests for white noise, above which the residual is not white."""
+"""Largest result, in standard deviations, that the tests for white noise accept."""
 _MAX_RECORD_SAMPLES = 300
 _MAX_TOTAL_SAMPLES = 1500
 _MIN_RECORD_SAMPLES = 40
-"""Maximum number of samples per record and of all records for the analysis of shapes, and minimum
-number per record."""
+"""Limits of the analysis of shapes: maximum number of samples per record and of all records, and
+minimum number per record."""
 _MAX_NOISE_RATIO = 6.0
 """Smooth residuals above this multiple of the noise of the record are not filtered noise."""
 _EQUAL_WORTH_SHARE = 0.97
-"""Share of the sum of squares of the best shape with which a shape of fewer parameters is
+"""Fraction of the sum of squares of the best shape above which a shape with fewer parameters is
 preferred."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outlier:
-    """The largest deviation of a fit, which is too large for noise of its rms."""
+    """The largest deviation of a fit, if it is too large for noise of its rms."""
 
-    size: float  # relative to full scale
+    size: float  # deviation, relative to full scale
     record: int  # index of the record
     sample: int  # index of the sample in the record
-    is_at_jump: bool  # whether the input jumps there
+    is_at_jump: bool  # whether the input jumps at this sample
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualAnalysis:
     """The residual of a fit, and its causes."""
 
-    rms: float  # of all samples, relative to the largest output
+    rms: float  # rms of all samples, relative to the largest output
     noise: float  # rms of the sensor noise, relative to the largest output
     beyond_noise: float = 0.0  # rms without the noise; zero if the residual is noise
     # shapes of the residual and the fraction of its variance that they explain, the largest first;
     # empty if no known shape was found
     shapes: tuple[tuple[Shape, float], ...] = ()
-    start_samples: int = 0  # samples at the start of a record with the effect of a wrong history
+    start_samples: int = 0  # number of first samples that show a wrong history
     # largest deviation; None if noise of this rms could cause it. With an outlier, all other fields
-    # except rms were computed without the samples above this limit
+    # except rms were computed without the samples that are too large for noise
     outlier: Outlier | None = None
 
     @property
@@ -112,18 +112,16 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
         return ResidualAnalysis(rms, rms)
     outlier = _find_outlier(records, rms, span)
     if outlier is not None:
-        limit = MAX_NOISE_PEAK_RATIO * rms * span
+        outlier_limit = MAX_NOISE_PEAK_RATIO * rms * span
         without_outliers = [
-            replace(record_, deviation=np.where(np.abs(record_.deviation) < limit, record_.deviation, 0.0))
-            for record_ in records
+            replace(entry, deviation=np.where(np.abs(entry.deviation) < outlier_limit, entry.deviation, 0.0))
+            for entry in records
         ]
         return replace(analyse_residual(without_outliers, span), rms=rms, outlier=outlier)
     # A white residual may still be too large: a resonance with a random input leaves white
     # residuals.
     noise_rms = float(
-        np.mean(
-            [min(estimate_noise(record_.measured), estimate_noise(record_.deviation)) for record_ in records]
-        )
+        np.mean([min(estimate_noise(entry.measured), estimate_noise(entry.deviation)) for entry in records])
     )
     max_noise = noise_rms * (_MAX_NOISE_RATIO if rms <= MAX_UNEXPLAINED else _MAX_CERTAIN_NOISE_RATIO)
     if rms * span <= max_noise and _is_white([record.deviation for record in records]):
@@ -136,20 +134,20 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
 
 
 def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
-    """Return the largest deviation; None if noise of this rms may reach it."""
+    """Return the largest deviation; None if noise of this rms may cause it."""
     worst_samples = [int(np.argmax(np.abs(record.deviation))) for record in records]
-    sizes = [abs(float(item.deviation[row])) for item, row in zip(records, worst_samples, strict=True)]
-    index = int(np.argmax(sizes))
-    size, drive, sample = sizes[index] / span, records[index].drive, worst_samples[index]
-    if size < max(MAX_NOISE_PEAK_RATIO * rms, MIN_OUTLIER_DEVIATION):
+    deviations = [abs(float(entry.deviation[row])) for entry, row in zip(records, worst_samples, strict=True)]
+    index = int(np.argmax(deviations))
+    deviation, drive, sample = deviations[index] / span, records[index].drive, worst_samples[index]
+    if deviation < max(MAX_NOISE_PEAK_RATIO * rms, MIN_OUTLIER_DEVIATION):
         return None
     steps = np.abs(np.diff(drive[max(sample - _MAX_LAG_SAMPLES, 0) : sample + _MAX_LAG_SAMPLES]))
     is_at_jump = float(steps.max(initial=0.0)) > _MIN_JUMP_SHARE * float(np.ptp(drive))
-    return Outlier(size, index, sample, is_at_jump)
+    return Outlier(deviation, index, sample, is_at_jump)
 
 
 def _quantisation_step(values: FloatArray) -> float:
-    """Return the step of which all differences of values are multiples; zero if there is none."""
+    """Return the step of which all differences of values are multiples; zero without a step."""
     steps = np.diff(np.unique(values))
     steps = steps[steps > 1e-9 * float(np.ptp(values))]
     if not steps.size:
@@ -168,13 +166,13 @@ def _is_white(deviations: Sequence[FloatArray]) -> bool:
     equal_signs = sum(int(np.sum(sign[1:] == sign[:-1])) for sign in signs)
     if pairs and equal_signs - 0.5 * pairs > _MAX_WHITE_SIGMAS * 0.5 * math.sqrt(pairs):
         return False
-    power = sum(float(deviation @ deviation) for deviation in deviations)
+    square_sum = sum(float(deviation @ deviation) for deviation in deviations)
     samples = sum(deviation.size for deviation in deviations)
     for lag in range(1, _MAX_LAG_SAMPLES + 1):
         product_sum = sum(
             float(deviation[lag:] @ deviation[:-lag]) for deviation in deviations if deviation.size > lag
         )
-        if product_sum > _MAX_WHITE_SIGMAS * power / math.sqrt(samples):
+        if product_sum > _MAX_WHITE_SIGMAS * square_sum / math.sqrt(samples):
             return False
     return True
 
@@ -199,32 +197,32 @@ def _attribute_to_shapes(
     """Find the shapes of the residual that noise cannot explain."""
     noise_rms, max_noise = noise_limits
     deviation = np.concatenate([record.deviation for record in records])
-    bases = [
+    shape_bases = [
         (name, orthonormal_basis(variant))
         for name, entry in shape_columns(records).items()
         for variant in entry
     ]
-    all_shapes = orthonormal_basis(np.hstack([variant for _, variant in bases]))
+    all_shapes = orthonormal_basis(np.hstack([variant for _, variant in shape_bases]))
     sizes = [record.deviation.size for record in records]
     noise_model = estimate_coloured_noise(deviation, all_shapes, sizes)
-    # too large for filtered noise: any smooth curve counts
+    # If the residual is too large for filtered noise, any smooth curve counts.
     if rms * span > max(max_noise, NEGLIGIBLE_DEVIATION * span):
         white_variance = max(noise_rms, NEGLIGIBLE_DEVIATION * span) ** 2
         noise_model = ColouredNoise(
             tuple(sizes), white_variance, 0.0, float(max(deviation.size - all_shapes.shape[1], 2))
         )
     variants = [
-        _ShapeVariant(name, variant, noise_model.expected_squares(variant)) for name, variant in bases
+        _ShapeVariant(name, variant, noise_model.expected_squares(variant)) for name, variant in shape_bases
     ]
     attributed_shapes: list[tuple[Shape, float]] = []
     remaining, start_samples = deviation, 0
     while variants:
         # Select the shape that explains most, or one with fewer parameters that explains almost as
         # much.
-        excesses = [entry.excess_squares(remaining) for entry in variants]
-        min_excess = max(excesses) - (1.0 - _EQUAL_WORTH_SHARE) * abs(max(excesses))
+        all_excesses = [entry.excess_squares(remaining) for entry in variants]
+        min_excess = max(all_excesses) - (1.0 - _EQUAL_WORTH_SHARE) * abs(max(all_excesses))
         good_variants = [
-            entry for entry, excess in zip(variants, excesses, strict=True) if excess >= min_excess
+            entry for entry, excess in zip(variants, all_excesses, strict=True) if excess >= min_excess
         ]
         variant = min(good_variants, key=lambda entry: entry.columns.shape[1])
         excess, size = variant.excess_squares(remaining), variant.columns.shape[1]
@@ -238,7 +236,7 @@ def _attribute_to_shapes(
             else start_samples
         )
         remaining = remaining - explained
-        variants = [other for other in variants if other.shape != variant.shape]
+        variants = [other_variant for other_variant in variants if other_variant.shape != variant.shape]
     remaining_rms = float(np.sqrt(np.mean(remaining**2)))
     if remaining_rms <= max(max_noise, NEGLIGIBLE_DEVIATION * span):
         noise_rms = remaining_rms
@@ -263,13 +261,13 @@ def _count_start_samples(records: Sequence[Residual], explained: FloatArray, var
 
 
 _MIN_SECOND_SHARE = 0.2
-"""Share of the residual beyond the noise above which a second shape is named."""
+"""Fraction of the residual beyond the noise above which a second shape is named."""
 
 
-def analyse_loops(loopset: Loops, fitted: Sequence[FloatArray]) -> ResidualAnalysis:
+def analyse_loops(loopset: Loops, modelled_outputs: Sequence[FloatArray]) -> ResidualAnalysis:
     """Analyse the residual of a model on measured loops."""
     records = []
-    for loop, output in zip(loopset.loops, fitted, strict=True):
+    for loop, output in zip(loopset.loops, modelled_outputs, strict=True):
         values, schedule_value = loopset.schedule_values, loop.schedule_value
         gap = values.index(schedule_value) if schedule_value in values else 0
         deviation, is_cycle = output - loop.output, loop.history.kind == "settled"
@@ -278,7 +276,7 @@ def analyse_loops(loopset: Loops, fitted: Sequence[FloatArray]) -> ResidualAnaly
 
 
 def explain_rejection(residual: ResidualAnalysis, loopset: Loops) -> str:
-    """Return why a model must not be used; empty if its deviation is small or is noise."""
+    """Return why a model must not be used; empty if the deviation is small or is noise."""
     if residual.unexplained <= MAX_UNEXPLAINED:
         return ""
     text = (
@@ -303,13 +301,13 @@ def describe_residual(residual: ResidualAnalysis, loopset: Loops, model: Model) 
     if outlier is None:
         return text
     loop = loopset.loops[outlier.record]
-    time = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
-    cause = "a spike or a disturbance; check the record there"
+    time_text = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
+    cause_text = "a spike or a disturbance; check the record there"
     if outlier.is_at_jump:
-        cause = "the input jumps there and the output responds late"
+        cause_text = "the input jumps there and the output responds late"
     return (
         f"{text}; the worst deviation, {100.0 * outlier.size:.3g} %, is at sample "
-        f"{outlier.sample + 1}{time} of {loopset.describe(loop)}: {cause}"
+        f"{outlier.sample + 1}{time_text} of {loopset.describe(loop)}: {cause_text}"
     )
 
 
@@ -330,26 +328,26 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
     schedule_name = loopset.schedule.name if loopset.schedule is not None else "gap"
     main_shape, share = residual.shapes[0]
     text += f"{100.0 * share:.0f} % of its square " if share < 1.0 - _MIN_SECOND_SHARE else ""
-    text += _SHAPE_TEXTS[main_shape].what.format(
+    text += _SHAPE_TEXTS[main_shape].main_text.format(
         drive=loopset.input.name, at=schedule_name, first=residual.start_samples
     )
     if len(residual.shapes) > 1 and residual.shapes[1][1] >= _MIN_SECOND_SHARE:
         second_shape, share = residual.shapes[1]
-        text += f" ({100.0 * share:.0f} %: {_SHAPE_TEXTS[second_shape].short.format(at=schedule_name)})"
+        text += f" ({100.0 * share:.0f} %: {_SHAPE_TEXTS[second_shape].short_text.format(at=schedule_name)})"
     if main_shape == "gap":
         remedy = f"measure another {schedule_name}"
         remedy += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""
         return f"{text}: the gap map '{model.gap_map}' cannot follow; {remedy}"
-    is_named = model.provenance.settings.get("law_wanted", "auto") != "auto"
-    other_law = "; try --law auto" if is_named else ", and neither can the other laws that were compared"
+    is_law_given = model.provenance.settings.get("law_wanted", "auto") != "auto"
+    other_law = "; try --law auto" if is_law_given else ", and neither can the other laws that were compared"
     return f"{text}: {_SHAPE_TEXTS[main_shape].advice.format(other=other_law)}"
 
 
 class _ShapeText(NamedTuple):
-    """Texts for a shape of the residual, and the remedy."""
+    """Texts that describe a shape of the residual, and its remedy."""
 
-    what: str  # if it is the largest shape
-    short: str  # if it is the second shape
+    main_text: str  # text for the largest shape
+    short_text: str  # text for the second shape
     advice: str
 
 
@@ -373,7 +371,7 @@ _SHAPE_TEXTS: dict[Shape, _ShapeText] = {
     "start": _ShapeText(
         "in the first {first} samples of a record",
         "at the start of records",
-        "their stated history is wrong; check --history",
+        "the stated history is wrong; check --history",
     ),
     "drift": _ShapeText(
         "is proportional to time",

@@ -1,8 +1,8 @@
 """Define the tables of a model file, their types, and keys with units.
 
 Fit figures, uncertainty, reduction and provenance are dataclasses and tables of the file at the
-same time: an added field is read, checked and written. Identification fills them, and the report
-shows them.
+same time: an added field is read, checked and written. Identification fills these tables, and the
+report shows them.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ Unbounded = Annotated[tuple[Annotated[float, Strict()], ...], TUPLE_FROM_LIST]
 
 def output_fields(record: type[FileRecord]) -> list[str]:
     """Return the fields of a record that are in units of the output."""
-    hints = get_type_hints(record, include_extras=True)
-    return [name for name, hint in hints.items() if OUTPUT_UNIT_MARK in getattr(hint, "__metadata__", ())]
+    types = get_type_hints(record, include_extras=True)
+    return [name for name, hint in types.items() if OUTPUT_UNIT_MARK in getattr(hint, "__metadata__", ())]
 
 
 def is_number(value: object) -> bool:
@@ -54,21 +54,21 @@ def is_number(value: object) -> bool:
     return abs(value) <= sys.float_info.max  # in comparisons, integers may have any size
 
 
-def _setting(value: Any) -> Any:
+def _accept_setting(value: Any) -> Any:
     if isinstance(value, str | bool) or is_number(value):
         return value
     raise PydanticCustomError("not_a_setting", "must be a text, true or false, or a finite number")
 
 
-Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
+Setting = Annotated[str | bool | int | float, PlainValidator(_accept_setting)]
 
 CHOSEN = "chosen"
-"""Note of the selected candidate."""
+"""Text of the note at the selected candidate."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValidRange(FileRecord):
-    """Measured ranges of the model. Outside, results are computed, but every sample is flagged."""
+    """Measured ranges of the model. Outside, every sample is computed but flagged."""
 
     input: Range  # smallest and largest measured value, SI
     output: Range
@@ -92,13 +92,13 @@ class LoopFit(FileRecord):
 
 @dataclass(frozen=True, slots=True)
 class CrossValidation(FileRecord):
-    """Expected error between measured scheduling values, or at other samples of few loops."""
+    """Expected error between the measured scheduling values, or of few loops at other samples."""
 
     # mean absolute error relative to the largest output, mean over values withheld from the fit,
     # from the selection of the map and from the decision about offsets
     error: FiniteNumber
-    interval: Range  # interval that contains the error at another such value in about nine of ten cases
-    folds: Numbers = ()  # error at each withheld value, ascending values
+    interval: Range  # interval with the error at an unmeasured value in about nine of ten cases
+    folds: Numbers = ()  # error at each withheld value, in ascending order of the values
     # ``gap``, or ``block`` for withheld blocks of samples, which is not evidence about other loops
     left_out: Literal["gap", "block"] = "gap"
 
@@ -121,13 +121,13 @@ class CandidateFit(FileRecord):
 
     def text(self) -> str:
         """Return the candidate as one line."""
-        note = f" ({self.note})" if self.note else ""
-        error = "" if self.left_out is None else f", withheld {100.0 * self.left_out:.3g} %"
+        note_text = f" ({self.note})" if self.note else ""
+        error_text = "" if self.left_out is None else f", withheld {100.0 * self.left_out:.3g} %"
         if self.rms is None:
-            return f"{self.law}, {self.gap_map}{note}"
+            return f"{self.law}, {self.gap_map}{note_text}"
         return (
             f"{self.law}, {self.gap_map}: {self.numbers} parameters, rms {100.0 * self.rms:.3g} %"
-            f"{error}{note}"
+            f"{error_text}{note_text}"
         )
 
 
@@ -148,9 +148,9 @@ class FitFigures(FileRecord):
     left_out: Mapping[str, FiniteNumber] = field(default_factory=dict)
     # whether the acceptance tests over gap and drive passed; None if none applies
     monotone: Truth | None = None
-    # expected error between the measured scheduling values; None below three of them
+    # expected error between the measured scheduling values; None for fewer than three
     cross_validation: CrossValidation | None = None
-    # compared laws, the simplest first; empty if one was requested
+    # compared laws, the simplest first; empty if a law was requested
     candidates: Annotated[tuple[CandidateFit, ...], TUPLE_FROM_LIST, Field(validation_alias="candidate")] = ()
     # rms residual beyond the sensor noise, relative to the largest output; zero if the residual is
     # noise, None if it was not analysed
@@ -199,7 +199,7 @@ def fit_figures(
 class Uncertainty(FileRecord):
     """Uncertainty of each fitted quantity, and statements about what the data do not determine."""
 
-    # fitted quantities, with a node in brackets if there is one for each
+    # fitted quantities, with the node in brackets if each node has its own value
     names: Texts
     values: Unbounded  # estimate and standard deviation, in the unit the name states
     std: Unbounded
@@ -233,14 +233,14 @@ class Provenance(FileRecord):
 # ruff: noqa: RUF012 - pydantic gives every table its own copy of a default
 
 
-def _number(value: Any) -> Any:
+def _accept_number(value: Any) -> Any:
     """Accept a number or a list of numbers; report any error as a single finding."""
     if is_number(value) or (isinstance(value, list) and value and all(map(is_number, value))):
         return value
     raise PydanticCustomError("not_a_number", "must be a finite number, or one for each node")
 
 
-def _law(name: str) -> str:
+def _check_law(name: str) -> str:
     if reason := LAWS.explain_unusable(name):
         raise PydanticCustomError("unknown_choice", reason.replace("{", "(").replace("}", ")"))
     if name not in LAWS:
@@ -251,8 +251,8 @@ def _law(name: str) -> str:
     return name
 
 
-LawName = Annotated[str, AfterValidator(_law)]
-Number = Annotated[float | list[float], PlainValidator(_number)]
+LawName = Annotated[str, AfterValidator(_check_law)]
+Number = Annotated[float | list[float], PlainValidator(_accept_number)]
 
 
 class QuantityTable(Table):
@@ -297,7 +297,7 @@ class LayersTable(Table):
 
 
 class ModelTable(Table):
-    """The whole file, its keys without units."""
+    """The whole file, with keys without units."""
 
     format: Literal["anhyst-model"]
     version: Literal[1]
@@ -322,7 +322,7 @@ class ModelTable(Table):
 def model_table(law: Law | None) -> type[ModelTable]:
     """Return the table of the whole file with the parameters of a law."""
     if law is None:
-        return ModelTable  # which then rejects the law
+        return ModelTable  # this table rejects the law
     fields: dict[str, Any] = {
         spec.name: (Number, ... if spec.default is None else spec.default)
         for spec in parameter_specs(law).values()
@@ -396,7 +396,7 @@ def section_names(
 
 
 def find_field(key: str, names: Names) -> str | None:
-    """Return the field that a key with a missing or another unit means, if any."""
+    """Return the field that a key with a missing or wrong unit means, if any."""
     for name, (name_without_unit, full_name) in names.items():
         if key == full_name:
             continue

@@ -59,7 +59,7 @@ class Stepper:
                     key="valid",
                 )
             low, high = model.valid.input
-            slow_times = [0.0, 1e9, 2e9]  # so slow that eddy currents are negligible
+            slow_times = [0.0, 1e9, 2e9]  # eddy currents are negligible
             cycle = [low, high, low]
             self._state = run_record(model, "drive", cycle, schedule, slow_times, "settled").state
         else:
@@ -70,7 +70,7 @@ class Stepper:
         dynamics = model.dynamics
         self._dynamics = dynamics if dynamics is not None and dynamics.times else None
         self._flux = self._flux_at_rest(history_before)
-        self._slow_parts = np.full(len(self._dynamics.times) if self._dynamics else 0, self._flux)
+        self._creep_state = np.full(len(self._dynamics.times) if self._dynamics else 0, self._flux)
 
     def _flux_at_rest(self, initial_history: History) -> float:
         """Return the flux density before the first step, after creep has settled, T."""
@@ -79,21 +79,21 @@ class Stepper:
         points = initial_history.turning_points
         if initial_history.kind == "settled" and self.model.valid is not None:
             points = self.model.valid.input[:1]
-        circuit = self._circuit(self._schedule, None)
+        circuit = self._present_circuit(self._schedule, None)
         core = circuit.magnetomotive(np.array(points[-1:]))
         return float(self._iron.forward(core, circuit.rho, circuit.eddy, self._state)[0][0])
 
-    def _creep(self, dt: float | None) -> tuple[float, FloatArray]:
-        """Return the present contribution of creep to the flux density, T, and the slow parts."""
+    def _present_creep(self, dt: float | None) -> tuple[float, FloatArray]:
+        """Return the present contribution of creep to the flux density, T, and the creep states."""
         if self._dynamics is None:
-            return 0.0, self._slow_parts
-        slow_parts = self._slow_parts
+            return 0.0, self._creep_state
+        creep_state = self._creep_state
         if self._output is not None:
             if dt is None:
                 text = "the model has creep ([dynamics]); give the time step dt"
                 raise wrong_key("dt", text, code="time-missing")
-            slow_parts = self._dynamics.advance(self._flux, slow_parts, dt)
-        return float(np.array(self._dynamics.shares) @ slow_parts), slow_parts
+            creep_state = self._dynamics.advance_creep(self._flux, creep_state, dt)
+        return float(np.array(self._dynamics.shares) @ creep_state), creep_state
 
     @property
     def state(self) -> FloatArray:
@@ -107,16 +107,16 @@ class Stepper:
 
     @property
     def output(self) -> float | None:
-        """Output after the last commit, in units of the output; None before the first."""
+        """Output after the last commit, in units of the output; None before the first commit."""
         return self._output
 
     def solve(self, demand: float, schedule: float | None = None, dt: float | None = None) -> Candidate:
         """Return the drive for a demanded output; the state does not change."""
         demands = as_samples([demand], "demand")
-        gap = self._at(schedule)
-        circuit = self._circuit(gap, dt)
+        gap = self._check_schedule(schedule)
+        circuit = self._present_circuit(gap, dt)
         flux, reachable = circuit.flux_density(demands)
-        flux = flux - self._creep(dt)[0]
+        flux = flux - self._present_creep(dt)[0]
         drive, _, _, status, _ = self._iron.inverse(flux, circuit.rho, circuit.eddy, self._state)
         check_status(status, "demand", 0, demands)
         applied = circuit.drive(drive)
@@ -131,12 +131,12 @@ class Stepper:
     def commit(self, applied: float, schedule: float | None = None, dt: float | None = None) -> float:
         """Advance the state with the applied drive; return the output."""
         drive = as_samples([applied], "applied drive")
-        gap = self._at(schedule)
-        circuit = self._circuit(gap, dt)
+        gap = self._check_schedule(schedule)
+        circuit = self._present_circuit(gap, dt)
         core = circuit.magnetomotive(drive)
         flux, _, state, status, _ = self._iron.forward(core, circuit.rho, circuit.eddy, self._state)
         check_status(status, "applied drive", 0, drive)
-        added_flux, self._slow_parts = self._creep(dt)
+        added_flux, self._creep_state = self._present_creep(dt)
         self._state, self._schedule, self._flux = state, gap, float(flux[0])
         self._output = float(circuit.output(flux + added_flux)[0])
         return self._output
@@ -144,45 +144,45 @@ class Stepper:
     def follow(self, applied: FloatArray, schedule: FloatArray) -> FloatArray:
         """Advance the state along a row of drives, as repeated calls of :meth:`commit`."""
         drive = as_samples(applied, "applied drive")
-        at = as_samples(schedule, "schedule", drive.size)
-        if self._dynamics is not None or np.any(self.model.interpolate_parameter("gamma", at) > 0.0):
+        schedules = as_samples(schedule, "schedule", drive.size)
+        if self._dynamics is not None or np.any(self.model.interpolate_parameter("gamma", schedules) > 0.0):
             reason = "creeps ([dynamics])" if self._dynamics else "has eddy currents (gamma)"
             raise InputError(
                 f"the model {reason}; commit each sample with dt", code="time-missing", key="t_s"
             )
-        for end in (at.min(), at.max()):
-            self._at(float(end))
-        circuit = self.model.circuit(at, np.zeros(drive.size))
+        for end in (schedules.min(), schedules.max()):
+            self._check_schedule(float(end))
+        circuit = self.model.circuit(schedules, np.zeros(drive.size))
         flux, _, state, status, index = self._iron.forward(
             circuit.magnetomotive(drive), circuit.rho, circuit.eddy, self._state
         )
         check_status(status, "applied drive", index, drive)
         output = circuit.output(flux)
-        self._state, self._schedule, self._output = state, float(at[-1]), float(output[-1])
+        self._state, self._schedule, self._output = state, float(schedules[-1]), float(output[-1])
         return output
 
-    def _at(self, schedule: float | None) -> float:
+    def _check_schedule(self, schedule: float | None) -> float:
         if schedule is None:
             return self._schedule
-        at = float(as_samples([schedule], "schedule")[0])
-        if self.model.needs_fixed_gap and at != self._schedule:
+        value = float(as_samples([schedule], "schedule")[0])
+        if self.model.needs_fixed_gap and value != self._schedule:
             raise InputError(
                 "the schedule moved, but in this model (gap map 'free') the iron itself varies "
                 "with it; start another stepper, or identify with the gap map scaling or reluctance",
                 code="schedule-moves",
             )
-        return at
+        return value
 
-    def _circuit(self, at: float, dt: float | None) -> Circuit:
+    def _present_circuit(self, schedule: float, dt: float | None) -> Circuit:
         if dt is not None and not dt > 0.0:
             raise wrong_key("dt", f"is {dt:g} s; give a time above 0", code="not-above-zero")
         is_started = self._output is not None  # the first commit has no time step
-        if self._circuit_cache is not None and self._circuit_cache[:3] == (at, dt, is_started):
+        if self._circuit_cache is not None and self._circuit_cache[:3] == (schedule, dt, is_started):
             return self._circuit_cache[3]  # at a constant gap, the cache is used in every step
-        if dt is None and is_started and np.any(self.model.interpolate_parameter("gamma", [at]) > 0.0):
+        if dt is None and is_started and np.any(self.model.interpolate_parameter("gamma", [schedule]) > 0.0):
             text = "the model has eddy currents (gamma); give the time step dt"
             raise wrong_key("dt", text, code="time-missing")
         rate = 0.0 if dt is None else 1.0 / dt
-        circuit = self.model.circuit(np.array([at]), np.array([rate]))
-        self._circuit_cache = at, dt, is_started, circuit
+        circuit = self.model.circuit(np.array([schedule]), np.array([rate]))
+        self._circuit_cache = schedule, dt, is_started, circuit
         return circuit

@@ -46,12 +46,12 @@ from anhyst.support.page import (
     typeset,
 )
 
-Fitted = Sequence[FloatArray | None]
-"""Modelled output of each loop, in the order of the loops; None if it cannot be computed."""
+LoopOutputs = Sequence[FloatArray | None]
+"""Modelled output of each loop, in the order of the loops; None if an output cannot be computed."""
 
 MAX_PANELS = 18
 SMALL_LOOP_SHARE = 0.25
-"""Share of the largest input range in a panel below which a loop gets its own panel."""
+"""Fraction of the largest input range in a panel below which a loop gets its own panel."""
 MAX_DRAWN_COST_RATIO = 3.0
 """Ratio to the highest bar above which the cost of a candidate is written instead of drawn."""
 MAX_ROWS_WITH_NUMBERS = 14
@@ -59,38 +59,38 @@ MAX_ROWS_WITH_NUMBERS = 14
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class LoopGroup:
     """The loops of a panel: the title of the panel, and their indices in the set."""
 
     title: str
     indices: tuple[int, ...]
 
 
-def group_by_schedule(loopset: Loops) -> list[Group]:
+def group_by_schedule(loopset: Loops) -> list[LoopGroup]:
     """Group loops by the scheduling value, ascending. Loops with a moving value come last."""
     if loopset.schedule is None:
-        return [Group("", tuple(range(len(loopset))))]
+        return [LoopGroup("", tuple(range(len(loopset))))]
     indices_by_value: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
     for index, loop in enumerate(loopset.loops):
         indices_by_value.setdefault(loop.schedule_value, []).append(index)
     moving_label = f"{display_name(loopset.schedule)} moving"
     return [
-        Group(moving_label if value is None else schedule_text(loopset.schedule, value), tuple(indices))
+        LoopGroup(moving_label if value is None else schedule_text(loopset.schedule, value), tuple(indices))
         for value, indices in indices_by_value.items()
     ]
 
 
-def find_small_loops(loopset: Loops) -> list[Group]:
-    """Return the loops that are too small to be visible in their panel, one group each."""
-    groups = []
+def find_small_loops(loopset: Loops) -> list[LoopGroup]:
+    """Return the loops that are too small to be visible in their panel, each as its own group."""
+    small_loops = []
     for group in group_by_schedule(loopset):
-        spans = {index: float(np.ptp(loopset.loops[index].input)) for index in group.indices}
-        groups += [
-            Group(", ".join(filter(None, (group.title, _loop_name(loopset.loops[index])))), (index,))
-            for index, span in spans.items()
-            if span < SMALL_LOOP_SHARE * max(spans.values())
+        input_ranges = {index: float(np.ptp(loopset.loops[index].input)) for index in group.indices}
+        small_loops += [
+            LoopGroup(", ".join(filter(None, (group.title, _loop_name(loopset.loops[index])))), (index,))
+            for index, input_range in input_ranges.items()
+            if input_range < SMALL_LOOP_SHARE * max(input_ranges.values())
         ]
-    return groups
+    return small_loops
 
 
 def _loop_name(loop: Loop) -> str:
@@ -98,17 +98,17 @@ def _loop_name(loop: Loop) -> str:
 
 
 @use_report_style
-def figure_loops(loopset: Loops, fitted: Fitted) -> Figure:
+def figure_loops(loopset: Loops, fitted: LoopOutputs) -> Figure:
     """Draw measured and modelled loops, one panel for each value of the scheduling variable."""
     return _draw_loops(loopset, fitted, group_by_schedule(loopset))
 
 
 @use_report_style
-def figure_speeds(loopset: Loops, fitted: Fitted, speeds: SpeedGroups) -> Figure:
+def figure_speeds(loopset: Loops, fitted: LoopOutputs, speeds: SpeedGroups) -> Figure:
     """Draw measured and modelled loops, one panel for each speed, slow ones first."""
     loop_indices = {id(loop): index for index, loop in enumerate(loopset.loops)}
     groups = [
-        Group(speed_text(group), tuple(loop_indices[id(loop)] for loop in group))
+        LoopGroup(speed_text(group), tuple(loop_indices[id(loop)] for loop in group))
         for group in (speeds.slow.loops, *speeds.fast)
     ]
     return _draw_loops(loopset, fitted, groups)
@@ -117,12 +117,12 @@ def figure_speeds(loopset: Loops, fitted: Fitted, speeds: SpeedGroups) -> Figure
 def speed_text(group: Sequence[Loop]) -> str:
     """Return the frequency of loops as text: ``50 Hz``, or a range."""
     rates = [cycle_rate(loop.input, loop.time) for loop in group]
-    limits = list(dict.fromkeys(f"{rate:.3g}" for rate in (min(rates), max(rates))))
-    return f"{' to '.join(limits)}{NBSP}Hz"
+    limit_texts = list(dict.fromkeys(f"{rate:.3g}" for rate in (min(rates), max(rates))))
+    return f"{' to '.join(limit_texts)}{NBSP}Hz"
 
 
 @use_report_style
-def figure_differences(loopset: Loops, fitted: Fitted, single_valued: Sequence[FloatArray]) -> Figure:
+def figure_differences(loopset: Loops, fitted: LoopOutputs, single_valued: Sequence[FloatArray]) -> Figure:
     """Draw the difference of the loops from their best single-valued curve.
 
     Hysteresis is a few per cent of the output, so that it is barely visible over the whole range.
@@ -170,14 +170,14 @@ def _add_legend(figure: Figure) -> None:
 
 
 @use_report_style
-def figure_small_loops(loopset: Loops, fitted: Fitted) -> Figure | None:
+def figure_small_loops(loopset: Loops, fitted: LoopOutputs) -> Figure | None:
     """Draw each loop that is too small in :func:`figure_loops` in its own panel, if any."""
     groups = find_small_loops(loopset)
     return _draw_loops(loopset, fitted, groups, has_own_scales=True) if groups else None
 
 
 def _draw_loops(
-    loopset: Loops, fitted: Fitted, groups: list[Group], *, has_own_scales: bool = False
+    loopset: Loops, fitted: LoopOutputs, groups: list[LoopGroup], *, has_own_scales: bool = False
 ) -> Figure:
     figure, axes = _create_panels(groups, panel_height=(4.4, 3.1, 2.5))
     common_scales = _axis_scales(loopset, range(len(loopset)))
@@ -197,7 +197,7 @@ def _draw_loops(
 
 
 @use_report_style
-def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
+def figure_residuals(loopset: Loops, fitted: LoopOutputs) -> Figure:
     """Draw the residual of the model, one panel for each value of the scheduling variable."""
     figure, axes = _create_panels(group_by_schedule(loopset), panel_height=(3.4, 2.5, 2.1), share_y=True)
     residuals = [
@@ -227,13 +227,13 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
 def mask_rising_samples(loop: Loop) -> NDArray[np.bool_]:
     """Return which samples are on ascending branches of the input, shape (n,)."""
     is_rising = np.zeros(loop.n, dtype=np.bool_)
-    for part in find_branches(loop.input):
-        is_rising[part.rows] = part.is_rising
+    for branch in find_branches(loop.input):
+        is_rising[branch.rows] = branch.is_rising
     return is_rising
 
 
 def _draw_residuals(
-    ax: Axes, loopset: Loops, residuals: Fitted, group: Group, x_scale: Scale, y_scale: Scale
+    ax: Axes, loopset: Loops, residuals: LoopOutputs, group: LoopGroup, x_scale: Scale, y_scale: Scale
 ) -> None:
     for is_rising, colour in ((True, RISING_COLOUR), (False, FALLING_COLOUR)):
         x, y = [np.empty(0)], [np.empty(0)]
@@ -245,8 +245,8 @@ def _draw_residuals(
             x.append(x_scale.factor * loop.input[rows])
             y.append(y_scale.factor * residual[rows])
         drawn_points = np.concatenate(x), np.concatenate(y)
-        dots = _dot_style(colour, 2.4 if drawn_points[0].size < 2000 else 1.4)
-        ax.plot(*drawn_points, rasterized=True, alpha=0.7, **dots)
+        dot_style = _dot_style(colour, 2.4 if drawn_points[0].size < 2000 else 1.4)
+        ax.plot(*drawn_points, rasterized=True, alpha=0.7, **dot_style)
 
 
 @use_report_style
@@ -302,7 +302,7 @@ def _draw_candidates(
 
 
 def _rejected_candidates(step: ReductionStep) -> list[tuple[float, str]]:
-    """Return cost (%) and name of each candidate that was not fixed in a step, ascending."""
+    """Return cost (%) and name of each candidate that a step did not fix, by ascending cost."""
     return sorted(
         (100.0 * cost, name)
         for name, cost in step.candidates.items()
@@ -319,32 +319,32 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
     height = 0.9 + (0.3 if shows_numbers else 0.19) * count
     figure = new_figure(height, width=min(9.6, 4.2 + 0.42 * count))
     ax = figure.subplots()
-    mesh = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
+    colour_mesh = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
     if shows_numbers:
         for row, column in np.argwhere(np.isfinite(matrix)).tolist():
             value = float(matrix[row, column])
-            ink = "white" if abs(value) > 0.6 else "#222222"
+            text_colour = "white" if abs(value) > 0.6 else "#222222"
             text = f"{value:.2f}".replace("-", "\N{MINUS SIGN}")
-            middle = (column + 0.5, row + 0.5)
-            ax.annotate(text, middle, ha="center", va="center", fontsize=7.0, color=ink)
+            cell_centre = (column + 0.5, row + 0.5)
+            ax.annotate(text, cell_centre, ha="center", va="center", fontsize=7.0, color=text_colour)
     numbers = [str(index + 1) for index in range(count)]
-    labels = [f"{typeset(name)}{2 * NBSP}{n}" for n, name in zip(numbers, uncertainty.names, strict=True)]
+    row_labels = [f"{typeset(name)}{2 * NBSP}{n}" for n, name in zip(numbers, uncertainty.names, strict=True)]
     tick_step = 1 + count // 20
-    ax.set_yticks(np.arange(count) + 0.5, labels, fontsize=9.0 if shows_numbers else 7.5)
+    ax.set_yticks(np.arange(count) + 0.5, row_labels, fontsize=9.0 if shows_numbers else 7.5)
     ax.set_xticks(np.arange(0, count, tick_step) + 0.5, numbers[::tick_step])
     ax.xaxis.tick_top()
     ax.invert_yaxis()
     ax.grid(visible=False)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
-    bar = figure.colorbar(mesh, ax=ax, shrink=0.8, ticks=[-1, -0.5, 0, 0.5, 1])
-    bar.outline.set_visible(False)
+    colour_bar = figure.colorbar(colour_mesh, ax=ax, shrink=0.8, ticks=[-1, -0.5, 0, 0.5, 1])
+    colour_bar.outline.set_visible(False)
     return figure
 
 
 def _create_panels(
-    groups: list[Group], *, panel_height: tuple[float, float, float], share_y: bool = False
-) -> tuple[Figure, dict[Axes, Group]]:
+    groups: list[LoopGroup], *, panel_height: tuple[float, float, float], share_y: bool = False
+) -> tuple[Figure, dict[Axes, LoopGroup]]:
     """Create a figure with one panel per group, or per evenly spaced group if there are too many.
 
     The three heights of a panel are for one, two and three columns.
@@ -359,7 +359,7 @@ def _create_panels(
 
 def _label_axes(
     ax: Axes,
-    axes: dict[Axes, Group],
+    axes: dict[Axes, LoopGroup],
     loopset: Loops,
     x_scale: Scale,
     y_scale: Scale,
@@ -367,7 +367,7 @@ def _label_axes(
     y_text: str = "",
     labels_all: bool = False,
 ) -> None:
-    """Label the outer axes, or all if their units differ; errors also get an axis in per cent."""
+    """Label the outer axes, or all axes if units differ; errors also get an axis in per cent."""
     columns, index = column_count(len(axes)), list(axes).index(ax)
     is_in_last_row = index + columns >= len(axes)
     ax.set_title(axes[ax].title)
@@ -379,9 +379,9 @@ def _label_axes(
     is_at_right = (index + 1) % columns == 0 or index + 1 == len(axes)
     if y_text and is_at_right and full_scale > 0.0:
         axis_conversions = (lambda y: 100.0 * y / full_scale, lambda y: 0.01 * y * full_scale)
-        axis = ax.secondary_yaxis("right", functions=axis_conversions)
-        axis.set_ylabel("% of full scale")
-        axis.spines["right"].set_visible(True)
+        percent_axis = ax.secondary_yaxis("right", functions=axis_conversions)
+        percent_axis.set_ylabel("% of full scale")
+        percent_axis.spines["right"].set_visible(True)
 
 
 def _axis_scales(loopset: Loops, indices: Sequence[int]) -> tuple[Scale, Scale]:

@@ -41,12 +41,12 @@ Colour = tuple[float, float, float, float]
 CURVE_POINTS = 200
 GRID_POINTS = 61
 DRIVE_SHARES = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the largest drive for which the output is drawn over the scheduling variable."""
+"""Fractions of the largest drive at which the output is drawn over the scheduling variable."""
 MAX_LOOPS = 15
 
 
 def parameter_unit(model: Model, name: str) -> str:
-    """Return the SI unit of a parameter; ``"1"`` for a dimensionless one."""
+    """Return the SI unit of a parameter; ``"1"`` for a dimensionless parameter."""
     input_unit, output_unit = model.input.unit, model.output.unit
     c_h_unit = {"A": "1/m", "A/m": "1"}.get(input_unit, f"A/(m {input_unit})")
     ratio = "1" if output_unit == "T" else f"{output_unit}/T" + ("²" if model.power == 2 else "")
@@ -70,7 +70,7 @@ def varying_parameters(model: Model) -> tuple[str, ...]:
 
 @use_report_style
 def figure_parameters(model: Model) -> Figure | None:
-    """Draw each varying parameter over the scheduling variable: nodes and the curve between."""
+    """Draw each varying parameter over the scheduling variable: its nodes and its curve."""
     names = varying_parameters(model)
     if not names or model.schedule is None:
         return None
@@ -87,15 +87,15 @@ def figure_parameters(model: Model) -> Figure | None:
         ax.plot(
             x_scale.factor * np.array(model.nodes), y_scale.factor * nodes, "o", color=MODEL_COLOUR, ms=5.5
         )
-        base, _, index = model.file_keys[name][0].partition("_")
+        base_symbol, _, index = model.file_keys[name][0].partition("_")
         index = rf"_{{{index}}}" if index else ""
-        ax.set_ylabel(y_scale.heading(f"${GREEK_LETTERS.get(base, base)}{index}$"))
+        ax.set_ylabel(y_scale.heading(f"${GREEK_LETTERS.get(base_symbol, base_symbol)}{index}$"))
         ax.set_xlabel(axis_label(model.schedule, x_scale))
         ax.margins(y=0.12)
     return figure
 
 
-def _sweep(model: Model, check: GapCheck | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _output_over_schedule(model: Model, check: GapCheck | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return scheduling values of shape (g,), a steady-state cycle from zero, and its output.
 
     The cycle is that of the acceptance test, or reaches the largest drive. It consists of the
@@ -116,7 +116,7 @@ def _sweep(model: Model, check: GapCheck | None) -> tuple[FloatArray, FloatArray
 
 
 def steady_state_loop(model: Model, drive: FloatArray, schedule_value: float) -> FloatArray | None:
-    """Return the output over a steady-state cycle without eddy-current lag; None if it fails."""
+    """Return the output over a steady-state cycle without eddy-current lag; None on failure."""
     try:
         return model.predict(drive, schedule_value, slow_times(drive.size), "settled").output
     except (InputError, NegativeResult):
@@ -129,7 +129,7 @@ def nodes_and_midpoints(model: Model) -> list[tuple[float, bool]]:
     if nodes.size > (MAX_LOOPS + 1) // 2:
         nodes = nodes[np.unique(np.linspace(0, nodes.size - 1, 8).round().astype(int))]
     midpoints = 0.5 * (nodes[1:] + nodes[:-1])
-    return sorted([(node, True) for node in nodes.tolist()] + [(m, False) for m in midpoints.tolist()])
+    return sorted([(node, True) for node in nodes.tolist()] + [(gap, False) for gap in midpoints.tolist()])
 
 
 @use_report_style
@@ -152,14 +152,14 @@ def _draw_loops(ax: Axes, model: Model, input_scale: Scale, output_scale: Scale)
     drive = np.concatenate([ascending_drive, ascending_drive[-2::-1]])
     schedule_values = nodes_and_midpoints(model)
     schedule_scale = quantity_scale(model.schedule, model.nodes)
-    for (at, is_node), colour in zip(schedule_values, _ordered_colours(len(schedule_values)), strict=True):
-        output = steady_state_loop(model, drive, at)
+    for (value, is_node), colour in zip(schedule_values, _ordered_colours(len(schedule_values)), strict=True):
+        output = steady_state_loop(model, drive, value)
         if output is None:
             continue
-        name = schedule_scale.format_with_unit(at, 4, short=True) + ("" if is_node else " (between)")
-        dashes = "-" if is_node else (0, (4, 1.6))
+        name = schedule_scale.format_with_unit(value, 4, short=True) + ("" if is_node else " (between)")
+        line_style = "-" if is_node else (0, (4, 1.6))
         x, y = input_scale.factor * drive, output_scale.factor * output
-        ax.plot(x, y, color=colour, ls=dashes, lw=1.2, label=name)
+        ax.plot(x, y, color=colour, ls=line_style, lw=1.2, label=name)
     ax.set_xlabel(axis_label(model.input, input_scale))
     ax.set_ylabel(axis_label(model.output, output_scale))
     ax.set_title("steady-state loops at and between the nodes")
@@ -170,12 +170,12 @@ def _draw_over_schedule(
     ax: Axes, model: Model, check: GapCheck | None, input_scale: Scale, output_scale: Scale
 ) -> None:
     assert model.schedule is not None
-    schedule, drive, output = _sweep(model, check)
+    schedule, drive, output = _output_over_schedule(model, check)
     schedule_scale = quantity_scale(model.schedule, model.nodes)
     x, is_node = schedule_scale.factor * schedule, np.isin(schedule, model.nodes)
     handles = []
-    for share, colour in zip(DRIVE_SHARES, _ordered_colours(len(DRIVE_SHARES)), strict=True):
-        row = round(share * (drive.size // 2))
+    for drive_fraction, colour in zip(DRIVE_SHARES, _ordered_colours(len(DRIVE_SHARES)), strict=True):
+        row = round(drive_fraction * (drive.size // 2))
         ax.plot(x, output_scale.factor * output[:, row], color=colour, lw=1.2)
         ax.plot(x, output_scale.factor * output[:, -1 - row], color=colour, lw=1.2, ls=(0, (1, 1.5)))
         ax.plot(x[is_node], output_scale.factor * output[is_node, row], "o", color=colour, ms=3.5)
@@ -196,13 +196,13 @@ def _mark_failure(
     ax: Axes, check: GapCheck, schedule_scale: Scale, input_scale: Scale, output_scale: Scale
 ) -> Line2D:
     """Mark the point at which the acceptance test failed, and draw its curve."""
-    at = schedule_scale.factor * check.gap
+    failure_position = schedule_scale.factor * check.gap
     if check.failure:
-        ax.axvline(at, color=ALARM_COLOUR, lw=2.0)
+        ax.axvline(failure_position, color=ALARM_COLOUR, lw=2.0)
         return Line2D([], [], color=ALARM_COLOUR, lw=2.0, label="cannot be computed")
     is_rising = check.branch == "rising"
-    half_size = check.drive.size // 2 + 1
-    drive_distance = np.abs(check.drive[:half_size] - check.at_drive)
+    branch_size = check.drive.size // 2 + 1
+    drive_distance = np.abs(check.drive[:branch_size] - check.at_drive)
     index = int(np.argmin(drive_distance)) if is_rising else -1 - int(np.argmin(drive_distance))
     curve = output_scale.factor * check.output[:, index]
     row = int(np.argmin(np.abs(check.gaps - check.gap)))
@@ -210,10 +210,10 @@ def _mark_failure(
         f"FAILED at {format_number(input_scale.factor * check.at_drive)} {input_scale.unit}, {check.branch}"
     )
     ax.plot(schedule_scale.factor * check.gaps, curve, color=ALARM_COLOUR, lw=1.6)
-    ax.plot(at, curve[row], "o", mfc="none", mec=ALARM_COLOUR, ms=12.0, mew=2.0)
+    ax.plot(failure_position, curve[row], "o", mfc="none", mec=ALARM_COLOUR, ms=12.0, mew=2.0)
     return Line2D([], [], color=ALARM_COLOUR, lw=1.6, marker="o", mfc="none", label=name)
 
 
 def _ordered_colours(count: int) -> list[Colour]:
-    """Return colours of an ordered family, dark to light, readable on white."""
+    """Return colours for ordered curves, from dark to light, that are readable on white."""
     return [tuple(colour) for colour in colormaps["viridis"](np.linspace(0.0, 0.85, count)).tolist()]

@@ -16,7 +16,7 @@ from anhyst.reports import sections_model
 from anhyst.reports.figures import figure_loops, figure_reduction, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between_gaps, figure_parameters
 from anhyst.reports.sections_fit import section_loops, section_measurement, section_rate, section_residuals
-from anhyst.reports.subject import ModelSubject, acceptance_note, current_figures, gather_evidence
+from anhyst.reports.subject import ModelSubject, acceptance_note, current_figures, gather_measurements
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.cache import c_name
 from anhyst.support.errors import InputError
@@ -60,20 +60,20 @@ def make_headline(subject: ModelSubject) -> Headline:
         )
         notes.append(Note("warn", "Without measurements", text))
     all_notes = (*verdict_notes(subject), acceptance_note(subject), *notes)
-    basis, loops = "", subject.fit.loops if subject.fit else ()
+    basis_text, loops = "", subject.fit.loops if subject.fit else ()
     if loops:
         schedule_values = {loop.schedule for loop in loops if loop.schedule is not None}
         schedule_plural = {"gap": "gaps"}.get(subject.schedule_name, f"values of the {subject.schedule_name}")
         schedule_text = f" at {len(schedule_values)} {schedule_plural}" if len(schedule_values) > 1 else ""
         count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
-        samples = sum(loop.samples for loop in loops)
-        basis = f"Identified from {count}{schedule_text}, {samples} samples."
+        sample_count = sum(loop.samples for loop in loops)
+        basis_text = f"Identified from {count}{schedule_text}, {sample_count} samples."
     return Headline(
         title=model.name,
         description=description,
-        basis=basis,
+        basis=basis_text,
         notes=tuple(sorted(all_notes, key=lambda note: note.tone != "bad")),
-        tiles=_tiles(subject),
+        tiles=_make_tiles(subject),
         comparison=_comparison_table(subject),
         validity=_validity_text(subject),
     )
@@ -81,10 +81,10 @@ def make_headline(subject: ModelSubject) -> Headline:
 
 def verdict_notes(subject: ModelSubject) -> tuple[Note, ...]:
     """Compare the model with the best single-valued curve, and state whether it is worth using."""
-    fit, evidence = subject.fit, subject.evidence
-    if fit is None or evidence is None:
+    fit, measurements = subject.fit, subject.measurements
+    if fit is None or measurements is None:
         return ()
-    assessment, scale = evidence.verdict, subject.deviation_scale
+    assessment, scale = measurements.verdict, subject.deviation_scale
     model_error, baseline_error = fit.mean_abs, assessment.single_mean
     comparison = (
         f"The mean error of the modelled {subject.output_name} is {scale.format_with_unit(model_error)}, "
@@ -116,18 +116,18 @@ def verdict_notes(subject: ModelSubject) -> tuple[Note, ...]:
     return (Note("warn", title, text),)
 
 
-def _tiles(subject: ModelSubject) -> tuple[Tile, ...]:
+def _make_tiles(subject: ModelSubject) -> tuple[Tile, ...]:
     fit, scale = subject.fit, subject.deviation_scale
     if fit is None:
         return ()
-    figures = {"mean deviation": fit.mean_abs, "rms deviation": fit.rms, "worst point": fit.worst}
-    reference = f"of {subject.full_scale_text}"
+    errors = {"mean deviation": fit.mean_abs, "rms deviation": fit.rms, "worst point": fit.worst}
+    basis = f"of {subject.full_scale_text}"
     tiles = [
-        Tile(scale.format_with_unit(v), name, f"{subject.percent_of_largest(v)} {reference}")
-        for name, v in figures.items()
+        Tile(scale.format_with_unit(error), name, f"{subject.percent_of_largest(error)} {basis}")
+        for name, error in errors.items()
     ]
-    if subject.evidence is not None and subject.evidence.verdict.single_mean > 0.0:
-        ratio = fit.mean_abs / subject.evidence.verdict.single_mean
+    if subject.measurements is not None and subject.measurements.verdict.single_mean > 0.0:
+        ratio = fit.mean_abs / subject.measurements.verdict.single_mean
         baseline = "the best single-valued curve"
         if ratio < 1.0:
             tiles.append(Tile(format_percent(1.0 - ratio), "less error", f"than {baseline}"))
@@ -137,10 +137,10 @@ def _tiles(subject: ModelSubject) -> tuple[Tile, ...]:
 
 
 def _comparison_table(subject: ModelSubject) -> PageTable | None:
-    fit, evidence = subject.fit, subject.evidence
-    if fit is None or evidence is None:
+    fit, measurements = subject.fit, subject.measurements
+    if fit is None or measurements is None:
         return None
-    assessment, scale = evidence.verdict, subject.deviation_scale
+    assessment, scale = measurements.verdict, subject.deviation_scale
 
     def format_with_percent(value: float) -> str:
         return f"{scale.format_with_unit(value)} ({subject.percent_of_largest(value)})"
@@ -150,12 +150,12 @@ def _comparison_table(subject: ModelSubject) -> PageTable | None:
         worst_text = format_number(float("nan")) if worst is None else format_with_percent(worst)
         return [name, Cell(format_with_percent(mean), bar=bar), format_with_percent(rms), worst_text]
 
-    single_rms, noise = rms(np.concatenate(evidence.baseline)), assessment.noise_mean
+    single_rms, noise_mean = rms(np.concatenate(measurements.baseline)), assessment.noise_mean
     largest_mean = max(assessment.single_mean, fit.mean_abs)
     cells = [
         row(Cell("Best single-valued curve"), assessment.single_mean, single_rms, assessment.single_worst),
         row(Cell("This model", strong=True), fit.mean_abs, fit.rms, fit.worst),
-        row(Cell("Noise alone (no model can be better)"), noise, _RMS_PER_MEAN_ABS * noise, None),
+        row(Cell("Noise alone (no model can be better)"), noise_mean, _RMS_PER_MEAN_ABS * noise_mean, None),
     ]
     largest_output_text = subject.output_scale.format_with_unit(fit.largest_output, 4)
     head = ["", "mean", "rms", "worst"]
@@ -175,7 +175,7 @@ def _validity_text(subject: ModelSubject) -> str:
     model = subject.model
     if model.valid is None:
         return "The model file does not state a valid range."
-    parts = [
+    range_texts = [
         f"{subject.input_name} {subject.input_scale.format_range(*model.valid.input)}",
         f"{subject.output_name} {subject.output_scale.format_range(*model.valid.output)}",
     ]
@@ -183,8 +183,8 @@ def _validity_text(subject: ModelSubject) -> str:
         low, high = model.valid.schedule
         scale = subject.schedule_scale
         text = scale.format_range(low, high) if low < high else f"{scale.format_with_unit(low)} only"
-        parts.append(f"{display_name(model.schedule)} {text}")
-    return f"Valid range: {'; '.join(parts)}. Results outside this range are computed and flagged."
+        range_texts.append(f"{display_name(model.schedule)} {text}")
+    return f"Valid range: {'; '.join(range_texts)}. Results outside this range are computed and flagged."
 
 
 def write_report(model: Model | PathLike, out: PathLike = "report.html") -> tuple[str, ...]:
@@ -202,7 +202,7 @@ def write_report(model: Model | PathLike, out: PathLike = "report.html") -> tupl
 def _write_report(model: Model, folder: Path, path: Path, out: PathLike) -> tuple[str, ...]:
     """Write the report of a model in a file. Paths of its measurements are relative to a folder."""
     subject = gather_subject(model, folder)
-    html = render(subject, path.name, hashlib.sha256(path.read_bytes()).hexdigest())
+    html = render_report(subject, path.name, hashlib.sha256(path.read_bytes()).hexdigest())
     with atomic_writer(out) as stream:
         stream.write(html)
     warnings = list(subject.warnings)
@@ -217,15 +217,15 @@ def gather_subject(model: Model, folder: PathLike) -> ModelSubject:
     """Gather all data for the report of a model."""
     acceptance = model.acceptance()
     try:
-        evidence = gather_evidence(model, folder)
+        measurements = gather_measurements(model, folder)
     except InputError as error:
         return ModelSubject(model, model.fit, acceptance, None, str(error))
-    fit, stale_warning = current_figures(model, evidence)
-    warnings = (*evidence.warnings, *([stale_warning] if stale_warning else []))
-    return ModelSubject(model, fit, acceptance, evidence, warnings=warnings)
+    fit, stale_warning = current_figures(model, measurements)
+    warnings = (*measurements.warnings, *([stale_warning] if stale_warning else []))
+    return ModelSubject(model, fit, acceptance, measurements, warnings=warnings)
 
 
-def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
+def render_report(subject: ModelSubject, file_name: str, file_hash: str) -> str:
     """Return the HTML text of the report."""
     sections: list[Section | None] = [
         section_loops(subject),
@@ -253,7 +253,7 @@ def write_plots(
     model: Model, loopset: Loops, fitted: Sequence[FloatArray | None], folder: PathLike
 ) -> tuple[Path, ...]:
     """Write the figures of a model as PNG files."""
-    target = Path(folder)
+    plot_folder = Path(folder)
     figures = {
         "loops": figure_loops(loopset, fitted),
         "residuals": figure_residuals(loopset, fitted),
@@ -261,10 +261,10 @@ def write_plots(
         "between_gaps": figure_between_gaps(model, model.check_over_gap()),
         "reduction": figure_reduction(model.reduction) if model.reduction else None,
     }
-    target.mkdir(parents=True, exist_ok=True)
+    plot_folder.mkdir(parents=True, exist_ok=True)
     written_paths = []
     for name, figure in figures.items():
         if figure is not None:
-            write_png(figure, target / f"{name}.png")
-            written_paths.append(target / f"{name}.png")
+            write_png(figure, plot_folder / f"{name}.png")
+            written_paths.append(plot_folder / f"{name}.png")
     return tuple(written_paths)

@@ -17,7 +17,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA_NAME
 from anhyst.model.schema import LoopFit
 from anhyst.reports import figures
-from anhyst.reports.subject import Evidence, ModelSubject
+from anhyst.reports.subject import Measurements, ModelSubject
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
     NBSP,
@@ -41,31 +41,31 @@ from anhyst.support.page import (
 
 def section_loops(subject: ModelSubject) -> Section | None:
     """Return the section with measured and modelled loops."""
-    evidence = subject.evidence
-    if evidence is None:
+    measurements = subject.measurements
+    if measurements is None:
         return None
-    panels, deviation_text = _panels_text(subject, evidence), ""
+    panels, deviation_text = _panels_text(subject, measurements), ""
     if subject.fit is not None:
         worst_text = subject.deviation_scale.format_with_unit(subject.fit.worst)
         deviation_text = f"The lines lie within {worst_text} of the points."
     blocks: list[Block] = [
         subject.picture(
-            figures.figure_loops(evidence.loops, evidence.fitted),
+            figures.figure_loops(measurements.loops, measurements.fitted),
             f"{subject.output_name} over {subject.input_name}, {panels}: measured samples as grey points, "
             f"the modelled loops as blue lines. {deviation_text}",
-            f"Measured samples (points) and model (line), {panels}." + _omitted_panels_text(evidence),
+            f"Measured samples (points) and model (line), {panels}." + _omitted_panels_text(measurements),
         ),
         subject.picture(
-            figures.figure_differences(evidence.loops, evidence.fitted, evidence.baseline),
-            f"The same minus the best single-valued curve, {panels}: what remains is hysteresis, "
+            figures.figure_differences(measurements.loops, measurements.fitted, measurements.baseline),
+            f"Loops minus the best single-valued curve, {panels}: only hysteresis remains, "
             "measured as grey points, modelled as blue lines.",
-            "The same minus the best single-valued curve (one for each panel): only hysteresis "
+            "Loops minus the best single-valued curve (one curve for each panel): only hysteresis "
             "remains. A curve without hysteresis would be the zero line.",
         ),
     ]
-    small_loops_figure = figures.figure_small_loops(evidence.loops, evidence.fitted)
+    small_loops_figure = figures.figure_small_loops(measurements.loops, measurements.fitted)
     if small_loops_figure is not None:
-        count = len(figures.find_small_loops(evidence.loops))
+        count = len(figures.find_small_loops(measurements.loops))
         blocks.append(
             subject.picture(
                 small_loops_figure,
@@ -83,14 +83,14 @@ rate is reported."""
 
 _CYCLE_SAMPLES = 200
 _SPEED_RATIOS = np.geomspace(1e-3, 1.5, 40)
-"""Frequencies of the search for the corner, relative to the fastest measured loops."""
+"""Trial frequencies of the search for the corner, relative to the fastest measured loops."""
 
 
 def section_rate(subject: ModelSubject) -> Section | None:
     """Return the section about loops of several speeds, and the speed above which loops change."""
-    evidence = subject.evidence
-    speeds = None if evidence is None else group_by_speed(evidence.loops)
-    if evidence is None or speeds is None:
+    measurements = subject.measurements
+    speeds = None if measurements is None else group_by_speed(measurements.loops)
+    if measurements is None or speeds is None:
         return None
     groups = [list(speeds.slow.loops), *map(list, speeds.fast)]
     blocks: list[Block] = []
@@ -98,12 +98,12 @@ def section_rate(subject: ModelSubject) -> Section | None:
         blocks.append(Text(f"{reason[0].upper()}{reason[1:]}."))
     if subject.model.has_eddy_currents:
         blocks.append(Text(_corner_text(subject.model)))
-    rows = [_speed_row(subject, evidence, group) for group in groups]
+    rows = [_speed_row(subject, measurements, group) for group in groups]
     scale = subject.deviation_scale
     head = ["speed", "loops", scale.heading("rms"), "of largest", scale.heading("worst"), "of largest"]
     blocks += [
         subject.picture(
-            figures.figure_speeds(evidence.loops, evidence.fitted, speeds),
+            figures.figure_speeds(measurements.loops, measurements.fitted, speeds),
             f"{subject.output_name} over {subject.input_name}, one panel for each speed: measured samples as "
             "grey points, the modelled loops as blue lines.",
             "Measured samples (points) and model (line) at each speed, the slow loops first.",
@@ -115,10 +115,10 @@ def section_rate(subject: ModelSubject) -> Section | None:
     return Section("rate", "Rate dependence", tuple(blocks))
 
 
-def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop]) -> list[Cell]:
-    chosen, scale = {id(loop) for loop in group}, subject.deviation_scale
-    pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
-    residuals = [output - loop.output for loop, output in pairs if output is not None and id(loop) in chosen]
+def _speed_row(subject: ModelSubject, measurements: Measurements, group: Sequence[Loop]) -> list[Cell]:
+    ids, scale = {id(loop) for loop in group}, subject.deviation_scale
+    entries = zip(measurements.loops.loops, measurements.fitted, strict=True)
+    residuals = [output - loop.output for loop, output in entries if output is not None and id(loop) in ids]
     cells = [Cell(figures.speed_text(group)), Cell(str(len(group)))]
     if not residuals:
         return [*cells, *[Cell("")] * 4]
@@ -152,7 +152,7 @@ def _corner_text(model: Model) -> str:
 def rate_corner(model: Model) -> float | None:
     """Return the cycle frequency at which eddy currents visibly widen the loops, Hz.
 
-    The opening of the loops is then larger than that of slow loops by :data:`VISIBLE_HEIGHT_SHARE`.
+    The loops then open by :data:`VISIBLE_HEIGHT_SHARE` more than slow loops do.
 
     The cycles are full cycles at the first node. Time enters a model only as gamma times a rate.
     Therefore, the corner frequency is inversely proportional to gamma.
@@ -160,99 +160,99 @@ def rate_corner(model: Model) -> float | None:
     if model.valid is None or model.dynamics is None or not model.dynamics.fastest:
         return None
     low, high = model.valid.input
-    shape = 1.0 - np.abs(np.linspace(-1.0, 1.0, _CYCLE_SAMPLES, endpoint=False))
-    drive, node = low + (high - low) * shape, model.first_node
-    rates, heights = model.dynamics.fastest * _SPEED_RATIOS, []
+    cycle_shape = 1.0 - np.abs(np.linspace(-1.0, 1.0, _CYCLE_SAMPLES, endpoint=False))
+    drive, node = low + (high - low) * cycle_shape, model.first_node
+    rates, relative_heights = model.dynamics.fastest * _SPEED_RATIOS, []
     for rate in rates.tolist():
         time = np.arange(_CYCLE_SAMPLES) / (_CYCLE_SAMPLES * rate)
         output = model.predict(drive, node, time, "settled").output
         descending_output = np.append(output[_CYCLE_SAMPLES // 2 :], output[0])[::-1]
-        heights.append(
+        relative_heights.append(
             float(np.max(descending_output - output[: _CYCLE_SAMPLES // 2 + 1])) / float(np.ptp(output))
         )
-    increase = np.array(heights) - heights[0]
-    visible_indices = np.flatnonzero(increase >= VISIBLE_HEIGHT_SHARE)
+    height_increase = np.array(relative_heights) - relative_heights[0]
+    visible_indices = np.flatnonzero(height_increase >= VISIBLE_HEIGHT_SHARE)
     if not visible_indices.size:
         return None
     first_visible = int(visible_indices[0])
-    increases, logs = (
-        increase[first_visible - 1 : first_visible + 1],
+    bracket_increases, bracket_logs = (
+        height_increase[first_visible - 1 : first_visible + 1],
         np.log(rates[first_visible - 1 : first_visible + 1]),
     )
-    return float(np.exp(np.interp(VISIBLE_HEIGHT_SHARE, increases, logs)))
+    return float(np.exp(np.interp(VISIBLE_HEIGHT_SHARE, bracket_increases, bracket_logs)))
 
 
-def _panels_text(subject: ModelSubject, evidence: Evidence) -> str:
-    if evidence.loops.schedule is None or len(figures.group_by_schedule(evidence.loops)) == 1:
+def _panels_text(subject: ModelSubject, measurements: Measurements) -> str:
+    if measurements.loops.schedule is None or len(figures.group_by_schedule(measurements.loops)) == 1:
         return "all loops in one panel"
     return f"one panel for each {subject.schedule_name}"
 
 
-def _omitted_panels_text(evidence: Evidence) -> str:
-    groups = len(figures.group_by_schedule(evidence.loops))
+def _omitted_panels_text(measurements: Measurements) -> str:
+    groups = len(figures.group_by_schedule(measurements.loops))
     return f" {figures.MAX_PANELS} of {groups} panels are shown." if groups > figures.MAX_PANELS else ""
 
 
 def section_residuals(subject: ModelSubject) -> Section | None:
     """Return the section about residuals: a figure, and tables by scheduling value and by loop."""
     blocks: list[Block] = []
-    evidence = subject.evidence
-    if evidence is not None and any(output is not None for output in evidence.fitted):
-        index = _worst_point_text(subject, evidence)
-        noise = subject.deviation_scale.format_with_unit(evidence.verdict.noise_mean)
-        figure = figures.figure_residuals(evidence.loops, evidence.fitted)
-        panels = _panels_text(subject, evidence)
+    measurements = subject.measurements
+    if measurements is not None and any(output is not None for output in measurements.fitted):
+        index = _worst_point_text(subject, measurements)
+        noise_text = subject.deviation_scale.format_with_unit(measurements.verdict.noise_mean)
+        figure = figures.figure_residuals(measurements.loops, measurements.fitted)
+        panels = _panels_text(subject, measurements)
         alt = (
             f"Modelled minus measured {subject.output_name} over {subject.input_name}, {panels}; samples on "
             f"rising branches blue, on falling branches orange, noise as a grey band. {index}"
         )
         caption = (
-            f"Model minus measurement. The grey band contains {format_percent(0.95)} of the noise of the "
-            f"{subject.output_name} (mean size {noise}); residuals outside it are not noise."
+            f"Residual: model minus measurement. The grey band contains {format_percent(0.95)} of the noise of the "
+            f"{subject.output_name} (mean magnitude {noise_text}); residuals outside it are not noise."
         )
         if subject.fit is not None and subject.fit.left_over:
-            line = subject.fit.left_over
-            caption += f" {line[0].upper()}{line[1:]}."
-        blocks += [Text(index), subject.picture(figure, alt, caption + _omitted_panels_text(evidence))]
-        blocks += _group_table(subject, evidence)
+            residual_text = subject.fit.left_over
+            caption += f" {residual_text[0].upper()}{residual_text[1:]}."
+        blocks += [Text(index), subject.picture(figure, alt, caption + _omitted_panels_text(measurements))]
+        blocks += _group_table(subject, measurements)
     if subject.fit is not None and subject.fit.loops:
         blocks.append(_loop_table(subject, subject.fit.loops))
     return Section("residuals", "Residuals", tuple(blocks)) if blocks else None
 
 
-def _worst_point_text(subject: ModelSubject, evidence: Evidence) -> str:
+def _worst_point_text(subject: ModelSubject, measurements: Measurements) -> str:
     """Return a sentence about the largest deviation of the model."""
     worst_point: tuple[float, int, int] = (-1.0, 0, 0)
-    pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
-    for index, (loop, output) in enumerate(pairs):
+    loops_and_outputs = zip(measurements.loops.loops, measurements.fitted, strict=True)
+    for index, (loop, output) in enumerate(loops_and_outputs):
         if output is None:
             continue
         residual = np.abs(output - loop.output)
         worst_point = max(worst_point, (float(residual.max()), index, int(np.argmax(residual))))
-    size, index, sample = worst_point
-    loop = evidence.loops.loops[index]
+    deviation, index, sample = worst_point
+    loop = measurements.loops.loops[index]
     branch = "rising" if figures.mask_rising_samples(loop)[sample] else "falling"
     schedule_value = loop.schedule_value
-    place = "" if schedule_value is None or evidence.loops.schedule is None else (
-        f", {schedule_text(evidence.loops.schedule, schedule_value)}"
+    schedule_part = "" if schedule_value is None or measurements.loops.schedule is None else (
+        f", {schedule_text(measurements.loops.schedule, schedule_value)}"
     )  # fmt: skip
     drive = subject.input_scale.format_with_unit(float(loop.input[sample]))
     return (
-        f"The largest deviation, {subject.deviation_scale.format_with_unit(size)}, is at {drive} on the {branch} "
-        f"branch of loop “{loop.label}”{place}."
+        f"The largest deviation, {subject.deviation_scale.format_with_unit(deviation)}, is at {drive} on the {branch} "
+        f"branch of loop “{loop.label}”{schedule_part}."
     )
 
 
-def _group_table(subject: ModelSubject, evidence: Evidence) -> list[Block]:
-    """Return a table of deviations and biases by scheduling value; none for a single value."""
-    groups, scale = figures.group_by_schedule(evidence.loops), subject.deviation_scale
+def _group_table(subject: ModelSubject, measurements: Measurements) -> list[Block]:
+    """Return a table of deviations and biases by scheduling value; no table for a single value."""
+    groups, scale = figures.group_by_schedule(measurements.loops), subject.deviation_scale
     if len(groups) < 2:
         return []
     rows = []
     for group in groups:
         residuals, rising_masks = [], []
         for index in group.indices:
-            loop, output = evidence.loops.loops[index], evidence.fitted[index]
+            loop, output = measurements.loops.loops[index], measurements.fitted[index]
             if output is not None:
                 residuals.append(output - loop.output)
                 rising_masks.append(figures.mask_rising_samples(loop))
@@ -307,11 +307,11 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
     ]
     caption = (
         f"“Of largest”: mean relative to {subject.full_scale_text} of all loops; “of own”: relative to "
-        "the largest of that loop."
+        "the largest value of that loop."
     )
-    if subject.evidence:
-        curves = zip(loops, subject.evidence.baseline, strict=False)
-        single_valued_means = {id(entry): float(np.mean(np.abs(curve))) for entry, curve in curves}
+    if subject.measurements:
+        entries = zip(loops, subject.measurements.baseline, strict=False)
+        single_valued_means = {id(entry): float(np.mean(np.abs(curve))) for entry, curve in entries}
         columns.append(
             (scale.heading("single-valued"), lambda entry: scale.format(single_valued_means[id(entry)]))
         )
@@ -321,38 +321,38 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
 
 def section_measurement(subject: ModelSubject) -> Section | None:
     """Return the section with the values of each loop, and with the repairs and notes."""
-    evidence = subject.evidence
-    if evidence is None:
+    measurements = subject.measurements
+    if measurements is None:
         return None
     blocks: list[Block] = []
-    inspection = evidence.inspection
+    inspection = measurements.inspection
     if inspection is not None:
         verdict = " ".join(inspection.verdict.sentences)
         blocks += [Text(typeset(re.sub(r"(?<=\d)%", " %", verdict)))]
         blocks += [_recording_table(subject, inspection), _quality_table(subject, inspection)]
-    if not evidence.loops.repairs:
+    if not measurements.loops.repairs:
         blocks.append(Text("Nothing was repaired. The samples were fitted as they were read."))
     for title, texts in (
         ("Implausible values", inspection.warnings if inspection else ()),
-        ("Repaired before the fit", evidence.loops.repairs),
-        ("Noted while reading", evidence.loops.notes),
+        ("Repaired before the fit", measurements.loops.repairs),
+        ("Noted while reading", measurements.loops.notes),
     ):
         if texts:
-            blocks.append(Items(title, tuple(_shorten_paths(text, evidence) for text in texts)))
+            blocks.append(Items(title, tuple(_shorten_paths(text, measurements) for text in texts)))
     return Section("measurement", "How the measurement was read", tuple(blocks))
 
 
-def _shorten_paths(text: str, evidence: Evidence) -> str:
+def _shorten_paths(text: str, measurements: Measurements) -> str:
     """Remove the folders of the files from a message; another section shows their full paths."""
-    paths = {source.path for source in evidence.loops.sources}
-    paths |= {loop.source for loop in evidence.loops.loops if loop.source}
+    paths = {source.path for source in measurements.loops.sources}
+    paths |= {loop.source for loop in measurements.loops.loops if loop.source}
     for path in sorted(paths, key=len, reverse=True):
         text = text.replace(path, Path(path).name)
     return text
 
 
 Column = tuple[str, Callable[[Any], str | Cell]]
-"""Heading of a column, and the function of its cell for a `LoopFit` or `LoopFigures`."""
+"""Heading of a column, and the function that returns its cell for a `LoopFit` or `LoopFigures`."""
 
 
 def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
@@ -376,7 +376,7 @@ def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable
     if any(loop.step is not None for loop in loops):
         columns.append(("step [ms]", lambda entry: format_number(1e3 * (entry.step or 0.0), short=True)))
     columns.append(("history", lambda entry: str(entry.history)))
-    return _table_by_loop(subject, inspection.loops, columns, "Recorded loops", unknown="moves")
+    return _table_by_loop(subject, inspection.loops, columns, "Recorded loops", fallback="moves")
 
 
 def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
@@ -399,12 +399,12 @@ def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     unknown_text = format_number(float("nan"))
     columns += [c for c in optional_columns if any(c[1](loop) != unknown_text for loop in loops)]
     caption = (
-        "Width and height: largest distance of the branches. Noise: standard deviation of the "
-        "output. Drift: over the record. Closure: end minus start of a cycle. Skew: delay of the "
-        "output after the input, in samples. Saturation: slope at the tip over the steepest slope."
+        "Width and height: largest distances of the branches. Noise: standard deviation of the "
+        "output. Drift: change over the record. Closure: end minus start of a cycle. Skew: delay of the "
+        "output after the input, in samples. Saturation: slope at the tip relative to the steepest slope."
     )
     title = "Loop widths and data quality"
-    return _table_by_loop(subject, inspection.loops, columns, title, caption, unknown="moves")
+    return _table_by_loop(subject, inspection.loops, columns, title, caption, fallback="moves")
 
 
 def _table_by_loop(
@@ -413,13 +413,13 @@ def _table_by_loop(
     columns: Sequence[Column],
     title: str,
     caption: str = "",
-    unknown: str = UNKNOWN_TEXT,
+    fallback: str = UNKNOWN_TEXT,
 ) -> PageTable:
-    """Return a table with a row per loop, sorted by scheduling value; loops without one last."""
+    """Return a table with a row per loop, by scheduling value; loops without a value come last."""
     scale, schedule = subject.schedule_scale, subject.model.schedule
     rows = []
     for loop in sorted(loops, key=lambda o: math.inf if o.schedule is None else o.schedule):
-        schedule_text = unknown if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
+        schedule_text = fallback if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
         row = [loop.label, *([] if schedule is None else [schedule_text])]
         rows.append([*row, *(text(loop) for _, text in columns)])
     schedule_heading = [] if schedule is None else [scale.heading(schedule.symbol)]

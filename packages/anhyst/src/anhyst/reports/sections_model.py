@@ -50,7 +50,7 @@ GAP_MAP_TEXTS: Mapping[str, str] = {
 }
 
 QUANTITY_MEANINGS: Mapping[str, str] = {
-    "k/a": "pinning relative to the shape a: width of the loop",
+    "k/a": "pinning parameter k relative to the shape parameter a; it determines the loop width",
     "(w*M_s)/a": "feedback of the flux on the iron (circuit and interaction)",
     "a/c_H": "input at the knee of the magnetisation curve",
     "output at saturation": "output with all magnetisation aligned",
@@ -59,7 +59,7 @@ QUANTITY_MEANINGS: Mapping[str, str] = {
     "gamma": "lag of the flux inside solid iron",
     "c": "reversible fraction of the magnetisation",
 }
-"""Meaning of the fitted quantities by the beginning of their names. The first match counts."""
+"""Meaning of the fitted quantities, by the beginning of their names. The first match is used."""
 
 
 def section_parameters_over(subject: ModelSubject) -> Section | None:
@@ -79,7 +79,7 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
     )
     caption = (
         f"Parameters over the {subject.schedule_name}: dots at the measured values, and the curve that the model "
-        "uses between them. It cannot overshoot, and is a straight line outside."
+        "uses between them. The curve cannot overshoot, and is a straight line outside."
     )
     head = [scale.heading(subject.schedule_name)]
     columns = [[scale.format(node, 5, short=True) for node in model.nodes]]
@@ -109,13 +109,13 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     text = (
         f"After the best sets for each {subject.schedule_name or 'node'} were found, one parameter after "
         "the other was fixed at its mean, and the others were fitted again. In each round, each "
-        "remaining parameter was tried, and the one with the smallest cost was fixed. From "
-        f"{format_percent(first_cost)} mean deviation with all free to {format_percent(last_cost)} with only the last "
-        "one varying."
+        "remaining parameter was tried, and the one with the smallest cost was fixed. The mean deviation "
+        f"is {format_percent(first_cost)} with all parameters free and {format_percent(last_cost)} with only the "
+        "last parameter free."
     )
     largest_cost = max(step.cost_after for step in steps)
     rows: list[list[str | Cell]] = []
-    for order, step in enumerate(steps, start=1):
+    for number, step in enumerate(steps, start=1):
         costs = sorted((cost, name) for name, cost in step.candidates.items())
         alternatives = [(cost, names.get(name, name)) for cost, name in costs if name != step.frozen]
         alternatives_text = ", ".join(f"{name} {_format_cost(cost)}" for cost, name in alternatives)
@@ -125,7 +125,7 @@ def section_reduction(subject: ModelSubject) -> Section | None:
         cost_increase = format_percent(step.cost_after - step.cost_before, 2)
         before_text = format_percent(step.cost_before, 3)
         rows.append(
-            [str(order), fixed_cell, alternatives_text or "none", before_text, after_cell, cost_increase]
+            [str(number), fixed_cell, alternatives_text or "none", before_text, after_cell, cost_increase]
         )
     head = ["round", "fixed", "instead of", "before", "after", "rise"]
     step_texts = (
@@ -161,15 +161,15 @@ def section_between_nodes(subject: ModelSubject) -> Section | None:
         return None
     schedule_scale, input_scale = subject.schedule_scale, subject.input_scale
     schedule_text = ", ".join(
-        schedule_scale.format(at, 4, short=True) for at, _ in nodes_and_midpoints(model)
+        schedule_scale.format(node, 4, short=True) for node, _ in nodes_and_midpoints(model)
     )
     largest_drive = max(map(abs, model.valid_range.input))
-    drives = ", ".join(input_scale.format(part * largest_drive, 3) for part in DRIVE_SHARES)
+    drive_texts = ", ".join(input_scale.format(fraction * largest_drive, 3) for fraction in DRIVE_SHARES)
     alt = (
         f"Left: steady-state loops of the model at {subject.schedule_name} {schedule_text} {schedule_scale.unit}, "
         f"nodes solid, "
         f"midpoints dashed. Right: {subject.output_name} over the {subject.schedule_name} at fixed "
-        f"{subject.input_name}, {drives} {input_scale.unit}, on both branches."
+        f"{subject.input_name}, {drive_texts} {input_scale.unit}, on both branches."
     )
     caption = (
         f"Left: steady-state loops at the nodes (solid) and half-way between (dashed), where nothing "
@@ -197,8 +197,8 @@ def section_gap_map(subject: ModelSubject) -> Section | None:
         reason = reason.replace("inf %", "cannot be computed")
         blocks.append(Text(reason[:1].upper() + reason[1:] + "."))
     if withheld_errors:
-        finite = [error for error in withheld_errors.values() if math.isfinite(error)]
-        largest_error = max(finite) if len(finite) > 1 else 0.0
+        finite_errors = [error for error in withheld_errors.values() if math.isfinite(error)]
+        largest_error = max(finite_errors) if len(finite_errors) > 1 else 0.0
         rows = [
             [
                 Cell(name, strong=name == model.gap_map),
@@ -246,8 +246,8 @@ def section_laws(subject: ModelSubject) -> Section | None:
     )
     head = ["law", "map", "", "parameters", "rms deviation", "withheld"]
     reason_text = Text(reason[:1].upper() + reason[1:] + ".")
-    laws = make_table("Laws compared", head, rows, caption, texts=3)
-    return Section("laws", "Comparison of hysteresis laws", (reason_text, laws))
+    law_table = make_table("Laws compared", head, rows, caption, texts=3)
+    return Section("laws", "Comparison of hysteresis laws", (reason_text, law_table))
 
 
 def _expected_error_text(subject: ModelSubject, validation: CrossValidation) -> str:
@@ -309,11 +309,11 @@ def _cell_table(model: Model) -> Block:
     cells = model.cells
     assert cells is not None
     rows = [
-        [f"{r:.4g}", *(f"{100.0 * w / cells.saturation:.3g}" for w in row)]
-        for r, row in zip(cells.thresholds.tolist(), cells.weights.tolist(), strict=True)
+        [f"{threshold:.4g}", *(f"{100.0 * weight / cells.saturation:.3g}" for weight in row)]
+        for threshold, row in zip(cells.thresholds.tolist(), cells.weights.tolist(), strict=True)
     ]
-    centre_texts = [f" around {b:.4g}" * (b > 0.0) for b in cells.curve_centres.tolist()]
-    heads = [f"width {a:.4g} A/m{at} (%)" for a, at in zip(cells.widths, centre_texts, strict=True)]
+    texts = [f" around {centre:.4g}" * (centre > 0.0) for centre in cells.curve_centres.tolist()]
+    heads = [f"width {width:.4g} A/m{text} (%)" for width, text in zip(cells.widths, texts, strict=True)]
     heads.insert(0, "threshold (A/m)")
     return make_table(
         f"Cells: {cells}; weights in % of the saturation magnetisation, {cells.saturation:.5g} A/m",
@@ -337,8 +337,8 @@ def equations_markup(subject: ModelSubject) -> Markup:
     flux_symbol = symbol_markup("B_iron" if model.output.symbol == "B" else "B")
     left_side = Markup("{} − {}").format(input_symbol, names["in_0"]) if is_nonzero("in_0") else input_symbol
     if model.parameters["c_H"] != 1.0:
-        form = "{} · ({})" if is_nonzero("in_0") else "{} · {}"
-        left_side = Markup(form).format(names["c_H"], left_side)
+        product_form = "{} · ({})" if is_nonzero("in_0") else "{} · {}"
+        left_side = Markup(product_form).format(names["c_H"], left_side)
     right_side = field_symbol
     if is_nonzero("rho"):
         right_side += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux_symbol)
@@ -356,8 +356,8 @@ def equations_markup(subject: ModelSubject) -> Markup:
 
 def symbol_markup(name: str) -> Markup:
     """Return a symbol with its subscript and Greek letters."""
-    base, _, index = name.partition("_")
-    base_markup = Markup("<i>{}</i>").format(GREEK_LETTERS.get(base, base))
+    base_symbol, _, index = name.partition("_")
+    base_markup = Markup("<i>{}</i>").format(GREEK_LETTERS.get(base_symbol, base_symbol))
     return (
         base_markup + Markup("<sub>{}</sub>").format(GREEK_LETTERS.get(index, index))
         if index
@@ -370,16 +370,16 @@ def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list
     previous_meaning = ""
     fitted_parameters = zip(uncertainty.names, uncertainty.values, uncertainty.std, strict=True)
     for index, (name, value, deviation) in enumerate(fitted_parameters, start=1):
-        part = deviation / abs(value) if value and "offset" not in name else None
-        meaning = next((text for start, text in QUANTITY_MEANINGS.items() if name.startswith(start)), "")
-        share = Cell(format_percent(part), strong=part is not None and part > 0.2)
+        relative = deviation / abs(value) if value and "offset" not in name else None
+        meaning = next((text for prefix, text in QUANTITY_MEANINGS.items() if name.startswith(prefix)), "")
+        share = Cell(format_percent(relative), strong=relative is not None and relative > 0.2)
         shown_meaning = "" if meaning == previous_meaning else meaning
         rows.append([str(index), typeset(name), shown_meaning, format_deviation(value, deviation), share])
         previous_meaning = meaning
     caption = (
         "The fitted quantities are combinations of parameters that the data determine. "
         "Single parameters can compensate each other. The standard deviation treats the error of "
-        "the law as noise; bold above 20\N{NO-BREAK SPACE}%."
+        "the law as noise; values above 20\N{NO-BREAK SPACE}% are bold."
     )
     head = ["no.", "quantity", "meaning", "estimate", "uncertain by"]
     title = "Fitted quantities and their uncertainty"
@@ -409,8 +409,8 @@ def _correlation_text(uncertainty: Uncertainty) -> str:
         ),
         reverse=True,
     )
-    strongest = (f"{first} with {second} {format_number(value, 3)}" for _, first, second, value in pairs[:3])
-    pairs_text = "; ".join(strongest)
+    pair_texts = (f"{first} with {second} {format_number(value, 3)}" for _, first, second, value in pairs[:3])
+    pairs_text = "; ".join(pair_texts)
     text = f"Heat map of {len(uncertainty.names)} by {len(uncertainty.names)} correlations"
     return f"{text}, the strongest: {pairs_text}." if pairs_text else f"{text}."
 

@@ -28,10 +28,10 @@ class ModelSubject:
     """A model and all data about it that its report shows."""
 
     model: Model
-    fit: FitFigures | None  # fit metrics of its present parameters
+    fit: FitFigures | None  # fit metrics of the present parameters
     acceptance: Acceptance  # outcome of the acceptance test
-    evidence: Evidence | None  # None if the measurements could not be read
-    missing_reason: str = ""  # reason for this; empty if they were read
+    measurements: Measurements | None  # measured loops; None if they could not be read
+    missing_reason: str = ""  # reason why the measurements could not be read, or empty
     warnings: tuple[str, ...] = ()  # texts for the head of the page
     _pictures: Iterator[int] = field(default_factory=lambda: iter(range(1, 1000)))
 
@@ -91,7 +91,7 @@ STALE_RELATIVE_DIFFERENCE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class Measurements:
     """The measurements of a model, and its fit to them."""
 
     loops: Loops  # loops as they were fitted
@@ -105,7 +105,7 @@ class Evidence:
     warnings: tuple[str, ...]  # texts for the head of the page
 
 
-def gather_evidence(model: Model, folder: PathLike) -> Evidence:
+def gather_measurements(model: Model, folder: PathLike) -> Measurements:
     """Read the measurements of a model again, and compute the model on them."""
     unthinned_model, loops = _read_loops(model, folder)
     warnings = []
@@ -121,13 +121,13 @@ def gather_evidence(model: Model, folder: PathLike) -> Evidence:
         except (InputError, NegativeResult) as error:
             fitted_outputs.append(None)
             warnings.append(f"the model cannot be computed on {loops.describe(loop)}: {error}")
-    baseline = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
-    return Evidence(
+    residual_by_loop = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
+    return Measurements(
         loops=loops,
         fitted=tuple(fitted_outputs),
         inspection=inspection,
         verdict=assess_loops(loops),
-        baseline=tuple(baseline[id(loop)] for loop in loops.loops),
+        baseline=tuple(residual_by_loop[id(loop)] for loop in loops.loops),
         warnings=tuple(warnings),
     )
 
@@ -146,27 +146,27 @@ def _read_loops(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
     return unthinned_loops, clean(unthinned_loops, ("thin",))
 
 
-def current_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, str]:
+def current_figures(model: Model, measurements: Measurements) -> tuple[FitFigures | None, str]:
     """Return the fit metrics of the parameters, and a warning if those in the file differ."""
-    fitted_outputs = [output for output in evidence.fitted if output is not None]
-    if len(fitted_outputs) < len(evidence.fitted):
+    fitted_outputs = [output for output in measurements.fitted if output is not None]
+    if len(fitted_outputs) < len(measurements.fitted):
         return model.fit, ""
-    residual = analyse_loops(evidence.loops, fitted_outputs)
-    recomputed = replace(
-        fit_figures(evidence.loops, fitted_outputs),
+    residual = analyse_loops(measurements.loops, fitted_outputs)
+    unchanged_figures = replace(
+        fit_figures(measurements.loops, fitted_outputs),
         not_noise=residual.unexplained,
-        left_over=describe_residual(residual, evidence.loops, model),
+        left_over=describe_residual(residual, measurements.loops, model),
     )
     if model.fit is None:
-        return recomputed, ""
+        return unchanged_figures, ""
     figures = replace(
-        recomputed,
+        unchanged_figures,
         left_out=model.fit.left_out,
         monotone=model.fit.monotone,
         cross_validation=model.fit.cross_validation,
     )
-    if abs(recomputed.mean_abs - model.fit.mean_abs) <= STALE_RELATIVE_DIFFERENCE * max(
-        recomputed.mean_abs, model.fit.mean_abs
+    if abs(unchanged_figures.mean_abs - model.fit.mean_abs) <= STALE_RELATIVE_DIFFERENCE * max(
+        unchanged_figures.mean_abs, model.fit.mean_abs
     ):
         return figures, ""
     return figures, (

@@ -4,7 +4,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 
 def running_version() -> str:
-    """Return the installed version, or ``"0+source"`` if anhyst runs from a bare source tree."""
+    """Return the installed version, or ``"0+source"`` if anhyst runs from an uninstalled source."""
     try:
         return version("anhyst")
     except PackageNotFoundError:

@@ -152,10 +152,10 @@ def cache_folder(kind: str) -> Path:
     exists.
     """
     try:
-        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        all_caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     except RuntimeError:
-        caches = Path(os.devnull)
-    return caches / "anhyst" / kind
+        all_caches = Path(os.devnull)
+    return all_caches / "anhyst" / kind
 
 
 def relative_path(folder: Path, path: Path) -> str:
@@ -226,7 +226,7 @@ def write_files(folder: Path, files: Mapping[str, str | bytes]) -> None:
 
 
 def check_new(out: PathLike, names: Sequence[str]) -> None:
-    """Raise an error if one of these files already exists in a folder. Call it before long work."""
+    """Raise an error if a file already exists in a folder. Call this before long work."""
     target = Path(out)
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
@@ -299,9 +299,9 @@ def check_picture(path: PathLike) -> None:
 
 def write_figure(figure: Figure, path: PathLike) -> None:
     """Write a figure in the format that the suffix of the file names."""
-    picture = BytesIO()
-    figure.savefig(picture, format=Path(path).suffix[1:].lower(), dpi=150)
-    write_bytes(path, picture.getvalue())
+    buffer = BytesIO()
+    figure.savefig(buffer, format=Path(path).suffix[1:].lower(), dpi=150)
+    write_bytes(path, buffer.getvalue())
 
 
 def json_text(content: Mapping[str, Any]) -> str:

@@ -1,6 +1,6 @@
 """Scales of a parameter block in physical units, and its head: generation and checksum.
 
-A parameter block is a row of 16-bit words that a controller reads.
+A parameter block is an array of 16-bit words that a controller reads.
 :mod:`anhyst.support.block_layout` defines their meaning. Signals are fractions of full scales,
 which the block states in SI units.
 """
@@ -34,7 +34,7 @@ CODE_OF_ONE: dict[Format, float] = {
 
 @dataclass(frozen=True, slots=True)
 class WordUnit:
-    """Physical value of 1.0 of a word, and its unit."""
+    """Physical value that the code 1.0 of a word represents, and its unit."""
 
     scale: float = 1.0
     name: str = ""
@@ -50,11 +50,11 @@ class SignalUnits:
 
 @dataclass(frozen=True)
 class Scales:
-    """Physical values of the fractions 0 and 1.0 of the signals, in SI units."""
+    """Physical values that the fractions 0 and 1.0 of the signals represent, in SI units."""
 
-    demand: float  # output and drive at 1.0, in the units of the model
+    demand: float  # full scales of output and drive, in the units of the model
     current: float
-    # scheduling variable at 0 and at 1.0, m for a gap; equal if nothing depends on it
+    # limits of the scheduling variable, m for a gap; equal if nothing depends on it
     gap_low: float
     gap_high: float
 
@@ -115,7 +115,7 @@ def describe_scale_mismatch(block: Sequence[int], board: Sequence[int]) -> str:
     for scale in _SCALE_WORDS:
         block_value, board_value = _format_scale(block, scale), _format_scale(board, scale)
         if block_value != board_value:
-            board_text = f"the board has {board_value}" if board else "the board has another one"
+            board_text = f"the board has {board_value}" if board else "the board has another value"
             return f"the parameter block is made for a {scale.name} of {block_value}, {board_text}; {remedy}"
     return f"the parameter block is made for other units than the board; {remedy}"
 

@@ -47,15 +47,15 @@ removed."""
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
-def cached_result(kind: str, make: Callable[[], T], *inputs: object) -> T:
-    """Return the result of `make` for these inputs, from the cache if possible."""
+def cached_result(kind: str, compute: Callable[[], T], *inputs: object) -> T:
+    """Return the result of `compute` for these inputs, from the cache if possible."""
     digest = hashlib.sha256(code_digest())
     _update_digest(digest, inputs)
     path = cache_folder(kind) / digest.hexdigest()
     value: T | None = load_cached(path)
     if value is None:
-        value = make()
-        with suppress(OSError, InputError):  # without a cache, it is computed each time
+        value = compute()
+        with suppress(OSError, InputError):  # without a cache, the result is computed each time
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             write_bytes(path, pickle_with_digest(value))
             remove_oldest(path.parent, MAX_CACHED_RESULTS)
@@ -92,7 +92,7 @@ def remove_oldest(folder: Path, max_entries: int) -> None:
 
 @lru_cache(maxsize=1)
 def code_digest() -> bytes:
-    """Return a hash of this machine and of all code that computes."""
+    """Return a hash of this machine and of all code that computes results."""
     versions = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
     digest = hashlib.sha256(versions.encode())
     roots = {Path(__file__).resolve().parents[1], contract_folder(), *plugin_paths()}
@@ -147,18 +147,18 @@ class ResultsFile:
         try:
             content = self.path.read_bytes()
             complete_bytes = content.rfind(b"\n") + 1
-            self._read(content[:complete_bytes], header)
+            self._read_results(content[:complete_bytes], header)
             if complete_bytes < len(content):
                 os.truncate(self.path, complete_bytes)
             self._stream: IO[str] = self.path.open("a", encoding="utf-8", newline="")
         except OSError as error:
             raise write_error(self.path, error) from error
 
-    def _read(self, content: bytes, header: Mapping[str, Any]) -> None:
+    def _read_results(self, content: bytes, header: Mapping[str, Any]) -> None:
         rows = content.splitlines()
-        self._check_header(self._parse(rows[0], 1) if rows else {}, header)
+        self._check_header(self._parse_line(rows[0], 1) if rows else {}, header)
         for number, row in enumerate(rows[1:], start=2):
-            result = self._parse(row, number)
+            result = self._parse_line(row, number)
             fault = self._find_fault(result)
             if fault is not None:
                 raise InputError(
@@ -166,22 +166,22 @@ class ResultsFile:
                 )
             self.done[result[self._key]] = result
 
-    def _parse(self, row: bytes, number: int) -> dict[str, Any]:
+    def _parse_line(self, row: bytes, number: int) -> dict[str, Any]:
         try:
-            entry = json.loads(row)
+            parsed = json.loads(row)
         except ValueError:
-            entry = None
-        if not isinstance(entry, dict):
+            parsed = None
+        if not isinstance(parsed, dict):
             raise InputError(
                 f"{self.path}: line {number}: cannot be read; {_OTHER_FILE_ADVICE}", code="damaged-results"
             )
-        return entry
+        return parsed
 
     def _check_header(self, stored_settings: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
         for name, value in settings.items():
             stored_value = stored_settings.get(name)
             if stored_value != json.loads(json.dumps(value)):
-                text = f"is {_shorten(stored_value)} in the file and {_shorten(value)} now"
+                text = f"is {_shorten_value(stored_value)} in the file and {_shorten_value(value)} now"
                 raise InputError(
                     f"{self.path}: line 1: {name}: {text}, so that its results belong to another run; "
                     f"{_OTHER_FILE_ADVICE}",
@@ -190,7 +190,7 @@ class ResultsFile:
                 )
 
     def add(self, result: Mapping[str, Any]) -> None:
-        """Append a result. It has been handed to the operating system when this method returns."""
+        """Append a result. When this method returns, the operating system has it."""
         self.done[result[self._key]] = dict(result)
         try:
             self._stream.write(_json_line(result))
@@ -213,7 +213,7 @@ def _json_line(row: Mapping[str, Any]) -> str:
     return json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _shorten(value: Any) -> str:
+def _shorten_value(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 24 else f"{text[:12]}..."
 
@@ -245,13 +245,13 @@ def compile_and_link(
     identity = f"{Path(program).resolve()} {program_stat.st_size} {program_stat.st_mtime_ns}"
     compile_command = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
     command, key = [*compile_command, *include_options], "\0".join([identity, *compile_command])
-    with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch, ThreadPoolExecutor(core_count()) as pool:
-        objects = [Path(scratch, f"{number}.o") for number in range(len(sources))]
-        messages = list(pool.map(partial(_compile, command, key, run), sources, objects))
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder, ThreadPoolExecutor(core_count()) as pool:
+        objects = [Path(folder, f"{number}.o") for number in range(len(sources))]
+        messages = list(pool.map(partial(_compile_source, command, key, run), sources, objects))
         return [*messages, run([*compiler, *options, *map(str, objects), *link_options])]
 
 
-def _compile(command: Sequence[str], key: str, run: RunCompiler, source: Path, target: Path) -> str:
+def _compile_source(command: Sequence[str], key: str, run: RunCompiler, source: Path, target: Path) -> str:
     """Compile a source, or take its object from the cache; return the warnings of the compiler."""
     preprocessed = target.with_suffix(".i")
     run([*command, "-E", "-P", str(source), "-o", str(preprocessed)])
@@ -265,7 +265,7 @@ def _compile(command: Sequence[str], key: str, run: RunCompiler, source: Path, t
         messages_path.touch()
         return messages
     messages = run([*command, "-c", str(source), "-o", str(target)])
-    with suppress(OSError):  # without a cache, it is compiled each time
+    with suppress(OSError):  # without a cache, the object is compiled each time
         cached_object.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".", dir=cached_object.parent) as draft:
             # Each file is written atomically. The messages come first, because they are read first.

@@ -1,6 +1,6 @@
 """The errors and warnings of anhyst.
 
-`InputError` is for bad input, `NegativeResult` for a completed work with a negative result. Both
+`InputError` is for bad input, `NegativeResult` for a completed work with a negative result. Errors
 carry a code for programs and a text that states the remedy.
 """
 
@@ -53,19 +53,19 @@ class InputError(_CodedError, ValueError):
 
 
 def wrong_key(key: str, text: str, *, code: str) -> InputError:
-    """Return the error of a key, option, column or parameter. Its text begins with the key."""
+    """Return the error for a key, option, column or parameter. Its text begins with the key."""
     return InputError(f"{key}: {text}", code=code, key=key)
 
 
-def wrong_type(argument: str, expected: str, value: object, *, is_in_list: bool = False) -> InputError:
-    """Return the error of an argument of the wrong type, such as ``"identify: loops"``."""
+def wrong_type(argument: str, expected_type: str, value: object, *, is_in_list: bool = False) -> InputError:
+    """Return the error for an argument of a wrong type; its text begins with the argument."""
     given_type = type(value).__name__ if value is not None else "None"
     for name in ("loops", "model"):
         if hasattr(value, "loops") and hasattr(value, "model") and argument.endswith(name):
             given_type += f"; give its {name}"
     prefix = "a list with " if is_in_list else ""
     return InputError(
-        f"{argument} must be {expected}, not {prefix}{given_type}", code="wrong-type", key=argument
+        f"{argument} must be {expected_type}, not {prefix}{given_type}", code="wrong-type", key=argument
     )
 
 
@@ -115,4 +115,4 @@ class NoUsableStartError(InputError):
 
 
 class ReturnPointMemoryWarning(UserWarning):
-    """The loops show iron without return-point memory. The text states how this was handled."""
+    """The loops show iron without return-point memory. The text states how the loops were handled."""

@@ -101,8 +101,8 @@ def svg_text(figure: Figure, prefix: str) -> str:
     text = text.replace("url(#", f"url(#{prefix}-").replace('href="#', f'href="#{prefix}-')
     # The page contains the alternative text. A screen reader must not read the tick labels.
     width = round(PIXELS_PER_INCH * figure.get_figwidth())
-    start = f'<svg aria-hidden="true" focusable="false" style="--width: {width}px"'
-    return re.sub(r"^<svg\b", start, text)
+    start_tag = f'<svg aria-hidden="true" focusable="false" style="--width: {width}px"'
+    return re.sub(r"^<svg\b", start_tag, text)
 
 
 @use_report_style

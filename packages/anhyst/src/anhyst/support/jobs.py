@@ -62,9 +62,9 @@ def map_unordered(
         results = _in_processes(work, inputs, count)
     else:
         results = ((index, work(item)) for index, item in enumerate(inputs))
-    for done, result in enumerate(results, start=1):
+    for done_count, result in enumerate(results, start=1):
         if progress is not None:
-            progress(done, len(inputs))
+            progress(done_count, len(inputs))
         yield result
 
 
@@ -103,17 +103,17 @@ def _in_processes(work: Callable[[A], B], inputs: Sequence[A], count: int) -> It
     from concurrent.futures import ProcessPoolExecutor, as_completed  # slow to import
 
     with ProcessPoolExecutor(count, initializer=_ignore_interrupts) as pool:
-        order: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
+        index_by_future: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
         try:
-            for finished_future in as_completed(order):
-                yield order[finished_future], finished_future.result()
+            for finished_future in as_completed(index_by_future):
+                yield index_by_future[finished_future], finished_future.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _on_cluster(work: Callable[[A], B], inputs: Sequence[A]) -> Iterator[tuple[int, B]]:
     client = _cluster_client.get()
-    # The common part of all tasks is sent to each worker once, and again if a worker lost it.
+    # The common part of all tasks is sent to each worker once, and again if a worker lost the part.
     shared_function = client.submit(partial, work, pure=False)
     futures = client.map(operator.call, [shared_function] * len(inputs), inputs, pure=False)
     order = {future: index for index, future in enumerate(futures)}
@@ -143,5 +143,5 @@ def core_count() -> int:
 
 
 def _ignore_interrupts() -> None:
-    """Ignore Ctrl-C in a worker process. It reaches all processes, and the parent handles it."""
+    """Ignore Ctrl-C in a worker process, because the parent process handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

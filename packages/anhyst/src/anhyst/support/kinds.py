@@ -27,8 +27,8 @@ class FileKind:
     word: str  # value of control.kind (rig files) or format (other files)
     title: str  # singular with article, for messages
     plural: str  # plural, for messages
-    verbs: tuple[str, ...] = ()  # commands that accept such a file as their first argument
-    # by command: why this command cannot use such a file, if a reason helps the user
+    verbs: tuple[str, ...] = ()  # commands that accept a file of this kind as their first argument
+    # by command: reason why this command cannot use the file, if it helps the user
     reasons: Mapping[str, str] = field(default_factory=dict)
     use: str = ""  # use of the file, if no command accepts it as its first argument
     # by command: options that this kind supports and some others do not
@@ -36,12 +36,12 @@ class FileKind:
 
     @property
     def format(self) -> str:
-        """Value of the key ``format`` in such a file."""
+        """Value of the key ``format`` in a file of this kind."""
         return self.word
 
     @property
     def usage(self) -> str:
-        """A sentence that names the commands that accept such a file, or its other use."""
+        """A sentence that names the commands that accept a file of this kind, or its other use."""
         if self.use or not self.verbs:
             return self.use or "no verb takes it"
         return f"anhyst {_join_words(self.verbs, 'and')} take{'s' if len(self.verbs) == 1 else ''} it"
@@ -52,14 +52,14 @@ class FileKind:
 
     def refuse_options(self, verb: str, given: Mapping[str, object]) -> None:
         """Raise an error if an option is given (not None) that this kind does not support."""
-        refused = [
+        unsupported = [
             name for name, value in given.items() if value is not None and not self.has_option(verb, name)
         ]
-        if refused:
+        if unsupported:
             raise InputError(
-                f"{self.title} has no {' or '.join(refused)}; leave it out",
+                f"{self.title} has no {' or '.join(unsupported)}; leave it out",
                 code="option-not-for-this",
-                key=refused[0],
+                key=unsupported[0],
             )
 
 
@@ -121,7 +121,7 @@ RIG_VERBS = (*("simulate", "tune", "excite", "calibrate", "live", "export", "com
 
 
 def _find_fault(record: object, word: str) -> str:
-    """Return the reason why a record of a kind of rig cannot be used; empty if there is none."""
+    """Return the reason why the record of a kind of rig cannot be used; empty if it can be used."""
     if not isinstance(record, FileKind) or record.format != RIG_FORMAT:
         return "and its record is not a kind of rig"
     if record.word != word:
@@ -142,7 +142,7 @@ _RIG_KINDS: Registry[FileKind] = Registry("anhyst.kinds", {}, _find_fault)
 
 
 def rig_kinds() -> Mapping[str, FileKind]:
-    """Return the kinds of rigs by their words, in the order in which messages list them.
+    """Return the kinds of rigs by their words, in the order in which messages list the kinds.
 
     They are the entry points ``anhyst.kinds`` of all installed packages. Each one is an
     ``anhyst_rigs.kinds.rig_kind.RigKind``. The name of the entry point is the word that identifies
@@ -153,7 +153,7 @@ def rig_kinds() -> Mapping[str, FileKind]:
 
 
 def explain_unusable(word: object) -> str:
-    """Return the reason why the record of a word cannot be used; empty if no package adds it."""
+    """Return the reason why the kind of rig of a word cannot be used; empty if it is unknown."""
     return _RIG_KINDS.explain_unusable(word)
 
 

@@ -45,7 +45,7 @@ def first_order_share(time_ratio: float) -> float:
         return 1.0 - remaining_fraction
     if remaining_fraction == 1.0:
         return time_ratio
-    # The rounding error of the exponential cancels against that of its logarithm.
+    # The rounding error of the exponential cancels against the error of its logarithm.
     return (remaining_fraction - 1.0) * time_ratio / float(log(np.array([remaining_fraction]))[0])
 
 
@@ -60,14 +60,12 @@ def geometric_spacing(low: float, high: float, count: int) -> FloatArray:
 def sine(turns: ArrayLike) -> FloatArray:
     """Return the sine of angles in turns, to within 1e-15."""
     angles = np.asarray(turns, dtype=np.float64)
-    remainder = angles - np.rint(angles)
+    fraction = angles - np.rint(angles)
     # Map the angle to within a quarter turn of zero; the sine is symmetric about its maximum.
-    angle = (
-        2.0 * math.pi * np.where(np.abs(remainder) > 0.25, np.copysign(0.5, remainder) - remainder, remainder)
-    )
-    square, series = angle * angle, np.zeros_like(angle)
+    angle = 2.0 * math.pi * np.where(np.abs(fraction) > 0.25, np.copysign(0.5, fraction) - fraction, fraction)
+    squared, series = angle * angle, np.zeros_like(angle)
     for coefficient in reversed(_SINE_COEFFICIENTS):
-        series = series * square + coefficient
+        series = series * squared + coefficient
     return np.asarray(angle * series)
 
 
@@ -137,8 +135,8 @@ def recursive_sum(values: FloatArray, share: float) -> FloatArray:
     Each pass doubles the length of the sum; weights below 1e-18 are neglected. SciPy's lfilter
     takes longer to import than most commands take to run.
     """
-    sums, lag, weight = values.copy(), 1, share
-    while lag < len(values) and weight > 1e-18:
-        sums[lag:] += weight * sums[:-lag]
-        lag, weight = 2 * lag, weight * weight
-    return sums
+    partial_sums, delay, delay_factor = values.copy(), 1, share
+    while delay < len(values) and delay_factor > 1e-18:
+        partial_sums[delay:] += delay_factor * partial_sums[:-delay]
+        delay, delay_factor = 2 * delay, delay_factor * delay_factor
+    return partial_sums

@@ -69,7 +69,7 @@ _COLUMN_GAP_LETTERS = 2
 
 @dataclass(frozen=True, slots=True)
 class PageTable:
-    """A table with a title. The first ``texts`` columns contain words, the others numbers."""
+    """A table with a title. The first ``texts`` columns contain words, other columns numbers."""
 
     title: str
     head: tuple[str, ...]
@@ -141,11 +141,11 @@ class Headline:
 
 def render_page(head: Headline, sections: Sequence[Section], version: str, *, kind: str, source: str) -> str:
     """Return the HTML text of a page."""
-    return _template().render(head=head, sections=sections, version=version, kind=kind, source=source)
+    return _load_template().render(head=head, sections=sections, version=version, kind=kind, source=source)
 
 
 @cache
-def _template() -> Template:
+def _load_template() -> Template:
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -171,7 +171,7 @@ _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Display of values of an SI unit: multiplied by ``factor`` and followed by ``unit``."""
+    """Scale of displayed values: an SI value times ``factor``, followed by ``unit``."""
 
     factor: float
     unit: str

@@ -22,14 +22,14 @@ PROJECT_PACKAGES: Mapping[str, tuple[str, ...]] = {
     ),
     "anhyst-exchange": ("export",),
 }
-"""The other packages of this project and their commands. No other package can replace them."""
+"""The other packages of this project and their commands, which no other package can replace."""
 
 Entry = TypeVar("Entry")
 
 
 @cache
 def _all_entry_points() -> tuple[EntryPoint, ...]:
-    """Return the entry points for anhyst of all packages; of two copies, those of the first."""
+    """Return the entry points for anhyst; of a package that is installed twice, the first copy's."""
     first_copies: dict[tuple[str, str, str], EntryPoint] = {}
     for package in distributions():
         try:
@@ -42,7 +42,7 @@ def _all_entry_points() -> tuple[EntryPoint, ...]:
 
 
 def entry_points_in(group: str) -> list[EntryPoint]:
-    """Return the entry points of a group; those of this project come first."""
+    """Return the entry points of a group; the entry points of this project come first."""
     entries = [point for point in _all_entry_points() if point.group == group]
     return sorted(
         entries,
@@ -58,7 +58,7 @@ def package_name(point: EntryPoint) -> str:
 def load_entry_point(point: EntryPoint) -> object:
     """Return the object of an entry point; raise ValueError if it cannot be loaded, for any reason.
 
-    The output of its module is sent to standard error, because standard output is for results.
+    Output that its module prints is sent to standard error, because standard output is for results.
     """
     if point.pattern.match(point.value) is None:
         raise ValueError(f"its entry point '{point.value}' does not have the form module:name")
@@ -94,11 +94,11 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     def _plugins(self) -> tuple[dict[str, Entry], dict[str, str]]:
         """Usable plug-ins by name, and the reason for each unusable one."""
         added_entries: dict[str, Entry] = {}
-        owner: dict[str, str] = {}
+        packages: dict[str, str] = {}
         reasons_by_name: dict[str, str] = {}
         for point in entry_points_in(self._group):
             name, package = f"{self._prefix}{point.name}", package_name(point)
-            if name in self._reserved or owner.get(name) in PROJECT_PACKAGES:
+            if name in self._reserved or packages.get(name) in PROJECT_PACKAGES:
                 continue
             try:
                 entry = load_entry_point(point)
@@ -108,11 +108,11 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
             if fault := self._find_fault(entry, point.name):
                 reasons_by_name[name] = f"{package} adds it, {fault}; update it"
             elif name in added_entries and added_entries[name] is not entry:
-                reasons_by_name[name] = f"{owner[name]} and {package} both add it; remove one of them"
+                reasons_by_name[name] = f"{packages[name]} and {package} both add it; remove one of them"
             else:
-                added_entries[name], owner[name] = cast(Entry, entry), package
+                added_entries[name], packages[name] = cast(Entry, entry), package
         return {
-            name: usable for name, usable in added_entries.items() if name not in reasons_by_name
+            name: plugin for name, plugin in added_entries.items() if name not in reasons_by_name
         }, reasons_by_name
 
     @property
@@ -121,7 +121,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return self._plugins[0]
 
     def explain_unusable(self, name: object) -> str:
-        """Return the reason why the plug-in of a name cannot be used; empty if there is none."""
+        """Return the reason why the plug-in of a name cannot be used; empty without a reason."""
         if not isinstance(name, str) or name in self._reserved:
             return ""
         return self._plugins[1].get(name, "")
@@ -131,7 +131,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return self._builtin[name] if name in self._builtin else self.plugins[name]
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the names; builtin ones first."""
+        """Iterate over the names; builtin names come first."""
         yield from self._builtin
         yield from self.plugins
 
@@ -141,14 +141,14 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
 
 def package_at_fault(error: BaseException) -> str:
-    """Return the package of another author whose code raised an error; empty if there is none."""
+    """Return the package of another author whose code raised an error; empty if none did."""
     package_of_module = {_top_module(point): package_name(point) for point in _all_entry_points()}
-    culprit, frame = "", error.__traceback__
+    package, frame = "", error.__traceback__
     while frame is not None:
         module = str(frame.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
-        culprit = package_of_module.get(module, "" if module == "anhyst" else culprit)
+        package = package_of_module.get(module, "" if module == "anhyst" else package)
         frame = frame.tb_next
-    return "" if culprit in PROJECT_PACKAGES else culprit
+    return "" if package in PROJECT_PACKAGES else package
 
 
 def _top_module(point: EntryPoint) -> str:

@@ -117,10 +117,10 @@ MAX_ROWS = 10
 def html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return an HTML table for a notebook."""
     lines = [("th", head), *(("td", row) for row in rows)]
-    body = "".join(
+    table_rows = "".join(
         f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>" for tag, cells in lines
     )
-    return f"<table>{body}</table>"
+    return f"<table>{table_rows}</table>"
 
 
 def style_axes(ax: Axes) -> None:
@@ -151,8 +151,8 @@ def schedule_colours(values: Sequence[float], *, has_moving: bool = False) -> Sc
     from matplotlib import colormaps
 
     groups: list[float | None] = [*values, *([None] if has_moving else [])]
-    positions = np.linspace(0.0, 0.85, max(len(groups), 2))
-    colours = [tuple(colour) for colour in colormaps["viridis"](positions).tolist()]
+    map_positions = np.linspace(0.0, 0.85, max(len(groups), 2))
+    colours = [tuple(colour) for colour in colormaps["viridis"](map_positions).tolist()]
     return dict(zip(groups, colours, strict=False))
 
 

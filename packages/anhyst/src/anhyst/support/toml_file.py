@@ -93,7 +93,7 @@ MAX_NAMED_PROBLEMS = 5
 class FileProblem:
     """A problem of a file."""
 
-    line: int | None  # line of the key, or of the table that lacks it; None if there is neither
+    line: int | None  # line of the key, or of the table that lacks it; None without either
     key: str  # path of the key
     text: str  # fault and remedy
     code: str  # code, as for an `InputError`
@@ -111,7 +111,8 @@ class TomlFileError(InputError):
         text = f"{location}: {first_problem.key}: {first_problem.text}"
         if other_problems:
             other_keys = [
-                f"{o.key} (line {o.line})" if o.line else o.key for o in other_problems[:MAX_NAMED_PROBLEMS]
+                f"{entry.key} (line {entry.line})" if entry.line else entry.key
+                for entry in other_problems[:MAX_NAMED_PROBLEMS]
             ]
             more_text = (
                 f" and {len(other_problems) - MAX_NAMED_PROBLEMS} more"
@@ -157,16 +158,16 @@ class TomlFile:
         relocate_key: Callable[[KeyPath], KeyPath] = lambda location: location,
     ) -> None:
         """Add the findings of a validation: the first one of each key."""
-        reported = {problem.key for problem in self.problems}
+        reported_keys = {problem.key for problem in self.problems}
         for finding in error.errors(include_url=False):
-            path = (part for part in finding["loc"] if not str(part).startswith(BRANCH_PREFIX))
+            path = (step for step in finding["loc"] if not str(step).startswith(BRANCH_PREFIX))
             key = relocate_key(tuple(path))
-            if dotted_path(key) not in reported:
-                reported.add(dotted_path(key))
+            if dotted_path(key) not in reported_keys:
+                reported_keys.add(dotted_path(key))
                 self.add_problem(key, *advice(key, finding))
 
     def to_error(self) -> TomlFileError:
-        """Return the error with all problems; there must be at least one."""
+        """Return the error with all problems; at least one is required."""
         return TomlFileError(self.path, self.problems)
 
 
@@ -183,7 +184,7 @@ def read_toml(path: PathLike, schema: type[T], kinds: Collection[FileKind] = ())
 
 
 def require_toml_kind(path: PathLike, accepted: Collection[FileKind]) -> FileKind:
-    """Return the kind of a TOML file, or raise an error if it is none of the accepted kinds."""
+    """Return the kind of a TOML file, or raise an error if it is not an accepted kind."""
     kind = require_kind(path, accepted)
     return check_kind(TomlFile(path), accepted) if kind is UNKNOWN_FILE else kind
 
@@ -203,13 +204,13 @@ def check_kind(file: TomlFile, accepted: Collection[FileKind]) -> FileKind:
         reason = explain_unusable(control.get("kind")) if isinstance(control, dict) else ""
         if is_rig and reason:
             file.add_problem(("control", "kind"), reason, code="not-installed")
-        elif is_rig and (rigs := [rig_kind for rig_kind in accepted if rig_kind.format == RIG_FORMAT]):
-            controls = " or ".join(f'"{kind.word}"' for kind in rigs)
-            text = f"must be {controls}; is this {names}, or a kind whose package is not installed?"
+        elif is_rig and (rig_kinds := [rig_kind for rig_kind in accepted if rig_kind.format == RIG_FORMAT]):
+            control_words = " or ".join(f'"{kind.word}"' for kind in rig_kinds)
+            text = f"must be {control_words}; is this {names}, or a kind whose package is not installed?"
             file.add_problem(("control", "kind"), text, "wrong-format")
         else:
-            formats = " or ".join(sorted({f'"{kind.format}"' for kind in accepted}))
-            file.add_problem(("format",), f"must be {formats}; is this {names}?", code="wrong-format")
+            format_texts = " or ".join(sorted({f'"{kind.format}"' for kind in accepted}))
+            file.add_problem(("format",), f"must be {format_texts}; is this {names}?", code="wrong-format")
         raise file.to_error()
     return kind
 
@@ -275,11 +276,11 @@ def _known_keys(schema: type[Table], path: KeyPath) -> list[str]:
     """Return the keys of the table at a path of the schema, which includes tags."""
     tables: list[type[BaseModel]] = [schema]
     annotation: Any = None
-    for part in path:
-        if isinstance(part, str) and part.startswith(BRANCH_PREFIX):
-            tables = _table_types(_find_tagged(annotation, part)) or tables
-        elif isinstance(part, str):
-            annotation = _fields_by_key(tables[0])[part].annotation
+    for key in path:
+        if isinstance(key, str) and key.startswith(BRANCH_PREFIX):
+            tables = _table_types(_find_tagged(annotation, key)) or tables
+        elif isinstance(key, str):
+            annotation = _fields_by_key(tables[0])[key].annotation
             tables = _table_types(annotation)
             if not tables:
                 return []
@@ -292,11 +293,11 @@ def _fields_by_key(table: type[BaseModel]) -> dict[str, FieldInfo]:
 
 
 def _find_tagged(annotation: Any, tag: str) -> Any:
-    """Return the part of an annotation that has a tag; None if there is none."""
+    """Return the part of an annotation that has a tag; None if no part has it."""
     union_members = get_args(annotation)
-    if any(isinstance(branch, Tag) and branch.tag == tag for branch in union_members):
+    if any(isinstance(member, Tag) and member.tag == tag for member in union_members):
         return annotation
-    return next((value for branch in union_members if (value := _find_tagged(branch, tag)) is not None), None)
+    return next((value for member in union_members if (value := _find_tagged(member, tag)) is not None), None)
 
 
 def _table_types(annotation: Any) -> list[type[BaseModel]]:

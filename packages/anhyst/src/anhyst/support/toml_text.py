@@ -36,9 +36,9 @@ def toml_value(value: object) -> str:
         case float():
             return repr(float(value)) if math.isfinite(value) else str(float(value))
         case str():
-            return _quote(value)
+            return _quote_text(value)
         case Mapping():
-            pairs = ", ".join(f"{toml_key(k)} = {toml_value(v)}" for k, v in value.items())
+            pairs = ", ".join(f"{toml_key(key)} = {toml_value(member)}" for key, member in value.items())
             return f"{{ {pairs} }}" if pairs else "{}"
         case Sequence():
             return f"[{', '.join(toml_value(item) for item in value)}]"
@@ -47,13 +47,13 @@ def toml_value(value: object) -> str:
 
 def toml_key(key: str) -> str:
     """Return a key as TOML, with quotes only if they are necessary."""
-    return key if _BARE_KEY.fullmatch(key) else _quote(key)
+    return key if _BARE_KEY.fullmatch(key) else _quote_text(key)
 
 
-def _quote(text: str) -> str:
+def _quote_text(text: str) -> str:
     # File names can contain bytes that are not UTF-8; TOML cannot.
-    clean = text.encode("utf-8", "replace").decode("utf-8")
-    return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
+    valid_text = text.encode("utf-8", "replace").decode("utf-8")
+    return json.dumps(valid_text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 COMMENT_COLUMN = 38
@@ -75,12 +75,12 @@ def split_comment(line: str) -> tuple[str, str]:
     >>> split_comment('a = "#1"  # first')
     ('"#1"', 'first')
     """
-    for end in (*(at for at, letter in enumerate(line) if letter == "#"), len(line)):
+    for comment_start in (*(index for index, character in enumerate(line) if character == "#"), len(line)):
         try:
-            tomllib.loads(line[:end])
+            tomllib.loads(line[:comment_start])
         except tomllib.TOMLDecodeError:
             continue
-        return line[:end].partition("=")[2].strip(), line[end + 1 :].strip()
+        return line[:comment_start].partition("=")[2].strip(), line[comment_start + 1 :].strip()
     return "", line.rpartition("#")[2].strip() if "#" in line else ""
 
 
@@ -123,8 +123,8 @@ class _Scanner:
         parts = self._read_key()
         self.position += 2 if is_array else 1
         path: KeyPath = ()
-        for part in parts:
-            path = (*self._with_index(path), part)
+        for key in parts:
+            path = (*self._with_index(path), key)
         if is_array:
             self.last_index[path] = self.last_index.get(path, -1) + 1
         return self._with_index(path)

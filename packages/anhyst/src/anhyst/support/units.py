@@ -58,9 +58,9 @@ class Unit:
             return values
         # Division by 1000 gives the nearest float of the written value; multiplication by 0.001
         # does not.
-        inverse = round(1.0 / self.scale)
-        exact = inverse > 1 and math.isclose(inverse * self.scale, 1.0, rel_tol=1e-12)
-        scaled_values = values / inverse if exact else values * self.scale
+        inverse_scale = round(1.0 / self.scale)
+        has_exact_inverse = inverse_scale > 1 and math.isclose(inverse_scale * self.scale, 1.0, rel_tol=1e-12)
+        scaled_values = values / inverse_scale if has_exact_inverse else values * self.scale
         return scaled_values + self.offset if self.offset else scaled_values
 
     def value_to_si(self, value: float) -> float:
@@ -178,15 +178,15 @@ QUANTITIES = MappingProxyType(
 """Quantities whose headers are understood without a declared unit, by name."""
 
 
-def choose_display_unit(quantity: Quantity, largest: float) -> tuple[str, float]:
+def choose_display_unit(quantity: Quantity, largest_value: float) -> tuple[str, float]:
     """Return the display unit of values up to a size, and the factor from SI.
 
     >>> choose_display_unit(QUANTITIES["displacement"], 4e-5)
     ('µm', 1000000.0)
     """
-    if quantity.unit == "m" and largest < 1e-3:
+    if quantity.unit == "m" and largest_value < 1e-3:
         return "µm", 1e6
-    return ("ppm", 1e6) if quantity.unit == "1" and largest < 1e-2 else (quantity.unit, 1.0)
+    return ("ppm", 1e6) if quantity.unit == "1" and largest_value < 1e-2 else (quantity.unit, 1.0)
 
 
 DRIVE_QUANTITIES = ("current", "field", "voltage")
@@ -221,7 +221,7 @@ _AMBIGUOUS_UNITS = frozenset({"in", "g", "h", "min", "ft"})
 dimension of the name."""
 _CHANNEL_WORDS = frozenset({"channel", "chan", "ch", "kanal", "kanaal", "canal", "canale", "voie",
                        "input", "eingang", "port", "analog", "sensor"})  # fmt: skip
-"""Words before a letter that is a number and not a unit, such as ``Channel A``."""
+"""Words after which a letter numbers a channel and is not a unit, such as ``Channel A``."""
 _TIME_AXIS_NAMES = frozenset({"x", "t", "x-axis", "x_axis", "xaxis"})
 """Names of a clock if the unit is a unit of time."""
 _NO_UNIT_MARK = "-"
@@ -258,7 +258,7 @@ class Header:
     conflict: tuple[str, ...] = ()  # two units that the header states for the same values
 
     def to_si(self, values: FloatArray) -> FloatArray:
-        """Convert values of the column to SI by its scale, sign and unit."""
+        """Convert values of the column to SI with the scale, sign and unit of the column."""
         factor = (self.scale or 1.0) * (-1.0 if self.is_flipped else 1.0)
         scaled_values = values if factor == 1.0 else values * factor
         return scaled_values if self.unit is None else self.unit.to_si(scaled_values)
@@ -293,11 +293,11 @@ def find_unit(text: str) -> Unit | None:
     normalised_text = normalised_text.replace("⁻¹", "^-1").replace("''", '"').replace('"', "in")
     normalised_text = re.sub(r"_per_|\s+per\s+", "/", normalised_text)
     normalised_text = _PER_LENGTH_PATTERN.sub(r"\1/\2", normalised_text)
-    numerator, stroke, denominator = normalised_text.partition("/")
-    return UNITS.get(_symbol(numerator) + stroke + _symbol(denominator))
+    numerator, slash, denominator = normalised_text.partition("/")
+    return UNITS.get(_normalise_symbol(numerator) + slash + _normalise_symbol(denominator))
 
 
-def _symbol(text: str) -> str:
+def _normalise_symbol(text: str) -> str:
     """Return the symbol of a unit without a slash; other texts without blanks and points."""
     symbol = re.sub(r"[·*.\s]", "", text)
     return symbol if symbol in UNITS else symbol_of_word(text.strip(". ")) or symbol
@@ -335,10 +335,10 @@ def _parse_text(text: str, unit: str | None) -> Header:
     stated_unit = unit_text if unit or _BRACKET_PATTERN.match(text) or fold(unit_text) in RAW_UNITS else ""
     if not unit_text and (unsupported_match := _UNSUPPORTED_UNIT_PATTERN.search(text)):
         stated_unit = unsupported_match[1]
-    axis = find_unit(unit_text) or find_unit(unit_text.lower())
-    if name.lower() in _TIME_AXIS_NAMES and axis is not None and axis.dimension == "time":
+    axis_unit = find_unit(unit_text) or find_unit(unit_text.lower())
+    if name.lower() in _TIME_AXIS_NAMES and axis_unit is not None and axis_unit.dimension == "time":
         quantity = QUANTITIES["time"]
-    if name in {"lambda", "λ", "Λ"} and axis is not None and axis.dimension == "flux_linkage":
+    if name in {"lambda", "λ", "Λ"} and axis_unit is not None and axis_unit.dimension == "flux_linkage":
         quantity = QUANTITIES["flux_linkage"]
     if problem is not None:
         quantity = quantity or _quantity_from_words(name, find_unit(conflict[1])) or Quantity(name, name, "1")
@@ -441,8 +441,8 @@ def _split_brackets(text: str) -> tuple[str, str]:
         name, unit_text = bracket_match["name"].strip(), bracket_match["unit"].strip()
         inner_name, inner_unit = _split_underscore(name.replace(" ", "_"))
         return (f"{inner_name} ({unit_text})", inner_unit) if find_unit(inner_unit) else (name, unit_text)
-    without_in = re.sub(r"\s+in\s+", " ", text)
-    return _split_slash(text) or _split_underscore(without_in.replace(" ", "_"))
+    text_without_in = re.sub(r"\s+in\s+", " ", text)
+    return _split_slash(text) or _split_underscore(text_without_in.replace(" ", "_"))
 
 
 def _split_slash(text: str) -> tuple[str, str] | None:
@@ -458,13 +458,13 @@ def _split_slash(text: str) -> tuple[str, str] | None:
     pairs += [(sign, text.removeprefix(sign)) for sign in _SYMBOLS
               if text.startswith(sign) and len(text) > len(sign) + 1]  # fmt: skip
     unknown_split = None
-    for head, tail in pairs:
-        name, unit_text = head.strip(" _"), tail.strip(" _")
+    for name_text, unit_part in pairs:
+        name, unit_text = name_text.strip(" _"), unit_part.strip(" _")
         unit, quantity = find_unit(unit_text), _find_quantity(name)
         if unit is None or not name or find_unit(text) or not _can_end_with(name, unit):
             continue
         names = {quantity.name} if quantity else named_quantities(name)
-        is_stroke, is_time = text[len(head)] == "/", name == "T" and unit.dimension == "time"
+        is_stroke, is_time = text[len(name_text)] == "/", name == "T" and unit.dimension == "time"
         if unit.dimension in {QUANTITY_DIMENSIONS.get(key, key) for key in names} or (is_time and is_stroke):
             return name, unit_text
         # 'J/T' is a name and a unit; 'F/A' and 'm/s' are ratios.
@@ -499,10 +499,10 @@ def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
     return unit_text, stated_unit
 
 
-def _is_same_unit(first: Unit | None, other: Unit | None) -> bool:
-    if first is None or other is None:
+def _is_same_unit(unit: Unit | None, other_unit: Unit | None) -> bool:
+    if unit is None or other_unit is None:
         return False
-    return replace(first, symbol="") == replace(other, symbol="")
+    return replace(unit, symbol="") == replace(other_unit, symbol="")
 
 
 def _split_underscore(text: str) -> tuple[str, str]:
@@ -559,8 +559,8 @@ def _example_symbols(dimension: str) -> tuple[str, ...]:
 
 def _unknown_unit_text(text: str) -> str:
     similar_symbols = difflib.get_close_matches(text, UNITS, n=2, cutoff=0.5)
-    hint = f" (did you mean {' or '.join(similar_symbols)}?)" if similar_symbols else ""
-    return f"unknown unit '{text}'{hint}"
+    similar_text = f" (did you mean {' or '.join(similar_symbols)}?)" if similar_symbols else ""
+    return f"unknown unit '{text}'{similar_text}"
 
 
 def schedule_scale(quantity: Quantity | None) -> tuple[str, float]:

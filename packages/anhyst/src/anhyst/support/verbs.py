@@ -48,7 +48,7 @@ def _find_all(is_project_only: bool) -> tuple[Mapping[str, str], tuple[str, ...]
 
 
 def modules(*, is_project_only: bool = False) -> Mapping[str, str]:
-    """Return the module name of each installed command, or only of those of this project."""
+    """Return the module name of each installed command, or only of the commands of this project."""
     return _find_all(is_project_only)[0]
 
 

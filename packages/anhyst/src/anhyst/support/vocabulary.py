@@ -36,8 +36,7 @@ _COMPOUND_ENDINGS = ("strom", "stroom", "spannung", "spanning", "kraft", "kracht
 _DRIVE_WORDS = frozenset({"coil", "spule", "spulen", "bobine", "bobina", "spoel", "piezo", "actuator", "amplifier",
                      "aktor", "magnet", "drive", "input", "applied", "excitation", "u", "v", "in",
                      "of", "de", "la", "della", "del", "der"})  # fmt: skip
-"""Words next to a voltage that drives an actuator. With any other word it may be a sensor signal.
-"""
+"""Words that can accompany a voltage that drives an actuator; others indicate a sensor signal."""
 
 _QUALIFIER_WORDS = (
     "supply mains netz motor drift peak spitze spitzen max maximum maximal min minimum minimal mean avg average "
@@ -136,8 +135,8 @@ def fold(text: str) -> str:
     >>> fold("Intensité")
     'intensite'
     """
-    signs = unicodedata.normalize("NFKD", text)
-    return "".join(sign for sign in signs if not unicodedata.combining(sign)).casefold()
+    decomposed = unicodedata.normalize("NFKD", text)
+    return "".join(letter for letter in decomposed if not unicodedata.combining(letter)).casefold()
 
 
 def symbol_of_word(text: str) -> str | None:
@@ -171,16 +170,16 @@ def is_drive(name: str) -> bool:
     """Whether all words of a name fit a voltage that drives an actuator."""
     all_words = split_words(name)
     words = [word for word in all_words if word not in QUANTITY_WORDS["voltage"]]
-    heads = [next((word.removesuffix(end) for end in _COMPOUND_ENDINGS if word.endswith(end)), word)
+    word_stems = [next((word.removesuffix(ending) for ending in _COMPOUND_ENDINGS if word.endswith(ending)), word)
              for word in words]  # fmt: skip
-    return bool(all_words) and _DRIVE_WORDS.issuperset(heads)
+    return bool(all_words) and _DRIVE_WORDS.issuperset(word_stems)
 
 
 def _word_parts(name: str) -> set[str]:
     """Return the words of a name, the parts of compounds, and ``max`` of ``Imax``."""
     words = set(split_words(name))
-    words |= {part for word in words for end in _COMPOUND_ENDINGS if end in word
-              for part in word.split(end)}  # fmt: skip
+    words |= {part for word in words for ending in _COMPOUND_ENDINGS if ending in word
+              for part in word.split(ending)}  # fmt: skip
     return words | {word[1:] for word in words if len(word) > 3 and word[0] in "ifubhx"}
 
 
@@ -216,7 +215,7 @@ def is_formula(name: str) -> bool:
 
 
 def undo_formula(name: str) -> str:
-    """Return the factor that undoes a formula; ``FACTOR`` if the user must know it; or nothing.
+    """Return the factor that undoes a formula; ``FACTOR`` if only the user knows it; else empty.
 
     >>> undo_formula("2*F"), undo_formula("F/10"), undo_formula("I/Imax"), undo_formula("F^2")
     ('0.5', '10', 'FACTOR', '')

@@ -46,7 +46,7 @@ def use_command_line_wording() -> Iterator[None]:
 
 
 def word_for_reader(text: str) -> str:
-    """Return a message in the form for its reader.
+    """Return a message with options or with Python arguments, depending on its reader.
 
     A worker process leaves it unchanged, because only its parent knows the reader.
     """
@@ -70,8 +70,8 @@ def word_for_python(text: str) -> str:
 
 def _python_call(match: re.Match[str]) -> str:
     options = match["options"].strip()
-    call = f"anhyst.{match['verb'].replace('-', '_')}(...)"
-    return f"{call} and {options.removeprefix('--')}" if options.startswith("--") else call
+    call_text = f"anhyst.{match['verb'].replace('-', '_')}(...)"
+    return f"{call_text} and {options.removeprefix('--')}" if options.startswith("--") else call_text
 
 
 def _python_argument(match: re.Match[str]) -> str:

@@ -42,7 +42,7 @@ SEED_SECRET: int = _XCP["secret"]
 EVENT_NAME: str = _XCP["event"]
 
 HEARTBEAT_MS: int = _SIGNALS["heartbeat_ms"]
-"""Upper limit on the boards for settings that count ticks, ms."""
+"""Upper limit, ms, on the boards for settings that count ticks."""
 
 AREA_ADDRESSES: dict[str, int] = {area["name"]: area["number"] << 16 for area in _XCP["area"]}
 """Address of the first byte of each memory area."""

@@ -43,9 +43,9 @@ def compile(  # noqa: A001
     of this actuator, an example, fragments for make and CMake, golden vectors, and an accuracy
     budget measured against the model. DROP_IN.md explains how to add the folder to a project. With
     `controller`, the position controller is included. For a stage, the folder contains the complete
-    controller, from sensor heads and gaps to currents. Its golden vectors are a simulated motion.
-    With `package`, the folder has the layout that a build system such as Zephyr or PlatformIO
-    expects.
+    controller, from sensor heads and gaps to currents. The golden vectors of a stage are a
+    simulated motion. With `package`, the folder has the layout that a build system such as Zephyr
+    or PlatformIO expects.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ def compile(  # noqa: A001
     kind : str, ``KIND``
         'full': the law with its exact step. 'simplified': a straight anhysteretic curve in closed
         form, less accurate and faster. 'play' (magnets only): the best single-valued current and
-        one play, fitted to the loops of the model. 'single-valued' (stages only): the same without
-        the play.
+        one play operator, fitted to the loops of the model. 'single-valued' (stages only): the same
+        without the play operator.
     io : str, ``FORMAT``, optional
         Format of demand, gap and current: q15 (16 bits), q31, or f32 (single precision throughout).
         A position controller needs q31. A stage uses f32, or with q31 fixed point throughout.
@@ -68,8 +68,8 @@ def compile(  # noqa: A001
         Largest deviation from the model, in per cent of the largest output. [default: 0.1 for
         number formats and tables; the deviation of a simplified law is added to it]
     name : str, ``NAME``, optional
-        Name of the actuator in the C. Two actuators in one program need different names. [default:
-        as the model]
+        Name of the actuator in the C code. Two actuators in one program need different names.
+        [default: as the model]
     controller : path-like, ``FILE``, optional
         Controller file of a magnetic bearing. Its position controller is added to the folder.
     package : str, ``ECOSYSTEM``, optional
@@ -112,8 +112,8 @@ def compile(  # noqa: A001
             if given_value is not None:
                 text = f"is for a model; {rig.title} is compiled as its rig file says, leave it out"
                 raise wrong_key(option, text, code="option-not-for-this")
-        request = StageRequest(kind, io or "f32", rate, name)
-        return require_capability(rig, HasController).compile_controller(model, out, request, progress)
+        stage_request = StageRequest(kind, io or "f32", rate, name)
+        return require_capability(rig, HasController).compile_controller(model, out, stage_request, progress)
     if kind == "single-valued":
         text = "single-valued is for the rig file of a stage; give full, simplified or play"
         raise wrong_key("--kind", text, code="option-not-for-this")
@@ -134,8 +134,8 @@ def show(result: Compiled | CompiledPlay | CompiledStage, _: Mapping[str, Any]) 
         yield from _show_stage(result)
     else:
         yield from _show_model(result)
-    guide = "README.md" if result.manifest.get("package") else "DROP_IN.md"
-    yield f"{result.out / guide} explains how to add it to a project"
+    guide_file = "README.md" if result.manifest.get("package") else "DROP_IN.md"
+    yield f"{result.out / guide_file} explains how to add it to a project"
 
 
 def _show_play(compiled: CompiledPlay) -> Iterator[OutputPart]:
@@ -148,14 +148,15 @@ def _show_play(compiled: CompiledPlay) -> Iterator[OutputPart]:
         ("", "whole loop, rms", "worst", "10 % cycles, rms", "worst"),
     )
     for title, key in (("map with one play", "play"), ("single-valued curve", "single-valued")):
-        figures = manifest["accuracy"][key]
-        rows.add_row(title, *(f"{value:.2g}" for value in figures.values()))
+        deviations = manifest["accuracy"][key]
+        rows.add_row(title, *(f"{value:.2g}" for value in deviations.values()))
     size = manifest["memory"]["parameters_bytes"]
-    play = manifest["play"]
+    play_data = manifest["play"]
     yield f"{compiled.out}: play, {manifest['io']}, {size} bytes of parameters"
     yield rows
     yield (
-        f"half-width of the play: {play['radius_A']:.3g} A; of the loops: up to {play['half_width_A']:.3g} A"
+        f"half-width of the play: {play_data['radius_A']:.3g} A; half-width of the loops: up to "
+        f"{play_data['half_width_A']:.3g} A"
     )
 
 
@@ -178,12 +179,10 @@ def _show_model(compiled: Compiled) -> Iterator[OutputPart]:
     rows = TerminalTable(
         f"accuracy, in % of {budget.reference_output:.4g} {budget.unit}", ("part", "worst", "rms")
     )
-    for part in (*budget.parts, budget.compiled, budget.total, budget.drift):
-        if part.worst is not None and part.rms is not None:
-            worst, rms = (
-                f"{100.0 * value / budget.reference_output:.2g}" for value in (part.worst, part.rms)
-            )
-            rows.add_row(part.title, worst, rms)
+    for row in (*budget.parts, budget.compiled, budget.total, budget.drift):
+        if row.worst is not None and row.rms is not None:
+            worst, rms = (f"{100.0 * value / budget.reference_output:.2g}" for value in (row.worst, row.rms))
+            rows.add_row(row.title, worst, rms)
     size = manifest["memory"]["parameters_bytes"]
     yield f"{compiled.out}: {manifest['kind']}, {manifest['io']}, {size} bytes of parameters"
     yield rows
@@ -192,4 +191,4 @@ def _show_model(compiled: Compiled) -> Iterator[OutputPart]:
             f"position controller '{position_controller['name']}': {position_controller['rate_Hz']:g} Hz, "
             f"{position_controller['state_bytes']} bytes of state"
         )
-    yield from (f"{name}: {choice}" for name, choice in manifest["plan"].items())
+    yield from (f"{name}: {setting}" for name, setting in manifest["plan"].items())

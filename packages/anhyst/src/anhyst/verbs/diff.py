@@ -83,14 +83,14 @@ def show(result: ModelDiff, arguments: Mapping[str, Any]) -> Iterator[OutputPart
     low, high = result.drive
     title = f"steady-state loops, {drive.symbol} from {low:g} to {high:g} {drive.unit}"
     schedule_heading, scale = schedule_scale(model.schedule)
-    heads = [
+    headings = [
         schedule_heading,
         f"largest [{unit}]",
         f"mean difference [{unit}]",
         f"worst [{unit}]",
         "worst at",
     ]
-    loops = TerminalTable(title, heads)
+    loops = TerminalTable(title, headings)
     for loop in result.loops:
         loops.add_row(
             "" if loop.schedule is None else f"{scale * loop.schedule:.6g}",

@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 PLACE = 10, "From measurements to a model"
 
-Name = Literal["bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels"]
+ExampleName = Literal["bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels"]
 """Names of the bundled examples."""
 
 
-def example(name: Name, out: PathLike) -> CopiedExample:
+def example(name: ExampleName, out: PathLike) -> CopiedExample:
     """Copy a bundled example: measured loops, and the files of a rig.
 
     Existing files are not overwritten.

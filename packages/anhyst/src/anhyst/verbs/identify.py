@@ -23,7 +23,7 @@ GapMap = Literal["scaling", "reluctance", "circuit", "free", "auto"]
 Weights = Literal["loops", "points", "relative"]
 """Weights of the cost: equal for all loops, equal for all samples, or each loop relative to its
 largest output."""
-Search = Literal["default", "paper"]
+SearchMethod = Literal["default", "paper"]
 """Methods of the search."""
 
 
@@ -33,7 +33,7 @@ def identify(
     out: PathLike | None = None,
     law: str = "auto",
     gap_map: GapMap = "auto",
-    search: Search = "default",
+    search: SearchMethod = "default",
     seed: int = 1,
     weights: Weights = "loops",
     offsets: bool = True,
@@ -169,8 +169,8 @@ def refuse(result: IdentifyResult, arguments: Mapping[str, Any]) -> None:
     if result.interrupted:
         raise Interrupted(f"{out} contains the best model until then{_continuation_text(arguments)}")
     if result.acceptance.passed is False:
-        failed = result.acceptance.text(result.model.input.unit)
-        reasons = "; ".join(filter(None, (failed, result.rejection)))
+        failed_tests = result.acceptance.text(result.model.input.unit)
+        reasons = "; ".join(filter(None, (failed_tests, result.rejection)))
         raise NegativeResult(f"{out}: {reasons}", code="acceptance-failed")
     if result.rejection:
         raise NegativeResult(f"{out}: {result.rejection}", code="fit-rejected")
@@ -189,7 +189,7 @@ def as_json(result: IdentifyResult, arguments: Mapping[str, Any]) -> dict[str, A
         "nodes": list(model.nodes),
         "fit": asdict(model.fit) if model.fit else None,
         "uncertainty": asdict(model.uncertainty) if model.uncertainty else None,
-        "reduction": [asdict(step) for step in model.reduction],
+        "reduction": [asdict(reduction_step) for reduction_step in model.reduction],
         "rejection": result.rejection,
         "warnings": list(result.warnings),
         "seconds": result.seconds,
@@ -208,14 +208,14 @@ def show(result: IdentifyResult, arguments: Mapping[str, Any]) -> Iterator[Outpu
     if reason := settings.get("law_reason"):
         yield str(reason)
     yield from _list_offsets(model)
-    if chosen := settings.get("dead_band"):
-        yield f"dead band: {chosen}"
+    if dead_band := settings.get("dead_band"):
+        yield f"dead band: {dead_band}"
     if rate_text := settings.get("rate"):
         yield f"rate: {rate_text}"
-    for step in model.reduction:
+    for reduction_step in model.reduction:
         yield (
-            f"reduction: {step.frozen} made equal at all nodes, mean deviation "
-            f"{100.0 * step.cost_before:.3g} % -> {100.0 * step.cost_after:.3g} %"
+            f"reduction: {reduction_step.frozen} made equal at all nodes, mean deviation "
+            f"{100.0 * reduction_step.cost_before:.3g} % -> {100.0 * reduction_step.cost_after:.3g} %"
         )
     if model.uncertainty is not None:
         yield from (f"note: {text}" for text in model.uncertainty.statements)
@@ -253,11 +253,11 @@ MAX_CANDIDATES = 4
 
 
 def _list_candidates(model: Model) -> list[str | TerminalTable]:
-    """Return a table of candidates: the chosen one first, the others by error at withheld data."""
+    """Return a table of candidates: the chosen one first, then by error at withheld data."""
     from anhyst.cli.printing import TerminalTable, printer
     from anhyst.support.wording import count_text
 
-    ranked = sorted(
+    sorted_candidates = sorted(
         model.fit.candidates if model.fit else (),
         key=lambda candidate: (
             candidate.note != "chosen",
@@ -265,8 +265,8 @@ def _list_candidates(model: Model) -> list[str | TerminalTable]:
             candidate.left_out or candidate.rms or 0.0,
         ),
     )
-    shown_candidates = ranked if printer.is_verbose else ranked[:MAX_CANDIDATES]
-    hidden_count = len(ranked) - len(shown_candidates)
+    shown_candidates = sorted_candidates if printer.is_verbose else sorted_candidates[:MAX_CANDIDATES]
+    hidden_count = len(sorted_candidates) - len(shown_candidates)
     rows = TerminalTable(
         "candidates, the chosen one first", ["law", "gap map", "rms %", "withheld %", "parameters"]
     )
@@ -276,7 +276,7 @@ def _list_candidates(model: Model) -> list[str | TerminalTable]:
         rms = "" if candidate.rms is None else f"{100.0 * candidate.rms:.3g}"
         rows.add_row(f"{candidate.law}{note}", candidate.gap_map, rms, left_out, str(candidate.numbers))
     hidden_note = [f"{count_text(hidden_count, 'more candidate')}: --verbose"] if hidden_count else []
-    return [rows, *hidden_note] if ranked else []
+    return [rows, *hidden_note] if sorted_candidates else []
 
 
 def _list_offsets(model: Model) -> list[str]:

@@ -83,9 +83,9 @@ def preview(arguments: Mapping[str, Any]) -> Iterator[TerminalTable]:
 
         rows = TerminalTable("channels", ["name", "unit", "samples", "per s", "range", "is"])
         for channel in channels:
-            span = "" if channel.low is None else f"{channel.low:.4g} to {channel.high:.4g}"
+            range_text = "" if channel.low is None else f"{channel.low:.4g} to {channel.high:.4g}"
             rate = "" if channel.rate is None else f"{channel.rate:.6g}"
-            rows.add_row(channel.name, channel.unit, str(channel.samples), rate, span, channel.role)
+            rows.add_row(channel.name, channel.unit, str(channel.samples), rate, range_text, channel.role)
         yield rows
 
 
@@ -128,7 +128,7 @@ def show(inspection: Inspection, arguments: Mapping[str, Any]) -> Iterator[Outpu
     loop_table = TerminalTable(f"{loops}, {drive.name} to {output_quantity.name}", headers)
     for loop in inspection.loops:
         loop_table.add_row(*_loop_row(loop, scale if schedule else None, output_factor))
-    # The histories come last, because the table shows them, too.
+    # The histories come last, because the table also shows the histories.
     histories = tuple(note for note in inspection.notes if ": history of loop" in note)
     reading_notes = tuple(note for note in inspection.notes if note not in histories)
     yield "is it worth it?"
@@ -143,14 +143,14 @@ def show(inspection: Inspection, arguments: Mapping[str, Any]) -> Iterator[Outpu
 
 
 def _loop_row(loop: LoopFigures, scale: float | None, output_factor: float) -> list[str]:
-    from anhyst.cli.printing import MAX_CELL, printer
+    from anhyst.cli.printing import MAX_CELL_WIDTH, printer
 
     cells, history = [loop.label], str(loop.history)
-    if len(history) > MAX_CELL:
-        history = f"{history[: MAX_CELL - 1]}…"
+    if len(history) > MAX_CELL_WIDTH:
+        history = f"{history[: MAX_CELL_WIDTH - 1]}…"
     if scale is not None:
         cells.append("moves" if loop.schedule is None else f"{scale * loop.schedule:.6g}")
-    delay = "unknown"  # s, or samples without a time column
+    delay = "unknown"  # delay in s, or in samples without a time column
     if loop.skew is not None:
         delay = f"{loop.skew:.3g} samples" if loop.skew_s is None else f"{loop.skew_s:.3g} s"
     return [

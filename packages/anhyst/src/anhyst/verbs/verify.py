@@ -26,10 +26,10 @@ def verify(
     """Run compiled C on real instruction sets and compare it bit for bit with the host.
 
     The command runs the golden vectors and random steps: a million on the host, ten thousand on
-    each other target. It counts instructions or cycles per step, code size, memory and stack. The
-    results are also written to verify.json and verify.md in the folder. If tools are missing, the
-    other targets run, and a table names the packages to install. Exit code 1 if any bit differs, 2
-    if a target of `on` did not run.
+    each other target. For each target, it counts instructions or cycles per step, code size, memory
+    and stack. The results are also written to verify.json and verify.md in the folder. If tools are
+    missing, the other targets run, and a table names the packages to install. Exit code 1 if any
+    bit differs, 2 if a target of `on` did not run.
 
     Parameters
     ----------

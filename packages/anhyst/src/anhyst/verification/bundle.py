@@ -38,8 +38,8 @@ class Bundle:
     """Compiled compensator, with the content of its manifest."""
 
     folder: Path  # the compiled folder
-    name: str  # name of the actuator in the C
-    kind: str  # ``full``, ``simplified``, ``cells``, ``euler``, ``play``; and ``q15``, ``q31``, ``f32``
+    name: str  # name of the actuator in C
+    kind: str  # kind: ``full``, ``simplified``, ``cells``, ``euler`` or ``play``
     io: str
     rate: float | None  # sample rate for which the folder was compiled, Hz
     manifest: Mapping[str, Any]  # content of ``manifest.json``
@@ -51,7 +51,7 @@ class Bundle:
         return tuple(name for name in names if name[-2:] in {".c", ".h"} and name not in EXAMPLE_FILES)
 
     def copy_sources(self, folder: Path) -> None:
-        """Copy the C and the port header to a folder."""
+        """Copy the C files and the port header to a folder."""
         for name in self.c_files:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(self.folder / name, folder / name)
@@ -161,10 +161,10 @@ OUTPUT_NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class GoldenVectors:
-    """Inputs and expected outputs, one row per step, from the start on."""
+    """Inputs and expected outputs for each step after the start."""
 
-    inputs: Words  # in the order of the layout; shape (rows, n)
-    outputs: Mapping[str, Words]  # by name in the record; shape (rows,)
+    inputs: Words  # inputs in the order of the layout; shape (rows, n)
+    outputs: Mapping[str, Words]  # outputs by name in the record; shape (rows,)
     layout: RecordLayout = COMPENSATOR_RECORD  # layout of the records
 
 

@@ -1,8 +1,8 @@
 """Build the test program for a target, run it, and find the first difference from the host.
 
-The program runs a start, the golden vectors and random steps. It hashes all inputs and outputs. If
-two hashes differ, both programs run again with more checkpoints, until a window of records contains
-the first difference.
+The program executes the initialisation, the golden vectors and random steps. The program hashes all
+inputs and outputs. If two hashes differ, both programs run again with more checkpoints, until a
+window of records contains the first difference.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from anhyst.verification.protocol import (
 
 HARNESS_FOLDER = Path(__file__).resolve().parent / "harness"
 PORT_WITHOUT_RUNTIME = "msp430"
-"""Port whose compiler has no run-time routines."""
+"""Port for the compiler that has no run-time library."""
 
 FREESTANDING_HEADERS = "freestanding"
 """Folder of the headers that a C library would provide."""
@@ -43,7 +43,8 @@ Subject = Literal["compensator", "controller", "stage"]
 
 SEPARATE_SECTIONS_FLAGS = ("-ffunction-sections", "-fdata-sections")
 NO_FUSED_PRODUCTS_FLAG = "-ffp-contract=off"
-"""Flag that rounds each product and each sum. Otherwise two targets cannot have the same bits."""
+"""Flag that rounds each product and each sum. Without this flag, two targets cannot have the same
+bits."""
 
 NO_MATH_ERRNO_FLAG = "-fno-math-errno"
 """Flag that makes a square root one instruction, if the processor has one. The code does not use
@@ -64,7 +65,7 @@ class Variant:
     target: str  # target, and name of the build: ``gcc -O2``, ``portable``
     name: str
     program: HarnessProgram  # linked test program
-    unit: str  # unit of its clock: ``instructions``, ``cycles``, or empty
+    unit: str  # unit of the program's clock: ``instructions``, ``cycles``, or empty
     processor: str  # processor and compiler, for the report
     compiler: str
     warnings: int  # number of compiler warnings in bundle and harness
@@ -76,19 +77,19 @@ class BuildFolder:
     """Folder with copies of all files that are compiled."""
 
     bundle: Bundle  # compiled folder that is verified
-    folder: Path  # temporary folder: C in ``c``, programs next to it
-    subject: Subject = "compensator"  # part of the bundle that is run
+    folder: Path  # temporary folder: C files in ``c``, programs next to it
+    subject: Subject = "compensator"  # part of the bundle that is tested
 
     @classmethod
     def create(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> BuildFolder:
-        """Copy the C of the bundle and the harness into a temporary folder."""
+        """Copy the C files of the bundle and the harness into a temporary folder."""
         sources = folder / "c"
         sources.mkdir(parents=True)
         bundle.copy_sources(sources)
         for source in HARNESS_FOLDER.iterdir():
-            folder_of = sources / FREESTANDING_HEADERS if source.name == "math.h" else sources
-            folder_of.mkdir(exist_ok=True)
-            shutil.copyfile(source, folder_of / source.name)
+            target_folder = sources / FREESTANDING_HEADERS if source.name == "math.h" else sources
+            target_folder.mkdir(exist_ok=True)
+            shutil.copyfile(source, target_folder / source.name)
         header = toolchain.ACTUATOR_HEADER
         texts = toolchain.core_files(toolchain.PIDD2_SOURCES) | {header: toolchain.read_core(header)}
         for name, text in texts.items():
@@ -161,7 +162,7 @@ class Difference:
     # ``start``, ``vectors`` (golden vectors), ``random`` (random steps), ``firmware`` (ticks of a
     # whole firmware) or ``status`` (its answers)
     part: str
-    step: int  # index within the part, from 0
+    step: int  # index of the step within the part, from 0
     quantity: str  # first quantity of the step that differs
     expected: int  # value of the host or of the golden vectors, and value of the target
     found: int
@@ -175,7 +176,7 @@ class Difference:
 class Answers:
     """All results of a program."""
 
-    start: Reply  # replies after the start, after the golden vectors, and after the random steps
+    start: Reply  # replies after initialisation, golden vectors and random steps
     golden: Reply
     random: Reply
     vectors: Words  # results for the golden vectors; shape (rows, words of a record)
@@ -185,15 +186,15 @@ class Answers:
 def run_program(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
     """Run the golden vectors, random steps, and the steps that measure the stack."""
     rows, input_positions, words = vectors.inputs, vectors.layout.input_positions, vectors.layout.word_count
-    batches = [rows[at : at + WINDOW_RECORDS] for at in range(0, len(rows), WINDOW_RECORDS)]
+    batches = [rows[row : row + WINDOW_RECORDS] for row in range(0, len(rows), WINDOW_RECORDS)]
     start = Request(START, seed=seed, record_words=words)
-    golden = [
+    golden_vectors = [
         Request(VECTORS, steps=len(batch), rows=batch, input_positions=input_positions, record_words=words)
         for batch in batches
     ]
     random = Request(RANDOM, steps=steps, checkpoint_stride=_checkpoint_stride(steps), record_words=words)
     stack = Request(STACK, steps=min(steps, STACK_STEPS), record_words=words)
-    replies = program.run([start, *golden, start, random, stack])
+    replies = program.run([start, *golden_vectors, start, random, stack])
     answers = [reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)]
     golden_answers = np.concatenate([np.zeros((0, words), dtype=np.uint32), *answers])
     return Answers(replies[0], replies[-4], replies[-2], golden_answers, replies[-1].stack_bytes)
@@ -247,7 +248,7 @@ def _locate_difference(
     steps: int,
     seed: int,
 ) -> Difference:
-    """Narrow down the first difference by checkpoints, until one window of records contains it."""
+    """Narrow down the first difference by checkpoints to one window of records."""
     first_step, last_step = 0, steps
     stride = _checkpoint_stride(steps)
     while True:
@@ -258,7 +259,7 @@ def _locate_difference(
         # The hash that is stored before a step covers all earlier steps.
         first_step, last_step = marks[mismatch - 1], marks[mismatch] if mismatch < len(marks) else last_step
         stride = _checkpoint_stride(last_step - first_step)
-        # Run both programs up to the last step, and store hashes from the first step on at every
+        # Run both programs up to the last step. Store a hash at the first step and after every
         # stride.
         random = Request(
             RANDOM,

@@ -1,9 +1,9 @@
-"""Read a linked program: memory image, symbols, sizes, worst-case stack, instruction prices.
+"""Read a linked program: memory image, symbols, sizes, worst-case stack, estimated cycles.
 
 The 16-bit Freescale 56F8322 of the paper (core 56800E, 60 MHz) has no open emulator and no open
 compiler. Its cycles are estimated from the machine code of the Cortex-M0+: each instruction belongs
-to a class with a price. The instruction counts are measured. The prices are assumptions, listed in
-:data:`PRICES`.
+to a class, and each class has a price in cycles. The instruction counts of the Cortex-M0+ are
+measured. The prices are assumptions, listed in :data:`PRICES`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Image:
     def thumb_ranges(self) -> list[tuple[int, int]]:
         """Return begin and end of each range of Thumb code, without the constants in between.
 
-        The linker marks them with symbols called ``$t`` and ``$d``.
+        The linker marks these ranges with symbols called ``$t`` and ``$d``.
         """
         marks = sorted(
             (symbol.address & ~1, symbol.name[:2])
@@ -99,8 +99,8 @@ def _symbols(elf: Any) -> Iterator[Symbol]:
         if not isinstance(section_index, str):
             section = elf.get_section(section_index).name
         value, size = int(symbol["st_value"]), int(symbol["st_size"])
-        local = symbol["st_info"]["bind"] == "STB_LOCAL"
-        yield Symbol(symbol.name, value, size, kind, section, source if local else "")
+        is_local = symbol["st_info"]["bind"] == "STB_LOCAL"
+        yield Symbol(symbol.name, value, size, kind, section, source if is_local else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,33 +169,33 @@ def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
     analysed_functions = {
         address: _analyse_function(image, symbol, functions) for address, symbol in functions.items()
     }
-    by_offset = _find_function_pointers(image, functions)
-    by_offset[UNKNOWN_OFFSET] = by_offset[UNKNOWN_OFFSET].union(
+    functions_by_offset = _find_function_pointers(image, functions)
+    functions_by_offset[UNKNOWN_OFFSET] = functions_by_offset[UNKNOWN_OFFSET].union(
         *(function.referenced for function in analysed_functions.values())
     )
 
     def pointer_targets(address: int) -> set[int]:
         if address == UNKNOWN_OFFSET:
-            return set().union(*by_offset.values())
-        return by_offset[address] | by_offset[UNKNOWN_OFFSET]
+            return set().union(*functions_by_offset.values())
+        return functions_by_offset[address] | functions_by_offset[UNKNOWN_OFFSET]
 
-    def depth(address: int, running_functions: frozenset[int]) -> float:
-        function, active = analysed_functions[address], running_functions | {address}
-        if function.callees & active:
+    def stack_depth(address: int, running_functions: frozenset[int]) -> float:
+        function, callers = analysed_functions[address], running_functions | {address}
+        if function.callees & callers:
             return math.inf
         callees = function.callees.union(
-            *(pointer_targets(pointer_offset) - active for pointer_offset in function.pointer_offsets)
+            *(pointer_targets(pointer_offset) - callers for pointer_offset in function.pointer_offsets)
         )
-        return function.frame + max((depth(callee, active) for callee in callees), default=0)
+        return function.frame + max((stack_depth(callee, callers) for callee in callees), default=0)
 
-    deepest_stack = max(depth(image.address(root), frozenset()) for root in roots)
+    deepest_stack = max(stack_depth(image.address(root), frozenset()) for root in roots)
     return None if deepest_stack == math.inf else int(deepest_stack)
 
 
 def _find_function_pointers(image: Image, functions: dict[int, Symbol]) -> defaultdict[int, set[int]]:
     """Return the functions whose address is stored in a constant, by the offset of the address.
 
-    Addresses between functions have the offset UNKNOWN_OFFSET.
+    Addresses that are stored outside constants have the offset UNKNOWN_OFFSET.
     """
     objects = (symbol for symbol in image.symbols if symbol.kind == "STT_OBJECT")
     offset_by_address = {item.address + at: at for item in objects for at in range(0, item.size, WORD_BYTES)}
@@ -225,13 +225,13 @@ def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]
     begin = symbol.address & ~1
     frame, callees, referenced_addresses, pointer_offsets = 0, set(), set(), set()
     low_halves: dict[str, int] = {}
-    loaded: dict[str, int] = {}
+    loaded_addresses: dict[str, int] = {}
     for instruction in _instructions(image, begin, begin + symbol.size):
         name = instruction.mnemonic.split(".")[0]
         frame += _pushed_bytes(name, instruction.op_str)
         register, _, value = instruction.op_str.partition(", ")
         if name == "ldr" and (load := _LOAD_OPERANDS.fullmatch(instruction.op_str)):
-            loaded[load[1]] = int(load[2] or "0", 0)
+            loaded_addresses[load[1]] = int(load[2] or "0", 0)
         elif name == "movw":
             low_halves[register] = _read_immediate_operand(value)
         elif name == "movt":
@@ -239,7 +239,7 @@ def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]
                 (_read_immediate_operand(value) << 16 | low_halves.get(register, 0)) & ~1
             )
         elif name == "blx" or (name == "bx" and instruction.op_str != "lr"):
-            pointer_offsets.add(loaded.get(instruction.op_str, UNKNOWN_OFFSET))
+            pointer_offsets.add(loaded_addresses.get(instruction.op_str, UNKNOWN_OFFSET))
         elif name.startswith("b") and (number := _NUMBER.fullmatch(instruction.op_str)):
             target = int(number[1], 0)
             # A jump to the start of the same function is a loop, not a call.

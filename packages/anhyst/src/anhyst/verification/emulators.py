@@ -27,8 +27,8 @@ from anhyst.verification.protocol import (
     time_limit_error,
 )
 
-TIME_LIMIT_S = 60.0  # for an answer
-TIME_PER_STEP_S = 0.02  # added for each step; a step of solid iron takes 1 ms
+TIME_LIMIT_S = 60.0  # time limit of an answer
+TIME_PER_STEP_S = 0.02  # addition for each step; solid iron takes 1 ms
 FLASH_BYTES = 256 * 1024
 RAM_ADDRESS = 0x20000000
 RAM_BYTES = 64 * 1024
@@ -77,14 +77,14 @@ class CortexProgram:
     name: str  # target, for messages
     cpu: str  # Unicorn's name of the processor
     image: Image  # the program
-    counter: Path  # compiled hook that counts
-    # costs of the code, as prefix sums over its half-words
+    counter: Path  # compiled hook that counts instructions
+    # costs of the code, as prefix sums over half-words
     costs: CostFunction = count_instructions
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer one request after the other, from reset; repeat once after a time limit.
+        """Answer all requests in order, from reset; after a time limit, repeat once.
 
-        The emulator hung once.
+        A run is repeated because the emulator has hung in the past.
         """
         try:
             return self._run(requests)
@@ -160,7 +160,7 @@ class _Machine:
             raise time_limit_error(self._name, time_limit)
 
     def answer(self, request: Request) -> Reply:
-        """Write a request into the box, run, and read the box."""
+        """Write a request into the mailbox, run, and read the mailbox."""
         for offset, content in ((0, request.pack()), (WINDOW_OFFSET, request.pack_rows())):
             ctypes.memmove(ctypes.addressof(self._ram) + self._box + offset, content, len(content))
         self._run_until_wait(self._uc.reg_read(self._registers.UC_ARM_REG_LR) & ~1, steps=request.steps)

@@ -1,7 +1,7 @@
 """Exchange requests and replies with the test program of a target.
 
-Host and target share a block of memory, called the box. The host writes a request into it, lets the
-target run, and reads the reply. The numbers of this module are the same as in
+Host and target share a block of memory, the mailbox. The host writes a request into the mailbox,
+lets the target run, and reads the reply. The numbers of this module are the same as in
 ``harness/harness.h``.
 """
 
@@ -24,9 +24,9 @@ START = 0  # modes of a request
 RANDOM = 1
 VECTORS = 2
 STACK = 3
-AS_SOLVED = 0  # applied current: the solved one
-AS_GIVEN = 1  # applied current: the given one
-ON_GRID = 2  # applied current: the solved one, rounded to the grid of a converter
+AS_SOLVED = 0  # the solved current is applied
+AS_GIVEN = 1  # the given current is applied
+ON_GRID = 2  # the solved current is applied, rounded to the grid of a converter
 
 RECORD_WORDS = 18
 
@@ -35,12 +35,12 @@ RECORD_WORDS = 18
 class RecordLayout:
     """Names of the words of a record, and of the timed sections; as in ``harness/harness.h``."""
 
-    record: tuple[str, ...]  # names of all words; RECORD_WORDS of them, more for a stage
+    record: tuple[str, ...]  # names of all words: RECORD_WORDS names, or more for a stage
     inputs: tuple[str, ...]  # names of the inputs
     sections: tuple[str, ...]  # names of the timed sections; empty if a section is not used
     # number of clock starts per count of a section, if it is not 1
     clock_calls: Mapping[str, int]
-    start_contents: str  # part of the start that is compared by its hash
+    start_contents: str  # part of the initialisation that is compared by its hash
 
     @property
     def word_count(self) -> int:
@@ -122,7 +122,7 @@ class Request:
     mode: int  # START, RANDOM, VECTORS or STACK
     steps: int = 0  # number of steps; at most WINDOW_RECORDS for VECTORS
     seed: int = 1  # seed of the generator, for START; not 0
-    # the hash is stored before this step, and then after every stride, CHECKPOINT_COUNT times
+    # first step before which the hash is stored; then it is stored after every stride
     first_checkpoint_step: int = 0
     checkpoint_stride: int = 1
     first_window_step: int = 0  # first of WINDOW_RECORDS steps whose records are stored
@@ -132,14 +132,14 @@ class Request:
 
     @property
     def box_bytes(self) -> int:
-        """Size of the box in bytes."""
+        """Size of the mailbox in bytes."""
         return 4 * (_WINDOW_AT + WINDOW_RECORDS * self.record_words)
 
     def pack(self) -> bytes:
-        """Return the request as the target reads it: the words at the start of the box."""
-        head = [self.mode, self.seed, self.steps]
-        head += [self.first_checkpoint_step, self.checkpoint_stride, self.first_window_step]
-        return np.array(head, dtype="<u4").tobytes()
+        """Return the request as the target reads it: the words at the start of the mailbox."""
+        head_words = [self.mode, self.seed, self.steps]
+        head_words += [self.first_checkpoint_step, self.checkpoint_stride, self.first_window_step]
+        return np.array(head_words, dtype="<u4").tobytes()
 
     def pack_rows(self) -> bytes:
         """Return the inputs as the target reads them: the words from WINDOW_OFFSET on."""
@@ -166,7 +166,7 @@ class CycleSection:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Content of the box after a request."""
+    """Content of the mailbox after a request."""
 
     status: int
     state_bytes: int
@@ -181,7 +181,7 @@ class Reply:
 
     @classmethod
     def unpack(cls, box: bytes) -> Reply:
-        """Read a box."""
+        """Read a mailbox."""
         words = np.frombuffer(box, dtype="<u4")
         if words[_REQUEST_WORDS] != len(words):
             raise ValueError("the target has a different layout of the box")

@@ -26,8 +26,8 @@ class Cost:
     # a converter's grid; ``commit, limited`` with a limit instead; ``commit, other`` with another
     # current; ``pidd2``; ``tick, rounded`` and ``tick``: a whole step
     part: str
-    least: int  # over all steps
-    mean: float  # over all steps
+    least: int  # minimum over all steps
+    mean: float  # mean over all steps
     most: int
     most_at: int  # step of the maximum, from 0
 
@@ -45,13 +45,13 @@ class TargetResult:
     warnings: int = 0  # number of compiler warnings
     # unit of the costs: ``instructions``, ``cycles``, or empty if they are not counted
     unit: str = ""
-    costs: tuple[Cost, ...] = ()  # for each part of a step
+    costs: tuple[Cost, ...] = ()  # cost of each part of a step
     sizes: ProgramSizes | None = None  # sizes of code and constants; None on the host
     state_bytes: int = 0  # size of the state of one compensator and of one PIDD2
     control_bytes: int = 0
     # largest painted stack of a call of solve or commit, bytes
     stack_measured: int | None = None
-    stack_static: int | None = None  # the same, bounded from the machine code
+    stack_static: int | None = None  # upper bound from the machine code
     difference: Difference | None = None  # first difference
     failure: str = ""  # reason why no comparison was possible, such as a compiler error
     seconds: float = 0.0  # time of build and run
@@ -90,7 +90,7 @@ class Verification(Result):
     kind, io : str
         Kind of the compensator, and format of its signals.
     rate : float or None
-        Sample rate of the compilation, Hz.
+        Sample rate for which the folder was compiled, Hz.
     seed : int
         Seed of the random steps.
     results : tuple of TargetResult

@@ -76,7 +76,7 @@ PendingBuild = Callable[[], Variant]
 class TargetBuilds:
     """Possible builds of a target with the installed tools, and the missing tools."""
 
-    builds: tuple[PendingBuild, ...] = ()  # empty if the target cannot run
+    builds: tuple[PendingBuild, ...] = ()  # possible builds; empty if the target cannot run
     # tools that are required, or that would allow more builds
     missing: tuple[MissingTool, ...] = ()
 
@@ -119,7 +119,7 @@ CORTEX_PROCESSORS = {
 def host_compilers() -> dict[str, list[str]]:
     """Return the commands of the installed compilers for this machine, by name.
 
-    These are the compilers of the report. If none of them is installed, any other is used.
+    The report uses these compilers. If none of them is installed, any other compiler is used.
     """
     compilers = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
     if compilers:
@@ -178,11 +178,11 @@ def _build_host(build_folder: BuildFolder, name: str, command: list[str], flags:
 
 
 def find_cortex_m_builds(name: str, build_folder: BuildFolder) -> TargetBuilds:
-    """Offer the builds for a Cortex-M: portable, and with optional instructions of the processor.
+    """List the builds for a Cortex-M: portable, and with optional instructions of the processor.
 
-    In fixed point these are the instructions of the port header, in floating point those of the
-    floating-point unit. If the processor has a floating-point unit, a stage in floating point runs
-    only with it, and only with the port header if there is one.
+    Optional instructions are those of the port header in fixed point, and those of the
+    floating-point unit in floating point. If the processor has a floating-point unit, a stage in
+    floating point runs only with it, and only with the port header if there is one.
     """
     if missing_tools := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
         return TargetBuilds(missing=missing_tools)
@@ -215,7 +215,7 @@ def _build_cortex_m(
 
 
 def find_avr_builds(build_folder: BuildFolder) -> TargetBuilds:
-    """Offer the build for an ATmega, run by simavr."""
+    """List the build for an ATmega, run by simavr."""
     missing_tools = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
     missing_tools += missing_modules("avr", ["elftools"])
     compilers = list(host_compilers().values())
@@ -246,7 +246,7 @@ def _build_avr(build_folder: BuildFolder, host_compiler: list[str]) -> Variant:
 
 
 def find_msp430_builds(build_folder: BuildFolder) -> TargetBuilds:
-    """Offer the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
+    """List the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
     missing_tools = (
         *missing_programs("msp430", {"mspdebug": "mspdebug"}),
         *missing_modules("msp430", ["ziglang", "elftools"]),
@@ -267,8 +267,8 @@ def _build_msp430(build_folder: BuildFolder) -> Variant:
     warnings = compile_c(compiler, build, path, "msp430")
     image = read_image(path)
     program, chip = Msp430Program(path, image), "MSP430, 16x16 multiplier"
-    made_by = f"zig cc {level}"
-    return Variant("msp430", "portable", program, "cycles", chip, made_by, warnings, image)
+    compiler_text = f"zig cc {level}"
+    return Variant("msp430", "portable", program, "cycles", chip, compiler_text, warnings, image)
 
 
 TARGETS: Mapping[str, FindTargetBuilds] = {

@@ -70,10 +70,10 @@ def verify(
     folder = Path(folder)
     bundle = read_bundle(folder)
     names = targets.parse_targets(DEFAULT_TARGETS if on is None else on, bundle)
-    with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
+    with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch_folder:
         numbers = (host_steps, target_steps, seed)
         subject: Subject = "stage" if bundle.stage else "compensator"
-        build_folder = BuildFolder.create(bundle, Path(scratch), subject)
+        build_folder = BuildFolder.create(bundle, Path(scratch_folder), subject)
         if build_folder.stage_record is None:
             vectors = read_vectors(folder / VECTORS_FILE, bundle.io == "f32")
         else:
@@ -89,7 +89,7 @@ def verify(
             raise InputError(f"no target can run; missing is {texts}", code="no-target")
         jobs = [(_VerificationJob(build_folder, vectors, *numbers), builds_by_target)]
         if bundle.manifest.get("controller") is not None:
-            controller_folder = BuildFolder.create(bundle, Path(scratch) / "controller", "controller")
+            controller_folder = BuildFolder.create(bundle, Path(scratch_folder) / "controller", "controller")
             levitation = _VerificationJob(
                 controller_folder, read_levitation(folder / LEVITATION_FILE), *numbers
             )
@@ -108,7 +108,7 @@ def verify(
             results += job.run_all(job_builds, report_build)
         for name in whole_targets:
             target = targets.WHOLE_TARGETS[name]
-            results.append(target.verify(bundle, Path(scratch), target_steps, seed))
+            results.append(target.verify(bundle, Path(scratch_folder), target_steps, seed))
             report_build()
         estimated_jobs = jobs if elf.ESTIMATE_TARGET in runnable_targets else []
         estimates = tuple(estimate for job, _ in estimated_jobs for estimate in _estimate_dsc(job))
@@ -175,7 +175,7 @@ class _VerificationJob:
         return results
 
     def _run_build(self, target: str, pending_build: targets.PendingBuild) -> TargetResult:
-        began = time.monotonic()
+        start_time = time.monotonic()
         steps = self.step_count(target)
         try:
             variant = pending_build()
@@ -184,20 +184,20 @@ class _VerificationJob:
         name = variant.name
         if self.build_folder.subject == "controller":
             name = f"{name}, controller"
-        head = (target, name, variant.processor, variant.compiler)
+        identity = (target, name, variant.processor, variant.compiler)
         try:
             outcome = run_program(variant.program, self.vectors, steps, self.seed)
             programs = (self._reference.program, variant.program)
             answers = (self._answers[steps], outcome)
             difference = compare_answers(programs, answers, self.vectors, steps, self.seed)
         except NegativeResult as error:
-            return TargetResult(*head, 0, 0, failure=str(error))
+            return TargetResult(*identity, 0, 0, failure=str(error))
         is_counted, sizes, bundle = bool(variant.unit), None, self.build_folder.bundle
         if variant.image is not None:
             sources = {Path(path).name for path in (*bundle.c_files, *PIDD2_PATHS)}
             sizes = elf.measure_sizes(variant.image, bundle.name, sources, target == "avr")
         return TargetResult(
-            *head,
+            *identity,
             steps,
             len(self.vectors.inputs),
             warnings=variant.warnings,
@@ -209,15 +209,15 @@ class _VerificationJob:
             stack_measured=outcome.stack if is_counted else None,
             stack_static=_static_stack(variant, self.build_folder),
             difference=difference,
-            seconds=time.monotonic() - began,
+            seconds=time.monotonic() - start_time,
         )
 
     def _list_costs(self, outcome: Answers) -> tuple[Cost, ...]:
         """Return the costs of the random steps; for a stage also those of its golden vectors."""
         net_sections = net_costs(outcome.random, self.vectors.layout)
         if self.build_folder.stage_record is not None:
-            flown = net_costs(outcome.golden, self.vectors.layout)[-1]
-            net_sections = (*net_sections, replace(flown, part="tick, in flight"))
+            flight_costs = net_costs(outcome.golden, self.vectors.layout)[-1]
+            net_sections = (*net_sections, replace(flight_costs, part="tick, in flight"))
         return net_sections
 
 

@@ -49,7 +49,7 @@ class Clock:
 
     channel: Channel | None
     length: int
-    times: FloatArray | None  # s, shape (length,); None if the file does not state them
+    times: FloatArray | None  # times, s, shape (length,); None if the file states none
     start: int = 0  # index of the first sample of the channel in ``times``
     is_whole: bool = True  # whether ``times`` contains all samples
 
@@ -79,7 +79,7 @@ def find_shared_clock(
     if not clocks:
         return Clock(None, max(channel_by_length, default=1), None), ()
     times = [seconds(clock) for clock in clocks]
-    if all(np.array_equal(times[0], other) for other in times[1:]):
+    if all(np.array_equal(times[0], other_times) for other_times in times[1:]):
         return Clock(clocks[0], clocks[0].length, times[0]), ()
     steps = [_clock_step(source, clock, ticks) for clock, ticks in zip(clocks, times, strict=True)]
     finest_index = int(np.argmin(steps))
@@ -131,7 +131,7 @@ def resample_to_clock(
     """Interpolate a channel to a clock; the neighbours of a NaN sample are NaN."""
     if channel.clock is None:
         return np.full(clock.length, values[0]) if channel.length == 1 else values
-    if clock.times is None or clock.is_whole:  # its own clock, or a clock with equal times
+    if clock.times is None or clock.is_whole:  # the channel has these times
         return values
     if channel.clock is clock.channel:
         return values[clock.start : clock.start + clock.length]
@@ -206,19 +206,19 @@ class ChannelTable:
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the first samples of each channel as text, each on its own clock."""
-        heads = self.file.read(self.file.channels, count)
+        columns = self.file.read(self.file.channels, count)
         if self._time_header:
-            heads.insert(0, self.file.read(self.clocks[:1], count)[0])
-        # Logicals are numbers.
-        numbers = [head.astype(np.uint8) if head.dtype.kind == "b" else head for head in heads]
-        texts = [[str(value) for value in head] for head in numbers]
+            columns.insert(0, self.file.read(self.clocks[:1], count)[0])
+        # Logical values count as numbers.
+        numbers = [column.astype(np.uint8) if column.dtype.kind == "b" else column for column in columns]
+        texts = [[str(value) for value in column] for column in numbers]
         rows = max(map(len, texts), default=0)
-        return [[head[row] if row < len(head) else "" for head in texts] for row in range(rows)]
+        return [[column[row] if row < len(column) else "" for column in texts] for row in range(rows)]
 
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
-        """Read columns by index, on the finest clock of the numeric ones."""
+        """Read columns by index, on the finest clock of the numeric columns."""
         time_columns = len(self._time_header[:1])
         number_columns = [index for index in numbers if index >= time_columns]
         text_columns = [index for index in texts if index >= time_columns]
@@ -313,7 +313,7 @@ class ChannelTable:
 
 
 def opener(*packages: str) -> Callable[[Callable[[Path], ChannelFile]], Callable[[Path, int], ChannelTable]]:
-    """Return a decorator that turns a function that finds the channels of a file into an opener.
+    """Return a decorator that makes an opener from a function that finds the channels of a file.
 
     The opener requires ``packages``, reads the file in a separate process first, and requires a
     minimum number of numeric channels.
@@ -326,8 +326,8 @@ def opener(*packages: str) -> Callable[[Callable[[Path], ChannelFile]], Callable
             try_in_subprocess(path, open_file)
             with report_damage(path):
                 table = ChannelTable(find(path))
-            numeric = sum(not channel.is_text for channel in table.file.channels)
-            if (count := numeric + len(table.clocks[:1])) < min_columns:
+            numeric_count = sum(not channel.is_text for channel in table.file.channels)
+            if (count := numeric_count + len(table.clocks[:1])) < min_columns:
                 raise InputError(
                     f"{path}: contains {count} numeric channels with samples; at least {min_columns} are "
                     "needed",
@@ -345,9 +345,9 @@ def _as_texts(values: Values) -> Texts:
 
 
 MIN_CPU_TIME_S = 30.0
-"""Limit of processor time, plus 1 s for each 4 MB; reading takes about 1 % of it."""
+"""Limit of processor time, s, plus 1 s for each 4 MB; reading takes about 1 % of this limit."""
 _MIN_ADDRESS_SPACE = 4 << 30
-"""Limit of the address space in bytes, plus twice the file; libraries reserve unused space."""
+"""Limit of the address space, bytes, to which twice the file size is added."""
 _EXIT_REFUSED = 2
 _EXIT_OUT_OF_MEMORY = 4
 """Exit codes of the separate process: file refused, memory limit exceeded."""
@@ -369,17 +369,17 @@ def try_in_subprocess(path: Path, opener: Callable[[Path, int], ChannelTable]) -
         return
     file_status = path.stat()
     name = f"{opener.__module__}:{opener.__name__}"
-    if (refusal := _subprocess_refusal(path, name, file_status.st_mtime_ns, file_status.st_size)) is not None:
-        text, code, key = refusal
+    if (fault := _subprocess_refusal(path, name, file_status.st_mtime_ns, file_status.st_size)) is not None:
+        text, code, key = fault
         raise InputError(text, code=code, key=key)
 
 
 @cache
-def _subprocess_refusal(path: Path, opener: str, _changed: int, size: int) -> tuple[str, str, str] | None:
+def _subprocess_refusal(path: Path, opener: str, _modified_ns: int, size: int) -> tuple[str, str, str] | None:
     """Return text, code and key of the error for which a file is refused; ``None`` if readable."""
     cpu_limit_s = MIN_CPU_TIME_S + size / 4e6
-    script = "from anhyst.data.formats.channel_table import read_in_this_process; read_in_this_process()"
-    command = [sys.executable, "-P", "-c", script, str(path), opener, str(cpu_limit_s)]
+    python_code = "from anhyst.data.formats.channel_table import read_in_this_process; read_in_this_process()"
+    command = [sys.executable, "-P", "-c", python_code, str(path), opener, str(cpu_limit_s)]
     try:
         process = subprocess.run(
             command,
@@ -387,8 +387,7 @@ def _subprocess_refusal(path: Path, opener: str, _changed: int, size: int) -> tu
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-            # Processor time is limited. This limit of elapsed time is for systems that cannot do
-            # so.
+            # for systems on which the process cannot limit its processor time
             timeout=20.0 * cpu_limit_s,
             check=False,
         )
@@ -412,12 +411,12 @@ def read_in_this_process() -> None:
     """Read the file in the command line within limits, and exit with a code for the result."""
     path, opener, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
     limit_resources(seconds, path.stat().st_size)
-    pipe = os.dup(1)
+    result_pipe = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print messages
     code, text = 0, ""
-    module, _, name = opener.partition(":")
+    module_name, _, name = opener.partition(":")
     try:
-        table = getattr(import_module(module), name)(path, 1)
+        table = getattr(import_module(module_name), name)(path, 1)
         for channel in [*table.clocks, *table.file.channels]:
             table.file.read([channel])
         gc.collect()  # finds memory that a library has overwritten
@@ -427,7 +426,7 @@ def read_in_this_process() -> None:
         code, text = _EXIT_REFUSED, json.dumps([str(error), error.code, error.key])
     except Exception:  # a fault of this package, which appears again in the calling process
         pass
-    os.write(pipe, text.encode())
+    os.write(result_pipe, text.encode())
     # Exit without finalising the interpreter, which may crash after errors in a library.
     os._exit(code)
 
@@ -438,10 +437,10 @@ def limit_resources(seconds: float, size: int) -> None:
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 
-        memory = _MIN_ADDRESS_SPACE + 2 * size
+        memory_limit = _MIN_ADDRESS_SPACE + 2 * size
         for resource_kind, limit in (
             (resource.RLIMIT_CORE, 0),
             (resource.RLIMIT_CPU, int(time.process_time() + seconds) + 1),
-            (resource.RLIMIT_AS, memory),
+            (resource.RLIMIT_AS, memory_limit),
         ):
             resource.setrlimit(resource_kind, (limit, resource.getrlimit(resource_kind)[1]))

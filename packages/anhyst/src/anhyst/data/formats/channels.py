@@ -41,7 +41,7 @@ class Channel:
 
     name: str
     length: int  # number of samples
-    key: Any  # reader's key to the samples
+    key: Any  # key with which the reader finds the samples
     unit: str = ""
     group: str = ""
     clock: Channel | None = None  # times of the samples; None if not stated
@@ -54,7 +54,7 @@ class Channel:
 
 
 ReadChannels = Callable[[Path, Sequence[Channel], int | None], list[Values]]
-"""Function that reads channels, whole or a number of first samples: arrays of shape (samples,)."""
+"""Function that reads channels, completely or only their first samples, as arrays of shape (n,)."""
 
 
 def read_samples_in_keys(_path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
@@ -70,7 +70,7 @@ class ChannelFile:
     channels: tuple[Channel, ...]
     read_channels: ReadChannels
     notes: tuple[str, ...] = ()
-    breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()  # as in `RawColumns`
+    breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()  # blocks of rows, as in `RawColumns`
 
     def read(self, requested_channels: Sequence[Channel], count: int | None = None) -> list[Values]:
         """Read channels completely, or only their first samples."""
@@ -128,25 +128,25 @@ def read_groups(file: ChannelFile) -> list[ChannelGroup]:
 
 
 def number_repeats(names: Sequence[str]) -> list[str]:
-    """Return names with a number added to repeated ones: ``x``, ``x#2``, ..."""
+    """Return names with a number added to repeated names: ``x``, ``x#2``, ..."""
     counts = Counter[str]()
-    numbered = []
+    numbered_names = []
     for name in names:
         counts[name] += 1
-        numbered.append(name if counts[name] == 1 else f"{name}#{counts[name]}")
-    return numbered
+        numbered_names.append(name if counts[name] == 1 else f"{name}#{counts[name]}")
+    return numbered_names
 
 
 def _unused_name(group: str, name: str, used_names: Container[tuple[str, str]]) -> str:
     """Return a name that is unique in a group: ``x``, ``x#2``, ..."""
     names = (name if n == 1 else f"{name}#{n}" for n in itertools.count(1))
-    return next(free for free in names if (group, free) not in used_names)
+    return next(unused_name for unused_name in names if (group, unused_name) not in used_names)
 
 
 def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
     """Return channels with a clock that is found by its name in the same group.
 
-    The clock is the only channel of the group and the length that is named as a time with a unit of
+    The clock is the only channel of this group and this length whose name is a time with a unit of
     time, such as ``t`` in s.
     """
     times: dict[tuple[str, int], list[Channel]] = {}
@@ -186,7 +186,7 @@ def check_size(path: Path, name: str, samples: int, size: int) -> None:
 
 
 def to_plain_values(values: Values) -> Values:
-    """Return numbers, logicals or texts of shape (n,); dates become s since the first one."""
+    """Return numbers, logicals or texts of shape (n,); dates become s since the first date."""
     values = np.asarray(values)
     if values.dtype.kind == "M":
         values = values.astype("datetime64[ns]")
@@ -203,7 +203,7 @@ def to_plain_values(values: Values) -> Values:
 
 @contextmanager
 def report_damage(path: Path) -> Iterator[None]:
-    """Turn any exception of a library on a damaged file into an `InputError`."""
+    """Convert any exception that a library raises on a damaged file to an `InputError`."""
     log_level = logging.root.manager.disable
     logging.disable(logging.CRITICAL)  # no log messages of libraries about damaged files
     try:
@@ -249,8 +249,8 @@ class Texts:
     @classmethod
     def from_rows(cls, rows: Sequence[str]) -> Texts:
         """Return a column from the texts of all rows; values are in order of appearance."""
-        order = {text: code for code, text in enumerate(dict.fromkeys(rows))}
-        return cls(tuple(order), np.array([order[text] for text in rows], np.int32))
+        code_by_text = {text: code for code, text in enumerate(dict.fromkeys(rows))}
+        return cls(tuple(code_by_text), np.array([code_by_text[text] for text in rows], np.int32))
 
     def __len__(self) -> int:
         return self.codes.size
@@ -275,7 +275,7 @@ class RawColumns:
     """The requested columns by index, and the SHA-256 of the whole file.
 
     In every format, a sample without a measured value (overrange, invalid, empty) is NaN in
-    ``numbers``. The caller refuses or removes it.
+    ``numbers``. The caller refuses or removes such samples.
     """
 
     sha256: str
@@ -326,7 +326,7 @@ def is_invalid_mark(text: str) -> bool:
 
 
 def is_number_or_mark(text: str) -> bool:
-    """Whether a field belongs to a numeric column: a number, or a mark instead of one."""
+    """Whether a field belongs to a numeric column: a number, or a mark instead of a number."""
     return is_number(text) or (text != "" and is_invalid_mark(text))
 
 
@@ -351,7 +351,7 @@ class OpenTable(Protocol):
         """Units of the columns if they are separate from the names."""
 
     def find(self, name: str) -> int | None:
-        """Return the index of a column by a name from the user, ``None`` if there is none."""
+        """Return the index of a column by a name from the user, ``None`` without such a column."""
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the fields of the first data rows, one for each column."""
@@ -381,8 +381,8 @@ class MemoryTable:
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the first rows as text."""
-        heads = [[str(value) for value in column[:count]] for column in self.columns]
-        return [list(row) for row in zip(*heads, strict=True)]
+        first_texts = [[str(value) for value in column[:count]] for column in self.columns]
+        return [list(row) for row in zip(*first_texts, strict=True)]
 
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
@@ -397,8 +397,8 @@ class MemoryTable:
                 raise TextInNumbersError(
                     text, column=index, code="text-in-numbers", key=self.header[index]
                 ) from None
-        words = {n: Texts.from_rows([str(value) for value in self.columns[n]]) for n in texts}
-        return RawColumns(self.sha256, columns, words, ())
+        texts_by_column = {n: Texts.from_rows([str(value) for value in self.columns[n]]) for n in texts}
+        return RawColumns(self.sha256, columns, texts_by_column, ())
 
     def locate_row(self, row: int) -> str:
         """Return the location of a row in its file as text."""

@@ -46,8 +46,8 @@ def is_text(head: bytes) -> bool:
     sample = head[:4096]
     if head.startswith((b"PK\x03\x04", b"\x1f\x8b", b"\xd0\xcf\x11\xe0")):
         return False
-    control = sum(sample.count(code) for code in range(32) if code not in {9, 10, 12, 13, 26})
-    return _detect_utf16(head) is not None or control <= len(sample) // 200
+    control_count = sum(sample.count(code) for code in range(32) if code not in {9, 10, 12, 13, 26})
+    return _detect_utf16(head) is not None or control_count <= len(sample) // 200
 
 
 def refuse_binary(path: Path, head: bytes) -> None:
@@ -72,8 +72,8 @@ def detect_encoding(head: bytes) -> str:
 def read_head(path: Path, max_bytes: int) -> tuple[bytes, int]:
     """Return the first bytes of a file and its size."""
     try:
-        mode = path.stat().st_mode
-        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        file_mode = path.stat().st_mode
+        if not stat.S_ISREG(file_mode) and not stat.S_ISDIR(file_mode):
             raise InputError(
                 f"{path}: is a pipe or a device, and a table is read more than once; save it as a file first",
                 code="not-a-file",

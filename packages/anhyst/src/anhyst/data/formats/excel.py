@@ -39,7 +39,7 @@ _MAX_EXPANDED_BYTES = 1 << 29
 _MAX_CELLS = 20_000_000
 _BLOCK_BYTES = 1 << 20
 _OVERLAP_BYTES = 256
-"""Overlap of successive blocks in the search; longer than the start of a cell."""
+"""Overlap of successive blocks, bytes; longer than the tag that begins a cell."""
 _CELL_TAG = re.compile(rb'<c\b[^>]{0,200}?\br="([A-Z]{1,4})([0-9]{1,8})"')
 _ROW_TAG = re.compile(rb'<row\b[^>]{0,200}?\br="([0-9]{1,8})"')
 _SHARED_TEXT = re.compile(rb't="s"')
@@ -70,7 +70,7 @@ class _SizeGuard:
             with zipfile.ZipFile(self.path) as archive:
                 for member in archive.infolist():
                     with archive.open(member) as stream:
-                        self._count(member.filename, iter(lambda: stream.read(_BLOCK_BYTES), b""))
+                        self._count_cells(member.filename, iter(lambda: stream.read(_BLOCK_BYTES), b""))
         except _DAMAGE_ERRORS as error:
             raise InputError(
                 f"{self.path}: is an incomplete workbook ({error}); save it again, or export it as CSV",
@@ -83,10 +83,10 @@ class _SizeGuard:
                 code="too-large",
             )
 
-    def _count(self, name: str, blocks: Iterator[bytes]) -> None:
-        """Add the size, the cells and the texts of one file of the archive."""
+    def _count_cells(self, name: str, blocks: Iterator[bytes]) -> None:
+        """Add the size and the numbers of cells and texts of one file in the archive."""
         is_sheet, is_texts = "worksheets/" in name, name.lower().endswith("sharedstrings.xml")
-        cell_range, tail, open_text_length = _CellRange(), b"", 0
+        cell_range, previous_tail, open_text_length = _CellRange(), b"", 0
         for block in blocks:
             self.expanded_bytes += len(block)
             if self.expanded_bytes > _MAX_EXPANDED_BYTES:
@@ -96,9 +96,9 @@ class _SizeGuard:
                     code="too-large",
                 )
             if is_sheet:
-                cell_range.include(tail + block)
-                self.text_references += len(_SHARED_TEXT.findall(tail[-8:] + block))
-                tail = block[-_OVERLAP_BYTES:]
+                cell_range.add_cells(previous_tail + block)
+                self.text_references += len(_SHARED_TEXT.findall(previous_tail[-8:] + block))
+                previous_tail = block[-_OVERLAP_BYTES:]
             elif is_texts:
                 text_end, *next_texts = block.split(b"</si>")
                 open_text_length += len(text_end)
@@ -113,7 +113,7 @@ class _SizeGuard:
 
 
 class _CellRange:
-    """The smallest rectangle of all cells so far."""
+    """The smallest rectangle that contains all cells that were counted."""
 
     def __init__(self) -> None:
         self.rows = (1 << 30, 0)
@@ -122,11 +122,11 @@ class _CellRange:
     @property
     def cell_count(self) -> int:
         """Number of cells, at least one for each row."""
-        rows, columns = (max(0, last - first + 1) for first, last in (self.rows, self.columns))
+        rows, columns = (max(0, high - low + 1) for low, high in (self.rows, self.columns))
         return rows * max(1, columns)
 
-    def include(self, text: bytes) -> None:
-        """Extend the rectangle by the cells in a piece of a sheet."""
+    def add_cells(self, text: bytes) -> None:
+        """Extend the rectangle by the cells in a part of the text of a sheet."""
         rows = {int(row) for row in _ROW_TAG.findall(text)}
         columns = set()
         for letters, row in set(_CELL_TAG.findall(text)):
@@ -189,14 +189,14 @@ def _is_value(cell: Any) -> bool:
 
 
 def _find_first_data_row(rows: Rows) -> int | None:
-    """Return the index of the first row of values in constant columns, each with a name above."""
+    """Return the first of several rows with values in the same columns, each below a name."""
     for start in range(1, min(_MAX_HEADER_ROW, len(rows) - _MIN_DATA_ROWS + 1)):
         value_columns = [
             {column for column, cell in enumerate(row) if _is_value(cell)}
             for row in rows[start : start + _MIN_DATA_ROWS]
         ]
-        common = set.intersection(*value_columns)
-        if common and all(_find_name_above(rows, start, column) for column in common):
+        common_columns = set.intersection(*value_columns)
+        if common_columns and all(_find_name_above(rows, start, column) for column in common_columns):
             return start
     return None
 
@@ -224,9 +224,9 @@ class _Sheet:
     def from_rows(cls, path: Path, name: str, rows: Rows, start: int) -> _Sheet:
         """Interpret the rows of a sheet whose data begin at ``start``."""
         names, units = _find_header(rows, start)
-        head = [" ".join(str(cell) for cell in row if cell != "") for row in rows[:start]]
+        lines_above = [" ".join(str(cell) for cell in row if cell != "") for row in rows[:start]]
         is_length = re.fullmatch(r"[\d.,]+ ?[^\W\d]+", name.strip()) is not None
-        breaks = [(0, (f"gap = {name}" if is_length else name, *head))]
+        breaks = [(0, (f"gap = {name}" if is_length else name, *lines_above))]
         cells: list[Sequence[Any]] = []
         notes, is_after_break = [], False
         for number, row in enumerate(rows[start:], start=start + 1):
@@ -257,16 +257,16 @@ def _find_header(rows: Rows, start: int) -> tuple[list[str], list[str]]:
     # A row of units has names above it; a row of names may have a title above it.
     if any(is_unit) and all(names_above[column] for column in width if is_unit[column]):
         units = [name.strip("[]() ") if unit else "" for name, unit in zip(names, is_unit, strict=True)]
-        names = [up or name for up, name in zip(names_above, names, strict=True)]
+        names = [name_above or name for name_above, name in zip(names_above, names, strict=True)]
     return names, units
 
 
 def _merge_columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
     """Join the columns of several sheets."""
-    thousands = ThousandsCheck(None)
+    thousands_check = ThousandsCheck(None)
     for row in (row for sheet in sheets for row in sheet.cells):
-        thousands.observe(1, [cell if isinstance(cell, str) else "" for cell in row])
-    thousands.refuse_doubtful(f"{path}: sheet '{sheets[0].name}'", range(len(sheets[0].header)))
+        thousands_check.check_fields(1, [cell if isinstance(cell, str) else "" for cell in row])
+    thousands_check.refuse_doubtful(f"{path}: sheet '{sheets[0].name}'", range(len(sheets[0].header)))
     channels = []
     for column, (name, unit) in enumerate(sheets[0].header):
         if not name:
@@ -283,21 +283,21 @@ def _convert_cells(location_text: str, cells: Sequence[Any]) -> tuple[Values, bo
     """Return the values of a column, and whether they are dates or times of day."""
     if all(_is_value(cell) or cell == "" or is_invalid_mark(str(cell)) for cell in cells):
         cells = [parse_number(cell) if isinstance(cell, str) and is_number(cell) else cell for cell in cells]
-    kinds = {type(cell) for cell in cells}
-    if str in kinds and kinds & {int, float}:  # marks such as OL among numbers
+    cell_types = {type(cell) for cell in cells}
+    if str in cell_types and cell_types & {int, float}:  # marks such as OL among numbers
         cells = [math.nan if isinstance(cell, str) and is_invalid_mark(cell) else cell for cell in cells]
-        kinds = {type(cell) for cell in cells}
+        cell_types = {type(cell) for cell in cells}
     if all(cell == "" for cell in cells):  # formulas without results
         return np.full(len(cells), math.nan), False
-    if kinds <= {int, float, bool}:
+    if cell_types <= {int, float, bool}:
         return np.array(cells, dtype=np.float64), False
-    if kinds == {datetime.datetime}:
+    if cell_types == {datetime.datetime}:
         return np.array(cells, dtype="datetime64[us]"), True
-    if kinds <= {datetime.time, datetime.timedelta, int, float}:
+    if cell_types <= {datetime.time, datetime.timedelta, int, float}:
         return np.array([_to_seconds(cell) for cell in cells]), True
     if isinstance(cells[0], str):
         return np.array([str(cell) for cell in cells]), False
-    row = next(row_of for row_of, cell in enumerate(cells) if type(cell) is not type(cells[0]))
+    row = next(cell_row for cell_row, cell in enumerate(cells) if type(cell) is not type(cells[0]))
     fault = f"'{str(cells[row])[:30]}' is not a number" if cells[row] != "" else "is empty"
     raise InputError(
         f"{location_text}, row {row + 1} below the header: {fault}; correct or remove it", code="bad-cell"

@@ -29,7 +29,7 @@ MAX_GROUP_DEPTH = 40
 
 @dataclass(frozen=True)
 class _SampleKey:
-    """Location of the samples of a channel: a dataset, and a field or column of it."""
+    """Location of the samples of a channel: a dataset, and a field or column in it."""
 
     name: str
     field: str | None = None
@@ -63,18 +63,18 @@ def open_hdf5(path: Path) -> ChannelFile:
             for index, channel in enumerate(channels)
             if channel not in used_scales
         ]
-    return ChannelFile(path, assign_clocks_by_name(kept_channels), _read, (), ((0, tuple(attributes)),))
+    return ChannelFile(path, assign_clocks_by_name(kept_channels), _read_all, (), ((0, tuple(attributes)),))
 
 
 def datasets(path: Path, group: Any) -> Iterator[Any]:
     """Yield each dataset of a file once, even if several links refer to it."""
     import h5py
 
-    visited: set[Any] = set()
+    visited_addresses: set[Any] = set()
     pending_groups = [(group, 0)]
     while pending_groups:
         folder, depth = pending_groups.pop(0)
-        if depth > MAX_GROUP_DEPTH or len(visited) > MAX_CHANNELS:
+        if depth > MAX_GROUP_DEPTH or len(visited_addresses) > MAX_CHANNELS:
             raise InputError(
                 f"{path}: contains more than {MAX_CHANNELS} objects, or groups more than {MAX_GROUP_DEPTH} "
                 "deep; export the channels you need",
@@ -84,10 +84,10 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
             if is_link(path, folder, name, f"{folder.name.rstrip('/')}/{name}"):
                 continue
             member = folder[name]
-            info = h5py.h5o.get_info(member.id)
-            if info.addr in visited:
+            object_info = h5py.h5o.get_info(member.id)
+            if object_info.addr in visited_addresses:
                 continue
-            visited.add(info.addr)
+            visited_addresses.add(object_info.addr)
             if isinstance(member, h5py.Group):
                 pending_groups.append((member, depth + 1))
             elif isinstance(member, h5py.Dataset):
@@ -96,7 +96,7 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
 
 
 def is_link(path: Path, group: Any, name: str, shown_name: str) -> bool:
-    """Whether a member of a group is a link. The target of a link is read where it is stored."""
+    """Whether a member of a group is a link; a target is read where it is stored."""
     import h5py
 
     link = group.get(name, getlink=True)
@@ -123,22 +123,22 @@ def check_dataset(path: Path, dataset: Any) -> None:
 
 
 def _dataset_channels(path: Path, dataset: Any) -> list[Channel]:
-    """Return the channels of a dataset: one, one for each column, or one for each field."""
+    """Return the channels of a dataset: a single one, or one for each column or each field."""
     group, _, name = dataset.name.strip("/").rpartition("/")
-    shape, kind = dataset.shape, dataset.dtype
+    shape, data_type = dataset.shape, dataset.dtype
     if shape is None or not dataset.size:
         return []
-    if kind.fields is not None:
+    if data_type.fields is not None:
         if len(shape) != 1:
             return []
         return [
             Channel(entry, shape[0], _SampleKey(dataset.name, field=entry), group=dataset.name.strip("/"),
-                    is_text=_is_text(dataset, sub))
-            for entry, (sub, *_) in kind.fields.items()
-            if sub.kind in "biufSO" and sub.shape == ()
+                    is_text=_is_text(dataset, field_type))
+            for entry, (field_type, *_) in data_type.fields.items()
+            if field_type.kind in "biufSO" and field_type.shape == ()
         ]  # fmt: skip
-    is_text = _is_text(dataset, kind)
-    if (kind.kind not in "biuf" and not is_text) or len(shape) > 2:
+    is_text = _is_text(dataset, data_type)
+    if (data_type.kind not in "biuf" and not is_text) or len(shape) > 2:
         return []
     unit = _read_unit(dataset)
     if len(shape) < 2 or 1 in shape:
@@ -175,7 +175,7 @@ def _first_axis_scale(dataset: Any) -> str | None:
     return str(scale.name) if scale.shape == dataset.shape[:1] else None
 
 
-def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+def _read_all(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     import h5py
 
     with h5py.File(path, "r") as file:

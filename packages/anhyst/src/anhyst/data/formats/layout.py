@@ -32,7 +32,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.units import parse_header
 
 _HEAD_BYTES = (1 << 16, 1 << 22)
-"""Numbers of bytes in which the header is searched; the second is for long headers."""
+"""Numbers of bytes in which the header is searched; the second number is for long headers."""
 _MAX_SAMPLE_ROWS = 50
 """Number of data rows from which the kinds of the fields are determined."""
 
@@ -117,9 +117,9 @@ def _find_layout(
 ) -> Kind:
     encoding = detect_encoding(head)
     bom_length = 3 if encoding == "utf-8-sig" else 0
-    eol = b"\n" if b"\n" in head or b"\r" not in head else b"\r"
+    line_end = b"\n" if b"\n" in head or b"\r" not in head else b"\r"
     is_complete = size <= len(head)
-    lines = _split_head(head[bom_length:], eol, encoding, is_complete=is_complete)
+    lines = _split_head(head[bom_length:], line_end, encoding, is_complete=is_complete)
     notes, first_line = skip_comments(lines, 0)
     if first_line == len(lines):
         if not is_complete:
@@ -148,7 +148,7 @@ def _find_layout(
     ]
     table = replace(table, columns=tuple(columns))
     offset = bom_length + lines[table.first_line][1]
-    return kind(path, size, encoding, eol, table, stamp_column, (*notes, *table.notes), offset, content)
+    return kind(path, size, encoding, line_end, table, stamp_column, (*notes, *table.notes), offset, content)
 
 
 def _find_stamp_column(table: TextColumns, rows: list[list[str]]) -> tuple[TextColumns, int | None]:
@@ -169,11 +169,11 @@ def _find_stamp_column(table: TextColumns, rows: list[list[str]]) -> tuple[TextC
     return table, None
 
 
-def _split_head(head: bytes, eol: bytes, encoding: str, *, is_complete: bool) -> Lines:
+def _split_head(head: bytes, line_end: bytes, encoding: str, *, is_complete: bool) -> Lines:
     """Return the lines of the head with their byte offsets, without an incomplete last line."""
     lines: Lines = []
     offset = 0
-    for piece in head.split(eol):
-        lines.append((piece.decode(encoding, "replace").rstrip("\r"), offset))
-        offset += len(piece) + len(eol)
+    for line_bytes in head.split(line_end):
+        lines.append((line_bytes.decode(encoding, "replace").rstrip("\r"), offset))
+        offset += len(line_bytes) + len(line_end)
     return lines if is_complete or len(lines) == 1 else lines[:-1]

@@ -23,16 +23,16 @@ _TEKTRONIX_SETTINGS = re.compile(
 
 
 def recognise_logger(path: Path, lines: Lines, first_line: int) -> TextColumns | None:
-    """Return the columns of the first recogniser that accepts a file, from line ``first`` on."""
-    for recognise in _RECOGNISERS:
-        table = recognise(path, lines, first_line)
+    """Return the columns of the first recogniser that accepts a file, from ``first_line`` on."""
+    for recogniser in _RECOGNISERS:
+        table = recogniser(path, lines, first_line)
         columns = table.columns if table else ()
         if any(column.position is not None and not column.is_counter for column in columns):
             return table
     return None
 
 
-def _normalise(field: str) -> str:
+def _normalise_field(field: str) -> str:
     return field.strip(' ":').lower()
 
 
@@ -45,15 +45,15 @@ def _recognise_rigol(path: Path, lines: Lines, first_line: int) -> TextColumns |
     """Recognise Rigol: the header has start and step of the time, as columns or ``t0 =``."""
     header = split_line(lines[first_line][0], ",")
     fields_below = split_line(lines[first_line + 1][0], ",") if first_line + 1 < len(lines) else []
-    words = [_normalise(field) for field in header]
-    timing: dict[str, str] = {}
+    words = [_normalise_field(field) for field in header]
+    time_settings: dict[str, str] = {}
     for index, (field, word) in enumerate(zip(header, words, strict=True)):
         for name, pattern in (("start", _RIGOL_START), ("increment", _RIGOL_STEP)):
             if match := pattern.fullmatch(field):
-                timing[name] = match[1]
+                time_settings[name] = match[1]
             elif word == name and index < len(fields_below):
-                timing[name] = fields_below[index]
-    if set(timing) != {"start", "increment"} or not all(map(is_number, timing.values())):
+                time_settings[name] = fields_below[index]
+    if set(time_settings) != {"start", "increment"} or not all(map(is_number, time_settings.values())):
         return None
     units = fields_below if "start" in words else []
     data = first_line + 1 + bool(units)
@@ -62,7 +62,7 @@ def _recognise_rigol(path: Path, lines: Lines, first_line: int) -> TextColumns |
     row = split_line(lines[data][0], ",")
     columns = [Column("t", "s", None)]
     for index, (field, word) in enumerate(zip(header, words, strict=True)):
-        if _RIGOL_START.fullmatch(field) or _RIGOL_STEP.fullmatch(field) or word in {"", *timing}:
+        if _RIGOL_START.fullmatch(field) or _RIGOL_STEP.fullmatch(field) or word in {"", *time_settings}:
             continue
         if word == "x":
             columns = [Column("t", "s", index, is_counter=True)]
@@ -74,7 +74,7 @@ def _recognise_rigol(path: Path, lines: Lines, first_line: int) -> TextColumns |
         match = _CHANNEL_NAME.fullmatch(field)
         name, unit = (match[1], match[2] or "") if match else (field, "")
         columns.append(Column(name, normalise_unit(units[index]) if units else unit, index))
-    clock = (parse_number(timing["start"]), parse_number(timing["increment"]))
+    clock = (parse_number(time_settings["start"]), parse_number(time_settings["increment"]))
     return TextColumns(data, ",", len(row), tuple(columns), clock)
 
 
@@ -83,8 +83,8 @@ def _recognise_keysight(path: Path, lines: Lines, first_line: int) -> TextColumn
     for index in range(first_line, min(first_line + 40, len(lines) - 2)):
         names = split_line(lines[index][0], ",")
         units = split_line(lines[index + 1][0], ",")
-        is_named = _normalise(names[0]) in {"x-axis", "source", "time"}
-        if not is_named or _normalise(units[0]) not in {"second", "seconds"}:
+        is_named = _normalise_field(names[0]) in {"x-axis", "source", "time"}
+        if not is_named or _normalise_field(units[0]) not in {"second", "seconds"}:
             continue
         row = split_line(lines[index + 2][0], ",")
         if len(units) > len(names) or not all(is_number_or_mark(field) for field in row if field):
@@ -133,7 +133,7 @@ _START_KEYS = {"hoffset", "xorg", "xorigin", "x0"}
 
 def _find_setting(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
     """Return the values of a setting, one for each channel; empty if the file does not have it."""
-    setting_values = next((row[1:] for row in rows if row and _normalise(row[0]) in keys), [])
+    setting_values = next((row[1:] for row in rows if row and _normalise_field(row[0]) in keys), [])
     while setting_values and not setting_values[-1]:
         setting_values = setting_values[:-1]
     return setting_values
@@ -201,7 +201,9 @@ def _recognise_tektronix(path: Path, lines: Lines, first_line: int) -> TextColum
     clock = [row[blocks[0][0]] for row in rows]
     for number, block in enumerate(blocks, start=1):
         settings = {
-            _normalise(row[block_start]): row[block_start + 1] for row in head if block_start < block[0] - 1
+            _normalise_field(row[block_start]): row[block_start + 1]
+            for row in head
+            if block_start < block[0] - 1
         }
         if number == 1:
             columns.append(
@@ -214,7 +216,7 @@ def _recognise_tektronix(path: Path, lines: Lines, first_line: int) -> TextColum
                 code="different-times",
             )
         names = [settings.get("source") or f"CH{number}"]
-        names += [f"{names[0]}_{extra}" for extra in range(2, len(block))]
+        names += [f"{names[0]}_{extra_number}" for extra_number in range(2, len(block))]
         unit = normalise_unit(settings.get("vertical units", ""))
         columns += [Column(name, unit, position) for name, position in zip(names, block[1:], strict=True)]
         block_start = block[-1] + 1

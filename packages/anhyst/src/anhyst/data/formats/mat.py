@@ -56,7 +56,7 @@ class MatGuard:
     def check(self, content: bytes) -> None:
         """Check a whole file."""
         self._byte_order = "<" if content[126:128] == b"IM" else ">"
-        expanded = 0
+        expanded_bytes = 0
         remaining_bytes = memoryview(content)[_HEADER_BYTES:]
         while len(remaining_bytes) >= 8:
             kind, size = struct.unpack_from(f"{self._byte_order}2I", remaining_bytes)
@@ -64,18 +64,18 @@ class MatGuard:
                 raise self._damage_error(f"is cut off after {len(content)} bytes")
             body, remaining_bytes = remaining_bytes[8 : 8 + size], remaining_bytes[8 + size :]
             if kind == _TYPE_COMPRESSED:
-                part = memoryview(self._expand(body, MAX_BYTES - expanded))
-                expanded += len(part)
-                if len(part) < 8:
+                expanded_part = memoryview(self._expand_content(body, MAX_BYTES - expanded_bytes))
+                expanded_bytes += len(expanded_part)
+                if len(expanded_part) < 8:
                     raise self._damage_error("ends within a variable")
-                kind, size = struct.unpack_from(f"{self._byte_order}2I", part)
-                if size > len(part) - 8:
+                kind, size = struct.unpack_from(f"{self._byte_order}2I", expanded_part)
+                if size > len(expanded_part) - 8:
                     raise self._damage_error("has a variable that is larger than its container")
-                body = part[8 : 8 + size]
+                body = expanded_part[8 : 8 + size]
             if kind == _TYPE_MATRIX:
                 self._check_matrix(body, 0, is_variable=True)
 
-    def _expand(self, body: memoryview, max_bytes: int) -> bytes:
+    def _expand_content(self, body: memoryview, max_bytes: int) -> bytes:
         engine = zlib.decompressobj()
         try:
             content = engine.decompress(body, max_bytes + 1)
@@ -125,7 +125,7 @@ class MatGuard:
                 self.objects.append((texts[0], texts[-1]) if len(texts) == 3 else ("", "?"))
             return
         shape = self._read_integers(parts, "i")
-        if any(side < 0 for side in shape):
+        if any(side_length < 0 for side_length in shape):
             raise self._damage_error("has a variable of negative size")
         count = math.prod(shape)
         self._next_part(parts)  # name
@@ -144,19 +144,19 @@ class MatGuard:
             self._next_part(parts)  # name of the class
         fields = 1
         if kind != _CLASS_CELL:
-            (width,) = self._read_integers(parts, "i") or (0,)
+            (name_width,) = self._read_integers(parts, "i") or (0,)
             names = self._next_part(parts)
-            if width < 1 and len(names):
+            if name_width < 1 and len(names):
                 raise self._damage_error("has a structure without names of fields")
-            fields = len(names) // width if width > 0 else 0
+            fields = len(names) // name_width if name_width > 0 else 0
             if count > _MAX_PARTS:
                 raise self._damage_error(f"contains more than {_MAX_PARTS} parts")
-        present = 0
+        present_count = 0
         for number, content in parts:
-            present += 1
+            present_count += 1
             if number == _TYPE_MATRIX:
                 self._check_matrix(content, depth + 1)
-        if present < count * fields:
+        if present_count < count * fields:
             raise self._damage_error("has a structure with fewer parts than it states")
 
     def _read_integers(self, parts: Iterator[tuple[int, memoryview]], code: str) -> tuple[int, ...]:
@@ -222,7 +222,7 @@ def _to_tree(value: Any) -> Any:
     if isinstance(value, str):
         return value
     if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
-        members = [_to_tree(item) for item in (value if isinstance(value, list) else value.ravel())]
+        members = [_to_tree(element) for element in (value if isinstance(value, list) else value.ravel())]
         if any(isinstance(member, str) for member in members):  # empty texts are arrays
             members = [
                 "" if isinstance(member, ArrayInMemory) and member.values.size == 0 else member
@@ -251,14 +251,14 @@ def write_mat(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             for signal in section.series
         ]
     times = [{"Name": time.name, "Unit": time.unit, "Data": _as_row(time.values)} for time in clocks]
-    recording = {
+    recording_structure = {
         "X": _as_struct_array(times, ("Name", "Unit", "Data")),
         "Y": _as_struct_array(channels, ("Name", "Path", "Unit", "Data", "XIndex")),
     }
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)[:60]
     name = name if re.match(r"[A-Za-z]", name) else f"r_{name}"
     with binary_writer(path) as stream:
-        savemat(stream, {name: recording}, do_compression=True, long_field_names=True)
+        savemat(stream, {name: recording_structure}, do_compression=True, long_field_names=True)
     return ()
 
 

@@ -25,16 +25,16 @@ class ArrayInMemory:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Lengths of its axes."""
+        """Lengths of the axes of the array."""
         return self.values.shape
 
     @property
     def is_text(self) -> bool:
-        """Whether it contains texts."""
+        """Whether the array contains texts."""
         return self.values.dtype.kind == "U"
 
     def read(self) -> Values:
-        """Return the values."""
+        """Return the values of the array."""
         return self.values
 
 
@@ -48,7 +48,7 @@ class ArrayInFile:
     is_text: ClassVar[bool] = False
 
     def read(self) -> Values:
-        """Return its values in the order of axes of MATLAB."""
+        """Return the values with the axes in MATLAB's order."""
         import h5py
 
         with h5py.File(self.path, "r") as file:
@@ -120,13 +120,13 @@ def _structure_channels(name: str, node: MatTree, group: str, path: str) -> list
 
 def _control_desk_channels(node: MatTree) -> list[Channel]:
     """Return the channels in Y; an index or the name of the raster gives the clock in X."""
-    clocks, rasters = [], {}
+    clocks, clock_by_raster = [], {}
     for axis in _as_structures(node["X"]):
         times: Any = axis.get("Data")
         name, unit, clock = (_as_text(axis.get("Name")) or "t", _as_text(axis.get("Unit")) or "s", None)
         if _is_array(times):
             (clock,) = _array_channels(name, times, unit=unit)
-            rasters[_as_text(axis.get("Raster"))] = clock
+            clock_by_raster[_as_text(axis.get("Raster"))] = clock
         clocks.append(clock)
     channels: list[Channel] = []
     for axis in _as_structures(node["Y"]):
@@ -141,7 +141,7 @@ def _control_desk_channels(node: MatTree) -> list[Channel]:
         if index is not None:
             clock = clocks[index - 1] if 1 <= index <= len(clocks) else None
         elif "Raster" in axis:
-            clock = rasters.get(_as_text(axis["Raster"]))
+            clock = clock_by_raster.get(_as_text(axis["Raster"]))
         elif len(clocks) == 1:
             clock = clocks[0]
         channels += _array_channels(name, data, _as_text(axis.get("Path")), _as_text(axis.get("Unit")), clock)
@@ -182,8 +182,8 @@ def _time_series_channels(
     """
 
     def unit(key: str) -> str:
-        info = node.get(key_by_lower_case.get(key, ""))
-        text = info.get("Units", info.get("units")) if isinstance(info, Mapping) else info
+        unit_info = node.get(key_by_lower_case.get(key, ""))
+        text = unit_info.get("Units", unit_info.get("units")) if isinstance(unit_info, Mapping) else unit_info
         return _as_text(text)
 
     times = node[key_by_lower_case["time"]]
@@ -192,16 +192,16 @@ def _time_series_channels(
         seconds = {"": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}
         stated_unit = unit("timeinfo")
         (clock,) = _array_channels("time", times, group, seconds.get(stated_unit, stated_unit))
-    title = _as_text(node.get(key_by_lower_case.get("name", ""))) or name
+    channel_name = _as_text(node.get(key_by_lower_case.get("name", ""))) or name
     units = unit("datainfo") or unit("units") or unit("unit")
-    return _array_channels(title, node[key_by_lower_case["data"]], group, units, clock)
+    return _array_channels(channel_name, node[key_by_lower_case["data"]], group, units, clock)
 
 
 def _array_channels(
     name: str, array: MatArray, group: str = "", unit: str = "", clock: Channel | None = None
 ) -> list[Channel]:
     """Return the channels of an array; samples are along the clock's axis or the longest axis."""
-    shape = [side for side in array.shape if side != 1]
+    shape = [side_length for side_length in array.shape if side_length != 1]
     count = int(np.prod(array.shape))
     if count == 0 or len(shape) > 3:
         return []
@@ -212,13 +212,13 @@ def _array_channels(
         axis = (
             len(shape) - 1 - shape[::-1].index(clock.length) if len(shape) > 2 else shape.index(clock.length)
         )
-    length, width = shape[axis], count // shape[axis]
+    length, channel_count = shape[axis], count // shape[axis]
     return [
         Channel(
             f"{name}_{column + 1}", length, _Column(array, axis, column), unit, group, clock,
             array.is_text,
         )
-        for column in range(width)
+        for column in range(channel_count)
     ]  # fmt: skip
 
 
@@ -257,15 +257,15 @@ class _TreeBuilder:
         self.objects: list[tuple[str, str]] = []
         self._count = 0
 
-    def group(self, group: Any, depth: int = 0) -> dict[str, Any]:
+    def read_group(self, group: Any, depth: int = 0) -> dict[str, Any]:
         """Return the members of a group without MATLAB's internal ones."""
         return {
-            name: self.node(name, group[name], depth + 1)
+            name: self.convert_node(name, group[name], depth + 1)
             for name in group
             if not is_link(self.path, group, name, name) and not (depth == 0 and name.startswith("#"))
         }
 
-    def node(self, name: str, item: Any, depth: int) -> Any:
+    def convert_node(self, name: str, item: Any, depth: int) -> Any:
         """Convert a dataset or a group to trees, texts and arrays."""
         import h5py
 
@@ -275,7 +275,7 @@ class _TreeBuilder:
                 f"{self.path}: is nested too deeply; export the channels you need", code="nested-too-deep"
             )
         if isinstance(item, h5py.Group):
-            fields = self.group(item, depth)
+            fields = self.read_group(item, depth)
             return (
                 _as_structure_list(fields)
                 if fields and all(map(_is_structure_array_field, item.values()))
@@ -291,20 +291,20 @@ class _TreeBuilder:
         check_dataset(self.path, item)
         if "MATLAB_empty" in item.attrs or not item.size:
             return None
-        return self._dataset(name, item, kind, depth)
+        return self._convert_dataset(name, item, kind, depth)
 
-    def _dataset(self, name: str, item: Any, kind: str, depth: int) -> Any:
+    def _convert_dataset(self, name: str, item: Any, kind: str, depth: int) -> Any:
         import h5py
 
         if h5py.check_ref_dtype(item.dtype) is not None:
-            return self._references(name, item, depth)
+            return self._convert_references(name, item, depth)
         if kind == "char":
             return _decode_utf16(item)
         if item.dtype.kind in "biuf" or item.dtype.names == ("real", "imag"):
             return ArrayInFile(self.path, item.name, tuple(item.shape[::-1]))
         return None
 
-    def _references(self, name: str, item: Any, depth: int) -> Any:
+    def _convert_references(self, name: str, item: Any, depth: int) -> Any:
         if item.size > MAX_CHANNELS:
             raise InputError(
                 f"{self.path}: '{name}' has more than {MAX_CHANNELS} members",
@@ -314,7 +314,7 @@ class _TreeBuilder:
         members = []
         for number, reference in enumerate(np.ravel(item[()]), start=1):
             target = self.file[reference] if reference else None
-            members.append(self.node(f"{name}_{number}", target, depth + 1) if target else None)
+            members.append(self.convert_node(f"{name}_{number}", target, depth + 1) if target else None)
         if members and all(isinstance(member, str) for member in members):
             return ArrayInMemory(np.array(members))
         return members
@@ -330,23 +330,23 @@ def _is_structure_array_field(item: Any) -> bool:
 
 def _as_structure_list(fields: dict[str, Any]) -> list[dict[str, Any]]:
     """Convert fields, each a list of members, to a list of structures."""
-    lists = [
+    columns = [
         field if isinstance(field, list) else [str(x) for x in field.values] for field in fields.values()
     ]
-    return [dict(zip(fields, row, strict=True)) for row in zip(*lists, strict=False)]
+    return [dict(zip(fields, row, strict=True)) for row in zip(*columns, strict=False)]
 
 
 def _decode_utf16(item: Any) -> Any:
     """Return the texts of UTF-16 codes: each row of a MATLAB array is a column here."""
-    codes = np.atleast_2d(np.asarray(item[()], dtype=np.uint16))
-    rows = [row.tobytes().decode("utf-16-le", "replace") for row in np.ascontiguousarray(codes.T)]
+    character_codes = np.atleast_2d(np.asarray(item[()], dtype=np.uint16))
+    rows = [row.tobytes().decode("utf-16-le", "replace") for row in np.ascontiguousarray(character_codes.T)]
     return rows[0] if len(rows) == 1 else ArrayInMemory(np.array(rows))
 
 
 def read_tree(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
-    """Return the variables of a file, and those that are objects of a MATLAB class."""
+    """Return the variables of a file, and name and class of each object of a MATLAB class."""
     import h5py
 
     with h5py.File(path, "r") as file:
         tree = _TreeBuilder(path, file)
-        return tree.group(file), tree.objects
+        return tree.read_group(file), tree.objects

@@ -31,7 +31,7 @@ def open_mdf(path: Path) -> ChannelFile:
     if not head.startswith((b"MDF     ", b"UnFinMF ")):
         raise InputError(f"{path}: is not an MDF file; export it again", code="not-an-mdf-file")
     with _open_as_mdf4(path) as file:
-        return ChannelFile(path, tuple(_find_channels(path, file)), _read)
+        return ChannelFile(path, tuple(_find_channels(path, file)), _read_channels)
 
 
 @contextmanager
@@ -65,15 +65,15 @@ def _find_channels(path: Path, file: Any) -> list[Channel]:
                 code="damaged-file",
             )
         group_channels, clock = [], None
-        for index, raw in enumerate(group.channels):
-            conversion = raw.conversion
-            unit = raw.unit or (conversion.unit if conversion else "") or ""
-            is_worded = conversion is not None and conversion.conversion_type in _TEXT_CONVERSIONS
-            is_text = raw.data_type in _TEXT_TYPES or is_worded
-            if not is_text and raw.data_type > 5:
+        for index, mdf_channel in enumerate(group.channels):
+            conversion = mdf_channel.conversion
+            unit = mdf_channel.unit or (conversion.unit if conversion else "") or ""
+            has_text_conversion = conversion is not None and conversion.conversion_type in _TEXT_CONVERSIONS
+            is_text = mdf_channel.data_type in _TEXT_TYPES or has_text_conversion
+            if not is_text and mdf_channel.data_type > 5:
                 continue  # bytes, pictures, structures
-            channel = Channel(raw.name, count, (group_index, index), str(unit), name, None, is_text)
-            if raw.channel_type in _MASTER_TYPES and raw.sync_type == _SYNC_TIME:
+            channel = Channel(mdf_channel.name, count, (group_index, index), str(unit), name, None, is_text)
+            if mdf_channel.channel_type in _MASTER_TYPES and mdf_channel.sync_type == _SYNC_TIME:
                 clock = replace(channel, unit=channel.unit or "s", is_text=False)
             else:
                 group_channels.append(channel)
@@ -81,7 +81,7 @@ def _find_channels(path: Path, file: Any) -> list[Channel]:
     return channels
 
 
-def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+def _read_channels(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     values = []
     with _open_as_mdf4(path) as file:
         for channel in channels:
@@ -97,9 +97,9 @@ def _signal_values(signal: Any, channel: Channel) -> Values:
     values = np.asarray(signal.samples)
     if channel.is_text:
         return decode_texts(values.tolist(), signal.encoding or "utf-8")
-    invalid = signal.invalidation_bits
-    if invalid is not None and np.any(invalid):
-        values = np.where(invalid, np.nan, values)
+    is_invalid = signal.invalidation_bits
+    if is_invalid is not None and np.any(is_invalid):
+        values = np.where(is_invalid, np.nan, values)
     return values
 
 
@@ -111,30 +111,30 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     with MDF(version="4.10") as file:
         for section in sections:
             times = section.clock
-            parts: dict[int, list[Any]] = {}
+            channels_by_clock: dict[int, list[Any]] = {}
             for signal in section.series:
-                parts.setdefault(len(signal.values), []).append(signal)
-            for part in parts.values():
-                count = len(part[0].values)
+                channels_by_clock.setdefault(len(signal.values), []).append(signal)
+            for channels in channels_by_clock.values():
+                count = len(channels[0].values)
                 if times is None:
                     notes.append(
-                        f"{', '.join(signal.name for signal in part)}: without times, which MDF requires: "
+                        f"{', '.join(signal.name for signal in channels)}: without times, which MDF requires: "
                         "the sample number is used"
                     )
-                stamps = np.arange(float(count)) if times is None else times.values
+                sample_times = np.arange(float(count)) if times is None else times.values
                 signals = []
-                for series in part:
+                for series in channels:
                     values, encoding = series.values, None
                     if values.dtype.kind == "U":
                         values, encoding = np.char.encode(values, "utf-8"), "utf-8"
                     elif values.dtype.kind == "b":
                         values = values.astype(np.uint8)
-                    signals.append(Signal(values, stamps, series.unit, series.name, encoding=encoding))
+                    signals.append(Signal(values, sample_times, series.unit, series.name, encoding=encoding))
                 source = Source(section.group, section.group, "", Source.SOURCE_OTHER, 0)
                 group = file.append(signals, acq_name=section.group, acq_source=source)
-                master = file.groups[group].channels[0]
+                master_channel = file.groups[group].channels[0]
                 if times is not None:
-                    master.name, master.unit = times.name, times.unit
+                    master_channel.name, master_channel.unit = times.name, times.unit
         with binary_writer(path) as stream:
             file.save(stream)  # type: ignore[arg-type]
     return tuple(notes)

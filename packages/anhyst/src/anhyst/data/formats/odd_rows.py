@@ -82,7 +82,7 @@ def classify_rows(texts: Iterable[str], layout: Layout, first_line: int = 0) -> 
 
     If a word for statistics begins several consecutive rows, it is the label of these samples.
     """
-    pending_rows: list[TextRow] = []  # from a row of statistics to the next row
+    pending_rows: list[TextRow] = []  # row with a word for statistics, and rows below
     previous_word = ""
     for number, text in enumerate(texts, start=first_line or layout.first_line_number):
         row = _classify_row(text, layout, number)
@@ -195,10 +195,10 @@ def refuse_factors(location_text: str, filled_fields: Sequence[str]) -> None:
 
 
 class ThousandsCheck:
-    """Finds numbers such as 1,234 whose sign is or can be a separator of thousands.
+    """Finds numbers such as 1,234 whose comma or point is or can be a separator of thousands.
 
-    It is a separator if the other numbers have another decimal sign. It can be one if its column
-    has integers of three digits and no other decimals.
+    The sign is a separator if the other numbers have another decimal sign. It can be a separator if
+    its column has integers of three digits and no other decimals.
     """
 
     def __init__(self, delimiter: str | None) -> None:
@@ -208,7 +208,7 @@ class ThousandsCheck:
         self.whole_columns: set[int] = set()
         self.grouped_numbers: dict[
             tuple[int, str], tuple[int, str]
-        ] = {}  # first line and field by column and sign
+        ] = {}  # line and field of the first number, by column and sign
 
     def may_occur(self, chunk: bytes) -> bool:
         """Whether each field of a part of the file must be checked."""
@@ -216,7 +216,7 @@ class ThousandsCheck:
             return _QUOTED_GROUPED.search(chunk) is not None
         return (b"." in chunk and b"," in chunk) or _NOT_GROUPED.search(chunk) is None
 
-    def observe(self, line: int, fields: Sequence[str]) -> None:
+    def check_fields(self, line: int, fields: Sequence[str]) -> None:
         """Record the fields of one row."""
         for column, field in enumerate(fields):
             if (match := _GROUPED_NUMBER.fullmatch(field)) and (
@@ -230,7 +230,7 @@ class ThousandsCheck:
                 self.whole_columns.add(column)
 
     def refuse_doubtful(self, path: object, columns: Sequence[int]) -> None:
-        """Raise an error for the first such number in some columns."""
+        """Raise an error for a number in some columns that may have a separator of thousands."""
         for (column, sign), (line, field) in self.grouped_numbers.items():
             is_other = bool(self.decimal_signs) and sign not in self.decimal_signs
             is_doubtful = column in self.whole_columns and column not in self.decimal_columns

@@ -35,7 +35,7 @@ def open_parquet(path: Path) -> ChannelFile:
             for index, field in enumerate(file.schema_arrow)
             if rows > 0 and (channel := _field_channel(path, index, field, rows)) is not None
         ]
-    return ChannelFile(path, assign_clocks_by_name(channels), _read)
+    return ChannelFile(path, assign_clocks_by_name(channels), _read_channels)
 
 
 def _field_channel(path: Path, index: int, field: Any, rows: int) -> Channel | None:
@@ -57,7 +57,7 @@ def _field_channel(path: Path, index: int, field: Any, rows: int) -> Channel | N
     return Channel(field.name, rows, index, "s" if is_date else unit, group, None, is_text)
 
 
-def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+def _read_channels(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     import pyarrow
     from pyarrow import parquet
 

@@ -18,7 +18,7 @@ Lines = list[tuple[str, int]]
 """Lines at the beginning of a file, and the byte position of each."""
 _DELIMITERS = (";", "\t", ",", None)
 _MIN_RUN_ROWS = 8
-"""Minimum length of a numeric run that is the data; otherwise the longest run is used."""
+"""Minimum number of rows of a numeric run that is the data; otherwise the longest run is used."""
 FACTOR_FIELD = re.compile(r"[*×x]\s*[\d.,]+([eE][+-]?\d+)?")
 """Field of a row of factors, such as *0.001."""
 _COMMENT_SIGNS = "#% ;/"
@@ -56,7 +56,7 @@ def normalise_unit(text: str) -> str:
 
 
 def is_comment(text: str) -> bool:
-    """Whether a line is a comment; a semicolon is a comment sign only if it is the only one."""
+    """Whether a line is a comment; a semicolon is a comment sign only if it is the only sign."""
     text = text.lstrip()
     if text.startswith(("#", "%", "//")):
         return True
@@ -121,7 +121,7 @@ def find_header(
         names = wide_names if is_wide else names
     if len(names) < min_columns:
         raise InputError(
-            f"{path}: line {row + 1}: one column only ('{shorten(names[0])}'); a loop needs an "
+            f"{path}: line {row + 1}: one column only ('{shorten_text(names[0])}'); a loop needs an "
             "input and an output column, separated by comma, semicolon, tab or blanks",
             code="single-column",
         )
@@ -149,24 +149,24 @@ def _read_rows_below_names(
     """
     comments, data = skip_comments(lines, row)
     units = None
-    remarks, begin = list(comments), data
+    remarks, data_line = list(comments), data
     for _ in range(_MAX_ROWS_ABOVE):
-        if begin == len(lines):
+        if data_line == len(lines):
             break
-        fields = split_line(lines[begin][0], delimiter)
+        fields = split_line(lines[data_line][0], delimiter)
         if FACTOR_FIELD.fullmatch(fields[0]):
-            return remarks, begin, units
-        unit_row = parse_unit_row(lines[begin][0], delimiter, names) if units is None else None
-        stamp = TIME_STAMP.fullmatch(fields[0])
-        is_dated = stamp is not None and stamp["date"] is not None
+            return remarks, data_line, units
+        unit_row = parse_unit_row(lines[data_line][0], delimiter, names) if units is None else None
+        stamp_match = TIME_STAMP.fullmatch(fields[0])
+        is_dated = stamp_match is not None and stamp_match["date"] is not None
         if not unit_row and (is_dated or any(is_number_or_mark(field) for field in fields)):
-            return remarks, begin, units
-        remarks += [] if unit_row else [lines[begin][0].strip()]
+            return remarks, data_line, units
+        remarks += [] if unit_row else [lines[data_line][0].strip()]
         units = units or unit_row
-        more_comments, begin = skip_comments(lines, begin + 1)
+        more_comments, data_line = skip_comments(lines, data_line + 1)
         remarks += more_comments
         if unit_row:
-            comments, data = list(remarks), begin
+            comments, data = list(remarks), data_line
     return comments, data, units
 
 
@@ -187,9 +187,8 @@ def _find_names_above_run(
     run, _ = max(found_runs, key=lambda run: run[0].width)
     line_above = _find_text_above(lines, first_line, run.start) or first_line
     raise InputError(
-        f"{path}: line {line_above + 1}: '{shorten(lines[line_above][0].strip())}' is in the place of the header of "
-        f"the {run.width} numeric columns below it; name them there, such as "
-        "'I_A,F_N,gap_m'",
+        f"{path}: line {line_above + 1}: '{shorten_text(lines[line_above][0].strip())}' is in the place of the header "
+        f"of the {run.width} numeric columns below it; name them there, such as 'I_A,F_N,gap_m'",
         code="header-not-named",
     )
 
@@ -199,7 +198,7 @@ _MAX_ROWS_ABOVE = 12
 
 
 def _find_names_row(lines: Lines, first_line: int, run: NumberRun, sign: str | None) -> int | None:
-    """Return the row above a run that names its columns best, the lowest of equal ones."""
+    """Return the row above a run that names its columns best; of equally good rows, the lowest."""
     best_line, best_count = None, -2
     line_above = _find_text_above(lines, first_line, run.start)
     for _ in range(_MAX_ROWS_ABOVE):
@@ -240,7 +239,7 @@ def _find_units_above(lines: Lines, delimiter: str | None, names: list[str]) -> 
 
 
 def _split_names(text: str, delimiter: str | None) -> list[str] | None:
-    """Return the fields of a line that can be a header; ``None`` if one is a number."""
+    """Return the fields of a line that can be a header; ``None`` if a field is a number."""
     fields = drop_empty_tail(split_header_line(text, delimiter))
     return None if any(is_number(field) for field in fields) else fields
 
@@ -255,7 +254,7 @@ def _find_text_above(lines: Lines, first_line: int, start: int) -> int | None:
 class NumberRun:
     """Consecutive rows with equal width and the same numeric columns.
 
-    ``used_columns`` counts the columns up to the last non-empty one.
+    ``used_columns`` counts the columns up to the last non-empty column.
     """
 
     start: int
@@ -266,7 +265,7 @@ class NumberRun:
 
 
 def find_run(lines: Lines, first_line: int, delimiter: str | None, min_columns: int) -> NumberRun | None:
-    """Return the first run of at least `_MIN_RUN_ROWS` rows, else the longest of three or more."""
+    """Return the first run of at least `_MIN_RUN_ROWS` rows, else the longest of three or more rows."""
     run, best_run = NumberRun(first_line, 0, set()), None
     for line in range(first_line, len(lines)):
         text = lines[line][0]
@@ -277,10 +276,10 @@ def find_run(lines: Lines, first_line: int, delimiter: str | None, min_columns: 
         stamps = [TIME_STAMP.fullmatch(field) is not None for field in fields]
         is_row = bool(fields) and (stamps[0] or is_number_or_mark(fields[0]))
         numbers = {n for n, field in enumerate(fields) if is_number_or_mark(field) or (is_row and stamps[n])}
-        common = numbers & run.numeric_columns if len(fields) == run.width else set()
-        if not _is_table(common, run.used_columns, min_columns):
-            run, common = NumberRun(line, len(fields), numbers), numbers
-        run.numeric_columns = common
+        common_columns = numbers & run.numeric_columns if len(fields) == run.width else set()
+        if not _is_table(common_columns, run.used_columns, min_columns):
+            run, common_columns = NumberRun(line, len(fields), numbers), numbers
+        run.numeric_columns = common_columns
         run.used_columns = max(
             run.used_columns, *(index + 1 for index, field in enumerate(fields) if field), 0
         )
@@ -318,10 +317,10 @@ def split_header_line(line: str, delimiter: str | None) -> list[str]:
 
 def drop_empty_tail(fields: list[str]) -> list[str]:
     """Return the fields without empty ones at the end."""
-    kept = list(fields)
-    while len(kept) > 1 and not kept[-1]:
-        kept.pop()
-    return kept
+    kept_fields = list(fields)
+    while len(kept_fields) > 1 and not kept_fields[-1]:
+        kept_fields.pop()
+    return kept_fields
 
 
 def read_header_comment(path: Path, lines: Lines, first_line: int, row: list[str]) -> list[str]:
@@ -330,8 +329,8 @@ def read_header_comment(path: Path, lines: Lines, first_line: int, row: list[str
     if comments:
         text = comments[-1].strip().lstrip(_COMMENT_SIGNS)
         whole_comment = comments[-1].strip()  # a row number may be called '#'
-        choices = [split_header_line(line, detect_delimiter(line)) for line in (text, whole_comment)]
-        for fields in (*choices, re.split(r"\s{2,}|\t", text)):
+        field_choices = [split_header_line(line, detect_delimiter(line)) for line in (text, whole_comment)]
+        for fields in (*field_choices, re.split(r"\s{2,}|\t", text)):
             if len(fields) == len(row) and not any(is_number(field) for field in fields):
                 return fields
     raise InputError(
@@ -348,6 +347,6 @@ def parse_unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple
     return None if not any(find_unit(unit) for unit in units if unit) else tuple(units)
 
 
-def shorten(text: str) -> str:
+def shorten_text(text: str) -> str:
     """Return the beginning of a text for a message."""
     return text if len(text) <= 40 else text[:37] + "..."

@@ -76,34 +76,34 @@ def _merge_sections(sections: list[_Section], count: int, notes: list[str]) -> t
 
 
 def _find_tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Section]]:
-    """Return the aixACCT tables with the most frequent columns, and the others.
+    """Return the aixACCT tables with the most frequent columns, and the other tables.
 
     A table has a line such as ``Table 1``, settings, names with units, and numeric rows.
     """
-    found: list[_Section] = []
+    tables: list[_Section] = []
     label = ""
     for number, text in enumerate(lines):
         fields = drop_empty_tail(split_line(text, "\t"))
         if match := _TABLE_TITLE.fullmatch(text):
             label = match[2]
         elif len(fields) > 1 and is_number_or_mark(fields[0]):
-            if found and found[-1].label == label:
-                found[-1].rows[number] = _check_field_count(path, number, fields, len(found[-1].columns))
-        elif len(fields) > 1 and "[" in text and not any(is_number(item) for item in fields):
+            if tables and tables[-1].label == label:
+                tables[-1].rows[number] = _check_field_count(path, number, fields, len(tables[-1].columns))
+        elif len(fields) > 1 and "[" in text and not any(is_number(field) for field in fields):
             columns = [Column(name, "", position) for position, name in enumerate(fields)]
-            found.append(_Section(label, columns))
-    found = [section for section in found if section.rows]
-    if not found:
+            tables.append(_Section(label, columns))
+    tables = [section for section in tables if section.rows]
+    if not tables:
         return [], []
-    names = [tuple(column.name for column in section.columns) for section in found]
+    names = [tuple(column.name for column in section.columns) for section in tables]
     usual_names, _ = Counter(names).most_common(1)[0]
     sections = [
-        section for section, section_names in zip(found, names, strict=True) if section_names == usual_names
+        section for section, section_names in zip(tables, names, strict=True) if section_names == usual_names
     ]
     if len({section.label for section in sections}) < len(sections):
         for number, section in enumerate(sections, start=1):
             section.label = str(number)
-    return sections, [section for section in found if section not in sections]
+    return sections, [section for section in tables if section not in sections]
 
 
 def _check_field_count(path: Path, number: int, fields: list[str], count: int) -> list[str]:
@@ -119,17 +119,17 @@ def _check_field_count(path: Path, number: int, fields: list[str], count: int) -
 
 def _find_labview_segments(path: Path, lines: list[str]) -> list[_Section]:
     """Return the segments of a LabVIEW measurement file."""
-    head: dict[str, str] = {}
-    begin = len(lines)
+    settings: dict[str, str] = {}
+    data_line = len(lines)
     for number, text in enumerate(lines):
         key, _, value = re.sub(r"[\t,;]+", "\t", text.strip(), count=1).partition("\t")
         if key.strip().lower() == _END_OF_HEADER:
-            begin = number + 1
+            data_line = number + 1
             break
-        head[key.strip().lower()] = value.strip()
-    sign = {"comma": ",", "semicolon": ";"}.get(head.get("separator", "tab").lower(), "\t")
-    reader = _SegmentReader(path, sign, x_columns=head.get("x_columns", "one").lower())
-    for number in range(begin, len(lines)):
+        settings[key.strip().lower()] = value.strip()
+    sign = {"comma": ",", "semicolon": ";"}.get(settings.get("separator", "tab").lower(), "\t")
+    reader = _SegmentReader(path, sign, x_columns=settings.get("x_columns", "one").lower())
+    for number in range(data_line, len(lines)):
         reader.feed(number, lines[number])
     return reader.finish()
 
@@ -165,22 +165,22 @@ class _SegmentReader:
 
     def finish(self) -> list[_Section]:
         """Return the segments; segments that continue in time are joined."""
-        found = [section for section in self.segments if section.rows]
-        if not found:
+        segments = [section for section in self.segments if section.rows]
+        if not segments:
             raise InputError(
                 f"{self.path}: has no samples below '***End_of_Header***'; export it again", code="no-data"
             )
         sections: list[_Section] = []
-        end = float("-inf")
-        for section in found:
+        end_time = float("-inf")
+        for section in segments:
             times = self._segment_times(section)
-            is_continued = sections and abs(times[0] - end) <= 0.5 * section.step
+            is_continued = sections and abs(times[0] - end_time) <= 0.5 * section.step
             if is_continued and section.columns == sections[-1].columns:
                 sections[-1].rows |= section.rows
             else:
                 section.label = str(len(sections) + 1)
                 sections.append(section)
-            end = times[-1] + section.step
+            end_time = times[-1] + section.step
         if any(section.columns != sections[0].columns for section in sections):
             raise InputError(
                 f"{self.path}: its segments have different channels; export them as files",
@@ -253,5 +253,5 @@ class _SegmentReader:
                 fields[0] = repr(start + n * step)
             return [start, start + (len(section.rows) - 1) * step]
         rows = list(section.rows.values())
-        ends = (rows[0][0], rows[-1][0])
-        return [parse_number(text) if is_number(text) else 0.0 for text in ends]
+        end_texts = (rows[0][0], rows[-1][0])
+        return [parse_number(text) if is_number(text) else 0.0 for text in end_texts]

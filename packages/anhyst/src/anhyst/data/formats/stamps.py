@@ -37,6 +37,6 @@ def second_of_day(text: str) -> float:
         hour = hour % 12 + 12 * (match["half"].upper() == "PM")
     whole_seconds, _, fraction = match["s"].replace(",", ".").replace(":", ".").partition(".")
     if match["zone"]:  # in UTC, so that a change from summer time has no effect
-        zone = match["zone"].replace(":", "")
-        hour -= int(zone[:3])
+        zone_text = match["zone"].replace(":", "")
+        hour -= int(zone_text[:3])
     return 3600.0 * hour + 60.0 * int(match["m"]) + int(whole_seconds) + float(f"0.{fraction or 0}")

@@ -40,8 +40,8 @@ def open_tdms(path: Path) -> ChannelFile:
     from nptdms import TdmsFile
 
     with TdmsFile.open(path) as file:
-        status = file.file_status
-        if status.incomplete_final_segment or status.channel_statuses:
+        file_status = file.file_status
+        if file_status.incomplete_final_segment or file_status.channel_statuses:
             raise InputError(
                 f"{path}: is cut off within its last segment; copy it again, or open and save it in LabVIEW",
                 code="damaged-file",
@@ -58,7 +58,7 @@ def open_tdms(path: Path) -> ChannelFile:
         starts = [start for item in items if (start := _start_time(item)) is not None]
         time_origin = min(starts, default=None)
         channels = [_make_channel(path, size, item, clocks, time_origin) for item in items]
-    return ChannelFile(path, assign_clocks_by_name(channels), _read, (), ((0, tuple(property_texts)),))
+    return ChannelFile(path, assign_clocks_by_name(channels), _read_all, (), ((0, tuple(property_texts)),))
 
 
 def _start_time(item: Any) -> Any:
@@ -86,8 +86,8 @@ def _make_channel(
         start = _finite_number(item.properties.get("wf_start_offset")) or 0.0
         if (start_time := _start_time(item)) is not None:
             start += float((start_time - time_origin) / np.timedelta64(1, "ns")) * 1e-9
-        timing = (group, count, start, step)
-        clock = clocks.setdefault(timing, Channel("t", count, (start, step), "s", group))
+        clock_key = (group, count, start, step)
+        clock = clocks.setdefault(clock_key, Channel("t", count, (start, step), "s", group))
     unit = next((str(item.properties[key]) for key in _UNIT_PROPERTIES if item.properties.get(key)), "")
     unit = "s" if item.dtype.kind == "M" else unit
     key = (group, str(item.name))
@@ -102,7 +102,7 @@ def _finite_number(value: Any) -> float | None:
         return None
 
 
-def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+def _read_all(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     from nptdms import TdmsFile
 
     with TdmsFile.open(path) as file:

@@ -58,12 +58,12 @@ class TextTable(Layout):
         with self.open() as file:
             file.seek(self.offset)
             lines = itertools.islice(split_lines(file, self), count + _MAX_ODD_ROWS)
-            found = classify_rows(lines, self)
-            rows = [row.fields for row in found if row.is_sample][:count]
+            text_rows = classify_rows(lines, self)
+            rows = [row.fields for row in text_rows if row.is_sample][:count]
         positions = [column.position for column in self.table.columns]
         start, step = self.table.clock
         heads = [
-            [repr(start + n * step) if at is None else row[at] if at < len(row) else "" for at in positions]
+            [repr(start + n * step) if i is None else row[i] if i < len(row) else "" for i in positions]
             for n, row in enumerate(rows)
         ]
         for n, column in enumerate(self.table.columns):
@@ -78,7 +78,7 @@ class TextTable(Layout):
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
-        """Read the requested columns; the others are not parsed."""
+        """Read the requested columns; other columns are not parsed."""
         columns = self.table.columns
         fields = {n: column.position for n, column in enumerate(columns) if column.position is not None}
         stamps = {self.stamp_column} & {*numbers}
@@ -100,26 +100,26 @@ class TextTable(Layout):
                 if progress is not None:
                     progress(bytes_done, self.size)
         sha256 = digest.hexdigest() if self.content is None else file_sha256(self.path)
-        found = reader.finish()
+        read_texts = reader.finish()
         values = {n: reader.number_columns[fields[n]] for n in number_columns}
-        words = {n: found[fields[n]] for n in text_columns}
-        values |= {n: seconds_since_first(words[n]) for n in stamps if n is not None}
+        text_values = {n: read_texts[fields[n]] for n in text_columns}
+        values |= {n: seconds_since_first(text_values[n]) for n in stamps if n is not None}
         start, step = self.table.clock
         clock = start + step * np.arange(reader.rows)
         values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
         values |= {n: start + step * values[n] for n in number_columns if columns[n].is_counter}
-        words |= {n: Texts.from_rows(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
+        text_values |= {n: Texts.from_rows(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
         breaks = ((0, self.notes), *(block for block in reader.breaks if block[0]))
         breaks = breaks[:1] if self.table.is_joined else breaks
-        return RawColumns(sha256, values, words, (*self.notes, *reader.notes), breaks)
+        return RawColumns(sha256, values, text_values, (*self.notes, *reader.notes), breaks)
 
     def locate_row(self, row: int) -> str:
         """Return the file and line of a data row; rows count from 0, lines from 1."""
         with self.open() as file:
             file.seek(self.offset)
             rows = classify_rows(split_lines(file, self), self)
-            samples = (found.line for found in rows if found.is_sample)
-            return f"{self.path}: line {next(itertools.islice(samples, row, None))}"
+            sample_lines = (classified_row.line for classified_row in rows if classified_row.is_sample)
+            return f"{self.path}: line {next(itertools.islice(sample_lines, row, None))}"
 
 
 def open_text(path: Path, min_columns: int) -> TextTable:
@@ -134,7 +134,7 @@ def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     for section in sections:
         for signal in [*([section.clock] if section.clock else []), *section.series]:
             header, values = join_header(signal.name, signal.unit), signal.values
-            while header in columns:  # 'I' in A and 'I_A' without a unit
+            while header in columns:  # a channel 'I' in A and a channel 'I_A'
                 header += "#"
             if values.dtype.kind == "U":
                 columns[header] = Texts.from_rows(values.tolist())
@@ -195,10 +195,10 @@ def _read_chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
     """Yield pieces of about 4 MiB that end with a complete line."""
     remainder = b""
     while block := file.read(_CHUNK_BYTES):
-        cut = block.rfind(layout.eol) + 1
-        if cut:
-            yield remainder + block[:cut]
-            remainder = block[cut:]
+        chunk_end = block.rfind(layout.eol) + 1
+        if chunk_end:
+            yield remainder + block[:chunk_end]
+            remainder = block[chunk_end:]
         elif len(block) == _CHUNK_BYTES:
             raise InputError(
                 f"{layout.path}: contains a line of more than 4 MiB: it is not a text table",
@@ -219,8 +219,8 @@ def split_lines(file: BinaryIO, layout: Layout) -> Iterator[str]:
 
 def shorten_field(field: str) -> str:
     """Return a field of a file in printable and short form, for a message."""
-    printable = "".join(sign if sign.isprintable() else "?" for sign in field)
-    return printable if len(printable) <= _MAX_SHOWN_LENGTH else printable[: _MAX_SHOWN_LENGTH - 3] + "..."
+    clean_text = "".join(sign if sign.isprintable() else "?" for sign in field)
+    return clean_text if len(clean_text) <= _MAX_SHOWN_LENGTH else clean_text[: _MAX_SHOWN_LENGTH - 3] + "..."
 
 
 class _ColumnReader:
@@ -249,12 +249,12 @@ class _ColumnReader:
         layout = self.layout
         if self.thousands.may_occur(chunk):
             for number, line in enumerate(chunk.split(layout.eol), start=self.line):
-                self.thousands.observe(number, layout.split(line.decode(layout.encoding, "replace")))
+                self.thousands.check_fields(number, layout.split(line.decode(layout.encoding, "replace")))
             self.thousands.refuse_doubtful(layout.path, self.numbers)
         fast_piece = None if has_odd_rows(chunk, layout) else self._convert_fast(chunk)
         values, labels, lines = fast_piece or self._convert_by_line(chunk)
         if values.shape[0]:
-            self._append(values)
+            self._append_rows(values)
             for index, texts in zip(self.texts, labels, strict=True):
                 self.codes[index].append(self._encode_texts(index, texts))
         self.line += lines
@@ -270,7 +270,7 @@ class _ColumnReader:
             for index in self.texts
         }
 
-    def _append(self, values: FloatArray) -> None:
+    def _append_rows(self, values: FloatArray) -> None:
         needed_rows = self.rows + values.shape[0]
         for position, index in enumerate(self.numbers):
             column = self.number_columns[index]
@@ -286,12 +286,12 @@ class _ColumnReader:
         code_by_text = self.text_codes[index]
         if isinstance(texts, list):
             return np.array([code_by_text.setdefault(text, len(code_by_text)) for text in texts], np.int32)
-        values, first_rows, inverse = np.unique(texts, return_index=True, return_inverse=True)
+        values, first_rows, value_indices = np.unique(texts, return_index=True, return_inverse=True)
         codes = np.empty(values.size, np.int32)
-        for at in np.argsort(first_rows):  # in order of appearance
-            text = values[at].decode(self.layout.encoding, "replace").strip()
-            codes[at] = code_by_text.setdefault(text, len(code_by_text))
-        return codes[inverse.reshape(-1)]
+        for text_index in np.argsort(first_rows):  # in order of appearance
+            text = values[text_index].decode(self.layout.encoding, "replace").strip()
+            codes[text_index] = code_by_text.setdefault(text, len(code_by_text))
+        return codes[value_indices.reshape(-1)]
 
     def _convert_fast(self, chunk: bytes) -> Piece | None:
         """Convert a chunk without a loop over its rows; ``None`` if it needs the slow path."""
@@ -310,40 +310,40 @@ class _ColumnReader:
             return None
         starts, stops = fields
         labels: list[Labels] = [_cut_texts(data, starts[:, n], stops[:, n]) for n in self.texts]
-        order = sorted(self.numbers)
-        if sign == b"," and len(order) == layout.table.width:
+        sorted_numbers = sorted(self.numbers)
+        if sign == b"," and len(sorted_numbers) == layout.table.width:
             text = chunk.replace(b"\n", b",")
         else:
             step = np.zeros(data.size + 1, np.int8)
-            step[starts[:, order].ravel()] += 1
-            step[stops[:, order].ravel() + 1] -= 1
+            step[starts[:, sorted_numbers].ravel()] += 1
+            step[stops[:, sorted_numbers].ravel() + 1] -= 1
             rows: NDArray[np.uint8] = data[np.cumsum(step[:-1], dtype=np.int8).astype(bool)]
-            piece = rows.tobytes()
-            text = piece.replace(sign, b" ").replace(b",", b".").replace(b" ", b",")
+            separated_text = rows.tobytes()
+            text = separated_text.replace(sign, b" ").replace(b",", b".").replace(b" ", b",")
             text = text.replace(b"\n", b",")
-        values = _convert_numbers(text, ",", starts.shape[0] * len(order))
+        values = _convert_numbers(text, ",", starts.shape[0] * len(sorted_numbers))
         if values is None:
             return None
-        table = values.reshape(starts.shape[0], len(order))
-        table = table[:, [order.index(index) for index in self.numbers]]
-        return table, labels, starts.shape[0]
+        number_table = values.reshape(starts.shape[0], len(sorted_numbers))
+        number_table = number_table[:, [sorted_numbers.index(index) for index in self.numbers]]
+        return number_table, labels, starts.shape[0]
 
     def _convert_blank_separated(self, chunk: bytes) -> Piece | None:
         """Convert a chunk of numbers separated by blanks; ``None`` if it needs the slow path."""
         if self.texts:
             return None
         data = np.frombuffer(chunk, np.uint8)
-        blank = data <= 32
-        begins = ~blank & np.concatenate(([True], blank[:-1]))
-        ends = np.flatnonzero(data == 10)
-        tokens = np.diff(np.concatenate(([0], np.cumsum(begins)[ends])))
+        is_blank = data <= 32
+        is_field_start = ~is_blank & np.concatenate(([True], is_blank[:-1]))
+        line_ends = np.flatnonzero(data == 10)
+        field_counts = np.diff(np.concatenate(([0], np.cumsum(is_field_start)[line_ends])))
         width = self.layout.table.width
-        if np.any(tokens != width):
+        if np.any(field_counts != width):
             return None
-        values = _convert_numbers(chunk.replace(b",", b"."), " ", ends.size * width)
+        values = _convert_numbers(chunk.replace(b",", b"."), " ", line_ends.size * width)
         if values is None:
             return None
-        return values.reshape(ends.size, width)[:, list(self.numbers)], [], ends.size
+        return values.reshape(line_ends.size, width)[:, list(self.numbers)], [], line_ends.size
 
     def _convert_by_line(self, chunk: bytes) -> Piece:
         """Convert a chunk line by line, and name the line of a fault."""
@@ -375,7 +375,7 @@ class _ColumnReader:
             return fields
         if len(fields) != width:
             path, count = self.layout.path, len(fields)
-            has = f"{count} field{'s' if count != 1 else ''}"
+            field_count_text = f"{count} field{'s' if count != 1 else ''}"
             advice = ""
             has_points = any("." in field for field in fields)
             if self.layout.table.delimiter == "," and count > width and not has_points:
@@ -384,20 +384,20 @@ class _ColumnReader:
                     "columns; else "
                 )
             raise InputError(
-                f"{path}: line {number}: has {has} where the header names {width} columns; "
+                f"{path}: line {number}: has {field_count_text} where the header names {width} columns; "
                 f"{advice}complete or remove the line",
                 code="fields-missing",
             )
         return fields
 
     def _parse_number(self, field: str, index: int, number: int) -> float:
-        comma = "." not in field
+        has_decimal_comma = "." not in field
         key = self.names[index]
         location_text = f"{self.layout.path}: line {number}, column '{key}'"
         try:
             if "_" in field:
                 raise ValueError
-            value = float(field.replace(",", ".", 1) if comma else field)
+            value = float(field.replace(",", ".", 1) if has_decimal_comma else field)
         except ValueError:
             if is_invalid_mark(field):
                 return math.nan
@@ -438,18 +438,18 @@ def _cut_texts(
     """Return one text column as fixed-width byte strings."""
     length = stops - starts
     width = max(1, int(length.max()))
-    byte = starts[:, None] + np.arange(width)
+    byte_indices = starts[:, None] + np.arange(width)
     is_inside = np.arange(width) < length[:, None]
-    padded_bytes = np.where(is_inside, data[np.minimum(byte, data.size - 1)], 0).astype(np.uint8)
+    padded_bytes = np.where(is_inside, data[np.minimum(byte_indices, data.size - 1)], 0).astype(np.uint8)
     return padded_bytes.view(f"S{width}").reshape(-1)
 
 
-def _convert_numbers(text: bytes, sep: str, count: int) -> FloatArray | None:
-    """Convert separated numbers in one call; ``None`` if one is missing, invalid or a mark."""
+def _convert_numbers(text: bytes, separator: str, count: int) -> FloatArray | None:
+    """Convert separated numbers in one call; ``None`` if a number is missing or invalid."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # older NumPy warns, newer NumPy raises
         try:
-            values: FloatArray = np.fromstring(text, np.float64, sep=sep)
+            values: FloatArray = np.fromstring(text, np.float64, sep=separator)
         except ValueError:
             return None
     is_good = values.size == count and (np.abs(values) < SCPI_MARKS[0]).all()

@@ -8,7 +8,7 @@ volatile uint32_t harness_count;
 
 void harness_wait(void)
 {
-  GPIOR0 = 1; /* the runner stops here and fills the box */
+  GPIOR0 = 1; /* the runner stops here and fills the mailbox */
   __asm__ volatile("nop" ::: "memory");
 }
 

@@ -1,10 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs an AVR program in simavr, which models cycles. Requests come from standard input, and boxes
- * go to standard output, as in host.c.
- *
- * Arguments: the ELF file, the processor, the addresses of harness_box and harness_count in data
- * memory, the number of bytes that the host fills at the start of the box, the offset of the
- * window, and the size of the box. */
+/* Runs an AVR program in simavr, which models cycles. Requests come from standard input, and
+ * mailboxes go to standard output, as in host.c. Arguments: the ELF file, the processor, the
+ * addresses of harness_box and harness_count in data memory, the number of bytes that the host
+ * fills at the start of the mailbox, the offset of the window, and the size of the mailbox. */
 #define _POSIX_C_SOURCE 200809L
 #include <stdio.h>
 #include <stdlib.h>
@@ -51,7 +49,7 @@ int main(int argc, char **argv)
     (void)fputs("usage: avr_runner ELF MCU BOX COUNT HEAD WINDOW BYTES\n", stderr);
     return 2;
   }
-  /* simavr prints to standard output. Therefore the boxes get their own stream. */
+  /* simavr prints to standard output. Therefore the mailboxes get their own stream. */
   FILE *boxes = fdopen(dup(STDOUT_FILENO), "wb");
   if (boxes == NULL || dup2(STDERR_FILENO, STDOUT_FILENO) < 0) {
     return 1;

@@ -2,8 +2,8 @@
 /* Port for a Cortex-M in an emulator that counts instructions.
  *
  * The emulator stops at harness_wait, clears its count at harness_clock_start, and writes it to
- * harness_count at harness_clock_stop. It counts by basic blocks. Each of these functions therefore
- * begins a block. */
+ * harness_count at harness_clock_stop. The emulator counts by basic blocks. Each of the three
+ * functions therefore begins a block. */
 #include "freestanding.h"
 #include "harness.h"
 

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Counts the executed instructions of an emulated processor, block by block, as a hook of Unicorn.
- *
- * A hook for each instruction would miss predicated instructions that are not executed. All
+ * A hook for each instruction would not count predicated instructions that are not executed. All
  * instructions of a block are counted. As native code, the hook costs almost no time. */
 #include <stdint.h>
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "freestanding.h"
 
-/* Volatile, because otherwise the compiler recognises the loops and replaces them by calls of these
- * functions. */
+/* Volatile, because otherwise the compiler recognises the loops and replaces each loop by a call of
+ * the same function. */
 void *memset(void *to, int value, __SIZE_TYPE__ n)
 {
   volatile unsigned char *at = to;

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs a subject with random inputs or golden vectors, and hashes every output.
- *
- * The same source runs on every target. The random generator uses unsigned 32-bit arithmetic only,
- * so that all targets get the same inputs. The code does not depend on the width of int. */
+/* Runs the code under test with random inputs or golden vectors, and hashes every output. The same
+ * source runs on every target. The random generator uses unsigned 32-bit arithmetic only, so that
+ * all targets get the same inputs. The code does not depend on the width of int. */
 #include "harness.h"
 
 #include "anhyst/numeric/status.h"
@@ -89,7 +88,7 @@ static void start(void)
   }
 }
 
-/* Returns 0 if the subject did not start, because no step may run then. */
+/* Returns 0 if the code under test did not start, because no step may run then. */
 static uint32_t steps_to_run(void)
 {
   return harness_box.status == ANHYST_OK ? harness_box.steps : 0;

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interface between the host, the test program of a target, and the port for its processor.
- *
- * The host fills the box, lets the target run until it calls harness_wait, and reads the box. All
- * members are uint32_t, so that every target has the same layout. anhyst.verification.protocol uses
- * the same numbers and checks box_words. */
+/* Interface between the host, the test program of a target, and the port for its processor. The
+ * host fills the mailbox, lets the target run until it calls harness_wait, and reads the mailbox.
+ * All members are uint32_t, so that every target has the same layout. anhyst.verification.protocol
+ * uses the same numbers and checks box_words. */
 #ifndef HARNESS_H
 #define HARNESS_H
 
@@ -17,14 +16,14 @@ enum {
   HARNESS_START = 0,   /* initialise from the block, restart the generator with the seed */
   HARNESS_RANDOM = 1,  /* the next `steps` steps of the generator */
   HARNESS_VECTORS = 2, /* `steps` steps with the inputs in the window */
-  HARNESS_STACK = 3    /* as HARNESS_RANDOM, measuring stack instead of time */
+  HARNESS_STACK = 3    /* like HARNESS_RANDOM, but measures stack instead of time */
 };
 
 /* Source of the applied current of a step. */
 enum {
-  HARNESS_AS_SOLVED = 0, /* applied is the solved current at the same gap */
-  HARNESS_AS_GIVEN = 1,  /* applied current and its gap are in the record */
-  HARNESS_ON_GRID = 2    /* as solved, rounded to a converter of 12 bits */
+  HARNESS_AS_SOLVED = 0, /* the applied current is the solved current at the same gap */
+  HARNESS_AS_GIVEN = 1,  /* the applied current and its gap are in the record */
+  HARNESS_ON_GRID = 2    /* the solved current is rounded to a converter of 12 bits */
 };
 
 /* One step of a compensator: inputs and outputs, in the order of their use. */
@@ -49,7 +48,7 @@ enum {
   HARNESS_VELOCITY
 };
 
-/* The build sets this for a stage, which has longer records. */
+/* The build sets this macro for a stage, which has longer records. */
 #ifndef HARNESS_RECORD_WORDS
 #define HARNESS_RECORD_WORDS 18
 #endif
@@ -59,7 +58,7 @@ enum {
   HARNESS_AT_POSITION,
   HARNESS_AT_TARGET,
   HARNESS_AT_LOAD,
-  HARNESS_AT_CURRENT_1, /* measured */
+  HARNESS_AT_CURRENT_1, /* measured current */
   HARNESS_AT_CURRENT_2,
   HARNESS_AT_EVENT, /* 65536*dropped + command */
   HARNESS_AT_DRIVE_1,
@@ -79,14 +78,14 @@ enum {
 
 /* Timed sections of a step. */
 enum {
-  HARNESS_EMPTY, /* the clock itself; it is subtracted from the others */
+  HARNESS_EMPTY, /* the clock itself; it is subtracted from the other sections */
   HARNESS_SOLVE,
   HARNESS_COMMIT_SOLVED,
   HARNESS_COMMIT_ROUNDED, /* current rounded to the grid of a converter */
-  HARNESS_COMMIT_LIMITED, /* solved current at a limit, rounded or not */
+  HARNESS_COMMIT_LIMITED, /* solved current at a limit, whether rounded or not */
   HARNESS_COMMIT_OTHER,
   HARNESS_CONTROL_BLOCK,
-  HARNESS_TICK_ROUNDED, /* whole step whose current was rounded and met no limit */
+  HARNESS_TICK_ROUNDED, /* whole step whose current was rounded and reached no limit */
   HARNESS_TICK,         /* whole step */
   HARNESS_SECTIONS
 };
@@ -95,7 +94,7 @@ enum {
 enum {
   HARNESS_CONTROLS = HARNESS_SOLVE,      /* controls the position */
   HARNESS_RAMPS = HARNESS_COMMIT_SOLVED, /* ramps the force: lift-off or landing */
-  HARNESS_RESTS = HARNESS_COMMIT_ROUNDED /* neither */
+  HARNESS_RESTS = HARNESS_COMMIT_ROUNDED /* neither controls the position nor ramps the force */
 };
 
 typedef struct {
@@ -103,16 +102,16 @@ typedef struct {
 } harness_section;
 
 typedef struct {
-  /* Filled by the host. */
+  /* The host fills these members. */
   uint32_t mode;
   uint32_t seed;
   uint32_t steps;
   uint32_t first_checkpoint_step; /* first step before which the hash is stored */
   uint32_t checkpoint_stride;     /* number of steps between two stored hashes */
   uint32_t first_window_step;     /* first step whose record is stored */
-  /* Filled by the target. */
+  /* The target fills these members. */
   uint32_t box_words;
-  uint32_t status;        /* result of the start */
+  uint32_t status;        /* result of the initialisation */
   uint32_t state_bytes;   /* size of the compensator or the controller */
   uint32_t control_bytes; /* sizeof(anhyst_pidd2_state_q31) */
   uint32_t words;         /* number of words of the parameter block */
@@ -128,7 +127,7 @@ extern volatile harness_box_layout harness_box;
 
 /* Functions of the port. */
 
-/* Returns control to the host, which fills the box before this function returns. */
+/* Returns control to the host, which fills the mailbox before this function returns. */
 void harness_wait(void);
 /* Starts counting instructions or cycles. */
 void harness_clock_start(void);
@@ -139,12 +138,12 @@ uint32_t harness_clock_stop(void);
 uintptr_t harness_stack_pointer(void);
 uintptr_t harness_stack_end(void);
 
-/* Functions of the subject: run_compensator.c, run_controller.c or run_stage.c. Each file stores
- * the inputs of one step. */
+/* Functions of the code under test: run_compensator.c, run_controller.c or run_stage.c. Each file
+ * stores the inputs of one step. */
 
-/* Resets all state; writes status, sizes and words into the box. */
+/* Resets all state; writes status, sizes and words into the mailbox. */
 void subject_start(void);
-/* Adds further data of the start to the hash. */
+/* Adds further data of the initialisation to the hash. */
 void subject_fold_start(void);
 /* Set the inputs of a step from the generator, or from a record. */
 void subject_draw(uint32_t step);

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Port for the host, as a process. It reads requests from standard input, and writes the box, the
- * memory block harness_box, to standard output.
- *
- * A request is the part of the box before box_words, followed by the records in its window. */
+/* Port for the host, as a process. It reads requests from standard input, and writes the mailbox,
+ * the memory block harness_box, to standard output. A request is the part of the mailbox before
+ * box_words, followed by the records in its window. */
 #include <stddef.h>
 #include <stdio.h>
 
@@ -14,7 +13,7 @@ static int served = 0;
 
 void harness_wait(void)
 {
-  /* The box is volatile for the targets; on the host, no other thread accesses it. */
+  /* The mailbox is volatile for the targets; on the host, no other thread accesses it. */
   harness_box_layout *box = (harness_box_layout *)(uintptr_t)&harness_box;
   if (served && (fwrite(box, sizeof *box, 1, stdout) != 1 || fflush(stdout) != 0)) {
     harness_box.mode = QUIT;

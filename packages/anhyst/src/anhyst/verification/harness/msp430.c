@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Port for an MSP430 in mspdebug's simulator. Two timers form its clock: one counts cycles, and the
- * other counts eighths of them, so that an overflow of the first is detected.
+ * other counts every eighth cycle, so that an overflow of the first is detected.
  *
  * The file also contains functions that a C compiler calls and this processor lacks: long
  * multiplication (with the 16x16 hardware multiplier), division and long shifts. */
@@ -13,7 +13,7 @@
 #define SLOW_CONTROL REGISTER(0x0180)
 #define SLOW_COUNT REGISTER(0x0190)
 #define TIMER_RUN 0x0224U     /* clock of the processor, continuous from 0 to 0xFFFF, cleared */
-#define TIMER_EIGHTHS 0x00C0U /* an eighth of the clock */
+#define TIMER_EIGHTHS 0x00C0U /* one count for 8 cycles */
 #define TIMER_STOP 0x0000U
 
 #define MULTIPLY_UNSIGNED REGISTER(0x0130)
@@ -47,14 +47,14 @@ __attribute__((noinline)) void harness_clock_start(void)
   FAST_CONTROL = TIMER_RUN;
 }
 
-/* Exact up to 2^19 - 2^15 cycles. */
+/* The count is exact up to 2^19 - 2^15 cycles. */
 __attribute__((noinline)) uint32_t harness_clock_stop(void)
 {
   FAST_CONTROL = TIMER_STOP;
   SLOW_CONTROL = TIMER_STOP;
   const uint32_t exact = FAST_COUNT;
   const uint32_t rough = (uint32_t)SLOW_COUNT << 3;
-  /* The number with the low bits of the exact count that is nearest to the rough count. */
+  /* Of all numbers with the low bits of the exact count, return the nearest to the rough count. */
   return rough + (uint32_t)(int32_t)(int16_t)(uint16_t)(exact - rough);
 }
 
@@ -120,8 +120,8 @@ uint16_t __mspabi_divu(uint16_t a, uint16_t b) { return (uint16_t)__mspabi_divul
 
 uint16_t __mspabi_remu(uint16_t a, uint16_t b) { return (uint16_t)__mspabi_remul(a, b); }
 
-/* Long shifts, a bit at a time. The empty instruction keeps the compiler from finding out that a
-   loop is a long shift, and calling it. */
+/* Long shifts, a bit at a time. The empty instruction keeps the compiler from replacing a loop by a
+ * call of the long shift. */
 uint32_t __mspabi_slll(uint32_t a, uint16_t n)
 {
   for (; n > 0; n--) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Defines the names of signals.h for a map with one play; signals.h includes this file. The single-
- * valued current replaces the flux, and the play replaces the applied flux. */
+/* Defines the names of signals.h for a map with one play operator; signals.h includes this file.
+ * The single-valued current replaces the flux, and the play replaces the applied flux. */
 #ifndef HARNESS_PLAY_H
 #define HARNESS_PLAY_H
 
@@ -12,7 +12,7 @@ typedef anhyst_play_map_q31 compensator_state;
 #define FLUX_OF(c) inner_word((c)->at.value)
 #define FLUX_APPLIED_OF(c) inner_word((c)->play)
 
-/* A map with one play has no start-up sequence. */
+/* A map with one play operator has no start-up sequence. */
 #define CONDITIONING(c, tick) ((void)(c), (void)(tick), (signal)0)
 #define CONDITIONING_LENGTH(c) ((void)(c), (int32_t)0)
 

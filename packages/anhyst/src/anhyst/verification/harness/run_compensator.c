@@ -18,7 +18,7 @@ typedef struct {
 typedef struct {
   signal demand, gap, applied, applied_gap;
   uint32_t how;
-  int32_t reference, position, load; /* of the PIDD2, q31 */
+  int32_t reference, position, load; /* signals of the PIDD2, q31 */
 } input;
 
 static compensator_state compensator;
@@ -32,9 +32,9 @@ static const anhyst_pidd2_gains_q31 gains = {{20000, 1},  {24000, -6}, {-30000, 
                                              -8000,       0,           -2000000000, 2000000000};
 static anhyst_pidd2_state_q31 controller;
 
-/* Generates nested loops: moves to a target, and then to one on the other side that is closer to
- * zero. */
-static int32_t nested(int32_t demand)
+/* Generates nested loops: moves to a target, and then to a target of opposite sign that is closer
+ * to zero. */
+static int32_t next_nested(int32_t demand)
 {
   const int32_t stride = Q30_ONE / 24;
   const int32_t left = inputs.target / 2 - demand / 2;
@@ -59,7 +59,7 @@ static int32_t next_demand(int32_t demand)
   case 2: /* jumps over the full range */
     return draw_q30(0);
   case 3: /* nested loops */
-    return nested(demand);
+    return next_nested(demand);
   case 4: /* reversals about a drifting level */
     return inputs.target / 2 + draw_q30(5);
   default: /* a ramp that reverses at random */
@@ -91,7 +91,7 @@ static void choose_applied(void)
   const int32_t applied = kind < 13 ? as_signed(harness_draw()) : double_q30(draw_q30(4));
   in.how = hows[(kind >= 5U) + (kind >= 11U)];
   in.applied = current_of(applied);
-  in.applied_gap = kind == 15 ? gap_of(double_q30(within(draw_q30(0), 0, Q30_ONE))) : in.gap;
+  in.applied_gap = kind == 15 ? gap_of(double_q30(clamp(draw_q30(0), 0, Q30_ONE))) : in.gap;
   in.load = applied / 8;
 }
 
@@ -102,8 +102,8 @@ void subject_draw(uint32_t step)
     inputs.gaps = harness_draw() % 4 < 3 ? harness_draw() % 2 : 2;
     inputs.target = draw_q30(0);
   }
-  inputs.demand = within(next_demand(inputs.demand), -Q30_ONE, Q30_ONE);
-  inputs.gap = within(next_gap(inputs.gap), inputs.gaps == 2 ? -Q30_ONE / 16 : 0, Q30_ONE);
+  inputs.demand = clamp(next_demand(inputs.demand), -Q30_ONE, Q30_ONE);
+  inputs.gap = clamp(next_gap(inputs.gap), inputs.gaps == 2 ? -Q30_ONE / 16 : 0, Q30_ONE);
   in.demand = demand_of(double_q30(inputs.demand));
   in.gap = gap_of(double_q30(inputs.gap));
   in.reference = inputs.demand;
@@ -111,8 +111,8 @@ void subject_draw(uint32_t step)
   choose_applied();
 }
 
-/* Runs the PIDD2 with its own signals. Its output does not affect the compensator, so that a
- * difference in one of them does not spread to the other. Returns the counted cost. */
+/* Runs the PIDD2 with its own signals. The output of the PIDD2 does not affect the compensator, so
+ * that a difference in one does not spread to the other. Returns the counted cost. */
 static uint32_t control(const input *at, uint32_t *record)
 {
   anhyst_pidd2_candidate_q31 candidate;

@@ -15,7 +15,7 @@ typedef char same_size[(int)HARNESS_AT_END == (int)HARNESS_RECORD_WORDS ? 1 : -1
 /* State of the generator. */
 typedef struct {
   int32_t position;
-  uint32_t way; /* motion of the position in this phase */
+  uint32_t motion; /* motion of the position in this phase */
 } generator;
 
 static CONTROLLER() controller;
@@ -28,11 +28,11 @@ void subject_start(void)
   harness_box.control_bytes = sizeof controller.position.state;
   harness_box.words = ACTUATOR_PARAMETERS_WORDS;
   inputs.position = 0;
-  inputs.way = 0;
+  inputs.motion = 0;
   harness_box.status = (uint32_t)(int32_t)CONTROLLER(_init)(&controller);
 }
 
-/* Adds the limits to the hash, as far as they have the same size on all targets. */
+/* Adds those limits to the hash that have the same size on all targets. */
 void subject_fold_start(void)
 {
   const anhyst_position_limits_q31 *limits = &CONTROLLER(_limits);
@@ -43,15 +43,15 @@ void subject_fold_start(void)
   harness_add_to_hash((uint32_t)limits->current_step);
 }
 
-static int32_t moved(int32_t position)
+static int32_t next_position(int32_t position)
 {
   const anhyst_levitation_limits *limits = &CONTROLLER(_limits).levitation;
-  const int32_t part = draw_q30(inputs.way % 4U == 0U ? 9 : 3) / 65536;
+  const int32_t part = draw_q30(inputs.motion % 4U == 0U ? 9 : 3) / 65536;
   const int32_t step = limits->step / 16384 * part;
-  return within(position / 2 + step / 2, limits->low / 2, limits->high / 2) * 2;
+  return clamp(position / 2 + step / 2, limits->low / 2, limits->high / 2) * 2;
 }
 
-/* Returns frequent commands for a lift-off, and the other commands occasionally. */
+/* Returns commands for a lift-off frequently, and all other commands occasionally. */
 static uint16_t next_command(void)
 {
   const uint32_t kind = harness_draw() % 1024U;
@@ -66,12 +66,12 @@ static uint16_t next_command(void)
 void subject_draw(uint32_t step)
 {
   if (step % PHASE_STEPS == 0) {
-    inputs.way = harness_draw() % 32U;
+    inputs.motion = harness_draw() % 32U;
     in.target = double_q30(draw_q30(0));
   }
-  inputs.position = moved(inputs.position);
-  in.position = inputs.way == 31U ? double_q30(draw_q30(0)) : inputs.position;
-  in.dropped = inputs.way == 30U || harness_draw() % 64U == 0U ? 1U : 0U;
+  inputs.position = next_position(inputs.position);
+  in.position = inputs.motion == 31U ? double_q30(draw_q30(0)) : inputs.position;
+  in.dropped = inputs.motion == 30U || harness_draw() % 64U == 0U ? 1U : 0U;
   in.command = next_command();
   in.load = double_q30(draw_q30(4));
   for (uint16_t i = 0; i < MAGNETS; i++) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs the whole controller of a stage in the harness, tick by tick. STAGE returns the names of its
- * parts, and COUNT returns its macros. */
+/* Runs the whole controller of a stage in the harness, tick by tick. STAGE(x) forms the names of
+ * its types and functions, and COUNT(x) those of its macros. */
 #define PAINTED_BYTES 4096U
 #include STAGE_HEADER
 #include "steps.h"
@@ -21,7 +21,7 @@ static tick_of now;
 
 #ifdef STAGE_CODES
 
-/* Returns a uniform random number in -most..most. */
+/* Returns a uniform random number between -most and most. */
 static int32_t draw(int32_t most) { return (int32_t)((int64_t)draw_q30(0) * most / Q30_ONE); }
 
 static void start_drawing(STAGE(_sample) * in)

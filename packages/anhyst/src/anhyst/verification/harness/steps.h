@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Functions that all subjects use: random numbers, and painted stack. */
+/* Functions for all code under test: random numbers, and painted stack. */
 #ifndef STEPS_H
 #define STEPS_H
 
@@ -11,7 +11,7 @@
 #define PAINTED_BYTES 1024U
 #endif
 
-/* Returns the number whose two's complement is u, independent of the compiler. */
+/* Returns the number whose two's complement is the word u, independent of the compiler. */
 static inline int32_t as_signed(uint32_t u)
 {
   return u <= 0x7FFFFFFFU ? (int32_t)u : -(int32_t)(0xFFFFFFFFU - u) - 1;
@@ -24,7 +24,7 @@ static inline int32_t draw_q30(uint16_t n)
   return r / (int32_t)((uint32_t)1 << n);
 }
 
-static inline int32_t within(int32_t a, int32_t low, int32_t high)
+static inline int32_t clamp(int32_t a, int32_t low, int32_t high)
 {
   if (a < low) {
     return low;
@@ -36,8 +36,8 @@ static inline int32_t within(int32_t a, int32_t low, int32_t high)
 static inline int32_t double_q30(int32_t a) { return a >= Q30_ONE ? INT32_MAX : a * 2; }
 
 /* Returns the lowest address to paint below a stack pointer, or the stack pointer itself if the
- * stack is not measured. These three functions are inlined into the function that calls the
- * measured one, because a frame of their own would be in the painted area. */
+ * stack is not measured. The functions for painting are inlined into the caller of the measured
+ * function, because their frames would be in the painted area. */
 static inline __attribute__((always_inline)) uintptr_t painted_from(uintptr_t top)
 {
   const uintptr_t end = harness_stack_end();
