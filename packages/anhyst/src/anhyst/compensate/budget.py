@@ -26,7 +26,7 @@ from anhyst.support.numeric import FloatArray, rms
 class Budget:
     """Measured error budget of a compensator."""
 
-    reference_output: float  # output that is 100 %
+    reference_output: float  # output that corresponds to 100 %
     unit: str  # unit of the output
     required: float | None  # requested accuracy, in units of the output; None: none was requested
     parts: tuple[BudgetPart, ...]  # error of each compilation step, measured alone
@@ -36,7 +36,7 @@ class Budget:
     total: BudgetPart
     drift: BudgetPart  # drift of the output at constant demand within `HOLD_TIME_S`
     held_demands: tuple[HeldDemand, ...]  # results for all held demands
-    # runs of the compiled block, and the error along each
+    # runs of the compiled block, and the error along each run
     runs: tuple[tuple[PathRun, FloatArray], ...]
 
     def part(self, name: str) -> BudgetPart | None:
@@ -146,7 +146,7 @@ def _advise_drift(plan: Plan) -> str:
 
 
 def drift_error(plan: Plan, budget: Budget) -> NegativeResult:
-    """Return the error for a drift that exceeds the requested accuracy."""
+    """Return the exception for a drift that exceeds the requested accuracy."""
     return NegativeResult(
         f"accuracy: {explain_drift(plan, budget)}; nothing was written", code="model-drifts", key="accuracy"
     )
@@ -164,7 +164,7 @@ def is_accuracy_reached(budget: Budget) -> bool:
 
 
 def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
-    """Return the error for an accuracy that is not reached, with its main cause and a remedy."""
+    """Return the exception for an accuracy that is not reached, with main cause and remedy."""
     assert budget.required is not None
     reached_error, part = budget.compiled.worst or 0.0, largest_part(budget)
     advice = f"compile with {better_options}" if better_options else ADVICE[part.name]

@@ -117,7 +117,8 @@ def merge_cells(weights: CellWeights, max_cells: int, max_field: float) -> CellW
     """Return at most `max_cells` cells with a threshold above 0, all below the largest field.
 
     Cells beyond the largest field never move and are removed. Neighbours are merged at the mean of
-    their thresholds, weighted by their magnetisation, where this moves the thresholds least.
+    their thresholds, weighted by their magnetisation. The neighbours whose thresholds move least
+    are merged first.
     """
     sums = weights.weights.sum(axis=1)
     reachable_cells = [i for i in range(1, sums.size) if weights.thresholds[i] < max_field and sums[i] > 0.0]

@@ -73,7 +73,8 @@ def predict_output(model: Model, current: FloatArray, path: DemandPath) -> Float
 def demand_error(run: PathRun, limits: DemandLimits, resolution: float) -> FloatArray:
     """Return output minus demand.
 
-    At a limit of the current, only the error that a current within the limits could reduce counts.
+    If the current is at a limit, an error counts only if a current within the limits could reduce
+    it.
     """
     error = run.output - run.path.demand
     low, high = limits.current
@@ -84,7 +85,7 @@ def demand_error(run: PathRun, limits: DemandLimits, resolution: float) -> Float
 
 
 def summarise_errors(errors: Iterable[tuple[str, FloatArray]]) -> OutputDeviation:
-    """Return worst and root-mean-square error over several paths, given with their names."""
+    """Return worst and root-mean-square error of several paths, given with their names."""
     magnitudes = [(name, np.abs(error)) for name, error in errors]
     worst_path = max(magnitudes, key=lambda item: float(item[1].max()))
     squares = np.concatenate([error for _, error in magnitudes]) ** 2

@@ -237,7 +237,7 @@ def make_plan(
 
 
 def not_computed_error(error: InputError | NegativeResult) -> InputError:
-    """Return the error for a model whose law cannot be calculated within its own limits.
+    """Return the exception for a model whose law cannot be calculated within its own limits.
 
     `error` states where the calculation failed.
     """

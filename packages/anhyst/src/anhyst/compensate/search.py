@@ -104,9 +104,9 @@ class BlockSearch:
         self._fine_cache: dict[int, tuple[list[DemandPath], list[FloatArray]]] = {}
 
     def _select_root_knee(self) -> int:
-        """Return the exponent ``k`` with which the root is flattest at zero and accurate enough.
+        """Return the exponent ``k`` of the straight line that replaces the square root near zero.
 
-        The error is 2^(-2k)/4 of full scale. A small ``k`` makes the square root flatter at zero.
+        The smallest accurate ``k`` makes the root flattest. The error is 2^(-2k)/4 of full scale.
         """
         full_scale = self.builder.scales.demand
         knees = range(2, 9)
@@ -216,7 +216,7 @@ class BlockSearch:
         return self._fine_cache[gap_segments]
 
     def _candidates(self, size_axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
-        """Return promising sizes in the order of their memory; otherwise the most accurate ones."""
+        """Return promising sizes by memory, or the most accurate sizes if none are promising."""
         finest_table_sizes = replace(FINE_SIZES, root_knee=self.root_knee)
         candidate_rows = []
         for choice in product(*size_axes.values()):

@@ -97,7 +97,7 @@ class _FitTask:
 
 
 def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask]:
-    """Return the response of the full model at one gap, one task for each demand."""
+    """Return one fit task for each demand at one gap, with the response of the full model."""
     circuit = model.circuit(np.array([gap]), np.zeros(1))
     unit = flux_unit(model)
     current = np.array([limits.current[0], limits.current[1]])

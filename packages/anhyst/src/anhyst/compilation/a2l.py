@@ -73,12 +73,12 @@ class _Conversion:
 
 @dataclass
 class _Conversions:
-    """All conversions; equal ones are listed once."""
+    """All conversions; equal conversions are listed once."""
 
     by_content: dict[tuple[str, float, float], _Conversion] = field(default_factory=dict)
 
     def find_or_add(self, unit: str, slope: float, offset: float = 0.0) -> _Conversion:
-        """Return a conversion; new ones are numbered."""
+        """Return a conversion; new conversions are numbered."""
         key = (unit, slope, offset)
         return self.by_content.setdefault(key, _Conversion(f"m{len(self.by_content)}", unit, slope, offset))
 
@@ -232,7 +232,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
                 | {
                     "layout": "as_FLOAT32",
                     "entries": 1,
-                    "read_only": True,  # a board accepts no other scales
+                    "read_only": True,  # the firmware accepts only the compiled scales
                     "method": conversion.name,
                 }
             )

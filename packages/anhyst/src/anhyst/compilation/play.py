@@ -76,7 +76,7 @@ class CycleErrors:
     small: FloatArray  # small cycles at levels that were approached from above and from below
 
     def join(self, other: CycleErrors) -> CycleErrors:
-        """Return the errors of two runs together."""
+        """Return the combined errors of this run and of another run."""
         return CycleErrors(
             np.concatenate([self.major, other.major]), np.concatenate([self.small, other.small])
         )
@@ -170,7 +170,7 @@ def compile_play(
     if io != "q31":
         text = f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31"
         raise InputError(text, code="option-not-for-this", key="--io")
-    CompileRequest("full", "q31", rate, name=name)  # this checks the rate and the name
+    CompileRequest("full", "q31", rate, name=name)  # checks the rate and the name
     check_folder(out)
     model = read_model(model_path).at_rest
     try:

@@ -96,7 +96,7 @@ def write_vectors_csv(columns: Iterable[str], table: Iterable[Sequence[float]]) 
 
 
 def _cell_text(value: float) -> str:
-    """Return a code, or the shortest text of a number in single precision."""
+    """Return the text of a fixed-point code, or the shortest text of a single-precision number."""
     return str(value) if isinstance(value, int) else str(np.float32(value))
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 INPUT_NAMES = ("reference", "position", "load")
 OUTPUT_NAME = "demand"
 
-_RELATIVE_ROUNDING = 1e-12  # relative to the sum of the coefficients of a polynomial
+_RELATIVE_ROUNDING = 1e-12  # error, relative to the sum of the coefficients of a polynomial
 _W = Polynomial([0.0, 1.0])  # z - 1
 
 

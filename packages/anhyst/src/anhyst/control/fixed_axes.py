@@ -44,21 +44,21 @@ class DriveLayout(NamedTuple):
     allocation: int
     idle_force: float  # idle force of both drives of a pair, N
     force_min: float  # smallest force of a drive without an opponent, N
-    force_max: float  # N
+    force_max: float  # largest force of each drive, N
 
 
 @dataclass(frozen=True)
 class FixedScales:
     """Full scale of each quantity, SI."""
 
-    head: float  # m
-    pose: FloatArray  # m or rad, of each coordinate
-    acceleration: FloatArray  # m/s^2 or rad/s^2
-    wrench: FloatArray  # N or N m
-    force: float  # N
-    current: float  # A
-    gap_low: float  # m
-    gap_high: float  # m
+    head: float  # reading of a head, m
+    pose: FloatArray  # coordinates of the pose, m or rad
+    acceleration: FloatArray  # acceleration of each coordinate, m/s^2 or rad/s^2
+    wrench: FloatArray  # force or torque of each coordinate, N or N m
+    force: float  # force of a drive, N
+    current: float  # current of a drive, A
+    gap_low: float  # gap with the lowest code, m
+    gap_high: float  # gap with the highest code, m
 
     def as_dict(self) -> dict[str, float | list[float]]:
         """Return all full scales, for JSON."""
@@ -80,7 +80,7 @@ class FixedController:
     head_rows: FloatArray  # matrix from a pose to the head readings; one row per head
 
     def make_core(self, magnets: Sequence[CoreForceController], flux: float) -> FixedAxes:
-        """Return the core's controller for force controllers; `flux`: full-scale density, T."""
+        """Return the core's stage controller; `flux`: full-scale flux density, T."""
         scales = {key: value for key, value in self.scales.as_dict().items() if key in _CORE_SCALES}
         full_scale = scales | {"at": self.head_rows.ravel().tolist(), "flux": flux}
         return FixedAxes(list(magnets), self.words, self.integers, full_scale)

@@ -31,7 +31,7 @@ from anhyst.support.errors import InputError, NegativeResult, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
 _MAX_OFFSET_SHARE = 0.1  # largest input offset, relative to the largest input
-_MAX_GAIN_RATIO = 1e3  # largest factor between the gain and that of the linear regression
+_MAX_GAIN_RATIO = 1e3  # largest ratio of the fitted gain to the gain of the linear regression
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class _Coordinate:
     high: float
 
     def value(self, position: float) -> float:
-        """Return the value at a position of its range, on a log scale in a positive range."""
+        """Return the parameter value at a position 0..1, on a log scale in a positive range."""
         if self.low > 0.0:
             return float(self.low * (self.high / self.low) ** position)
         return self.low + (self.high - self.low) * position
@@ -142,7 +142,7 @@ class _AnyLawProblem:
         return np.asarray((outputs - self.measured) * self.weights)
 
     def fit_gain(self, modelled_output: FloatArray) -> tuple[float, float, float]:
-        """Return gain and offset of the regression on a modelled output, and its cost."""
+        """Return gain, offset and cost of the linear regression on a modelled output."""
         columns = np.stack([modelled_output, np.ones(modelled_output.size) * self.offsets], axis=1)
         weighted_columns = columns * self.weights[:, None]
         target = self.measured * self.weights

@@ -106,10 +106,10 @@ def require_gaps(records: FitRecords, gap_map: str) -> None:
 def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCandidate]:
     """Return the candidates without play cells, the simplest first.
 
-    A series reluctance applies only to gaps, and not to the law of 1986. The maps ``circuit`` and
+    A series reluctance requires a gap and another law than that of 1986. The maps ``circuit`` and
     ``free`` need three gaps for several variants. Models with ``free`` require a fixed gap, so
-    ``auto`` tries it only if the schedule is not a gap. ``circuit`` needs a request; one variant
-    has sensor offsets that depend on the gap.
+    ``auto`` tries this map only if the schedule is not a gap. ``circuit`` is tried only on request;
+    in one variant, the sensor offsets depend on the gap.
     """
     gaps, fixed = run.search_records.gap_count, run.fixed
     if gap_map == "circuit":
@@ -189,13 +189,13 @@ _CELL_SIGMAS_FOR_BLOCKS = 2.0
 cells that follow a loop also predict its blocks, so blocks are weaker evidence than loops."""
 
 _CLEAR_SQUARE_RATIO = 1.5
-"""Ratio of mean square errors, at fitted loops and at withheld blocks, above which the more complex
-candidate is selected. The standard error of the few blocks does not count then."""
+"""Ratio of mean square errors of a simpler and a more complex candidate. Above it, at withheld
+blocks and fitted loops, the complex one is selected, whatever the standard error is."""
 
 
 _WORSE_FIT_RATIO = 2.5
 """Ratio of the rms residuals of two laws after subtraction of the noise. Above this ratio, the law
-with the smaller residual is selected if it predicts withheld data as well."""
+with the smaller residual is selected if it predicts withheld data as well as the other."""
 
 _MIN_EXCESS_SHARE = 0.1  # minimum fraction of a cost that is attributed to model errors
 
@@ -205,7 +205,8 @@ FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """Two fits of a candidate: with all offsets, and with only the offsets that data require."""
+    """Two fits of a candidate: with all offsets, and with only the offsets that the data require.
+    """
 
     full: FoundModel
     reduced: FoundModel
@@ -308,7 +309,7 @@ class CandidateComparison:
         )
 
     def _should_replace(self, best: ModelCandidate, other: ModelCandidate, outer_fold: Fold) -> bool:
-        """Whether another candidate fits several times better and predicts as well."""
+        """Whether a replacement fits several times better than the best and predicts as well."""
         if not self.is_several_times_worse(best, other, outer_fold):
             return False
         if not self.withheld:
@@ -321,7 +322,7 @@ class CandidateComparison:
     def is_several_times_worse(
         self, candidate: ModelCandidate, other: ModelCandidate, outer_fold: Fold = frozenset()
     ) -> bool:
-        """Whether a candidate's rms residual beyond the noise is several times that of another."""
+        """Whether a candidate's rms residual beyond the noise is several times another's."""
         own_excess, other_excess = (
             self._excess_cost(each_candidate, outer_fold) for each_candidate in (candidate, other)
         )
@@ -364,7 +365,7 @@ class CandidateComparison:
             fold = frozenset({index})
             outer_fold = (
                 fold if len(self.withheld) > 1 else frozenset[int]()
-            )  # with one withheld gap, that gap also decides the selection
+            )  # if only one gap is withheld, its error decides the selection too
             winner = self.select_best(outer_fold) if len(self.eligible) > 1 else self.eligible[0]
             errors.append(self.refits[fold][winner].errors[index].mean)
         return errors
@@ -373,7 +374,7 @@ class CandidateComparison:
 def _comparable_errors(
     errors: Sequence[WithheldError], candidates: Sequence[ModelCandidate]
 ) -> list[WithheldError]:
-    """Return the errors to compare; without play cells, only withheld gaps are compared."""
+    """Return the errors to compare; only those at withheld gaps without play cells."""
     if any(candidate.cells for candidate in candidates):
         return list(errors)
     return [replace(error, outer_squares=()) for error in errors]

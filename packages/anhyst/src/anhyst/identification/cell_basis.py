@@ -19,14 +19,14 @@ from anhyst.support.numeric import FloatArray
 PINNED_CELLS = 12  # number of cells with a threshold; the maximum of a compiled compensator
 
 MIN_THRESHOLD_SHARE = 0.04
-"""Smallest threshold above zero, relative to the input range; the largest is half the range.
+"""Smallest threshold above zero, relative to the input range; the largest one is half the range.
 Smaller thresholds act like a lag and make the inverse jump at reversals."""
 
 CURVE_WIDTHS = (0.5, 1.0, 2.0, 8.0)  # widths, in input ranges; the last curve is almost straight
 
 SMOOTHNESS = 1e-3
-"""Factor of second differences of the weights over the thresholds, relative to a column's norm.
-Thresholds that no sample separates get similar weights."""
+"""Factor of second differences of the weights of neighbouring thresholds, relative to a column's
+norm. Thresholds that no sample separates get similar weights."""
 
 GRID_LEVELS = 20  # number of thresholds of the grid, and of curves over the input range
 
@@ -37,11 +37,12 @@ GRID_SMOOTHNESS_VALUES = (1e-3, 1e-2, 5e-2)
 """Factors of the second differences on the grid; the error at withheld samples selects one."""
 
 SATURATED_WIDTHS = 19.0
-"""Distance from the centre of a curve, in widths, where the curve is 1 in double precision."""
+"""Distance from the centre of a curve, in curve widths, at which the curve is 1 in double
+precision."""
 
 MIN_CURVE_CHANGE = 0.5
-"""Smallest change of a curve over the loops, relative to the largest change of any curve, with
-which its weight is determined. The tail of a curve does not determine its height."""
+"""Smallest change of a curve over the loops that determines its weight, relative to the largest
+change of any curve. The tail of a curve does not determine its height."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +77,9 @@ class CellBasis:
     def solved_columns(self, matrix: FloatArray) -> NDArray[np.bool_]:
         """Return a mask of the columns that a fit solves for, given their values in the loops.
 
-        On a grid, these are the curves that the loops pass through, and curves that another drive
-        in this range can reach after it was at both ends. Weights that the loops do not determine
-        continue their neighbours' weights.
+        On a grid, the fit solves for the curves that the loops pass through. It also solves for
+        curves that another input in the same range can reach after it was at both ends of the
+        range. Weights that the loops do not determine continue their neighbours' weights.
         """
         if self.centres is None:
             return np.ones(matrix.shape[1], dtype=np.bool_)
@@ -89,7 +90,7 @@ class CellBasis:
         return np.asarray((curve_changes > MIN_CURVE_CHANGE * curve_changes.max()) | can_be_reached.ravel())
 
     def second_differences(self, is_solved: NDArray[np.bool_]) -> FloatArray:
-        """Return the matrix of second differences of solved columns; zero in later columns."""
+        """Return the matrix of second differences of the solved weights."""
         count = np.count_nonzero(is_solved)
         column_of = np.full(is_solved.size, -1)
         column_of[is_solved] = np.arange(count)
@@ -106,7 +107,7 @@ class CellBasis:
         return rows
 
     def make_cells(self, weights: FloatArray) -> CellWeights:
-        """Return the cells with solved weights, A/m; unused curves of a grid are dropped."""
+        """Return the cells with solved weights, A/m; unused curves of a grid are removed."""
         table = weights.reshape(self.shape)
         if self.centres is None:
             return CellWeights(self.thresholds, self.widths, table)
@@ -129,7 +130,8 @@ def make_common_basis(span: float) -> CellBasis:
 def make_grid_basis(span: float, *, is_even: bool) -> CellBasis:
     """Return curves on a grid over the input range, and one almost straight curve.
 
-    An even grid measures the field from the middle of the range, any other grid from its lower end.
+    The field of an even grid starts in the middle of the range, that of any other grid at its lower
+    end.
     """
     step = span / GRID_LEVELS
     count = GRID_LEVELS // 2 if is_even else GRID_LEVELS

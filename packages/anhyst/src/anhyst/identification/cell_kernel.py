@@ -35,14 +35,14 @@ EXACT_TABLE_ERROR = 1e-12  # table error of models, relative to the saturation
 
 _MAX_TABLE_SLOPE_RATIO = 1.03
 """Ratio of the largest slope of less accurate tables to the largest slope at their knots. Solutions
-with less accurate tables must also exist with exact ones."""
+with less accurate tables must also exist with exact tables."""
 
 
-_SINGLE_START = np.zeros(1, dtype=np.int64)  # index of the first sample, for a single drive
+_SINGLE_START = np.zeros(1, dtype=np.int64)  # index of the first sample, for a single input record
 
 
 class CellPath(NamedTuple):
-    """Effective field and magnetisation along a drive, (n,), and their derivatives, (n, d)."""
+    """Field and magnetisation along an input record, (n,), and their derivatives, (n, d)."""
 
     x: FloatArray
     m: FloatArray
@@ -73,7 +73,7 @@ class DrivenCells:
     ) -> tuple[FloatArray, FloatArray]:
         """Return effective field x and magnetisation M from ``x + omega*M(x) = r``, shape (n,).
 
-        Drives are concatenated; the cells are demagnetised at each start.
+        Input records are concatenated; the cells are demagnetised at the start of each record.
         """
         self._require_no_jump(omega)
         x, m, status = self._operator.run(omega, r, starts)
@@ -142,8 +142,7 @@ _REVERSIBLE_PARAMETERS = (
 def _population_parameters(index: int) -> tuple[FitParameter, ...]:
     """Return the fit parameters of a population.
 
-    The first population has no such parameters for saturation and width, because these are the
-    units.
+    Saturation and width of the first population are units, so they are not fit parameters.
     """
     parameters = (
         FitParameter(f"share_{index}", f"M_{index}/M_1", 1e-3, 1e2, "log", prior_mean=1.0),
@@ -155,7 +154,7 @@ def _population_parameters(index: int) -> tuple[FitParameter, ...]:
 
 
 class _CellKernelBase:
-    """Common properties of the two parametrisations of play cells."""
+    """Common properties of both parametrisations of play cells: by populations, and by weights."""
 
     has_derivatives = True
     is_coupled = False

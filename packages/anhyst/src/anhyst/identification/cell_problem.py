@@ -36,10 +36,10 @@ MAX_LAG_SAMPLES_AT_ONE_RATE = 1.0
 """Largest tried lag if all loops have about the same cycle rate. A lag and a wider loop are then
 barely separable."""
 
-# ratio of the fastest to the slowest cycle rate above which lag and width are separable
+# ratio of the fastest to the slowest cycle rate above which lag and loop width are separable
 MIN_RATE_RATIO = 3.0
-CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # time constants, relative to the longest record
-MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # smallest time constant, in samples
+CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # creep time constants, relative to the longest record
+MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # smallest tried time constant of the creep, in samples
 
 STRAIGHT_SLOPE_SHARE = 0.02
 """Slope of a fixed linear term of every model, relative to the mean slope. Further linear output is
@@ -55,7 +55,7 @@ MAX_OUTLIER_SHARE = 0.02  # maximum fraction of samples that are excluded as out
 MAX_SAMPLES = 20_000  # maximum number of fitted samples
 
 MAX_NOISE_RATIO = 1.1
-"""Ratio of residual to noise up to which noise explains the residual, so that no grid is tried."""
+"""Ratio of rms residual to noise up to which noise explains the residual and no grid is tried."""
 
 MAX_FOLDS = 5
 """Maximum number of folds that are withheld in turn: loops, or blocks if there are few loops."""
@@ -64,16 +64,16 @@ BLOCKS_PER_FOLD = 20
 """Blocks of a record that are withheld together. With fewer blocks, whole branches would be
 withheld. A grid would have to extrapolate, and its error would say nothing about other records."""
 
-MIN_LOOPS_TO_WITHHOLD = 3  # minimum number of loops with which whole loops are withheld
+MIN_LOOPS_TO_WITHHOLD = 3  # minimum number of loops for which whole loops are withheld, not blocks
 MAX_CENTRE_SHARE = 0.1
-"""Largest distance of the mid-range input from zero, in input ranges, for trying an even grid."""
+"""Largest mid-range input, in input ranges, for which an even grid is tried."""
 
 LAW = "play-cells"
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Nonlinear parameters of the least-squares problem, and the solution for their values."""
+    """Nonlinear parameters of the least-squares problem, and the solution for these parameters."""
 
     lag: float  # lag, s
     centre: float  # centre of the curves (``in_0``)
@@ -184,7 +184,7 @@ class CellProblem:
     def include_initial_curves(self) -> CellProblem:
         """Return the same problem, with initial curves that begin at the centre of the curves.
 
-        Before such a curve, the input never left the centre. A grid has curves for the samples.
+        Initial curves are used if the input never left the centre before. Only a grid can fit them.
         """
         problem, masks = copy(self), []
         for loop, mask in zip(self.loopset.loops, self.fitted_masks, strict=True):

@@ -1,12 +1,12 @@
 """Search the parameters of play cells from many start points, with one, two and three populations.
 
 A population is a group of cells with one curve width and a distribution of thresholds. The start
-points cover the normalised parameters of typical loops (:mod:`.screening`). The Jiles-Atherton fit
-adds a few. The costs of all are compared on few samples. The better points are optimised for a few
-steps, the best results for more steps, and the last two until convergence. If the costs of the last
-two differ and exceed the noise, more start points are tried. A population is added where the
-residual of the smaller fit predicts the largest gain. If an added population does not help, the
-first population is split.
+points cover the normalised parameters of typical loops (:mod:`.screening`), and the Jiles-Atherton
+fit adds a few. The costs of all start points are compared on few samples. The better points are
+optimised for a few steps, the best results for more steps, and the two best of these until
+convergence. If the costs of these two fits differ and exceed the noise, more start points are
+tried. A population is added with the parameters for which the residual of the smaller fit predicts
+the largest gain. If an added population does not help, the first population is split.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ steps."""
 
 _DEFAULT_SCHEDULE = ((6, 20), _FINAL_STOP)
 _PATIENT_SCHEDULE = ((15, 40), (1e-7, 200))
-"""Steps of the short and of the long descents, then tolerance and steps of the final ones.
+"""Steps of the short and of the long descents, then tolerance and steps of the final descents.
 
 The patient schedule is used if there are few loops and the residual exceeds the noise.
 """
@@ -60,15 +60,15 @@ _MAX_FEW_LOOPS = 2
 """Number of loops up to which a long flat valley of the cost can look like convergence."""
 
 _PATIENT_COST_RATIO = 0.8
-"""Ratio of the costs of the two schedules below which the result of the patient one is used."""
+"""Largest cost of the patient schedule, relative to the default one, for which it is used."""
 _AGREEMENT_COST_RATIO = 1.1
-"""Ratio of the costs of two final fits below which they agree."""
+"""Two final fits agree if the ratio of the larger to the smaller cost is below this value."""
 
 _EQUAL_START_DISTANCE = 0.02
 """Largest difference of any coordinate at which two descents are treated as the same."""
 
 _HOPELESS_COST_RATIO = 2.0
-"""Multiple of the lowest cost that a descent must be able to reach; otherwise it is abandoned."""
+"""A descent is abandoned if it cannot reach this multiple of the lowest cost."""
 
 _THRESHOLD_TO_PINNING_RATIOS = (1.0, 0.4)
 """Threshold scales of start points, relative to the pinning ``k`` of the Jiles-Atherton fit."""
@@ -88,14 +88,16 @@ _MAX_START_INTERACTION = 0.8
 jumps."""
 
 _ADDED_POPULATION_COST_RATIO = 0.98
-"""Ratio of the costs with and without an added population, above which it is discarded."""
+"""Ratio of the cost with an added population to the cost without it, above which it is discarded.
+"""
 
 _REMOVED_OFFSET_COST_RATIO = 1.2
-"""Ratio of the costs without and with offsets, above which the search without offsets is repeated,
-because another minimum may be better."""
+"""Ratio of the cost without offsets to that with offsets, above which the search without offsets is
+repeated, because another minimum may be better."""
 
 _MAX_CURVE_COST_RATIO = 4.0
-"""Ratio of the costs of two curve forms, above which the worse one gets no further population."""
+"""Largest cost of a curve form, relative to the best form, for which a population is added to it.
+"""
 
 _ADDED_WIDTH_RATIOS = (0.3, 0.6, 1.0, 2.0, 5.0)
 _ADDED_PINNING_RATIOS = (0.1, 0.3, 1.0, 3.0)
@@ -110,8 +112,8 @@ effect is estimated, and the range at the start of its fit."""
 _MAX_SUGGESTIONS = 8  # maximum number of start points with a new population per smaller fit
 
 _SPLIT_WIDTH_RATIOS = (0.6, 1.0)
-"""Widths of a population that is split off the first one, relative to its width. The split has no
-first-order effect on the cost, so the residual cannot suggest it."""
+"""Widths of a population that is split off the first one, relative to the width of the first one.
+The split has no first-order effect on the cost, so the residual cannot suggest it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +245,7 @@ class CellSearch:
             ]
             fits = _keep_best([*fits, *levels.descend(split_starts, len(split_starts))])
         if not smaller_fits and not self.is_usable(fits[0]):
-            # Also descend from the Jiles-Atherton starts: their fits may be usable.
+            # Also descend from the Jiles-Atherton starts, because the resulting fits may be usable.
             own_fits = [descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness) for theta in starts]
             usable_fits = sorted(filter(self.is_usable, own_fits), key=lambda fit: fit.cost)
             fits = [*usable_fits[:1], *fits][:_MAX_FINAL_DESCENTS]
@@ -270,10 +272,10 @@ class CellSearch:
     def _search_starts(self, levels: _SampleLevels, given_starts: list[FloatArray]) -> list[FoundModel]:
         """Search from random and given start points until the best fits agree or fit the noise.
 
-        With few loops, agreement is not evidence, because flat valleys are long. If the residual
-        exceeds the noise, the patient schedule is then applied to all start points. A patient
-        result that is only slightly better is ignored: the gain is chance and does not improve
-        predictions.
+        With few loops, agreement of fits is not evidence, because the flat valleys of the cost are
+        long. If the residual of few loops exceeds the noise, the patient schedule is applied to all
+        start points. A patient result that is only slightly better is ignored: the gain is chance
+        and does not improve predictions.
         """
         kernel, fits, tried_starts = levels.kernel, list[FoundModel](), list[FloatArray]()
         draw_count = _STARTS_PER_ROUND if kernel.population_count < 3 else 0
@@ -357,7 +359,8 @@ def _make_cells(
 ) -> ParameterSet:
     """Convert a Jiles-Atherton parameter set to cells with the same initial slope.
 
-    Negative interaction makes a curve steeper. It is kept, or a steeper curve replaces it.
+    Negative interaction makes a curve steeper. The cells keep this interaction, or have a steeper
+    curve instead.
     """
     reversible_share = parameter_set.c + 0.05
     omega = parameter_set.omega / width_ratio
@@ -377,7 +380,7 @@ def _make_cells(
 
 
 def _suggest_population_starts(levels: _SampleLevels, smaller_fits: Sequence[FoundModel]) -> list[FloatArray]:
-    """Make start points with an added population where the residual predicts the largest gains."""
+    """Make start points with the added populations that reduce the residual most."""
     suggestions = []
     objective = Objective(levels.coarse, levels.smoothness)
     for fit in dict.fromkeys(smaller_fits):  # some fits may be equal

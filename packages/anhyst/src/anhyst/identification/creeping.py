@@ -24,28 +24,28 @@ from anhyst.model.actuator import Model
 from anhyst.model.schema import CandidateFit, Uncertainty
 
 MAX_CREEP_ERROR_RATIO = 0.98
-"""Ratio of rms residuals with and without creep, above which creep is not used."""
+"""Ratio of the rms residual with creep to that without it, above which creep is not used."""
 # ratio of rms residuals within which lags count as equal; the shortest is used
 EQUAL_LAG_ERROR_RATIO = 0.995
 CREEP_ROUNDS = 3  # number of creep fits; each uses the output of the previous one
 MAX_RATE_ERROR_RATIO = 1.5
-"""Ratio of the errors at a cycle rate and at the slowest one, up to which a model is valid."""
+"""Largest error at a cycle rate, relative to that at the slowest rate, for a valid model."""
 
 MAX_GRID_ERROR_RATIO = 0.7
-"""Largest ratio of errors at withheld samples, grid to few curves, with which the grid is used. Few
-curves separate creep better: on a real stack, a grid with the ratio 0.73 predicts the second half
-of the record worse."""
+"""Largest error of a grid at withheld samples, relative to the error of few curves, for which the
+grid is used. Few curves separate creep better: on a real stack, a grid with the ratio 0.73 predicts
+the second half of the record worse."""
 
 CLOSE_GRID_FIT_RATIO = 0.5
-"""Largest ratio of rms residuals, grid to few curves, with which an equally predictive grid is
+"""Largest rms residual of a grid, relative to few curves, for which a grid that predicts as well is
 used."""
 
 EQUAL_GRID_ERROR_RATIO = 1.25
-"""Ratio of errors at withheld samples, grid to few curves, up to which a grid predicts as well."""
+"""Error of a grid at withheld samples, relative to few curves, up to which it predicts as well."""
 
 MAX_INITIAL_CURVE_ERROR_RATIO = 1.1
-"""Largest increase of the error at withheld samples with which initial curves are fitted. A wrong
-history in the file makes these errors larger."""
+"""Largest factor by which fitted initial curves may increase the error at withheld samples. A wrong
+history in the file increases it."""
 
 
 def fit_creeping(loopset: Loops) -> Outcome:
@@ -132,7 +132,8 @@ def _describe_dynamics(attempt: Trial) -> str:
 def _fit_on_grid(problem: CellProblem, few_curves_fit: Trial) -> tuple[CellProblem, Trial, float, float]:
     """Fit curves on a grid with the lag and the creep times of a fit with few curves.
 
-    Return the problem, the fit, and both withheld errors (grid, few curves) per output range.
+    Return problem, fit, and the withheld errors of grid and few curves, relative to the output
+    range.
     """
     creeping = (
         problem.creep_responses(few_curves_fit, few_curves_fit.creep_times)

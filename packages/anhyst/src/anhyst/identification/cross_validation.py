@@ -40,7 +40,7 @@ _CLEAR_SQUARE_RATIO = 1.0 / 9.0
 
 _MIN_WITHHELD_ITEMS = 4  # minimum number of differences for _CLEAR_SQUARE_RATIO
 EQUAL_ERROR_RATIO = 1.02
-"""Ratio of cross-validation errors within which they count as equal."""
+"""Ratio of two cross-validation errors up to which these errors count as equal."""
 
 _MAX_MEAN_ERROR_RATIO = 1.05
 """Factor by which the mean error may increase if the mean square error of all loops decreases."""
@@ -85,7 +85,7 @@ class WithheldError:
 
 @dataclass(frozen=True, slots=True)
 class Refit:
-    """A fit without some gaps, loops or blocks: its cost, and its error at each of them."""
+    """A fit without some gaps, loops or blocks: its cost, and its error at each withheld item."""
 
     cost: float
     errors: Mapping[int, WithheldError]
@@ -176,7 +176,7 @@ def _block_errors(
         if loop not in residuals:
             residuals[loop] = _residuals(model, [loops[loop]])[0] / span
         block_residual = residuals[loop][block_numbers_along(loops[loop].input, blocks) == number]
-        samples = max(block_residual.size, 1)  # no sample lies in a block that is inside a jump
+        samples = max(block_residual.size, 1)  # a block inside a jump contains no sample
         errors[index] = WithheldError(
             float(np.sum(np.abs(block_residual))) / samples,
             (float(block_residual @ block_residual) / samples,),
@@ -215,9 +215,9 @@ def is_better(
 ) -> bool:
     """Whether a complex fit is better by more than a number of standard errors of the difference.
 
-    Differences are taken loop by loop. The standard error is the larger of that over all loops and
-    that over the gaps, because loops of a gap are correlated. A fit that is better only at the
-    fitted gaps, but worse at the withheld ones, is not accepted.
+    Differences are taken loop by loop. The larger standard error is used of those over all loops
+    and over the gaps, because loops of a gap are correlated. A complex fit is not accepted if its
+    mean error at withheld data is clearly larger.
     """
     pairs = list(zip(simpler_errors, complex_errors, strict=True))
     withheld_differences = [
@@ -280,7 +280,7 @@ def noise_by_gap(loopset: Loops) -> list[float]:
 def expected_error(
     errors: Sequence[float], noises: Sequence[float], withheld_kind: Literal["gap", "block"] = "gap"
 ) -> CrossValidation | None:
-    """Estimate the error at a new gap, or at other samples of such loops, from nested errors.
+    """Estimate the error at a new gap, or at other samples of similar loops, from nested errors.
 
     The errors contain one value for each withheld gap or block. The noise is subtracted. The result
     is None if no finite positive error remains.
@@ -307,7 +307,8 @@ def expected_error(
 
 
 def _student_quantile(freedom: float) -> float:
-    """Return the 95 % quantile of Student's t (Cornish-Fisher), to 1 % from 3 degrees on."""
+    """Return the 95 % quantile of Student's t, to 1 % from 3 degrees of freedom on
+    (Cornish-Fisher)."""
     z = 1.644854
     first = (z**3 + z) / 4.0
     second = (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0

@@ -28,7 +28,7 @@ _MIN_STEPS_TO_EXTRAPOLATE = 5  # steps after which the progress of a descent pre
 
 
 def _damped_step(linear: Linearisation, is_free: NDArray[np.bool_], damping: float) -> FloatArray:
-    """Return the damped Gauss-Newton step in the free coordinates; zero in the fixed ones."""
+    """Return the damped Gauss-Newton step of the free coordinates; zero for fixed ones."""
     normal = linear.normal[np.ix_(is_free, is_free)]
     diagonal = np.diag(normal)
     normal[np.diag_indices_from(normal)] += damping * np.maximum(diagonal, 1e-9 * diagonal.max())

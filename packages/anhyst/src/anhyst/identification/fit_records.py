@@ -27,8 +27,7 @@ _REST_BAND = 0.005
 # a drive rests if this fraction of its samples is within a band above the lowest sample
 _MIN_REST_SHARE = 0.08
 _ROUND_REVERSAL_RATIO = 1.2
-"""Reversals are round if one curve across them has at most this multiple of the residual of two
-curves."""
+"""Largest residual of one curve across a round reversal, relative to that of two curves."""
 _BRANCH_PARTS_PER_TIP = 12  # the curves at a reversal use 1/12 of a branch
 _OFFSET_SIGMAS = 3.0  # number of standard errors above which an offset is used
 
@@ -157,7 +156,7 @@ class FitRecord:
     # time since the first sample at the same gap, relative to the longest such time; zero if the
     # order of the loops is unknown
     clock: FloatArray
-    # samples that are excluded from the fit but not from the drive; None: none
+    # samples that are excluded from the fit but not from the input; None: no samples
     is_withheld: NDArray[np.bool_] | None = None
     # number of measured samples that each sample represents, relative to the mean; None: all equal
     sample_shares: FloatArray | None = None
@@ -262,14 +261,15 @@ class FitRecords:
         return replace(self, loops=loops, nodes=self.nodes[kept_gaps])
 
     def without_loops(self, withheld: Collection[int]) -> FitRecords:
-        """Return all loops except those with some indices."""
+        """Return all loops except the loops with the given indices."""
         records = tuple(record for index, record in enumerate(self.loops) if index not in withheld)
         return replace(self, loops=records)
 
     def without_blocks(self, withheld: Collection[int], blocks_per_loop: int) -> FitRecords:
-        """Exclude blocks of samples from the fit, but not from the drive.
+        """Exclude blocks of samples from the fit, but not from the input of the model.
 
-        Each record has `blocks_per_loop` blocks of equal travel, numbered on from record to record.
+        Each record has `blocks_per_loop` blocks of equal travel, numbered consecutively over all
+        records.
         """
         numbers = (
             i * blocks_per_loop + block_numbers_along(each_record.input, blocks_per_loop)
@@ -291,7 +291,7 @@ class FitRecords:
 
 
 def block_numbers_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:
-    """Return the block of each sample, for blocks of equal travel of the drive."""
+    """Return the block of each sample, for blocks of equal travel of the input."""
     travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
     return np.asarray(np.minimum(travel / travel[-1] * blocks, blocks - 1), dtype=np.intp)
 

@@ -184,7 +184,7 @@ def check_options(law: str, gap_map: str, search: str) -> None:
     kernel = LAWS[DEFAULT_LAW if law == AUTO else law].kernel
     if kernel is not None and kernel.is_coupled and gap_map in SERIES_MAPS:
         # In this law, alpha acts only on the irreversible magnetisation, but a reluctance acts on
-        # all of it. One fitted parameter would have to represent alpha and reluctance.
+        # the whole magnetisation. One parameter would have to represent alpha and reluctance.
         raise InputError(
             f"gap map '{gap_map}' cannot be used with law {law}; use --law {DEFAULT_LAW}, or "
             "--gap-map scaling",

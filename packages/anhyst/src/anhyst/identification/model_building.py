@@ -158,10 +158,10 @@ def make_model(fit: FoundModel, loopset: Loops) -> Model:
 
 
 def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
-    """Return the nodes of a model and the sets there; with leakage, also between the gaps.
+    """Return the nodes of a model and their parameter sets; with leakage, also between the gaps.
 
     The reluctance of the gap itself is interpolated, because the iron sees a curved reluctance if
-    there is leakage. The nodes are so dense that the curves between them do not matter.
+    there is leakage. The nodes are so dense that the interpolation between them does not matter.
     """
     space, sets = fit.space, fit.parameter_sets
     nodes = space.records.nodes

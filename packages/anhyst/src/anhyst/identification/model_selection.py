@@ -95,8 +95,7 @@ _MAX_ERROR_RATIO = 5.0
 passing the acceptance test."""
 
 CARRIED_STARTS = 24
-"""Screened parameter sets of the reference gap that are tried at the other gaps in addition to its
-optimum."""
+"""Screened sets of the reference gap that the other gaps try in addition to its optimum."""
 
 
 def make_outcome(fit: FoundModel, loopset: Loops, reason: str, *, interrupted: bool = False) -> Outcome:
@@ -227,10 +226,10 @@ class Selection:
         return fits
 
     def compare_play_cells(self, base: ModelCandidate) -> ModelCandidate:
-        """Fit play cells under the most flexible gap map, then the best under others, and select.
+        """Fit play cells under the most flexible map, then the best under other maps, and select.
 
-        With fewer than three gaps, inner loops are withheld; with fewer than two of these, blocks
-        of samples.
+        With fewer than three gaps, inner loops are withheld. With fewer than two inner loops,
+        blocks of samples are withheld.
         """
         run, comparison = self.run, self.comparison
         if not comparison.withheld:
@@ -357,7 +356,7 @@ class Selection:
         )
 
     def _filter_eligible(self, candidates: list[ModelCandidate]) -> list[ModelCandidate]:
-        """Return the candidates that may be selected: the usable ones, or all if none is usable.
+        """Return the usable candidates, or all candidates if none is usable.
 
         If the schedule is not a gap, the map ``free`` may be selected although it cannot be
         compiled, if it fits several times better than any usable candidate.
@@ -379,7 +378,8 @@ class Selection:
     def select(self) -> ModelCandidate:
         """Return the best candidate that passes the acceptance test and is not overfitted.
 
-        The tests are ignored if the error would otherwise be much larger than the smallest one.
+        The tests are ignored if the selected error would otherwise be much larger than the smallest
+        error.
         """
         comparison = self.comparison
         candidates = list(comparison.eligible)
@@ -417,7 +417,7 @@ class Selection:
         )
 
     def finish_best(self, best: ModelCandidate) -> tuple[ModelCandidate, FoundModel, str]:
-        """Finish the best candidate or, if that fails, the next; raise the last failure."""
+        """Finish the best candidate or, if it fails, the next one; raise the last failure."""
         comparison = self.comparison
         while True:
             try:

@@ -34,7 +34,7 @@ _MAX_SAMPLES_PER_CALL = 20_000
 
 
 class CellResponder:
-    """Simulator of drives from the demagnetised state, with a cache of how drives are grouped."""
+    """Simulator of input records from the demagnetised state, with a cache of their groups."""
 
     def __init__(self) -> None:
         self._groups: dict[tuple[int, ...], list[_DriveGroup]] = {}
@@ -43,7 +43,7 @@ class CellResponder:
     def outputs(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
-        """Return the output of every drive, SI."""
+        """Return the output of every record, SI."""
         outputs = []
         for cells, drives in self._group_cells(form, sets, records):
             omega, r, _ = drives.cell_inputs(sets)
@@ -57,7 +57,7 @@ class CellResponder:
     def derivatives(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-        """Yield gap, output and derivatives, shape (n, parameters), of all drives."""
+        """Yield gap, output and derivatives, shape (n, parameters), of every record."""
         for cells, drives in self._group_cells(form, sets, records):
             omega, r, scale = drives.cell_inputs(sets)
             # The dependence of the history on the circuit at other gaps is neglected.
@@ -71,7 +71,7 @@ class CellResponder:
     def _group_cells(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[DrivenCells, _DriveGroup]]:
-        """Yield the cells of each group of drives that share them."""
+        """Yield each group of records with the cells that its records share."""
         assert form.cells is not None
         require_steepness(sets)
         try:
@@ -91,13 +91,13 @@ class CellResponder:
 
 @dataclass(frozen=True, eq=False)
 class _DriveGroup:
-    """Concatenated drives, each preceded by its history."""
+    """Concatenated input records, each preceded by its history."""
 
     records: Sequence[FitRecord]
     drive: FloatArray  # SI; shape (n,)
     gap_position: FloatArray  # index of the gap of each sample; shape (n,)
     is_own_gap: FloatArray  # 1 at the gap of the record, else 0; shape (n,)
-    starts: NDArray[np.int64]  # first sample of each drive
+    starts: NDArray[np.int64]  # index of the first sample of each record with its history
     record_slices: Sequence[slice]  # samples of each record
 
     @cached_property
@@ -128,7 +128,7 @@ class _DriveGroup:
 
 
 def _group_drives(records: Sequence[FitRecord], cell_key: Sequence[int]) -> Iterator[_DriveGroup]:
-    """Group successive drives that share cells, about 20,000 samples per group."""
+    """Group successive records whose gaps use the same cells, about 20,000 samples per group."""
     for _, gap_records in groupby(records, lambda record: cell_key[record.gap]):
         group: list[FitRecord] = []
         for record in gap_records:
@@ -253,8 +253,8 @@ class Objective:
     def normal_equations(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return residuals, gradient of half their sum of squares, and normal matrix.
 
-        The matrices are summed gap by gap. Parameters of one gap then need no computation at other
-        gaps, and no product is so large that a library would use several threads.
+        The matrices are summed gap by gap. Therefore, parameters of one gap need no computation at
+        other gaps, and no product is so large that a library would use several threads.
         """
         self.evaluations += 1
         sets = self.space.unpack(theta)
@@ -316,7 +316,8 @@ class Objective:
             return Linearisation(self.no_answer_deviations, zero_jacobian[0], zero_jacobian)
 
     def linearise_if_better(self, theta: FloatArray, cost: float) -> Linearisation | None:
-        """Linearise if the cost is below a limit, else return None; slow without derivatives."""
+        """Linearise if the cost is below a limit, else return None; slow for a law without
+        derivatives."""
         if not self.space.form.kernel.has_derivatives:
             deviations = self.deviations(theta)
             if float(deviations @ deviations) >= cost:
@@ -358,7 +359,7 @@ class _Drift:
 
 
 def _make_smoothness_rows(space: CoordinateSpace) -> FloatArray:
-    """Return matrix rows for the coordinate differences of neighbouring gaps, except offsets."""
+    """Return matrix rows for the coordinate differences of neighbouring gaps, without offsets."""
     column_of = {entry: index for index, entry in enumerate(space.entries)}
     pairs = [
         (column_of[name, gap], column_of[name, gap + 1])

@@ -278,7 +278,7 @@ def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
 def run_simplex(
     cost: Callable[[FloatArray], float], variables: Variables, start: FloatArray, max_evaluations: int
 ) -> tuple[FloatArray, float]:
-    """Run a Nelder-Mead simplex search; restart it at its result until this gains little."""
+    """Run a Nelder-Mead simplex search; restart it at its result until a restart gains little."""
     # Imported here, because importing SciPy takes longer than the default search, which does not
     # need it.
     from scipy.optimize import minimize

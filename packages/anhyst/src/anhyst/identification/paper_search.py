@@ -100,7 +100,7 @@ class EvolutionStrategy:
         self.best_cost = np.inf
 
     def ask(self) -> FloatArray:
-        """Return the individuals of the generation, shape (children, n)."""
+        """Return the individuals of the present generation, shape (children, n)."""
         return self._x.copy()
 
     def tell(self, costs: FloatArray) -> None:
@@ -165,7 +165,7 @@ class SearchState:
 class PaperSearch:
     """Loops of every gap, prepared for searches over any of the parameters."""
 
-    run: SearchRun  # settings and stages
+    run: SearchRun  # settings and stages of the identification
     loopset: Loops  # measured loops, for their quantities
     effort: SearchEffort = field(default_factory=SearchEffort)  # effort of the search
 

@@ -88,7 +88,7 @@ def move_to_common_gauge(search: PaperSearch, free_state: SearchState) -> Search
 def _search_from_neighbour(
     search: PaperSearch, gap: int, own_values: Values, neighbour_values: Values | None
 ) -> tuple[Values, int]:
-    """Search one gap from its own set and from its neighbour's; prefer the neighbour's result."""
+    """Search one gap from its own set and its neighbour's set; prefer the neighbour's result."""
     names = [name for name in search.searched_names if name not in names_set_by_gauge(search.searched_names)]
     starts = [own_values] if neighbour_values is None else [neighbour_values, own_values]
     results = [search.refine(gap, start, names, search.effort.final) for start in starts]
@@ -116,7 +116,7 @@ def reductions(
 
 
 def _try_freezing(search: PaperSearch, state: SearchState, name: str) -> SearchState:
-    """Replace one parameter by its mean, and search the others briefly at every gap."""
+    """Replace one parameter by its mean, and search the other parameters briefly at every gap."""
     other_names = [other_name for other_name in state.varying if other_name != name]
     mean = mean_over_gaps(name, [values[name] for values in state.sets])
 

@@ -27,15 +27,15 @@ from anhyst.support.numeric import FloatArray
 LAYER_COUNTS = (1, 2, 3, 4)  # numbers of layers that are tried; 1 is a lag of the flux
 
 MAX_ERROR_RATIO = 0.9
-"""Largest error, relative to the static model or to fewer layers, with which layers are accepted.
-"""
+"""Largest error with layers for which they are accepted, relative to the error of the static model
+or of fewer layers."""
 
 MAX_SAMPLES_PER_LOOP = 120  # maximum number of fitted samples per loop
 
 CYCLE_TOLERANCE = 1e-6
 MAX_CYCLES = 40
-"""Maximum number of cycles until a steady-state loop closes, and its tolerance relative to the
-field scale of the law."""
+"""Maximum number of cycles until a steady-state loop closes, and the tolerance of the closing,
+relative to the field scale of the law."""
 
 GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)
 """Initial values of ``gamma``, relative to the value whose eddy-current field at the fastest rate
@@ -55,7 +55,7 @@ class RateFit:
     """Result of fitting the rate dependence to fast loops."""
 
     model: Model  # the model with layers or a lag; unchanged if they do not help
-    reason: str  # reason, as a sentence
+    reason: str  # reason why the rate dependence was accepted or rejected, as a sentence
     log_gamma_std: float = 0.0  # standard deviation of ln(gamma)
     error: float = (
         np.inf
@@ -285,9 +285,9 @@ def _with_series_reluctance(model: Model) -> Model:
     """Return a play-cell model whose coupling is converted to a series reluctance.
 
     Static behaviour does not change. With layers, a reluctance acts on the flux of all layers
-    together, and a coupling on the flux of each. A negative coupling is a gap, and is converted. A
-    positive coupling is a property of the iron and is not converted. If the iron would jump without
-    a gap, a positive coupling is converted as far as the reluctance stays positive.
+    together, and a coupling on the flux of each layer. A negative coupling represents a gap, and is
+    converted. A positive coupling is a property of the iron and is not converted. If the iron would
+    jump without a gap, a positive coupling is converted as far as the reluctance stays positive.
     """
     law, alpha = model.operator_law, model.parameters["alpha"]
     if law.cells is None or isinstance(alpha, tuple) or not alpha or model.needs_fixed_gap:

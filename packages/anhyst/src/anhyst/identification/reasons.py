@@ -16,8 +16,8 @@ from anhyst.identification.model_building import is_scheduled_over_gap
 from anhyst.model.schema import CHOSEN, CandidateFit
 
 _MIN_OFFER_RATIO = 1.5
-"""Ratio of rms residuals, selected map to a map that cannot be compiled, above which the text
-suggests that other map."""
+"""Ratio of the rms residual of the selected map to that of a map that cannot be compiled. Above
+this ratio, the text suggests the other map."""
 
 
 def list_candidates(

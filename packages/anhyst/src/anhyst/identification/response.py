@@ -1,4 +1,4 @@
-"""Simulate a Jiles-Atherton law along one drive, with derivatives, in the gauge-free form.
+"""Simulate a Jiles-Atherton law along one input record, with derivatives, in the gauge-free form.
 
 The equations at one gap, in units of the law (docs/theory.md), are::
 
@@ -66,7 +66,7 @@ class ParameterSet:
 
 @dataclass(frozen=True, slots=True)
 class ResponseForm:
-    """Form of the equations for the measured quantities: power of the output, rule for h, law."""
+    """Exponent of the output, hysteresis law, and rule for the slope ``h`` of the air core."""
 
     power: int  # 2 for a force, else 1
     law: str = DEFAULT_LAW  # name of a law with a kernel, or of play cells
@@ -98,7 +98,7 @@ class ResponseForm:
         return dict(zip(self.names, (*parameter_set.law, *circuit_values), strict=True))
 
     def make_set(self, values: Sequence[float]) -> ParameterSet:
-        """Return a parameter set from values in the order of the names, with h by its rule."""
+        """Return a parameter set from values in the order of the names; ``h`` follows from them."""
         *law, omega, scale, gain, in_0, out_0 = values
         h = self.permeability * scale / gain if self.permeability > 0.0 else self.h
         return ParameterSet(tuple(law), omega, scale, gain, in_0, out_0, h)
@@ -122,7 +122,7 @@ def require_steepness(sets: Sequence[ParameterSet]) -> None:
 
 
 class Responder:
-    """Simulator of drives; it starts steady-state cycles from their last known start state."""
+    """Simulator of records; it starts steady-state cycles from their last known start state."""
 
     def __init__(self) -> None:
         self._starts: dict[int, FloatArray] = {}
@@ -130,14 +130,14 @@ class Responder:
     def outputs(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
-        """Return the output of every drive, SI."""
+        """Return the output of every record, SI."""
         laws = _make_operators(form, sets)
         return [self.output(form, sets[d.gap], laws[d.gap], d, sets) for d in records]
 
     def derivatives(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-        """Yield gap, output and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of every drive."""
+        """Yield gap, output and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of every record."""
         laws = _make_operators(form, sets)
         for record in records:
             yield record.gap, *self.with_derivatives(form, sets, laws[record.gap], record)
@@ -150,9 +150,9 @@ class Responder:
         record: FitRecord,
         sets: Sequence[ParameterSet] = (),
     ) -> FloatArray:
-        """Return the output of one drive, shape (n,), SI, without derivatives.
+        """Return the output of one record, shape (n,), SI, without derivatives.
 
-        Without the sets of all gaps, the history counts as if it had happened at this gap.
+        Without the sets of all gaps, the history counts as if it had happened at the record's gap.
         """
         r = (record.input - parameter_set.in_0) / parameter_set.scale
         omega = np.full(r.size, parameter_set.omega)
@@ -186,7 +186,7 @@ class Responder:
     def with_derivatives(
         self, form: ResponseForm, sets: Sequence[ParameterSet], operator: Operator, record: FitRecord
     ) -> tuple[FloatArray, FloatArray]:
-        """Return output, (n,), and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of a drive."""
+        """Return output, (n,), and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of a record."""
         parameter_set = sets[record.gap]
         if record.is_cycle:
             path = self._follow_cycle(form, parameter_set, operator, record)
@@ -197,7 +197,7 @@ class Responder:
     def _follow_cycle(
         self, form: ResponseForm, parameter_set: ParameterSet, operator: Operator, record: FitRecord
     ) -> CellPath:
-        """Close the cycle by Newton's method on one unknown: y before the first sample."""
+        """Close the cycle by Newton's method on the state y before the first sample."""
         terms = _SolverInputs(form, parameter_set, record.input, _DERIVATIVE_COUNT + 1)
         state = self._starts.get(id(record))
         if state is None:
@@ -284,7 +284,7 @@ def history_inputs(sets: Sequence[ParameterSet], history: InputHistory) -> tuple
 
 
 class _SolverInputs:
-    """Solver inputs for a drive, with derivatives with respect to kappa, c, omega, scale, in_0."""
+    """Solver inputs for a record, and their derivatives by kappa, c, omega, scale, in_0."""
 
     def __init__(
         self, form: ResponseForm, parameter_set: ParameterSet, drive: FloatArray, directions: int
@@ -350,9 +350,9 @@ def _langevin(x: float) -> tuple[float, float]:
 def _make_admissible(
     state: FloatArray, form: ResponseForm, parameter_set: ParameterSet, r: float
 ) -> FloatArray:
-    """Convert a state of other parameters to one before the first sample, with y within its limits.
+    """Convert a state of other parameters to a valid state before the first sample.
 
-    For constant y, the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
+    y is limited. For constant y, ``x + omega*((1-c)*y + c*L(x)) = r`` is smooth in x.
     """
     x, y, p = state.tolist()
     kappa, c = parameter_set.law
@@ -375,7 +375,7 @@ def _make_admissible(
 
 
 def _extrapolate_cycle(state: FloatArray, cycle_ends: list[float]) -> FloatArray:
-    """Extrapolate the states after the last three passes: small loops need hundreds of passes."""
+    """Extrapolate the states after the last three passes; small loops need hundreds of passes."""
     first_step, second_step = cycle_ends[-2] - cycle_ends[-3], cycle_ends[-1] - cycle_ends[-2]
     if abs(second_step) >= abs(first_step):
         return state

@@ -54,7 +54,7 @@ class SearchRun:
     records: FitRecords  # the loops, prepared for fitting
     seed: int  # seed of all random numbers
     fixed: frozenset[str]  # parameters fixed at zero
-    cells: tuple[Shape, ...] = ()  # curves of play cells that are compared with the law of the form
+    cells: tuple[Shape, ...] = ()  # curves of the play cells that are compared with the law
     only_cells: bool = False  # whether only play cells may be selected
     dead_band: bool = True  # whether a dead band is fitted
     total_stages: int = 1  # expected number of stages
@@ -128,8 +128,8 @@ class Outcome:
     map_reason: str  # reason for the gap map, or result of the reduction, as a sentence
     is_interrupted: bool = False  # whether the search was stopped before its end
     dead_band: str = "none"  # width of the dead band of the law, and the reason
-    # cross-validation error of each tried map, relative to the largest output; empty below three
-    # gaps, and without maps that have no solution at a withheld gap
+    # cross-validation error of each map that has a solution at all withheld gaps, relative to the
+    # largest output; empty below three gaps
     withheld_errors: dict[str, float] = field(default_factory=dict)
     # expected error of the selected model at new gaps; None below three gaps
     expected_error: CrossValidation | None = None

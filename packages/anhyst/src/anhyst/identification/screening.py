@@ -47,7 +47,7 @@ _SCREENING_SAMPLES = 64  # maximum number of samples per loop in the screening
 
 
 def batch_instruction_set() -> str:
-    """Return the instruction set of the batch: the best, or that of the environment variable."""
+    """Return the best instruction set of the batch, or that of the environment variable."""
     levels = batch_levels()
     level = os.environ.get(LEVEL_VARIABLE)
     if level is None:
@@ -114,7 +114,7 @@ def screen_sets(
 def follow_sets(
     record: FitRecord, sample_indices: NDArray[np.intp], sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Simulate one drive with many parameter sets at the same time."""
+    """Simulate one record with many parameter sets at the same time."""
     kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
@@ -196,7 +196,7 @@ def _select_best_sets(space: CoordinateSpace, sets: FloatArray, max_starts: int)
 def scan_gap(
     space: CoordinateSpace, gap: int, start_sets: list[ParameterSet]
 ) -> tuple[list[ParameterSet], FloatArray]:
-    """Find the best value of the gap-dependent parameter at one gap, with all others fixed."""
+    """Find the best gap-dependent parameter at one gap, with all other parameters fixed."""
     count = len(start_sets)
     table = np.repeat(_parameter_table(start_sets), _SCAN_VALUES, axis=1)
     if space.gap_map in SERIES_MAPS:
@@ -217,7 +217,7 @@ def scan_gap(
 
 
 def cost_at_gap(space: CoordinateSpace, gap: int, sets: list[ParameterSet]) -> FloatArray:
-    """Return the costs of unchanged sets at one gap, shape (len(sets),)."""
+    """Return the cost of each set at one gap, without fitting it, shape (len(sets),)."""
     return _table_cost(space, gap, _parameter_table(sets))
 
 
@@ -248,7 +248,7 @@ _REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # reversible saturation, relative to the 
 _REVERSIBLE_WIDTH_RANGE = (0.3, 6.0)
 _SHARE_RANGE = (0.1, 1.5)
 _WIDTH_RANGE = (0.2, 8.0)
-"""Ranges of saturation and width of a further population, relative to the first."""
+"""Ranges of saturation and width of a further population, relative to the first population."""
 
 _IRON_DRIVE_SHARE_WITH_GAP = (0.02, 0.9)
 _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.3, 4.0)
@@ -325,7 +325,7 @@ def has_valid_scales(sets: Sequence[ParameterSet]) -> bool:
 
 
 def _largest_by_gap(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
-    """Return drive and output at the largest output of each gap, as absolute values."""
+    """Return input and output at the largest output of each gap, as absolute values."""
     drives, outputs = np.zeros(space.records.gap_count), np.zeros(space.records.gap_count)
     for record in space.records.loops:
         row = int(np.argmax(np.abs(record.output)))

@@ -118,7 +118,7 @@ class CoordinateSpace:
 
     @cached_property
     def _coordinate_kinds(self) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-        """Indices of logarithmic and of inverse hyperbolic sine coordinates; units of all."""
+        """Indices of logarithmic and inverse hyperbolic sine coordinates; units of all."""
         kinds = np.array([self.fit_parameters[name].coordinate for name, _ in self.entries])
         units = np.array([self.unit(name) for name, _ in self.entries])
         return np.flatnonzero(kinds == "log"), np.flatnonzero(kinds == "asinh"), units
@@ -179,7 +179,8 @@ class CoordinateSpace:
         return np.array(low), np.array(high)
 
     def pack(self, sets: list[ParameterSet]) -> FloatArray:
-        """Return the coordinates of parameters at each gap; common ones are from the first gap."""
+        """Return the coordinates of parameters at each gap; common ones are those of the first gap.
+        """
         theta = []
         gain, leakage = self._gain_and_leakage(sets)
         for name, gap in self.entries:
@@ -204,12 +205,12 @@ class CoordinateSpace:
         return closed_gap_root**self.form.power, -slope / closed_gap_root * max(sets[-1].omega, _MIN_OMEGA)
 
     def without_gaps(self, withheld: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
-        """Return the space without some gaps, and the indices of its coordinates in this one."""
+        """Return the space without some gaps, and the indices of its coordinates in this space."""
         indices = [index for index, (_, gap) in enumerate(self.entries) if gap not in withheld]
         return replace(self, records=self.records.without_gaps(withheld)), np.array(indices)
 
     def with_fixed(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
-        """Return the space with more parameters fixed at zero, and its coordinate indices here."""
+        """Return the space with more parameters fixed at zero, and its coordinate indices."""
         indices = [index for index, (name, _) in enumerate(self.entries) if name not in names]
         return replace(self, fixed=self.fixed | names), np.array(indices)
 

@@ -35,7 +35,7 @@ from anhyst.support.units import MU_0
 _MAX_RELATIVE_STD = 0.2
 
 _MAX_NAMED_PARAMETERS = 6
-"""Maximum number of uncertain parameters that are named. Many are meaningful only as a set."""
+"""Maximum number of named uncertain parameters. More are meaningful only as a set."""
 
 _MAX_SEPARABLE_CORRELATION = 0.95
 """Correlation above which two parameters are not separable."""
@@ -238,7 +238,8 @@ def remove_unneeded_offsets(
         attempts[names] = score(cost, space, theta[coordinates]), space, theta[coordinates]
     _, space, start = min(attempts.values(), key=lambda attempt: attempt[0])
     full_score = score(fit.cost, fit.space, fit.theta)
-    # For any values of the remaining offsets, a reduced fit with a higher cost is rejected.
+    # A reduced fit with a higher cost is rejected, whatever the values of the remaining offsets
+    # are.
     remaining_offsets = sum(name in OFFSET_NAMES for name, _ in space.entries)
     goal_cost = math.exp(
         full_score / independent_samples
@@ -268,7 +269,7 @@ def _find_contradicted_offsets(fit: FoundModel) -> frozenset[str]:
 
 
 def _neighbour_correlation(deviation: FloatArray) -> float:
-    """Return the correlation of residuals with those of the next sample, 0 if it is negative."""
+    """Return the correlation of successive residuals, 0 if it is negative."""
     centred = deviation - deviation.mean()
     sum_of_squares = float(centred @ centred)
     return max(0.0, float(centred[1:] @ centred[:-1]) / sum_of_squares) if sum_of_squares > 0.0 else 0.0
@@ -340,12 +341,12 @@ _MAX_DEVIATION_RATIO = 2.0
 """Largest allowed deviation between two maps midway between gaps, relative to the sum of their
 errors at withheld gaps."""
 _MAX_SIMPLER_ERROR_RATIO = 3.0
-"""Largest cross-validation error of a simpler map, relative to that of another map, with which the
-simpler map is evidence against the other."""
+"""Largest cross-validation error of a simpler map that is evidence against another map, relative to
+the error of the other map."""
 
 
 def deviation_between_gaps(model: Model, rival_model: Model, loopset: Loops) -> float:
-    """Return the largest mean deviation of two models midway between gaps, in full scales."""
+    """Return the largest mean deviation midway between gaps, relative to full scale."""
     groups = loopset.by_schedule()
     deviations = []
     for low, high in pairwise(sorted(groups)):
@@ -366,7 +367,7 @@ def is_overfitted_between_gaps(
 ) -> bool:
     """Whether a model deviates between gaps from all simpler maps by more than their errors.
 
-    Models for fixed gaps only have no behaviour between gaps and are never overfitted there.
+    Models for fixed gaps have no behaviour between gaps and are never overfitted between gaps.
     """
     if model.needs_fixed_gap:
         return False

@@ -1,4 +1,4 @@
-"""Register the hysteresis laws by name; an installed package can add one as an entry point."""
+"""Register the hysteresis laws by name; an installed package can add a law as an entry point."""
 
 from __future__ import annotations
 

@@ -161,12 +161,12 @@ class _Discretisation(NamedTuple):
     log_derivatives: FloatArray
 
 
-@lru_cache(maxsize=4)  # weights and their derivatives are computed one after the other
+@lru_cache(maxsize=4)  # the weights and their derivatives need the same result
 def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
     scales = np.array([[cell.scale] for cell in pinned])
     spreads = np.array([[cell.spread] for cell in pinned])
     low, high = MIN_THRESHOLD_RATIO * float(scales.min()), MAX_THRESHOLD_RATIO * float(scales.max())
-    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would take as long as all else
+    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would double the time here
     log_low, log_high = np.log10(low), np.log10(high)
     levels[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((log_high - log_low) / (PINNED_CELLS - 1)) + log_low)
     levels[1], levels[-1] = low, high

@@ -66,8 +66,8 @@ def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
 def steepest_slope(kappa: float, c: float) -> float:
     """Return the largest slope of a law on any path, in units of the law; at most 1/3.
 
-    Any other history has a smaller irreversible slope, and a play separates the irreversible slope
-    from the reversible one. Therefore, no path is steeper than the ascending branch without a play.
+    The irreversible slope is largest on the ascending branch. A play moves it to a later field than
+    the reversible slope. Therefore, no path is steeper than the ascending branch without a play.
     """
     import numpy as np
 

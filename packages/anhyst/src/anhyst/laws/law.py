@@ -1,8 +1,8 @@
 """Define the interface of a hysteresis law: its parameters, its simulation and its fit.
 
 A :class:`Law` describes its parameters and makes an iron object, which simulates whole records. A
-law with a :class:`Kernel` has a fast fit in gauge-free (not redundant) parameters; others are
-fitted through their iron.
+law with a :class:`Kernel` has a fast fit in gauge-free (not redundant) parameters. A law without a
+kernel is fitted by simulating its iron object.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ParameterSpec:
     name: str  # name in a model file, without its unit
     meaning: str  # meaning of the parameter in a few words
     unit: str = "1"  # SI unit; "1" for a pure number
-    low: float = -math.inf  # range; ``closed`` states whether it includes its ends
+    low: float = -math.inf  # range; ``includes_bounds`` states whether it includes its ends
     high: float = math.inf
     closed: bool = False
     default: float | None = None  # default of a missing value; None: a value is required
@@ -95,11 +95,11 @@ class FitParameter:
 
     name: str  # name, and meaning in symbols of a model file or in words
     meaning: str
-    low: float  # bounds of a search, in the unit of ``unit_of``
+    low: float  # bounds of a search, in the unit of the parameter
     high: float
     # coordinate: logarithm, inverse hyperbolic sine, or value relative to its unit
     coordinate: Literal["log", "asinh", "plain"] = "plain"
-    # unit: range of the measured input or output; empty for a pure number
+    # signal whose measured range is the unit of the parameter; empty for a pure number
     unit_of: Literal["input", "output", ""] = ""
     # prior mean, if loops do not determine the value; None: no prior
     prior_mean: float | None = None
@@ -146,14 +146,15 @@ class Law:
     # function that makes the iron from parameters in that order; ValueError if they are invalid
     iron: Callable[..., IronOperator]
     states: int = 3  # number of states; all are zero in the demagnetised state
-    # kernel of the fast fit; None: fitted through the iron, with finite differences
+    # kernel of the fast fit; None: the fit simulates the iron object and uses finite differences
     kernel: Kernel | None = None
-    # smallest slope of the drive over the field, relative to that without iron, from the parameters
-    # of the iron and the reluctance ratios of the gap; None: the law has no compensator
+    # smallest slope of the applied drive (A/m) as a function of the field, relative to this slope
+    # without iron, for the iron's parameters and reluctance ratios; None: the law has no
+    # compensator
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
     # reason for the missing compensator, to complete the sentence "cannot be compiled: ..."
     obstacle: str = "there is no compensator for it"
-    # function that returns the law with given cells instead of parameters, or raises ValueError if
+    # function that makes the law with given cells instead of parameters, or raises ValueError if
     # they do not fit the law; None for a law without cells
     of_cells: Callable[[CellWeights], Law] | None = None
     # function that returns the cells for given parameters; None for a law without cells

@@ -55,7 +55,7 @@ class HarnessProgram(Protocol):
     """Linked test program that answers requests, starting from reset."""
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer one request after the other."""
+        """Reset the program once, and then answer all requests in their order."""
 
 
 @dataclass(frozen=True, slots=True)

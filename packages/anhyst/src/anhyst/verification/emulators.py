@@ -28,7 +28,7 @@ from anhyst.verification.protocol import (
 )
 
 TIME_LIMIT_S = 60.0  # time limit of an answer
-TIME_PER_STEP_S = 0.02  # addition for each step; solid iron takes 1 ms
+TIME_PER_STEP_S = 0.02  # additional time limit for each step; solid iron takes 1 ms
 FLASH_BYTES = 256 * 1024
 RAM_ADDRESS = 0x20000000
 RAM_BYTES = 64 * 1024
@@ -82,7 +82,7 @@ class CortexProgram:
     costs: CostFunction = count_instructions
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer all requests in order, from reset; after a time limit, repeat once.
+        """Reset the program once, and then answer all requests; repeat once after a time limit.
 
         A run is repeated because the emulator has hung in the past.
         """
@@ -180,7 +180,7 @@ class Msp430Program:
     image: Image  # content of the linked program
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer one request after the other, from reset."""
+        """Reset the program once, and then answer all requests in their order."""
         script = self.path.with_suffix(".script")
         script.write_text("\n".join(self._simulator_commands(requests)) + "\n", encoding="ascii")
         command = ["mspdebug", "-q", "sim", f"read {script.name}"]
