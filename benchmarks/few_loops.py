@@ -129,15 +129,15 @@ def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
 
 def _evaluate_rules(made: model_selection.Selection, tests: Sequence[drawn.Test]) -> Tried:
     missed, comparison, loops = {}, made.comparison, made.loopset
-    for candidate in comparison.eligible:
-        model = make_model(comparison.fits[candidate].reduced, loops)
+    for candidate in comparison.contenders:
+        model = make_model(comparison.fits[candidate].reduced_fit, loops)
         deviations = [deviation(model, test) for test in tests if test.kind in {"other", "unseen"}]
         missed[candidate] = float(np.sqrt(np.mean(np.concatenate(deviations) ** 2))) / largest_output(loops)
     chosen = {}
     for name, settings in RULES.items():
         with mock.patch.multiple(candidates, **settings):
             selection = copy(made)
-            selection.comparison = replace(comparison, eligible=list(comparison.eligible))
+            selection.comparison = replace(comparison, contenders=list(comparison.contenders))
             chosen[name] = selection.select()
     return Tried(
         {

@@ -214,7 +214,7 @@ def drifted_law(model: Model, drift: Drift) -> Model:
     }
     changed_parameters: dict[str, Parameter] = {}
     for role, factor in factors.items():
-        for spec in model.operator_law.with_role(role):
+        for spec in model.operator_law.parameters_with_role(role):
             value = model.parameters[spec.name]
             changed_parameters[spec.name] = (
                 tuple(min(factor * coefficient, spec.high) for coefficient in value)

@@ -104,7 +104,7 @@ def make_a2l(manifest: Mapping[str, Any]) -> str:
         for number, value in enumerate(INPUTS)
         if value.body in ("", controlled_quantity)
     ]
-    words = [*_head_entries(conversions), *_word_entries(manifest, conversions)]
+    words = [*_block_head_entries(conversions), *_word_entries(manifest, conversions)]
     tables = [
         {
             "name": name,
@@ -199,13 +199,13 @@ def _limit_position(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
     return value._replace(low=settings["position_low"], high=settings["position_high"])
 
 
-def _head_entries(conversions: _Conversions) -> Iterator[dict[str, Any]]:
+def _block_head_entries(conversions: _Conversions) -> Iterator[dict[str, Any]]:
     for word in HEAD_WORDS:
         is_double_word = word.size == 2
         yield {
             "name": f"block.{word.name.lower()}",
             "doc": _quotable_text(word.doc),
-            "at": _address(word.index),
+            "at": _address_text(word.index),
             "layout": "as_ULONG" if is_double_word else "as_UWORD",
             "entries": 1,
             "read_only": word.name in _READ_ONLY_WORDS,
@@ -220,7 +220,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
         row = {
             "name": f"block.{word['name'].lower()}",
             "doc": _quotable_text(word["doc"]),
-            "at": _address(word["first"]),
+            "at": _address_text(word["first"]),
             "entries": word["entries"],
             "read_only": False,
         }
@@ -245,7 +245,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
         )
 
 
-def _address(word: int) -> str:
+def _address_text(word: int) -> str:
     return f"0x{AREA_ADDRESSES['block'] + 2 * word:08X}"
 
 

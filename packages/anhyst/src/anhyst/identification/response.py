@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import Operator, demagnetised, langevin
-from anhyst.identification.cell_kernel import CellKernel, CellPath, WeightKernel, require_answer
+from anhyst.identification.cell_kernel import CellKernel, CellPath, WeightKernel, require_solution
 from anhyst.identification.fit_records import FitRecord, InputHistory
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.law import Kernel
@@ -131,16 +131,16 @@ class Responder:
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
         """Return the output of every record, SI."""
-        laws = _make_operators(form, sets)
-        return [self.output(form, sets[d.gap], laws[d.gap], d, sets) for d in records]
+        operators = _make_operators(form, sets)
+        return [self.output(form, sets[d.gap], operators[d.gap], d, sets) for d in records]
 
     def derivatives(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
         """Yield gap, output and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of every record."""
-        laws = _make_operators(form, sets)
+        operators = _make_operators(form, sets)
         for record in records:
-            yield record.gap, *self.with_derivatives(form, sets, laws[record.gap], record)
+            yield record.gap, *self.with_derivatives(form, sets, operators[record.gap], record)
 
     def output(
         self,
@@ -157,14 +157,14 @@ class Responder:
         r = (record.input - parameter_set.in_0) / parameter_set.scale
         omega = np.full(r.size, parameter_set.omega)
         state = demagnetised()
-        if record.history.drive.size and not record.is_cycle:
+        if record.history.inputs.size and not record.is_cycle:
             omega_before, r_before = history_inputs(sets or (parameter_set,), record.history)
             _, _, state, status, _ = operator.run(omega_before, r_before, state)
-            require_answer(status)
+            require_solution(status)
         elif record.is_cycle and id(record) in self._starts:
-            state = _make_admissible(self._starts[id(record)], form, parameter_set, float(r[-1]))
+            state = _make_valid_state(self._starts[id(record)], form, parameter_set, float(r[-1]))
         x, m, final_state, status, _ = operator.run(omega, r, state)
-        require_answer(status)
+        require_solution(status)
         cycle_ends = [float(state[1])]
         while (
             record.is_cycle
@@ -174,11 +174,11 @@ class Responder:
             cycle_ends.append(float(final_state[1]))
             state = final_state
             if len(cycle_ends) % _PASSES_PER_EXTRAPOLATION == 0:
-                state = _make_admissible(
+                state = _make_valid_state(
                     _extrapolate_cycle(final_state, cycle_ends), form, parameter_set, float(r[-1])
                 )
             x, m, final_state, status, _ = operator.run(omega, r, state)
-            require_answer(status)
+            require_solution(status)
         if record.is_cycle:
             self._starts[id(record)] = final_state
         return np.asarray(parameter_set.gain * (m + parameter_set.h * x) ** form.power + parameter_set.out_0)
@@ -202,20 +202,20 @@ class Responder:
         state = self._starts.get(id(record))
         if state is None:
             _, _, state, status, _ = operator.run(terms.omega, terms.r, demagnetised())
-            require_answer(status)
-        state = _make_admissible(state, form, parameter_set, float(terms.r[-1]))
+            require_solution(status)
+        state = _make_valid_state(state, form, parameter_set, float(terms.r[-1]))
         for _ in range(_MAX_PASSES):
             tangents = _start_derivatives(form, parameter_set, terms, state)
             x, m, x_t, m_t, final_state, tangents_after, status, _ = operator.sensitivity(
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, tangents
             )
-            require_answer(status)
+            require_solution(status)
             remaining_share = min(float(tangents_after[_START_DERIVATIVE, 1]), 0.999)
             mismatch = (final_state[1] - state[1]) / (1.0 - remaining_share)
             if abs(mismatch) < _NEARLY_CLOSED_TOLERANCE:
                 break
             start = final_state + remaining_share * mismatch * tangents[_START_DERIVATIVE]
-            state = _make_admissible(start, form, parameter_set, float(terms.r[-1]))
+            state = _make_valid_state(start, form, parameter_set, float(terms.r[-1]))
         # The remaining mismatch is so small that the derivatives correct it without another pass.
         x += mismatch * x_t[:, _START_DERIVATIVE]
         m += mismatch * m_t[:, _START_DERIVATIVE]
@@ -258,7 +258,11 @@ def _make_operators(form: ResponseForm, sets: Sequence[ParameterSet]) -> list[Op
     operators_by_key: dict[tuple[float, ...], Operator] = {}
     operators = []
     for parameter_set in sets:
-        key = (*parameter_set.law, parameter_set.omega) if form.kernel.is_coupled else parameter_set.law
+        key = (
+            (*parameter_set.law, parameter_set.omega)
+            if form.kernel.includes_interaction
+            else parameter_set.law
+        )
         if key not in operators_by_key:
             operators_by_key[key] = form.make_operator(parameter_set)
         operators.append(operators_by_key[key])
@@ -280,17 +284,17 @@ def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tupl
 def history_inputs(sets: Sequence[ParameterSet], history: InputHistory) -> tuple[FloatArray, FloatArray]:
     """Return omega and right side of the equation for a history, at its gaps."""
     omega, scale, in_0 = interpolate_over_gaps(sets, history.gap_position)
-    return omega, (history.drive - in_0) / scale
+    return omega, (history.inputs - in_0) / scale
 
 
 class _SolverInputs:
     """Solver inputs for a record, and their derivatives by kappa, c, omega, scale, in_0."""
 
     def __init__(
-        self, form: ResponseForm, parameter_set: ParameterSet, drive: FloatArray, directions: int
+        self, form: ResponseForm, parameter_set: ParameterSet, inputs: FloatArray, directions: int
     ) -> None:
-        n = drive.size
-        self.r = (drive - parameter_set.in_0) / parameter_set.scale
+        n = inputs.size
+        self.r = (inputs - parameter_set.in_0) / parameter_set.scale
         self.omega = np.full(n, parameter_set.omega)
         self.omega_t = np.zeros((n, directions))
         self.omega_t[:, 2] = 1.0
@@ -306,17 +310,17 @@ class _SolverInputs:
 def _follow_record(
     form: ResponseForm, sets: Sequence[ParameterSet], operator: Operator, record: FitRecord
 ) -> CellPath:
-    skipped_samples = record.history.drive.size
-    drive = np.concatenate([record.history.drive, record.input])
-    terms = _SolverInputs(form, sets[record.gap], drive, _DERIVATIVE_COUNT)
+    skipped_samples = record.history.inputs.size
+    input_values = np.concatenate([record.history.inputs, record.input])
+    terms = _SolverInputs(form, sets[record.gap], input_values, _DERIVATIVE_COUNT)
     terms.omega[:skipped_samples], terms.r[:skipped_samples] = history_inputs(sets, record.history)
     # The effect of the circuit at other gaps through the history is neglected in the derivatives.
-    at_other_gaps = np.flatnonzero(record.history.gap_position != record.gap)
-    terms.omega_t[at_other_gaps] = terms.r_t[at_other_gaps] = 0.0
+    is_at_other_gap = np.flatnonzero(record.history.gap_position != record.gap)
+    terms.omega_t[is_at_other_gap] = terms.r_t[is_at_other_gap] = 0.0
     inputs = terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t
     tangents = np.zeros((_DERIVATIVE_COUNT, 3))
     *path, _, _, status, _ = operator.sensitivity(*inputs, demagnetised(), tangents)
-    require_answer(status)
+    require_solution(status)
     return CellPath(*(values[skipped_samples:] for values in path))
 
 
@@ -347,7 +351,7 @@ def _langevin(x: float) -> tuple[float, float]:
     return value.item(), slope.item()
 
 
-def _make_admissible(
+def _make_valid_state(
     state: FloatArray, form: ResponseForm, parameter_set: ParameterSet, r: float
 ) -> FloatArray:
     """Convert a state of other parameters to a valid state before the first sample.

@@ -62,8 +62,8 @@ CIRCUIT_PARAMETERS = (
     FitParameter("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
     FitParameter("scale", "a/c_H", 1e-5, 1e2, "log", "input"),
     FitParameter("gain", "output at saturation", 1e-3, 1e4, "log", "output"),
-    FitParameter("in_0", "input offset", -2.0, 2.0, unit_of="input"),
-    FitParameter("out_0", "output offset", -2.0, 2.0, unit_of="output"),
+    FitParameter("in_0", "input offset", -2.0, 2.0, unit_signal="input"),
+    FitParameter("out_0", "output offset", -2.0, 2.0, unit_signal="output"),
 )
 """Fit parameters of the circuit around the law."""
 
@@ -166,7 +166,7 @@ class CoordinateSpace:
     def unit(self, name: str) -> float:
         """Return the unit of a parameter in SI: range of the input or output, or 1."""
         spans = {"input": self.records.input_span, "output": self.records.output_span}
-        return spans.get(self.fit_parameters[name].unit_of, 1.0)
+        return spans.get(self.fit_parameters[name].unit_signal, 1.0)
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -179,8 +179,7 @@ class CoordinateSpace:
         return np.array(low), np.array(high)
 
     def pack(self, sets: list[ParameterSet]) -> FloatArray:
-        """Return the coordinates of parameters at each gap; common ones are those of the first gap.
-        """
+        """Return the coordinates of parameters at each gap; common ones are from the first gap."""
         theta = []
         gain, leakage = self._gain_and_leakage(sets)
         for name, gap in self.entries:

@@ -144,7 +144,7 @@ def identify_force_model(rig: ForceControlRig, loops: Loops, progress: Progress 
 def _with_min_dead_band(model: Model, min_half_width: float) -> Model:
     """Return a model whose dead band, if its law has one, has at least a given half-width, A/m."""
     widened: dict[str, Parameter] = {}
-    for spec in model.operator_law.with_role("dead band"):
+    for spec in model.operator_law.parameters_with_role("dead band"):
         widened[spec.name] = map_parameter(
             model.parameters[spec.name], lambda value: max(value, min_half_width)
         )
