@@ -58,7 +58,7 @@ def descend(
 ) -> tuple[FloatArray, float]:
     """Minimise the squared residuals within the bounds of the space; return coordinates and cost.
 
-    A descent ends early if, at its present rate, it cannot go below `goal` in the remaining steps.
+    A descent ends early if, at its present rate, the remaining steps cannot reach `goal_cost`.
 
     The method is Levenberg-Marquardt with Nielsen's damping. Coordinates at a bound with an outward
     gradient stay fixed. Cell weights use the best step within their bounds (SciPy's ``nnls``). A

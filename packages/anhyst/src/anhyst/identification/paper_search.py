@@ -138,7 +138,7 @@ _SIMPLEX_SAMPLES = 128
 class SearchEffort:
     """Effort of a search: generations, and evaluations of the simplex per variable.
 
-    ``trial`` is used to rank the candidates of a round, ``final`` for the selected one.
+    ``trial_evaluations`` rank the candidates of a round, ``final_evaluations`` refine the selected one.
     """
 
     generations: int = 400
