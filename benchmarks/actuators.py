@@ -1,9 +1,10 @@
 """Measure the models of actuators that are not magnets: piezo stacks and a magnetostrictive rod.
 
 The systems are a real piezo stack in a flexure, the virtual stage of ``examples/piezo`` and the
-virtual rod of ``examples/magnetostrictive``. One half of the real record is fitted, the other half
-is inverted. The error of an inverse is the voltage error at the measured displacement, times the
-mean slope of the loop (stroke divided by voltage range). Hence the metric needs no model.
+virtual rod of ``examples/magnetostrictive``. One half of the real record is fitted, and the other
+half is inverted. The error of an inverse is the voltage error at the measured displacement, times
+the mean slope of the loop (stroke divided by voltage range). Therefore, this error does not depend
+on a model.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ from rows import ROOT, Row, measurements
 
 REACH_M = 0.3e-6
 AUTHORS = "authors 0.58"
-START = 100
-"""Number of samples at the begin of the real record during which the amplifier starts."""
+SWITCH_ON_SAMPLES = 100
+"""Number of samples at the beginning of the real record in which the amplifier is switched on."""
 
 LEAD_TICKS = 1000
 
@@ -48,43 +49,45 @@ def real_piezo(folder: Path) -> list[Row]:
         columns={"V_in": "u_V", "y_um": "x_um"},
         history="conditioned:0",
     )
-    whole = loops.loops[0]
-    half = whole.n // 2
+    record = loops.loops[0]
+    half = record.n // 2
     ends = {"first half fitted": (slice(0, half), slice(half, None)),
-            "second half fitted": (slice(half, None), slice(START, half))}  # fmt: skip
+            "second half fitted": (slice(half, None), slice(SWITCH_ON_SAMPLES, half))}  # fmt: skip
     rows = []
     for name, (fitted, other_half) in ends.items():
-        own = _part(whole, fitted, "conditioned:0" if fitted.start == 0 else "conditioned:0,3.6,0")
-        ways = {
-            "play cells": _play_cells(loops, own),
-            "best single-valued curve": _single_valued(own),
-            "classic Prandtl-Ishlinskii": _classic(own),
+        fitted_half = _record_part(
+            record, fitted, "conditioned:0" if fitted.start == 0 else "conditioned:0,3.6,0"
+        )
+        inverses = {
+            "play cells": _play_cells(loops, fitted_half),
+            "best single-valued curve": _single_valued(fitted_half),
+            "classic Prandtl-Ishlinskii": _classic(fitted_half),
         }
-        slope = np.ptp(own.output[START:]) / np.ptp(own.input)
+        slope = np.ptp(fitted_half.output[SWITCH_ON_SAMPLES:]) / np.ptp(fitted_half.input)
         errors = {
-            key: slope * float(np.sqrt(np.mean((way(whole) - whole.input)[other_half] ** 2)))
-            for key, way in ways.items()
+            key: slope * float(np.sqrt(np.mean((inverse(record) - record.input)[other_half] ** 2)))
+            for key, inverse in inverses.items()
         }
-        others = ", ".join(f"{key} {1e6 * error:.2f}" for key, error in list(errors.items())[1:])
+        other_errors = ", ".join(f"{key} {1e6 * error:.2f}" for key, error in list(errors.items())[1:])
         rows.append(
             Row(
                 f"piezo in a flexure, {name}, other half inverted: rms voltage error as displacement",
                 "<= 0.3 um of 45",
-                f"{1e6 * errors['play cells']:.3f} um; {others}, {AUTHORS}",
+                f"{1e6 * errors['play cells']:.3f} um; {other_errors}, {AUTHORS}",
                 bool(errors["play cells"] <= REACH_M),
             )
         )
     return rows
 
 
-def _part(whole: Loop, part: slice, history: str) -> Loop:
+def _record_part(whole: Loop, part: slice, history: str) -> Loop:
     assert whole.time is not None
     return Loop("1", whole.input[part], whole.output[part], None, whole.time[part],
                 History.parse(history))  # fmt: skip
 
 
-def _play_cells(loops: Loops, own: Loop) -> Inverse:
-    model = identify(loops.with_loops([own])).model
+def _play_cells(loops: Loops, fitted_half: Loop) -> Inverse:
+    model = identify(loops.with_loops([fitted_half])).model
 
     def inverse(whole: Loop) -> FloatArray:
         return model.invert(whole.output, None, whole.time, "conditioned:0").drive
@@ -92,32 +95,38 @@ def _play_cells(loops: Loops, own: Loop) -> Inverse:
     return inverse
 
 
-def _single_valued(own: Loop) -> Inverse:
-    curve = np.polynomial.Polynomial.fit(own.output[START:], own.input[START:], 7)
+def _single_valued(fitted_half: Loop) -> Inverse:
+    curve = np.polynomial.Polynomial.fit(
+        fitted_half.output[SWITCH_ON_SAMPLES:], fitted_half.input[SWITCH_ON_SAMPLES:], 7
+    )
     return lambda whole: np.asarray(curve(whole.output))
 
 
-def _classic(own: Loop) -> Inverse:
+def _classic(fitted_half: Loop) -> Inverse:
     """Return the inverse of weighted play operators in closed form (Prandtl-Ishlinskii)."""
-    thresholds = np.concatenate([[0.0], np.linspace(0.05, 0.5, 12) * np.ptp(own.input)])
-    places = move_plays(own.input[None], thresholds, np.zeros((1, thresholds.size)))[START:, 0]
+    thresholds = np.concatenate([[0.0], np.linspace(0.05, 0.5, 12) * np.ptp(fitted_half.input)])
+    places = move_plays(fitted_half.input[None], thresholds, np.zeros((1, thresholds.size)))[
+        SWITCH_ON_SAMPLES:, 0
+    ]
     ends = np.ones((places.shape[0], 1))
-    weights, _ = nnls(np.hstack([places, ends, -ends]), own.output[START:] * 1e6, maxiter=10000)
+    weights, _ = nnls(
+        np.hstack([places, ends, -ends]), fitted_half.output[SWITCH_ON_SAMPLES:] * 1e6, maxiter=10000
+    )
     offset, weights = weights[-2] - weights[-1], weights[:-2]
     rising = np.cumsum(weights)
-    turned = np.array([weights[:i] @ (r - thresholds[:i]) for i, r in enumerate(thresholds)])
-    back = np.concatenate([[1.0 / weights[0]], -weights[1:] / (rising[1:] * rising[:-1])])
+    reversed_loop = np.array([weights[:i] @ (r - thresholds[:i]) for i, r in enumerate(thresholds)])
+    inverse_weights = np.concatenate([[1.0 / weights[0]], -weights[1:] / (rising[1:] * rising[:-1])])
 
     def inverse(whole: Loop) -> FloatArray:
-        wanted = 1e6 * whole.output[None] - offset
-        asked = move_plays(wanted, turned, np.zeros((1, turned.size)))[:, 0]
-        return np.asarray(asked @ back)
+        demand = 1e6 * whole.output[None] - offset
+        asked = move_plays(demand, reversed_loop, np.zeros((1, reversed_loop.size)))[:, 0]
+        return np.asarray(asked @ inverse_weights)
 
     return inverse
 
 
 def stage() -> list[Row]:
-    """Follow a triangle with the virtual stage."""
+    """Simulate the virtual stage while it follows a triangle."""
     rig = read_piezo_rig(ROOT / "examples" / "piezo" / "rig.toml")
     found = simulate_tracking(rig)
     texts = ", ".join(
@@ -136,7 +145,7 @@ def stage() -> list[Row]:
     ]
 
 
-def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
+def _compiled(rate: float, loops: Loops, demand: FloatArray) -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as place:
         model, folder = Path(place) / "model.toml", Path(place) / "c"
         write_model(identify(loops).model, model)
@@ -146,12 +155,12 @@ def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
         # triangle.
         assert isinstance(compiled.plan.block, Block)
         begin = compiled.plan.block.table("GAP_OFFSET")[0] / 2**15
-        path = wanted / compiled.plan.block.scales.demand
+        path = demand / compiled.plan.block.scales.demand
         path = np.concatenate([np.linspace(begin, path[0], LEAD_TICKS), path])
         codes = np.zeros((path.size, len(COMPENSATOR_RECORD.input_positions)), dtype="<u4")
         codes[:, 0] = np.round(2**15 * path)
         codes[:, COMPENSATOR_RECORD.inputs.index("how")] = ON_GRID
-        most, mean = ported_costs(folder, codes)
+        max_cost, mean = ported_costs(folder, codes)
     worst = compiled.manifest["accuracy"]["worst_percent"]
     return [
         Row(
@@ -164,22 +173,22 @@ def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
             "compiled piezo inverse on a Cortex-M4 during the triangle: solve and commit, mean tick",
             "<= 600 instructions",
             f"{mean[0] + mean[1]:.0f}: solve {mean[0]:.0f}, commit {mean[1]:.0f}; worst at reversals "
-            f"of the triangle {most[0]:.0f} and {most[1]:.0f}",
+            f"of the triangle {max_cost[0]:.0f} and {max_cost[1]:.0f}",
             bool(mean[0] + mean[1] <= 600),
         ),
     ]
 
 
 def rod() -> Row:
-    """Predict the strain at a prestress that was not measured."""
+    """Predict the strain at a withheld prestress."""
     folder = ROOT / "examples" / "magnetostrictive"
     model = identify(read_loops(folder / "loops.csv")).model
-    unseen = read_loops(folder / "unseen.csv")
+    withheld_loop = read_loops(folder / "unseen.csv")
     residuals = np.concatenate([
         model.predict(loop.input, loop.schedule, None, loop.history).output - loop.output
-        for loop in unseen.loops
+        for loop in withheld_loop.loops
     ])  # fmt: skip
-    largest = max(float(loop.output.max()) for loop in unseen.loops)
+    largest = max(float(loop.output.max()) for loop in withheld_loop.loops)
     mean = 100.0 * float(np.mean(np.abs(residuals))) / largest
     return Row(
         "virtual magnetostrictive rod, withheld prestress: mean error",

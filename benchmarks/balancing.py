@@ -2,10 +2,10 @@
 
 The plants are those of ``anhyst simulate examples/planar/rig.toml --monte-carlo``. All errors act
 at the same time: currents, gap zeros, loop widths and flux-probe gains of every magnet, mass,
-centre of mass and head positions. Everything was fixed before the first result. Each plant follows
-the training set-point, is calibrated on all recordings so far, and follows it again. All metrics
-are evaluated on the test set-point. The same code calibrates every method on its own recordings.
-The same search finds the gains of each method on the nominal plant.
+centre of mass and head positions. All settings were fixed before the first result. Each plant
+follows the training set-point, is calibrated on all recordings so far, and follows it again. All
+metrics are evaluated on the test set-point. The same code calibrates each method on recordings with
+this method. The same search finds the gains of each method.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.estimator import ParameterEstimator, calibrate_from_motions
 from anhyst_rigs.study.tracking.excitation import fly_legs, select_legs
 from anhyst_rigs.study.tracking.measures import cross_talk, measure, stationary_axes
-from calibration_trials import SCANS, Bench, bench_of, training
+from calibration_trials import SCANS, Bench, make_bench, training_motion
 from planar import RIG
 from rows import Row
 
@@ -40,7 +40,7 @@ UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")
 
 
 @dataclass(frozen=True)
-class Flown:
+class PlantResult:
     """The result of one plant with one method."""
 
     figures: FloatArray  # before and after each number of scans, one column for each metric
@@ -48,9 +48,9 @@ class Flown:
     fits: bool
 
 
-def calibrate_plant(given: tuple[Bench, int]) -> Flown:
+def calibrate_plant(bench_and_plant: tuple[Bench, int]) -> PlantResult:
     """Calibrate one plant."""
-    bench, plant = given
+    bench, plant = bench_and_plant
     rig, law = bench.rig, StageLaw(bench.rig, bench.magnet, bench.method)
     drift, noise = sample_plant(rig.settings, rig.settings.seed, plant)
     motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
@@ -58,82 +58,85 @@ def calibrate_plant(given: tuple[Bench, int]) -> Flown:
 
     def judged() -> list[float]:
         run = track(setup, motion, gains, noise)
-        crossed = cross_talk(run, motion, stationary_axes(rig.settings))
+        test_motion = cross_talk(run, motion, stationary_axes(rig.settings))
         own = measure(run, motion, rig.settings.scan.slit_s)
         nano = [own.average_m, own.peak_m, 1e-6 * own.settling_50_s]
-        return [1e9 * value for value in (*nano, crossed["z_m"], crossed["ry_rad"], crossed["rz_rad"])]
+        return [
+            1e9 * value for value in (*nano, test_motion["z_m"], test_motion["ry_rad"], test_motion["rz_rad"])
+        ]
 
     figures, learner = [judged()], ParameterEstimator(law)
     for scan in range(1, max(SCANS) + 1):
-        learner.update(law.make_motion(track(setup, training(rig), gains, noise + scan).columns))
+        learner.update(law.make_motion(track(setup, training_motion(rig), gains, noise + scan).columns))
         setup = law.corrected_stage(learner.calibration, drift)
         gains = bench.calibrated_gains if learner.identified else gains
         if scan in SCANS:
             figures.append(judged())
-    return Flown(np.array(figures), learner.calibration.is_applied, learner.calibration.fits)
+    return PlantResult(np.array(figures), learner.calibration.is_applied, learner.calibration.fits)
 
 
-WAYS = {"x": None, "y": [11.0, 6.0, 9.0]}
-"""Directions of the test set-points, and their accelerations if they differ from the rig file,
-m/s2."""
+DIRECTIONS = {"x": None, "y": [11.0, 6.0, 9.0]}
+"""Directions of the test set-points; accelerations, m/s2, if not those of the rig file."""
 JUDGED = ("x, average, nm", "y, average, nm", "rz, nrad")
 
 
-def turn_set_points(rig: BodyRig, way: str) -> BodyRig:
+def turn_set_points(rig: BodyRig, direction_name: str) -> BodyRig:
     """Return the stage with its set-points in another direction."""
-    peaks = WAYS[way] or rig.settings.scan.test_m_per_s2
-    direction = [float(axis == way) for axis in "xyz"]
+    peaks = DIRECTIONS[direction_name] or rig.settings.scan.test_m_per_s2
+    direction = [float(axis == direction_name) for axis in "xyz"]
     return change_rig(rig, {"scan.direction": direction, "scan.test_m_per_s2": peaks})
 
 
 def measure_both_directions(given: tuple[Bench, int]) -> list[list[float]]:
-    """Return the errors along x and y: before, after a scan along x, and after the move instead.
+    """Return the errors along x and y before calibration and after each of two calibrations.
 
-    The move is that of ``anhyst excite --calibrate``; the feedforward contains only the mass.
+    One uses a scan along x, the other the move of ``anhyst excite --calibrate``.
     """
     bench, plant = given
     law = StageLaw(bench.rig, bench.magnet, bench.method)
     drift, noise = sample_plant(bench.rig.settings, bench.rig.settings.seed, plant)
     nominal = StageSetup(bench.rig, law.compensator(0.0))
-    plain = replace(nominal, drift=drift)
+    unknown_errors = replace(nominal, drift=drift)
 
     def judged(setup: StageSetup) -> list[float]:
-        averages, turned = [], []
-        for way in WAYS:
-            rig = turn_set_points(bench.rig, way)
+        averages, turned_rig = [], []
+        for direction_name in DIRECTIONS:
+            rig = turn_set_points(bench.rig, direction_name)
             motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
             run = track(replace(setup, rig=rig), motion, Feedforward(), noise)
             averages.append(1e9 * measure(run, motion, rig.settings.scan.slit_s).average_m)
-            turned.append(1e9 * cross_talk(run, motion, ["rz"])["rz_rad"])
-        return [*averages, turned[0]]
+            turned_rig.append(1e9 * cross_talk(run, motion, ["rz"])["rz_rad"])
+        return [*averages, turned_rig[0]]
 
     def after(run: Recording) -> list[float]:
         return judged(law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)]), drift))
 
     legs = select_legs(ParameterEstimator(law), nominal)
-    worked = track(plain, training(bench.rig), Feedforward(), noise + 1)
-    return [judged(plain), after(worked), after(fly_legs(plain, legs, noise + 1))]
+    calibrated = track(unknown_errors, training_motion(bench.rig), Feedforward(), noise + 1)
+    return [judged(unknown_errors), after(calibrated), after(fly_legs(unknown_errors, legs, noise + 1))]
 
 
-def make_method_rows(method: str, flown: Sequence[Flown]) -> list[Row]:
+def make_method_rows(method: str, results: Sequence[PlantResult]) -> list[Row]:
     """Return the rows of one method: 50th and 95th percentiles over the plants."""
-    values = np.array([result.figures for result in flown])
+    values = np.array([result.figures for result in results])
     medians, percentiles_95 = np.percentile(values, [50.0, 95.0], axis=0)
-    count = f"applied {sum(result.taken for result in flown)}, fits {sum(result.fits for result in flown)}"
+    count = (
+        f"applied {sum(result.taken for result in results)}, fits {sum(result.fits for result in results)}"
+    )
     result_rows = []
     for column, (name, unit) in enumerate(zip(FIGURES, UNITS, strict=True)):
         pairs = zip(medians[:, column], percentiles_95[:, column], strict=True)
         text = " -> ".join(f"{median:.3g} / {percentile_95:.3g}" for median, percentile_95 in pairs)
-        aim, met = "reported", None
+        target, is_met = "reported", None
         if method == "full" and name == "average":
-            aim, met = "<= 60 nm (95 %)", bool(percentiles_95[-1, column] <= 60.0)
+            target, is_met = "<= 60 nm (95 %)", bool(percentiles_95[-1, column] <= 60.0)
         if name == "rz":
-            shares = values[:, -1, column] / values[:, 0, column]
-            text += f"; ratio after / before {np.median(shares):.2g}, worst {shares.max():.2g}"
+            ratios = values[:, -1, column] / values[:, 0, column]
+            text += f"; ratio after / before {np.median(ratios):.2g}, worst {ratios.max():.2g}"
             if method == "full":
-                aim, met = "ratio <= 0.15 (50 %)", bool(np.median(shares) <= 0.15)
-        what = f"balancing, {method}: {name}, {unit}, before -> after 1, 2, 4 scans"
-        result_rows.append(Row(what, aim, f"{text} ({count} of {len(flown)})", met))
+                target, is_met = "ratio <= 0.15 (50 %)", bool(np.median(ratios) <= 0.15)
+        title = f"balancing, {method}: {name}, {unit}, before -> after 1, 2, 4 scans"
+        result_rows.append(Row(title, target, f"{text} ({count} of {len(results)})", is_met))
     return result_rows
 
 
@@ -141,15 +144,15 @@ def make_target_rows() -> list[Row]:
     """Return the rows of moving average and Rz: `full` on all plants, baselines on some."""
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
-    benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])
+    benches = map_ordered(make_bench, [("planar", rig, magnet, method) for method in METHODS])
     plants = [PLANTS if bench.method == METHODS[0] else FEWER for bench in benches]
     work = [(bench, plant) for bench, n in zip(benches, plants, strict=True) for plant in range(n)]
-    flown = map_ordered(calibrate_plant, work)
+    results = map_ordered(calibrate_plant, work)
     return [
         row
         for own in benches
         for row in make_method_rows(
-            own.method, [result for result, (bench, _) in zip(flown, work, strict=True) if bench is own]
+            own.method, [result for result, (bench, _) in zip(results, work, strict=True) if bench is own]
         )
         if any(f": {name}," in row.what for name in ("average", "rz"))
     ]
@@ -159,21 +162,21 @@ def rows() -> list[Row]:
     """Return all rows about balancing."""
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
-    benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])
-    ways = np.array(map_ordered(measure_both_directions, [(benches[0], plant) for plant in range(PLANTS)]))
-    half, most = np.percentile(ways, [50.0, 95.0], axis=0)
+    benches = map_ordered(make_bench, [("planar", rig, magnet, method) for method in METHODS])
+    errors = np.array(map_ordered(measure_both_directions, [(benches[0], plant) for plant in range(PLANTS)]))
+    medians, percentiles_95 = np.percentile(errors, [50.0, 95.0], axis=0)
     text = "; ".join(
         f"{name} "
         + " -> ".join(
             f"{median:.3g} / {percentile_95:.3g}"
-            for median, percentile_95 in zip(half[:, place], most[:, place], strict=True)
+            for median, percentile_95 in zip(medians[:, place], percentiles_95[:, place], strict=True)
         )
         for place, name in enumerate(JUDGED)
     )
     what = "balancing, full, feedforward of the mass only: before -> after a scan in x -> after the move"
-    both = Row(what, "reported", text, None)
+    direction_names = Row(what, "reported", text, None)
     flown = map_ordered(calibrate_plant, [(bench, plant) for bench in benches for plant in range(PLANTS)])
-    return [both] + [
+    return [direction_names] + [
         row
         for place, bench in enumerate(benches)
         for row in make_method_rows(bench.method, flown[place * PLANTS : (place + 1) * PLANTS])

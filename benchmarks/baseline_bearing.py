@@ -1,20 +1,21 @@
 """Simulate the bearing of ``examples/bearing`` with SciPy and with numba, as baselines.
 
-Both implement the same equations from their description, independently of the C code: pinned cells,
-one reluctance circuit, a PI current amplifier with limited supply voltage, the mechanics with
-stops, the load drive, the gap sensor, and 20 kHz control by a PIDD2 and a map from force to
-current. They omit what this case does not need: lift-off, controller states, other sensors, the
-second magnet, eddy currents, and recordings other than gap and force. The noise is generated in
+Both simulators implement the equations from their description, independently of the C code: pinned
+cells, one reluctance circuit, a PI current amplifier with limited supply voltage, the mechanics
+with stops, the load drive, the gap sensor, and 20 kHz control by a PIDD2 and a map from force to
+current. They omit parts that this case does not need: lift-off, controller states, other sensors,
+the second magnet, eddy currents, and recordings other than gap and force. The noise is generated in
 advance.
 
 :class:`ByScipy` calls ``solve_ivp`` for each tick. Its state is the flux linkage, whose rate is
 continuous when cells begin to move, so that the steps stay long. Newton's method finds the field,
-starting from the last one. Plain Python floats are used, because they are faster than arrays for so
-few moving cells. The first trial step is the whole tick. The cell states are updated at every tick.
+starting from the last field. Plain Python floats are used, because they are faster than arrays for
+so few moving cells. The first trial step is the whole tick. The cell states are updated at every
+tick.
 
 :class:`ByNumba` uses the scheme of the plant: half a step of velocity, the gap, the winding by the
-trapezoidal rule, the other half step. The whole loop is compiled for this machine, without fast
-arithmetic. The sum over cells that do not move is computed once.
+trapezoidal rule, and the other half step of velocity. The whole loop is compiled for this machine,
+without fast-math options. The sum over cells that do not move is computed once.
 """
 
 from __future__ import annotations
@@ -99,23 +100,26 @@ class LevitationRun:
 def _controller(c: Control, memory: Array, target: float, read: float) -> float:
     """Return the current of this tick; `memory` contains position, velocity and integral."""
     wanted_at, at = c.middle - target, c.middle - read
-    first = c.smoothing * (at - memory[0])
-    second = c.smoothing_2 * (first - memory[1])
-    wanted = (
-        c.proportional * (c.weight * wanted_at - at) + memory[2] - c.derivative * first - c.second * second
+    first_gap = c.smoothing * (at - memory[0])
+    second = c.smoothing_2 * (first_gap - memory[1])
+    demand = (
+        c.proportional * (c.weight * wanted_at - at)
+        + memory[2]
+        - c.derivative * first_gap
+        - c.second * second
     )
-    force = min(max(wanted, c.low), c.high)
-    memory[0] += first
+    force = min(max(demand, c.low), c.high)
+    memory[0] += first_gap
     memory[1] += second
-    memory[2] += c.integral * (wanted_at - at) + c.back * (force - wanted)
+    memory[2] += c.integral * (wanted_at - at) + c.back * (force - demand)
     gaps, forces = c.currents.shape
     row = min(max((read - c.gap_low) / (c.gap_high - c.gap_low), 0.0), 1.0) * (gaps - 1)
     column = min(max(force / c.force_high, 0.0), 1.0) * (forces - 1)
     i, j = min(int(row), gaps - 2), min(int(column), forces - 2)
     y, x = row - i, column - j
-    near = c.currents[i, j] + x * (c.currents[i, j + 1] - c.currents[i, j])
-    far = c.currents[i + 1, j] + x * (c.currents[i + 1, j + 1] - c.currents[i + 1, j])
-    current = min(max(near + y * (far - near), 0.0), c.current_high)
+    nearer_current = c.currents[i, j] + x * (c.currents[i, j + 1] - c.currents[i, j])
+    farther_current = c.currents[i + 1, j] + x * (c.currents[i + 1, j + 1] - c.currents[i + 1, j])
+    current = min(max(nearer_current + y * (farther_current - nearer_current), 0.0), c.current_high)
     return float(math.floor(current / c.current_step + 0.5) * c.current_step)
 
 
@@ -128,7 +132,7 @@ class ByScipy:
     method : str
         Method of ``solve_ivp``.
     tolerance : float
-        Relative tolerance; the absolute one is this fraction of a typical value of each state.
+        Relative tolerance. The absolute tolerance is this fraction of a typical value of each state.
     """
 
     def __init__(self, plant: Plant, method: Method, tolerance: float) -> None:
@@ -147,11 +151,13 @@ class ByScipy:
         p = self.plant
         self._place = [0.0] * len(self._cells)
         self._rest = [0.0] * (len(self._cells) + 1)
-        low, high = -1e5, 1e5
+        low_current, high_current = -1e5, 1e5
         for _ in range(200):
-            field = 0.5 * (low + high)
+            field = 0.5 * (low_current + high_current)
             needed = p.length * field + self._outer(gap)[0] * p.area * self._density(field)[0]
-            low, high = (field, high) if needed < p.turns * current else (low, field)
+            low_current, high_current = (
+                (field, high_current) if needed < p.turns * current else (low_current, field)
+            )
         self._move(field)
         density = self._density(field)[0]
         psi = p.turns * p.area * density
@@ -196,8 +202,8 @@ class ByScipy:
         psi, integral, load, gap, velocity, sensor = state.tolist()
         density = psi / (p.turns * p.area)
         field = self._field_at(density)
-        outer = self._outer(gap)[0]
-        current = (p.length * field + outer * p.area * density) / p.turns
+        outer_reluctance = self._outer(gap)[0]
+        current = (p.length * field + outer_reluctance * p.area * density) / p.turns
         error = self._command - current
         voltage = p.gain * error + integral
         within = abs(voltage) <= p.supply
@@ -232,17 +238,17 @@ class ByScipy:
 
     def _field_at(self, density: float) -> float:
         """Return the field for a flux density, A/m, starting from the last result."""
-        field, low, high = self._field, -math.inf, math.inf
+        field, low_field, high_field = self._field, -math.inf, math.inf
         for _ in range(100):
             found, slope = self._density(field)
             left = density - found
             if abs(left) <= 1e-10:
                 break
-            low, high = (field, high) if left > 0.0 else (low, field)
+            low_field, high_field = (field, high_field) if left > 0.0 else (low_field, field)
             field += left / slope
-            if not low < field < high:
-                bounded = math.isfinite(low) and math.isfinite(high)
-                field = 0.5 * (low + high) if bounded else field
+            if not low_field < field < high_field:
+                bounded = math.isfinite(low_field) and math.isfinite(high_field)
+                field = 0.5 * (low_field + high_field) if bounded else field
         self._field = field
         return field
 

@@ -1,17 +1,17 @@
 """Fit a Jiles-Atherton model with SciPy's differential evolution, as a baseline without anhyst.
 
-The baseline is what an experienced engineer would write in an afternoon to fit
+The baseline is the program that an experienced engineer would write in an afternoon to fit
 ``ferrite_mnzn/mnzn_hp_ferrite_4loops``. The forward model is ``dM/dH = chi/(1 - alpha*chi)`` with
-``chi = max(0, sg*(M_an - M))/k + c*dM_an/dx`` (the law ``effective-field``). RK4 in compiled code
-integrates two cycles to reach the steady state and a third one, which is compared. The optimiser
-runs with its recommended settings. ``python benchmarks/baseline_scipy_de.py [--seeds N]`` prints a
-table.
+``chi = max(0, sg*(M_an - M))/k + c*dM_an/dx`` (the law ``effective-field``). Compiled RK4 code
+integrates two cycles to reach the steady state, and compares the third cycle with the data. The
+optimiser runs with its recommended settings. ``python benchmarks/baseline_scipy_de.py [--seeds N]``
+prints a table.
 
 The baseline is optimised for speed:
 
 - one ``exp`` for the Langevin function and its slope, and fast floating-point arithmetic
-- the least number of RK4 steps for which the integration error does not affect the fit (the table
-  repeats the best fit with 16 times as many steps)
+- the smallest number of RK4 steps for which the integration error does not affect the fit (the
+  table repeats the best fit with 16 times as many steps)
 - logarithms for scale parameters, no redundant parameter, and bounds estimated from the loops
 
 The validity limits of the law are penalties of the optimiser.
@@ -47,7 +47,7 @@ FAILED = 1e3  # T^2, cost of a parameter set whose curve has no finite slope
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "log10 kappa = k/a": (-2.0, 1.0),
     "c": (0.0, 1.0),
-    "alpha*M_s/a": (0.0, 3.0),  # at 3 the anhysteretic curve becomes vertical
+    "alpha*M_s/a": (0.0, 3.0),  # at c = 3, the anhysteretic curve becomes vertical
     "log10 a [A/m]": (0.0, 2.0),  # the loops reach 80 A/m
     "log10 mu0*M_s [T]": (-0.7, 0.3),  # the largest B is 0.39 T
 }
@@ -71,8 +71,8 @@ def _slope(h: float, m: float, sign: float, kappa: float, c: float, w: float) ->
     """Return ``dm/dh`` for ``M_s = a = 1``; negative if the slope is not finite."""
     an, an_slope = _langevin_compiled(h + w * m)
     chi = max(0.0, sign * (an - m)) / kappa + c * an_slope
-    rest = 1.0 - w * chi
-    return chi / rest if rest > 1e-9 else -1.0
+    remaining = 1.0 - w * chi
+    return chi / remaining if remaining > 1e-9 else -1.0
 
 
 _slope_compiled: Callable[..., float] = njit(inline="always", fastmath=True)(_slope)
@@ -86,14 +86,14 @@ def _misfit(
     a, saturation = 10.0 ** parameters[3], 10.0 ** parameters[4]
     total = 0.0
     for loop in range(starts.size - 1):
-        first, last = starts[loop], starts[loop + 1]
+        first_sample, last = starts[loop], starts[loop + 1]
         m = 0.0
         h = 0.0
-        for i in range(first - RISE, first + (WARM_UP_CYCLES + 1) * (last - first)):
-            if i < first:  # the initial curve, from the demagnetised state to the peak
-                sample, target = first, h_data[first] / a * (i - first + RISE + 1) / RISE
+        for i in range(first_sample - RISE, first_sample + (WARM_UP_CYCLES + 1) * (last - first_sample)):
+            if i < first_sample:  # the initial curve, from the demagnetised state to the peak
+                sample, target = first_sample, h_data[first_sample] / a * (i - first_sample + RISE + 1) / RISE
             else:
-                sample = first + (i - first) % (last - first)
+                sample = first_sample + (i - first_sample) % (last - first_sample)
                 target = h_data[sample] / a
             step = (target - h) / substeps
             sign = 1.0 if step > 0.0 else -1.0
@@ -107,7 +107,7 @@ def _misfit(
                 m += step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
                 h += step
             h = target
-            if i >= first + WARM_UP_CYCLES * (last - first):
+            if i >= first_sample + WARM_UP_CYCLES * (last - first_sample):
                 error = MU_0 * h_data[sample] + saturation * m - b_data[sample]
                 total += error * error
     return total if total < FAILED else FAILED
@@ -179,7 +179,7 @@ def run(
 
 
 def seconds_to_reach(result: Mapping[str, Any], sum_of_squares: float) -> float:
-    """Return the processor time until a run reached a sum of squares, s; infinite if never."""
+    """Return the processor time until a run reached a sum of squares, s; infinite if it did not."""
     times = (spent for spent, error in result["history"] if error <= sum_of_squares)
     return float(next(times, math.inf))
 
@@ -190,19 +190,19 @@ def main() -> None:
     field, flux_density, starts = load_loops()
     print("sums of squares in T^2, processor time in s\n")
     print("seed  best fit  16 x steps      rms  to 0.0227  to best + 0.1 %  whole run  evaluations")
-    waits = []
+    reach_seconds = []
     for seed in range(parser.parse_args().seeds):
         result = run(seed)
         best = result["sum_of_squares"]
-        waits.append([seconds_to_reach(result, error) for error in (0.0227, 1.001 * best)])
+        reach_seconds.append([seconds_to_reach(result, error) for error in (0.0227, 1.001 * best)])
         parameters = np.array([*result["parameters"].values()])
-        fine = misfit(parameters, field, flux_density, starts, 16 * SUBSTEPS)
+        fine_error = misfit(parameters, field, flux_density, starts, 16 * SUBSTEPS)
         print(
-            f"{seed:4d}  {best:.6f}    {fine:.6f}  {result['rms_percent']:.3f} %"
-            f"  {waits[-1][0]:9.3f}  {waits[-1][1]:15.3f}"
+            f"{seed:4d}  {best:.6f}    {fine_error:.6f}  {result['rms_percent']:.3f} %"
+            f"  {reach_seconds[-1][0]:9.3f}  {reach_seconds[-1][1]:15.3f}"
             f"  {result['cpu_seconds']:9.3f}  {result['evaluations']:11d}"
         )
-    median = [statistics.median(column) for column in zip(*waits, strict=True)]
+    median = [statistics.median(column) for column in zip(*reach_seconds, strict=True)]
     print(f"\nmedian: {median[0]:.3f} s to 0.0227 T^2, {median[1]:.3f} s to 0.1 % above the best fit")
 
 

@@ -42,7 +42,7 @@ VARIANTS: tuple[MethodName, ...] = (
 
 @dataclass(frozen=True)
 class Iron:
-    """One iron of the comparison, its identified model and its setups."""
+    """One iron of the comparison, its identified model and its controllers."""
 
     rig: BodyRig
     at: OperatingPoint
@@ -94,9 +94,11 @@ def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) ->
     for iron, cells in zip(irons, results, strict=True):
         for variant in VARIANTS:
             mine = [cell for cell in cells if cell.variant == variant]
-            shown = [_percent(cell) for cell in mine]
-            settling, rest = (_mean(mine[2], *metric) for metric in (_SETTLING, _STANDSTILL))
-            lines.append(f"| {iron.title} | `{variant}` | {' | '.join(shown)} | {settling} | {rest} |")
+            overshoot_texts = [_overshoot_text(cell) for cell in mine]
+            settling, standstill_text = (_mean_text(mine[2], *metric) for metric in (_SETTLING, _STANDSTILL))
+            lines.append(
+                f"| {iron.title} | `{variant}` | {' | '.join(overshoot_texts)} | {settling} | {standstill_text} |"
+            )
     return "\n".join(lines)
 
 
@@ -104,7 +106,7 @@ _SETTLING = "settling_in_noise_s", 1e3, ".2f", "ms"
 _STANDSTILL = "standstill_rms_m", 1e9, ".0f", "nm"
 
 
-def _percent(cell: StepCell) -> str:
+def _overshoot_text(cell: StepCell) -> str:
     """Return overshoot and interval as text, and whether it is within the standstill noise."""
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
@@ -112,7 +114,7 @@ def _percent(cell: StepCell) -> str:
     return f"{interval.mean:.2f} ± {interval.half_width:.2f} %{'' if cell.has_overshoot else ' ≤ noise'}"
 
 
-def _mean(cell: CaseFigures, name: str, factor: float, form: str, unit: str) -> str:
+def _mean_text(cell: CaseFigures, name: str, factor: float, form: str, unit: str) -> str:
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
     return f"{factor * cell.interval(name).mean:{form}} {unit}"
@@ -143,15 +145,15 @@ def slow_table(irons: Sequence[Iron]) -> str:
         rig = quiet(iron.rig)
         setups = {name: BearingSetup(rig, s.compensator, s.controller) for name, s in iron.setups.items()}
         seeds = default_seeds(rig)
-        tried = experiments.run_variants(experiments.run_trajectory, setups, seeds, shape)
+        results = experiments.run_variants(experiments.run_trajectory, setups, seeds, shape)
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
-        small = compare_steps(list(setups.values()), [gap], [1e-6], [load], seeds)
-        for name, cell in zip(setups, small, strict=True):
-            off = _mean(tried[name], "tracking_rms_m", 1e9, ".0f", "nm")
-            force = _mean(tried[name], "force_error_rms_N", 1.0, ".2f", "N")
+        small_steps = compare_steps(list(setups.values()), [gap], [1e-6], [load], seeds)
+        for name, cell in zip(setups, small_steps, strict=True):
+            error_text = _mean_text(results[name], "tracking_rms_m", 1e9, ".0f", "nm")
+            force = _mean_text(results[name], "force_error_rms_N", 1.0, ".2f", "N")
             lines.append(
-                f"| {iron.title} | `{name}` | {off} | {force} | {_percent(cell)} | "
-                f"{_mean(cell, *_SETTLING)} |"
+                f"| {iron.title} | `{name}` | {error_text} | {force} | {_overshoot_text(cell)} | "
+                f"{_mean_text(cell, *_SETTLING)} |"
             )
     return "\n".join(lines)
 
@@ -200,9 +202,9 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
             name: BearingSetup(quiet(iron.rig), setup.compensator, setup.controller)
             for name, setup in iron.setups.items()
         }
-        tried = experiments.run_variants(experiments.run_standstill, setups, default_seeds(iron.rig), None)
-        full = tried["full"]
-        reported = ", ".join(_standstill_text(name, metrics) for name, metrics in tried.items())
+        results = experiments.run_variants(experiments.run_standstill, setups, default_seeds(iron.rig), None)
+        full = results["full"]
+        reported = ", ".join(_standstill_text(name, metrics) for name, metrics in results.items())
         reached = not full.lost and full.interval("rms_m").mean <= 10e-9 and not full.cycles
         has_target = iron.rig.settings.iron is not None and iron is not irons[0]
         result_rows.append(
@@ -219,7 +221,7 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
 def _standstill_text(name: str, found: experiments.ExperimentFigures) -> str:
     cycles = len(found.cycles or ())
     cycling = f" (limit cycle in {cycles} of {found.runs})" if cycles else ""
-    return f"{name} {_mean(found, 'rms_m', 1e9, '.1f', 'nm')}{cycling}"
+    return f"{name} {_mean_text(found, 'rms_m', 1e9, '.1f', 'nm')}{cycling}"
 
 
 def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
@@ -261,10 +263,10 @@ def _events(iron: Iron) -> list[Row]:
     result_rows = []
     for event in experiments.EVENTS:
         seeds = default_seeds(iron.rig)
-        tried = experiments.run_variants(experiments.run_event, iron.setups, seeds, event)
+        results = experiments.run_variants(experiments.run_event, iron.setups, seeds, event)
         key = "recovery_s" if event == "overload" else "excess_s"
         reported = ", ".join(
-            f"{name} {_mean(metrics, key, 1e3, '.1f', 'ms')}" for name, metrics in tried.items()
+            f"{name} {_mean_text(metrics, key, 1e3, '.1f', 'ms')}" for name, metrics in results.items()
         )
         what = "back within 1 um after" if event == "overload" else "shows for"
         result_rows.append(
@@ -272,7 +274,7 @@ def _events(iron: Iron) -> list[Row]:
                 f"bearing, {event}: {what}",
                 "no loss of levitation",
                 reported,
-                all(metrics.lost == 0 for metrics in tried.values()),
+                all(metrics.lost == 0 for metrics in results.values()),
             )
         )
     return result_rows

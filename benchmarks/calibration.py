@@ -1,8 +1,9 @@
 """Measure calibration from motion against its targets and all baselines in one table.
 
 calibration_trials.py defines the plants and their calibration. Each row states its number of
-plants: as many as fit into 25 minutes, always the first ones. A new method is added to METHODS, and
-its targets to AIMS. The claims are about the first method.
+plants. The number is chosen so that the benchmark takes 25 minutes, and the first plants are always
+used. To add a method, add it to METHODS and its targets to AIMS. The targets are for the first
+method.
 """
 
 from __future__ import annotations
@@ -30,39 +31,39 @@ from anhyst_rigs.study.tracking.estimator import FORGETTING_TIME_S, TRAINING_SCA
 from anhyst_rigs.study.tracking.measures import Measures
 from calibration_trials import (
     COMPILED,
-    LEFT_ON,
     MOVE,
-    REPEATED,
+    ONLINE_CALIBRATION,
     SCANS,
-    WORLDS,
+    TEST_REPETITIONS,
+    UNMODELLED_CASES,
     Bench,
     Trial,
-    bench_of,
+    make_bench,
     sample_plant,
-    training,
+    training_motion,
 )
 from rows import Row
 from tracking import IRONS, RIG, with_iron
 
 METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "fused", "single-valued")
-PLANTS, SOME, FEWER = 12, 6, 4
+PLANTS, OPERATION_PLANTS, OTHER_PLANTS = 12, 6, 4
 """Number of plants for the example's iron, for operation with calibration, and for all other cases.
 """
-AVERAGE = 0.5
+AVERAGE_WEIGHT = 0.5
 """Weight of the moving average in the search of gains."""
 CELLS = ("cells 0.05", "cells 0.3")
-OTHERS = (*CELLS, "preisach-usual", "preisach-hard", "duhem-usual")
-"""Irons besides that of the example; only the largest number of scans is tried."""
-FORGETS = "duhem-usual"
-ALONE = ("gap zero", "current scale", "pinning", "eddy lag")
+OTHER_IRONS = (*CELLS, "preisach-usual", "preisach-hard", "duhem-usual")
+"""Irons other than that of the example; for these, only the largest number of scans is tried."""
+FORGETTING_IRON = "duhem-usual"
+SINGLE_ERRORS = ("gap zero", "current scale", "pinning", "eddy lag")
 """Errors that are tried one at a time with the first method."""
-MEASURED = (("average_m", "nm", 1e9), ("peak_m", "nm", 1e9), ("settling_50_s", "ms", 1e3))
-PROBED = ("flux", "fused")
+METRICS = (("average_m", "nm", 1e9), ("peak_m", "nm", 1e9), ("settling_50_s", "ms", 1e3))
+FLUX_METHODS = ("flux", "fused")
 """Methods with a flux probe, which have a target for the iron without return-point memory."""
 ASKED_WITH_PROBE = (44.0, 45.0)
 HOUR_S = 3600.0
-WORKED: Mapping[str, int] = {"full": 150, "flux": 600}
-"""Number of scans of an hour of operation; half as many precede them for settling."""
+OPERATION_SCANS: Mapping[str, int] = {"full": 150, "flux": 600}
+"""Number of scans in an hour of operation; half this number precedes them for settling."""
 
 
 @dataclass(frozen=True)
@@ -82,101 +83,106 @@ AIMS: Mapping[str, Aim] = {
 
 Pair = tuple[float, float]
 Case = tuple[str, str, str, str]
-"""Iron, method, errors, world."""
+"""Iron, method, random errors and unmodelled effects of a group of plants."""
 
 
-def is_within(found: Pair, aim: Pair) -> bool:
+def is_within(percentiles: Pair, targets: Pair) -> bool:
     """Whether the 50th and 95th percentiles are within their targets."""
-    return found[0] <= aim[0] and found[1] <= aim[1]
+    return percentiles[0] <= targets[0] and percentiles[1] <= targets[1]
 
 
 @dataclass(frozen=True)
-class Found:
+class CaseResult:
     """The results of all plants of one case."""
 
     flown: list[tuple[list[Measures], CalibratedMethod]]
 
     def percentiles(self, name: str) -> list[Pair]:
         """Return the 50th and 95th percentiles over the plants, before and after the scans."""
-        factor = {metric: by for metric, _, by in MEASURED}[name]
+        factor = {metric: by for metric, _, by in METRICS}[name]
         values = np.array([[getattr(measures, name) for measures in figures] for figures, _ in self.flown])
-        half, most = factor * np.percentile(values, [50.0, 95.0], axis=0)
-        return list(zip(half.tolist(), most.tolist(), strict=True))
+        medians, percentiles_95 = factor * np.percentile(values, [50.0, 95.0], axis=0)
+        return list(zip(medians.tolist(), percentiles_95.tolist(), strict=True))
 
     @property
-    def taken(self) -> int:
+    def applied_count(self) -> int:
         """The number of plants whose calibration is applied."""
         return sum(found.is_applied for _, found in self.flown)
 
-    def pairs(self, name: str) -> str:
-        """Return the percentiles of a metric as text."""
+    def percentiles_text(self, name: str) -> str:
+        """Return the percentiles of a metric before and after calibration, as text."""
         return " -> ".join(f"{half:.3g} / {most:.3g}" for half, most in self.percentiles(name))
 
     @property
-    def count(self) -> str:
+    def count_text(self) -> str:
         """The number of plants and of applied calibrations, and estimated masses, as text."""
         masses = [f"{found.mass_kg:.4g}" for _, found in self.flown if found.mass_kg is not None]
         heavy = f", estimated mass {', '.join(masses)} kg" if masses else ""
-        return f"{len(self.flown)} plants, applied to {self.taken}{heavy}"
+        return f"{len(self.flown)} plants, applied to {self.applied_count}{heavy}"
 
-    def row(self, what: str, reach: str, met: bool | None) -> Row:
-        """Return a row of the moving average, with peak and settling time."""
-        others = "; ".join(f"{name[:-2]} {self.pairs(name)}" for name in ("peak_m", "settling_50_s"))
-        text = f"{self.pairs('average_m')}; {others} ({self.count})"
-        return Row(f"calibration, {what}: average, nm, before -> after", reach, text, met)
+    def row(self, title: str, reach: str, is_met: bool | None) -> Row:
+        """Return a table row with the moving average, the peak and the settling time."""
+        other_metrics = "; ".join(
+            f"{name[:-2]} {self.percentiles_text(name)}" for name in ("peak_m", "settling_50_s")
+        )
+        text = f"{self.percentiles_text('average_m')}; {other_metrics} ({self.count_text})"
+        return Row(f"calibration, {title}: average, nm, before -> after", reach, text, is_met)
 
 
-def run_trials(trials: Sequence[Trial]) -> dict[Case, Found]:
+def run_trials(trials: Sequence[Trial]) -> dict[Case, CaseResult]:
     """Run all trials and return the results by case."""
-    found: dict[Case, Found] = {}
+    found: dict[Case, CaseResult] = {}
 
-    for trial, flown in zip(trials, map_ordered(Trial.run, trials), strict=True):
+    for trial, results in zip(trials, map_ordered(Trial.run, trials), strict=True):
         case = trial.bench.iron, trial.bench.method, trial.errors, trial.world
-        found.setdefault(case, Found([])).flown.append(flown)
+        found.setdefault(case, CaseResult([])).flown.append(results)
     return found
 
 
-def headline(title: str, aim: Aim | None, found: Found) -> list[Row]:
-    """Return the rows of a method on the example's own iron."""
-    average, peak, settled = (found.percentiles(name) for name, _, _ in MEASURED)
+def make_headline_rows(title: str, target: Aim | None, result: CaseResult) -> list[Row]:
+    """Return the rows of a method on the example's iron."""
+    average, peak, settled = (result.percentiles(name) for name, _, _ in METRICS)
     reach = ["reported"] * 3
-    met: list[bool | None] = [None] * 3
-    if aim is not None:
-        first = f"{aim.first[0]:g} / {aim.first[1]:g} after one scan, " if aim.first else ""
-        reach[:2] = f"{first}{aim.last[0]:g} / {aim.last[1]:g} after four", f"{aim.peak:g} (50 %)"
-        average_met = is_within(average[-1], aim.last)
-        if aim.first is not None:
-            average_met = average_met and is_within(average[1], aim.first)
-        met[:2] = average_met, peak[-1][0] <= aim.peak
-        if aim.settling is not None:
-            reach[2], met[2] = f"{aim.settling:g} (50 %)", settled[-1][0] <= aim.settling
+    is_met: list[bool | None] = [None] * 3
+    if target is not None:
+        first_target = f"{target.first[0]:g} / {target.first[1]:g} after one scan, " if target.first else ""
+        reach[:2] = (
+            f"{first_target}{target.last[0]:g} / {target.last[1]:g} after four",
+            f"{target.peak:g} (50 %)",
+        )
+        average_met = is_within(average[-1], target.last)
+        if target.first is not None:
+            average_met = average_met and is_within(average[1], target.first)
+        is_met[:2] = average_met, peak[-1][0] <= target.peak
+        if target.settling is not None:
+            reach[2], is_met[2] = f"{target.settling:g} (50 %)", settled[-1][0] <= target.settling
     return [
         Row(
             f"calibration, {title}: {name}, {unit}, before -> after 1, 2, 4 scans",
             reach[place],
-            f"{found.pairs(name)} ({found.count})",
-            met[place],
+            f"{result.percentiles_text(name)} ({result.count_text})",
+            is_met[place],
         )
-        for place, (name, unit, _) in enumerate(MEASURED)
+        for place, (name, unit, _) in enumerate(METRICS)
     ]
 
 
 def trials_of_example(benches: Sequence[Bench]) -> list[Trial]:
     """Return the trials of the example's iron: all errors, single errors, unmodelled effects."""
-    last, own = SCANS[-1:], benches[0]
+    last, example = SCANS[-1:], benches[0]
     trials = [Trial(bench, plant) for bench in benches for plant in range(PLANTS)]
-    trials += [Trial(own, plant, world=COMPILED) for plant in range(PLANTS)]
-    trials += [Trial(own, plant, world=LEFT_ON) for plant in range(SOME)]
-    moved = bench_of((MOVE, own.rig, own.magnet, own.method))
+    trials += [Trial(example, plant, world=COMPILED) for plant in range(PLANTS)]
+    trials += [Trial(example, plant, world=ONLINE_CALIBRATION) for plant in range(OPERATION_PLANTS)]
+    moved = make_bench((MOVE, example.rig, example.magnet, example.method))
     trials += [Trial(moved, plant, world=MOVE) for plant in range(PLANTS)]
-    few = range(FEWER)
-    trials += [Trial(own, plant, last, errors) for errors in ALONE for plant in few]
-    worlds = [world for world in WORLDS if world not in ("", COMPILED, MOVE)]
-    return trials + [Trial(own, plant, last, world=world) for world in worlds for plant in few]
+    few = range(OTHER_PLANTS)
+    trials += [Trial(example, plant, last, errors) for errors in SINGLE_ERRORS for plant in few]
+    worlds = [world for world in UNMODELLED_CASES if world not in ("", COMPILED, MOVE)]
+    return trials + [Trial(example, plant, last, world=world) for world in worlds for plant in few]
 
 
-def make_example_rows(flown: Mapping[Case, Found]) -> list[Row]:
-    """Return the rows of the example's own iron."""
+def make_example_rows(flown: Mapping[Case, CaseResult]) -> list[Row]:
+    """Return the rows of the example's iron."""
     lines: list[Row] = []
     last = {
         method: found.percentiles("average_m")[-1][0]
@@ -186,39 +192,39 @@ def make_example_rows(flown: Mapping[Case, Found]) -> list[Row]:
     own, calibrated = METHODS[0], last[METHODS[0]]
     for (_, method, errors, world), found in flown.items():
         average = found.percentiles("average_m")
-        if world == LEFT_ON:
-            what = f"{own}, {LEFT_ON}, {TRAINING_SCANS} scans, then {REPEATED} more of the test set-point"
-            lines.append(found.row(what, "10 / 20", is_within(average[-1], (10.0, 20.0))))
+        if world == ONLINE_CALIBRATION:
+            title = f"{own}, {ONLINE_CALIBRATION}, {TRAINING_SCANS} scans, then {TEST_REPETITIONS} test scans"
+            lines.append(found.row(title, "10 / 20", is_within(average[-1], (10.0, 20.0))))
         elif world in (COMPILED, MOVE):
-            lines += headline(f"{own}, {world}", AIMS.get(method), found)
+            lines += make_headline_rows(f"{own}, {world}", AIMS.get(method), found)
         elif world or errors != "all":
             factor = 1.5 if world else 1.3
-            what = f"{own}, {world or f'{errors} alone'}, 4 scans"
+            title = f"{own}, {world or f'{errors} alone'}, 4 scans"
             reach = f"{factor * calibrated:.3g} (50 %): {factor:g} times the calibrated value"
-            met = None if "not allowed" in world else average[-1][0] <= factor * calibrated
-            lines.append(found.row(what, "reported" if met is None else reach, met))
+            is_met = None if "not allowed" in world else average[-1][0] <= factor * calibrated
+            lines.append(found.row(title, "reported" if is_met is None else reach, is_met))
         else:
-            lines += headline(method, AIMS.get(method), found)
+            lines += make_headline_rows(method, AIMS.get(method), found)
     ahead = ", ".join(f"{last[name] / calibrated:.3g} of {name}" for name in METHODS[1:])
-    met = last["play"] >= 2.0 * calibrated
-    what = f"calibration, median average after 4 scans, ratios of the others to {own}"
-    return [*lines, Row(what, "play >= 2", ahead, met)]
+    is_met = last["play"] >= 2.0 * calibrated
+    title = f"calibration, median average after 4 scans, ratios of the others to {own}"
+    return [*lines, Row(title, "play >= 2", ahead, is_met)]
 
 
-def make_iron_row(iron: str, method: str, found: Found) -> Row:
+def make_iron_row(iron: str, method: str, found: CaseResult) -> Row:
     """Return the row of a method on another iron."""
     average = found.percentiles("average_m")
-    reach, met = "reported", None
-    if iron == FORGETS and method in PROBED:
-        half, most = ASKED_WITH_PROBE
-        reach, met = f"{half:g} / {most:g}", is_within(average[-1], ASKED_WITH_PROBE)
-    elif iron == FORGETS and method == METHODS[0]:
+    reach, is_met = "reported", None
+    if iron == FORGETTING_IRON and method in FLUX_METHODS:
+        median, percentile_95 = ASKED_WITH_PROBE
+        reach, is_met = f"{median:g} / {percentile_95:g}", is_within(average[-1], ASKED_WITH_PROBE)
+    elif iron == FORGETTING_IRON and method == METHODS[0]:
         reach = "not worse than before"
-        met = all(figures[-1].average_m <= figures[0].average_m for figures, _ in found.flown)
-    elif iron != FORGETS and method in AIMS:
-        half, most = AIMS[method].last
-        reach, met = f"{half:g} / {most:g}", is_within(average[-1], (half, most))
-    return found.row(f"{iron}, {method}, 4 scans", reach, met)
+        is_met = all(figures[-1].average_m <= figures[0].average_m for figures, _ in found.flown)
+    elif iron != FORGETTING_IRON and method in AIMS:
+        median, percentile_95 = AIMS[method].last
+        reach, is_met = f"{median:g} / {percentile_95:g}", is_within(average[-1], (median, percentile_95))
+    return found.row(f"{iron}, {method}, 4 scans", reach, is_met)
 
 
 def identify_iron(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedMagnet]:
@@ -234,45 +240,45 @@ def identify_iron(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedM
 
 
 def measure_parameter_changes(bench: Bench) -> tuple[float, float]:
-    """Return the largest change of a parameter in an hour at rest, and in an hour at work.
+    """Return the largest parameter change in an hour at rest, and in an hour of operation.
 
     The unit is the standard deviation that the rig file states. At rest, the load oscillates. Scans
     alternate between three noise seeds.
     """
-    law = WORLDS[""].law(bench)
+    law = UNMODELLED_CASES[""].law(bench)
     setup = StageSetup(law.rig, law.compensator(0.0), drift=sample_plant(0))
-    flown = [track(setup, training(law.rig), bench.gains, seed) for seed in (1, 2, 3)]
-    scans = [law.make_motion(run.columns) for run in flown]
-    gently = replace(training(law.rig), peaks=(0.2, 0.2), speed=0.004)
+    tracked_run = [track(setup, training_motion(law.rig), bench.gains, seed) for seed in (1, 2, 3)]
+    scans = [law.make_motion(run.columns) for run in tracked_run]
+    load_swing = replace(training_motion(law.rig), peaks=(0.2, 0.2), speed=0.004)
     swing = 8.0 * np.sin(2.0 * np.pi * 3.0 * law.rig.dt * np.arange(10**6))
-    load = swing[: round(gently.duration / law.rig.dt)]
-    rest = law.make_motion(track(setup, gently, bench.gains, 1, load=load).columns)
-    learner, count = ParameterEstimator(law, FORGETTING_TIME_S), WORKED[bench.method]
+    load = swing[: round(load_swing.duration / law.rig.dt)]
+    rest_motion = law.make_motion(track(setup, load_swing, bench.gains, 1, load=load).columns)
+    learner, count = ParameterEstimator(law, FORGETTING_TIME_S), OPERATION_SCANS[bench.method]
 
     def moved(motions: Sequence[int]) -> float:
-        before = dict(learner.estimate)
+        settling_scans = dict(learner.estimate)
         for number in motions:
-            learner.update(rest if number < 0 else scans[number % 3])
+            learner.update(rest_motion if number < 0 else scans[number % 3])
         return max(
-            abs(learner.estimate[name] - before[name]) / learner.prior_sigma[name]
+            abs(learner.estimate[name] - settling_scans[name]) / learner.prior_sigma[name]
             for name in law.names
             if learner.prior_sigma[name] > 0.0
         )
 
     moved(range(3 * (count // 6)))
-    at_rest = moved([-1] * round(HOUR_S / gently.duration))
+    at_rest = moved([-1] * round(HOUR_S / load_swing.duration))
     return at_rest, moved(range(3 * (count // 3)))
 
 
-def make_hours_row(bench: Bench, found: tuple[float, float]) -> Row:
+def make_hours_row(bench: Bench, changes: tuple[float, float]) -> Row:
     """Return the row of an hour of operation."""
-    at_rest, at_work = found
-    work = f"{WORKED[bench.method]} scans of {training(bench.rig).duration:.2g} s"
+    at_rest, at_work = changes
+    work = f"{OPERATION_SCANS[bench.method]} scans of {training_motion(bench.rig).duration:.2g} s"
     return Row(
         f"calibration, {bench.method}: an hour at rest; {work}: largest parameter change",
         "< 0.1 of the standard deviation",
         f"{at_rest:.2g}; {at_work:.2g}",
-        max(found) < 0.1,
+        max(changes) < 0.1,
     )
 
 
@@ -283,20 +289,20 @@ def rows() -> list[Row]:
     def print_rows(lines: Iterable[Row]) -> None:
         for row in lines:
             result_rows.append(row)
-            met = "" if row.met is None else ": met" if row.met else ": MISSED"
-            print(f"{row.what} | {row.reach}{met} | {row.measured}", file=sys.stderr, flush=True)
+            is_met = "" if row.met is None else ": met" if row.met else ": MISSED"
+            print(f"{row.what} | {row.reach}{is_met} | {row.measured}", file=sys.stderr, flush=True)
 
-    rig = change_rig(read_stage(RIG), {"scan.average_weight": AVERAGE})
+    rig = change_rig(read_stage(RIG), {"scan.average_weight": AVERAGE_WEIGHT})
     own = "own", rig, identify_stage_magnet(rig)
-    benches = map_ordered(bench_of, [(*own, method) for method in METHODS])
+    benches = map_ordered(make_bench, [(*own, method) for method in METHODS])
     print_rows(make_example_rows(run_trials(trials_of_example(benches))))
-    others = map_ordered(identify_iron, [(name, rig) for name in OTHERS])
-    made = map_ordered(bench_of, [(*iron, method) for iron in others for method in METHODS])
-    trials = [Trial(bench, plant, SCANS[-1:]) for bench in made for plant in range(FEWER)]
+    others = map_ordered(identify_iron, [(name, rig) for name in OTHER_IRONS])
+    made = map_ordered(make_bench, [(*iron, method) for iron in others for method in METHODS])
+    trials = [Trial(bench, plant, SCANS[-1:]) for bench in made for plant in range(OTHER_PLANTS)]
     print_rows(
         make_iron_row(iron, method, results) for (iron, method, *_), results in run_trials(trials).items()
     )
-    at_it = [bench for bench in benches if bench.method in WORKED]
+    at_it = [bench for bench in benches if bench.method in OPERATION_SCANS]
     print_rows(map(make_hours_row, at_it, map_ordered(measure_parameter_changes, at_it)))
     print_rows(levitated.measure_table_plant())
     print_rows(balancing.make_target_rows())

@@ -3,12 +3,12 @@
 Plants, seeds, methods and irons are defined here and in examples/stage/rig.toml; they were fixed
 before the first result. A plant has all errors at the same time, as with --monte-carlo: gap zero,
 both currents, loop width, gain of the Hall probes and eddy lag. It follows the training set-point,
-is calibrated on all recordings so far, and follows it again. All metrics are evaluated on the test
-set-point, with the calibration and the gains of the nominal plant.
+is calibrated on all recordings so far, and follows the training set-point again.
 
-The same code calibrates every method on its own recordings. The same search finds the gains; it
-minimises the rms error and half of the moving average. A search by rms alone did not reduce the
-moving average (see docs/calibration.md).
+All metrics are evaluated on the test set-point, with the calibration and the gains of the nominal
+plant. Each method is calibrated by the same code, on recordings with this method. The same search
+finds the gains; it minimises the rms error plus half of the moving average. A search that minimised
+only the rms error did not reduce the moving average (see docs/calibration.md).
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ from tracking import RIG
 
 SEED = 31
 SCANS = (1, 2, 4)
-LEFT_ON, REPEATED = "left on", 10
+ONLINE_CALIBRATION, TEST_REPETITIONS = "left on", 10
 """Name of the stage that calibrates itself during operation; repetitions of the test set-point."""
 
 
 @dataclass(frozen=True)
-class World:
+class UnmodelledEffects:
     """Errors that the controller does not know, in addition to the random errors of a plant."""
 
     payload: float = 0.0  # relative excess mass of the body
@@ -66,10 +66,10 @@ class World:
             _laws[key] = StageLaw(change_rig(bench.rig, self.changes), bench.magnet, bench.method)
         return _laws[key]
 
-    def fly(
+    def track_motion(
         self, setup: StageSetup, drift: Drift, motion: SetPoint, gains: Feedforward, noise: int
     ) -> Recording:
-        """Follow a motion with such a plant; the lead of the feedforward stays unchanged."""
+        """Follow a motion with a plant that has these errors; the feedforward lead is unchanged."""
         rig = setup.rig
         ticks = rig.settings.timing.delay_ticks + self.late_ticks
         if self.late_ticks:
@@ -84,22 +84,22 @@ class World:
         return track(plant, motion, early, noise)
 
 
-ALLOWED = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
+KNOWN_LOADS = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
 """Entries of a rig file that allow for a payload and a cable."""
 COMPILED = "compiled controller"
 MOVE = "calibrated on the move of excite --calibrate"
-WORLDS = {
-    "": World(),
-    MOVE: World(),
-    "payload and cable allowed for": World(changes=ALLOWED),
-    "payload +5 %": World(payload=0.05, changes=ALLOWED),
-    "payload +5 %, not allowed for": World(payload=0.05),
-    "mass +0.5 %": World(payload=0.005),
-    "cable 50 N/m": World(cable=50.0, changes=ALLOWED),
-    "half a tick late": World(late_ticks=0.5),
-    "half a tick early": World(late_ticks=-0.5),
-    "position noise 5 nm": World(changes={"position_sensor.noise_m": 5e-9}),
-    COMPILED: World(compiled=True),
+UNMODELLED_CASES = {
+    "": UnmodelledEffects(),
+    MOVE: UnmodelledEffects(),
+    "payload and cable allowed for": UnmodelledEffects(changes=KNOWN_LOADS),
+    "payload +5 %": UnmodelledEffects(payload=0.05, changes=KNOWN_LOADS),
+    "payload +5 %, not allowed for": UnmodelledEffects(payload=0.05),
+    "mass +0.5 %": UnmodelledEffects(payload=0.005),
+    "cable 50 N/m": UnmodelledEffects(cable=50.0, changes=KNOWN_LOADS),
+    "half a tick late": UnmodelledEffects(late_ticks=0.5),
+    "half a tick early": UnmodelledEffects(late_ticks=-0.5),
+    "position noise 5 nm": UnmodelledEffects(changes={"position_sensor.noise_m": 5e-9}),
+    COMPILED: UnmodelledEffects(compiled=True),
 }
 
 
@@ -119,19 +119,19 @@ class Bench:
 _laws: dict[tuple[str, ...], StageLaw] = {}
 
 
-def bench_of(given: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:
-    """Find the gains on the training set-point; with the iron `MOVE`, calibrate on that move."""
-    iron, rig, magnet, method = given
+def make_bench(case: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:
+    """Find the gains on the training set-point; with iron `MOVE`, also calibrate on that move."""
+    iron, rig, magnet, method = case
     law = StageLaw(rig, magnet, method)
-    own = StageSetup(rig, law.compensator(0.0))
-    gains, taught = find_gains(own, training(rig)), training(rig)
+    nominal_setup = StageSetup(rig, law.compensator(0.0))
+    gains, calibrated_setup = find_gains(nominal_setup, training_motion(rig)), training_motion(rig)
     if iron == MOVE:
-        (taught,) = select_legs(ParameterEstimator(law), own).values()
-    run = track(own, taught, gains, 100)
+        (calibrated_setup,) = select_legs(ParameterEstimator(law), nominal_setup).values()
+    run = track(nominal_setup, calibrated_setup, gains, 100)
     calibrated = find_gains(
-        law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)])), training(rig)
+        law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)])), training_motion(rig)
     )
-    return Bench(iron, rig, magnet, method, gains, calibrated, taught)
+    return Bench(iron, rig, magnet, method, gains, calibrated, calibrated_setup)
 
 
 @dataclass(frozen=True)
@@ -144,46 +144,48 @@ class Trial:
     errors: str = "all"
     world: str = ""
 
-    def left_on(self) -> tuple[list[Measures], CalibratedMethod]:
+    def run_online_calibration(self) -> tuple[list[Measures], CalibratedMethod]:
         """Return the metrics after training, and after repetitions of the test set-point.
 
-        The stage estimates its parameters from every motion; its correction follows at a bounded
+        The stage estimates its parameters from every motion; the correction follows at a bounded
         rate.
         """
         bench, drift = self.bench, sample_plant(self.plant)
-        learner = ParameterEstimator(WORLDS[""].law(bench), FORGETTING_TIME_S)
+        learner = ParameterEstimator(UNMODELLED_CASES[""].law(bench), FORGETTING_TIME_S)
         scan, gains = bench.rig.settings.scan, bench.calibrated_gains
         for number in range(TRAINING_SCANS):
-            learner.run_and_update(drift, training(bench.rig), gains, 1000 * (self.plant + 1) + number + 1)
+            learner.run_and_update(
+                drift, training_motion(bench.rig), gains, 1000 * (self.plant + 1) + number + 1
+            )
         motion = scan_motion(scan, scan.test_m_per_s2)
         runs = [
             learner.run_and_update(drift, motion, gains, 1000 * (self.plant + 1) + 100 + number)
-            for number in range(1 + REPEATED)
+            for number in range(1 + TEST_REPETITIONS)
         ]
         figures = [measure(run, motion, scan.slit_s) for run in (runs[0], runs[-1])]
         return figures, learner.calibration
 
     def run(self) -> tuple[list[Measures], CalibratedMethod]:
         """Calibrate one plant."""
-        return self.left_on() if self.world == LEFT_ON else self.calibrated()
+        return self.run_online_calibration() if self.world == ONLINE_CALIBRATION else self.run_calibration()
 
-    def calibrated(self) -> tuple[list[Measures], CalibratedMethod]:
+    def run_calibration(self) -> tuple[list[Measures], CalibratedMethod]:
         """Return the metrics before and after each number of scans, and the last calibration."""
         bench, noise = self.bench, 1000 * (self.plant + 1)
         drift = sample_plant(self.plant).select(ERROR_CASES[self.errors])
-        world = WORLDS[self.world]
+        world = UNMODELLED_CASES[self.world]
         law, gains = world.law(bench), bench.gains
         rig = law.rig
         setup = StageSetup(rig, law.compensator(0.0))
 
         def judged() -> Measures:
             motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
-            run = world.fly(setup, drift, motion, gains, noise)
+            run = world.track_motion(setup, drift, motion, gains, noise)
             return measure(run, motion, rig.settings.scan.slit_s)
 
         figures, learner = [judged()], ParameterEstimator(law)
         for scan in range(1, max(self.scans) + 1):
-            run = world.fly(setup, drift, bench.taught, gains, noise + scan)
+            run = world.track_motion(setup, drift, bench.taught, gains, noise + scan)
             learner.update(law.make_motion(run.columns))
             setup = law.corrected_stage(learner.calibration)
             gains = bench.calibrated_gains if learner.calibration.is_applied else bench.gains
@@ -192,7 +194,7 @@ class Trial:
         return figures, learner.calibration
 
 
-def training(rig: BodyRig) -> SetPoint:
+def training_motion(rig: BodyRig) -> SetPoint:
     """Return the set-point for training and calibration."""
     return scan_motion(rig.settings.scan, rig.settings.scan.train_m_per_s2)
 

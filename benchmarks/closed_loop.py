@@ -1,8 +1,9 @@
 """Measure the simulation speed of a controlled bearing against SciPy and numba baselines.
 
 All simulators run the bearing of ``examples/bearing`` through the same steps for the same simulated
-time, in one run on one core; the metric is processor time. ``python benchmarks/closed_loop.py``
-prints more than the table: accuracies, and the cost of each tolerance of ``solve_ivp``.
+time, one after the other on one core. The metric is processor time. ``python
+benchmarks/closed_loop.py`` also prints the accuracies and the cost of each tolerance of
+``solve_ivp``.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ METHODS: tuple[Method, ...] = ("RK23", "RK45", "LSODA", "Radau")
 TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 
 
-class Flier(Protocol):
+class Simulator(Protocol):
     """Interface of both baselines."""
 
     def start(self, gap: float, current: float, load: float) -> float:
@@ -152,21 +153,23 @@ def control_of(setup: BearingSetup) -> Control:
 
 
 def memory_of(control: Control, gap: float, force: float) -> Array:
-    """Return the state of a PIDD2 that holds its position and requests a force."""
+    """Return the state of a PIDD2 that holds a position and requests a force."""
     at = control.middle - gap
     return np.array([at, 0.0, force - control.proportional * (control.weight - 1.0) * at])
 
 
-def find_equilibrium(simulator: Flier, gap: float, load: float) -> float:
+def find_equilibrium(simulator: Simulator, gap: float, load: float) -> float:
     """Bring a baseline to equilibrium; return the current, A."""
-    low, high = 0.0, 10.0
+    low_current, high_current = 0.0, 10.0
     for _ in range(60):
-        current = 0.5 * (low + high)
-        low, high = (current, high) if simulator.start(gap, current, load) < load else (low, current)
+        current = 0.5 * (low_current + high_current)
+        low_current, high_current = (
+            (current, high_current) if simulator.start(gap, current, load) < load else (low_current, current)
+        )
     return current
 
 
-def seconds(work: Callable[[], object]) -> float:
+def processor_seconds(work: Callable[[], object]) -> float:
     """Return the processor time, s."""
     began = time.process_time()
     work()
@@ -174,7 +177,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 @dataclass(frozen=True)
-class Measured:
+class SpeedResult:
     """One simulator in the same loop."""
 
     name: str
@@ -193,23 +196,23 @@ def overshoot(case: Case, gap: Array) -> float:
     return float(100.0 * (upper - np.min(step)) / HEIGHTS[place])
 
 
-def measure_project(case: Case, variant: MethodName, number_format: NumberFormat) -> Measured:
+def measure_project(case: Case, variant: MethodName, number_format: NumberFormat) -> SpeedResult:
     """Simulate with the complete plant of this project; lift-off is not counted."""
     setup, scenario = case.setup(variant, number_format), case.scenario()
     start = ScenarioBuilder(case.rig, case.rig.settings.gap_m)
     lift = start.lift_off(case.controller.settings).build()
-    best, gap = math.inf, np.empty(0)
+    best_seconds, gap = math.inf, np.empty(0)
     for _ in range(REPETITIONS):
         loop = SimulatedLoop(setup)
         loop.run(lift)
         began = time.process_time()
         run = loop.run(scenario)
-        best = min(best, time.process_time() - began)
+        best_seconds = min(best_seconds, time.process_time() - began)
         gap = run["gap_m"]
-    return Measured(f"{variant} in {number_format}", SECONDS / best, overshoot(case, gap))
+    return SpeedResult(f"{variant} in {number_format}", SECONDS / best_seconds, overshoot(case, gap))
 
 
-def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: int) -> Measured:
+def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: int) -> SpeedResult:
     """Simulate with a baseline; compilation is not counted."""
     rig, scenario = case.rig, case.scenario()
     gap, load = float(scenario.target[0]), rig.settings.load.force_N
@@ -217,29 +220,29 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
     noise = rig.settings.gap_sensor.noise_m
     drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
     current = find_equilibrium(simulator, gap, load)
-    best, run = math.inf, LevitationRun(np.empty(0), np.empty(0))
+    best_seconds, run = math.inf, LevitationRun(np.empty(0), np.empty(0))
     for _ in range(repetitions):
         simulator.start(gap, current, load)
         memory = memory_of(control, gap, load)
         began = time.process_time()
         run = simulator.run(control, memory, scenario.target, scenario.load, drawn)
-        best = min(best, time.process_time() - began)
-    return Measured(name, SECONDS / best, overshoot(case, run.gap))
+        best_seconds = min(best_seconds, time.process_time() - began)
+    return SpeedResult(name, SECONDS / best_seconds, overshoot(case, run.gap))
 
 
-def open_loop(simulator: Flier, current: float, load: float, gap: float) -> Array:
+def open_loop(simulator: Simulator, current: float, load: float, gap: float) -> Array:
     """Return gap and force at each tick of 3 ms of varying commands."""
     simulator.start(gap, current, load)
     moves = [current + 0.4 * math.sin(0.9 * tick) for tick in range(60)]
     return np.array([simulator.advance(command, load) for command in moves])
 
 
-class Own:
+class ProjectPlant:
     """The plant of this project with the interface of the baselines."""
 
     def __init__(self, rig: BodyRig, substeps: int) -> None:
-        fine = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
-        self._rig = change_rig(rig, fine)
+        substep_count = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
+        self._rig = change_rig(rig, substep_count)
 
     def start(self, gap: float, current: float, load: float) -> float:
         """Hold the position with the load as weight; return the magnet's force, N."""
@@ -256,21 +259,21 @@ class Own:
         return self._plant.gap, self._plant.force
 
 
-def errors(rig: BodyRig, fliers: dict[str, Flier]) -> dict[str, float]:
+def errors(rig: BodyRig, fliers: dict[str, Simulator]) -> dict[str, float]:
     """Return the rms force errors relative to the force range, against 64 sub-steps."""
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
-    exact = Own(rig, 64)
-    current = find_equilibrium(exact, gap, load)
-    truth = open_loop(exact, current, load, gap)[:, 1]
+    reference_plant = ProjectPlant(rig, 64)
+    current = find_equilibrium(reference_plant, gap, load)
+    true_force = open_loop(reference_plant, current, load, gap)[:, 1]
     found = {}
     for name, simulator in fliers.items():
         force = open_loop(simulator, current, load, gap)[:, 1]
-        found[name] = float(np.sqrt(np.mean((force - truth) ** 2)) / np.ptp(truth))
+        found[name] = float(np.sqrt(np.mean((force - true_force) ** 2)) / np.ptp(true_force))
     return found
 
 
 @dataclass(frozen=True)
-class Trial:
+class SolverTrial:
     """A setting of ``solve_ivp`` and its results."""
 
     method: Method
@@ -281,42 +284,42 @@ class Trial:
     """Processor time for the same 3 ms, s."""
 
 
-def try_all_settings(rig: BodyRig) -> list[Trial]:
+def try_all_settings(rig: BodyRig) -> list[SolverTrial]:
     """Try every method of ``solve_ivp`` at every tolerance."""
     plant = plant_of(rig)
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
-    current = find_equilibrium(Own(rig, 64), gap, load)
+    current = find_equilibrium(ProjectPlant(rig, 64), gap, load)
     trials = []
     for method in METHODS:
         for tolerance in TOLERANCES:
             simulator = ByScipy(plant, method, tolerance)
             error = errors(rig, {"": simulator})[""]
-            best = min(
-                seconds(lambda: open_loop(simulator, current, load, gap))  # noqa: B023
+            best_seconds = min(
+                processor_seconds(lambda: open_loop(simulator, current, load, gap))  # noqa: B023
                 for _ in range(3)
             )
-            trials.append(Trial(method, tolerance, error, best))
+            trials.append(SolverTrial(method, tolerance, error, best_seconds))
     return trials
 
 
-def strongest(trials: list[Trial], error: float) -> Trial:
-    """Return the fastest setting with at most this error, or else the most accurate one."""
-    good = [trial for trial in trials if trial.error <= error]
-    if not good:
+def select_setting(trials: list[SolverTrial], error: float) -> SolverTrial:
+    """Return the fastest setting with at most this error, or the most accurate if there is none."""
+    accurate_trials = [trial for trial in trials if trial.error <= error]
+    if not accurate_trials:
         return min(trials, key=lambda trial: trial.error)
-    return min(good, key=lambda trial: trial.seconds)
+    return min(accurate_trials, key=lambda trial: trial.seconds)
 
 
-def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
-    """Measure everything: simulators, errors, all settings of SciPy and the selected setting."""
+def measure() -> tuple[list[SpeedResult], dict[str, float], list[SolverTrial], SolverTrial]:
+    """Measure all simulators, errors and settings of SciPy, and select a setting."""
     case = example()
     substeps = case.rig.settings.timing.substeps
     plant = plant_of(case.rig)
     numba = ByNumba(plant, substeps)
-    accuracy = errors(case.rig, {"ours": Own(case.rig, substeps), "numba": numba})
+    accuracy = errors(case.rig, {"ours": ProjectPlant(case.rig, substeps), "numba": numba})
     accuracy["numba, 64 sub-steps"] = errors(case.rig, {"": ByNumba(plant, 64)})[""]
     trials = try_all_settings(case.rig)
-    taken = strongest(trials, accuracy["ours"])
+    selected_setting = select_setting(trials, accuracy["ours"])
     variants: list[tuple[MethodName, NumberFormat]] = [
         ("full", "fixed"),
         ("full", "f64"),
@@ -325,33 +328,35 @@ def measure() -> tuple[list[Measured], dict[str, float], list[Trial], Trial]:
     ]
     found = [measure_project(case, *variant) for variant in variants]
     found.append(baseline(case, numba, "numba, map", REPETITIONS))
-    scipy = ByScipy(plant, taken.method, taken.tolerance)
-    found.append(baseline(case, scipy, f"SciPy {taken.method} {taken.tolerance:g}, map", 1))
-    return found, accuracy, trials, taken
+    scipy = ByScipy(plant, selected_setting.method, selected_setting.tolerance)
+    found.append(
+        baseline(case, scipy, f"SciPy {selected_setting.method} {selected_setting.tolerance:g}, map", 1)
+    )
+    return found, accuracy, trials, selected_setting
 
 
 def rows() -> list[Row]:
     """Return the rows: this project with compiled `full`, and the baselines with a map."""
-    found, accuracy, _, taken = measure()
-    full, *_, plain, numba, scipy = found
+    found, accuracy, _, selected_setting = measure()
+    full_result, *_, map_result, numba, scipy = found
     return [
         Row(
             "closed loop, 20 kHz, 4 sub-steps, 24 cells, `full` in fixed point: "
             "simulated time / processor time",
             ">= 25 (goal 50), with baselines",
-            f"{full.factor:.1f}; with a map as the baselines {plain.factor:.1f}, "
-            f"numba {numba.factor:.1f}, SciPy ({taken.method}, {taken.tolerance:g}) "
-            f"{scipy.factor:.3f}; `full` against numba {full.factor / numba.factor:.2f}, "
-            f"against SciPy {full.factor / scipy.factor:.0f}",
-            full.factor >= 25.0,
+            f"{full_result.factor:.1f}; with a map as the baselines {map_result.factor:.1f}, "
+            f"numba {numba.factor:.1f}, SciPy ({selected_setting.method}, {selected_setting.tolerance:g}) "
+            f"{scipy.factor:.3f}; `full` against numba {full_result.factor / numba.factor:.2f}, "
+            f"against SciPy {full_result.factor / scipy.factor:.0f}",
+            full_result.factor >= 25.0,
         ),
         Row(
             "open-loop force error against 64 sub-steps",
             "SciPy as accurate as ours",
             f"ours {100 * accuracy['ours']:.4f} % of its range, numba "
-            f"{100 * accuracy['numba']:.4f} %, SciPy {100 * taken.error:.4f} %; overshoot with a "
-            f"map {plain.overshoot:.2f} %, {numba.overshoot:.2f} %, {scipy.overshoot:.2f} %",
-            taken.error <= accuracy["ours"],
+            f"{100 * accuracy['numba']:.4f} %, SciPy {100 * selected_setting.error:.4f} %; overshoot with a "
+            f"map {map_result.overshoot:.2f} %, {numba.overshoot:.2f} %, {scipy.overshoot:.2f} %",
+            selected_setting.error <= accuracy["ours"],
         ),
     ]
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
-AHEAD = 2
+TASKS_ASSIGNED = 2
 """Number of tasks that dask assigns to a worker of one thread: one runs, one waits."""
 PATIENCE_S = 120.0
 
-MANY = """
+WORKERS_PROGRAM = """
 import asyncio, sys
 from distributed import Worker
 async def main(address, count):
@@ -28,7 +28,7 @@ async def main(address, count):
     await asyncio.gather(*(worker.finished() for worker in workers))
 asyncio.run(main(sys.argv[1], int(sys.argv[2])))
 """
-"""Program that runs many workers of one thread in one process; sufficient if tasks only sleep."""
+"""Program that runs many workers with one thread each in one process, for tasks that sleep."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class Cluster:
 
     def processor(self) -> tuple[float, float]:
         """Return the processor time so far of the scheduler and of all workers, s."""
-        return _spent(self.scheduler), sum(map(_spent, self.workers))
+        return _process_seconds(self.scheduler), sum(map(_process_seconds, self.workers))
 
 
-def _spent(process: int) -> float:
+def _process_seconds(process: int) -> float:
     fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return TICK_S * sum(map(int, fields[11:15]))  # includes children that have ended
 
@@ -58,7 +58,7 @@ def cluster(workers: int, *, together: bool = False) -> Iterator[Cluster]:
     workers : int
         Number of workers.
     together : bool
-        Whether all workers run in one process instead of one process each.
+        Whether all workers run in one process. Otherwise, each worker runs in a separate process.
     """
     from distributed import Client
 
@@ -75,7 +75,7 @@ def cluster(workers: int, *, together: bool = False) -> Iterator[Cluster]:
         try:
             address = _address(file)
             command = (
-                [sys.executable, "-c", MANY, address, str(workers)]
+                [sys.executable, "-c", WORKERS_PROGRAM, address, str(workers)]
                 if together
                 else [*python, "distributed.cli.dask_worker", address, "--no-nanny",
                       "--nthreads", "1", "--no-dashboard"]
@@ -112,36 +112,36 @@ class Costs:
 
     @property
     def slowest(self) -> float:
-        """The longer overhead: the least time between two tasks for any number of workers."""
+        """The larger overhead: the shortest time between two tasks for any number of workers."""
         return max(self.scheduler, self.client)
 
 
-def simulated(durations: Sequence[float], workers: int, costs: Costs) -> float:
+def simulate_cluster(durations: Sequence[float], workers: int, costs: Costs) -> float:
     """Return the time that a cluster needs for given tasks, s, by a discrete-event simulation.
 
     The scheduler handles one event at a time. It spends half of its overhead when it assigns a task
-    and half when the result arrives. It assigns :data:`AHEAD` tasks to each worker, and a further
+    and half when the result arrives. It assigns :data:`TASKS_ASSIGNED` tasks to each worker, and a further
     one when a task is done. The client processes the results one by one.
     """
-    left = iter(durations)
+    unassigned_tasks = iter(durations)
     busy_until = [0.0] * workers
     running: list[tuple[float, int]] = []
-    free = collected = 0.0
+    free_slots = collected = 0.0
 
     def hand_out(worker: int) -> None:
-        nonlocal free
-        if (duration := next(left, None)) is None:
+        nonlocal free_slots
+        if (duration := next(unassigned_tasks, None)) is None:
             return
-        free += 0.5 * costs.scheduler
-        busy_until[worker] = max(free, busy_until[worker]) + duration
+        free_slots += 0.5 * costs.scheduler
+        busy_until[worker] = max(free_slots, busy_until[worker]) + duration
         heapq.heappush(running, (busy_until[worker], worker))
 
-    for _ in range(AHEAD):
+    for _ in range(TASKS_ASSIGNED):
         for worker in range(workers):
             hand_out(worker)
     while running:
-        done, worker = heapq.heappop(running)
-        free = max(free, done) + 0.5 * costs.scheduler
-        collected = max(collected, free) + costs.client
+        finished_count, worker = heapq.heappop(running)
+        free_slots = max(free_slots, finished_count) + 0.5 * costs.scheduler
+        collected = max(collected, free_slots) + costs.client
         hand_out(worker)
     return collected

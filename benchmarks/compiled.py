@@ -32,40 +32,40 @@ from rows import ROOT, Row, Stopwatch
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
 RATE = 20e3
-ACCURACY = 0.2
+MAX_ERROR_PERCENT = 0.2
 """Largest error due to formats, tables and iterations of the full law, % of F_max."""
 
 CONTROLLED_TICKS = 4800
 
-RAMP = 2000
+RAMP_SAMPLES = 2000
 """Number of samples of the slow ramp to the first demand."""
 
 TARGETS = "cortex-m4,cortex-m0plus,avr,msp430"
 
 
-def _compiled(model: Path, folder: Path, kind: str) -> Compiled:
+def _compile_kind(model: Path, folder: Path, kind: str) -> Compiled:
     request = CompileRequest("euler" if kind == "euler" else "simplified", "q15", RATE)
     if kind in {"full", "cells"}:
-        request = CompileRequest("full", "q15", RATE, ACCURACY)
+        request = CompileRequest("full", "q15", RATE, MAX_ERROR_PERCENT)
     return compile_model(model, folder / kind, request)
 
 
-def chain(folder: Path) -> tuple[Path, list[Row]]:
+def measure_path(folder: Path) -> tuple[Path, list[Row]]:
     """Measure the whole path for the bundled example: loops to verified C on host and Cortex-M4."""
     watch = Stopwatch()
     model = folder / "model.toml"
     write_model(identify(read_loops(LOOPS)).model, model)
-    compiled = _compiled(model, folder, "full")
-    found = verify(folder / "full", "host,cortex-m4")
-    spent, took, seconds = watch.wall, str(watch), watch.processor
+    compiled = _compile_kind(model, folder, "full")
+    verification = verify(folder / "full", "host,cortex-m4")
+    stage_times, time_text, seconds = watch.wall, str(watch), watch.processor
     accuracy = compiled.manifest["accuracy"]
-    steps = sum(result.steps for result in found.results)
+    steps = sum(result.steps for result in verification.results)
     return model, [
         Row(
             "bundled loops to verified C on host and Cortex-M4",
             "<= 60 s wall",
-            f"{took}; {steps} steps compared, all identical: {found.passed}",
-            spent <= 60.0 and found.passed,
+            f"{time_text}; {steps} steps compared, all identical: {verification.passed}",
+            stage_times <= 60.0 and verification.passed,
             seconds,
         ),
         Row(
@@ -77,8 +77,8 @@ def chain(folder: Path) -> tuple[Path, list[Row]]:
     ]
 
 
-def _most(found: Verification, target: str, part: str) -> str:
-    """Return the worst cost of a part of a step, for each build of a target, as text."""
+def _max_cost_text(found: Verification, target: str, part: str) -> str:
+    """Return the largest cost of a part of a step, for each build of a target, as text."""
     texts = []
     for result in found.results:
         cost = result.cost(part)
@@ -87,19 +87,19 @@ def _most(found: Verification, target: str, part: str) -> str:
     return ", ".join(texts) or "not measured"
 
 
-REACH = {"full": (1800, 2300), "cells": (1200, 1200), "simplified": (500, 800)}
-"""Targets: instructions of the worst tick with PIDD2 on a Cortex-M4 with the port header; first
-with currents on a converter's grid, then with any current, limits and lost currents."""
+TICK_TARGETS = {"full": (1800, 2300), "cells": (1200, 1200), "simplified": (500, 800)}
+"""Targets, instructions of the worst tick with PIDD2 on a Cortex-M4 with the port header: with
+currents rounded to a converter; with any current, limits and lost currents."""
 
-CONTROLLED_REACH = {"full": None, "cells": (700, 150), "simplified": None}
-"""Targets for the moving demand of a force controller: instructions of a tick, and of its commit.
+CONTROLLED_TICK_TARGETS = {"full": None, "cells": (700, 150), "simplified": None}
+"""Targets for ticks of a force controller with a moving demand, in instructions: tick, and commit.
 """
 
-MEMORY_REACH = {"full": 2048, "cells": 4096, "simplified": 2048}
-"""Targets: bytes of parameters."""
+MEMORY_TARGETS = {"full": 2048, "cells": 4096, "simplified": 2048}
+"""Targets for the parameters, in bytes."""
 
 
-def _ticks(found: Verification, kind: str) -> list[Row]:
+def _make_tick_rows(found: Verification, kind: str) -> list[Row]:
     """Return the rows of solve, PIDD2 and commit of one tick together, worst case."""
     costs = {
         (result.build, cost.part): cost
@@ -109,8 +109,8 @@ def _ticks(found: Verification, kind: str) -> list[Row]:
     }
     rows = []
     for part, what, reach in (
-        ("tick, rounded", "on a converter's grid of 12 bits", REACH[kind][0]),
-        ("tick", "with limits and lost currents", REACH[kind][1]),
+        ("tick, rounded", "on a converter's grid of 12 bits", TICK_TARGETS[kind][0]),
+        ("tick", "with limits and lost currents", TICK_TARGETS[kind][1]),
     ):
         ported, portable = (costs[build, part] for build in ("port header", "portable"))
         rows.append(
@@ -124,10 +124,10 @@ def _ticks(found: Verification, kind: str) -> list[Row]:
     return rows
 
 
-def _controlled(folder: Path, kind: str) -> Row:
+def _measure_controlled_ticks(folder: Path, kind: str) -> Row:
     """Measure ticks of a controlled force: 100 Hz, most of the range, noise, moving gap.
 
-    The demand rises from zero within 480 ticks; every current is on the converter's grid.
+    The demand rises from zero within 480 ticks; every current is rounded to a 12-bit converter.
     """
     ticks = np.arange(CONTROLLED_TICKS)
     noise = 1e-3 * np.random.default_rng(1).standard_normal((2, ticks.size))
@@ -139,7 +139,7 @@ def _controlled(folder: Path, kind: str) -> Row:
     codes[:, COMPENSATOR_RECORD.inputs.index("how")] = ON_GRID
     maxima, means = ported_costs(folder, codes)
     texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(PARTS, maxima, means, strict=True)]
-    reach = CONTROLLED_REACH[kind]
+    reach = CONTROLLED_TICK_TARGETS[kind]
     return Row(
         f"'{kind}' with PIDD2 on Cortex-M4 with the port header, worst tick with a controlled force",
         f"<= {reach[0]} instructions, commit <= {reach[1]}" if reach else "reported",
@@ -149,7 +149,7 @@ def _controlled(folder: Path, kind: str) -> Row:
 
 
 PARTS = ("solve", "commit, rounded", "tick, rounded")
-"""Measured parts of a step on the converter's grid."""
+"""Measured parts of a step whose current is rounded to a converter."""
 
 
 def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, FloatArray]:
@@ -181,19 +181,19 @@ def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, F
 
 
 def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
-    """Return instructions, cycles and memory of the kinds on all targets, each for its model."""
+    """Return instructions, cycles and memory of each kind, with its model, on all targets."""
     rows = []
     for kind, model in models.items():
-        compiled = _compiled(model, folder, kind)
-        found = verify(folder / kind, TARGETS)
-        rows += [*_ticks(found, kind), _controlled(folder / kind, kind)]
+        compiled = _compile_kind(model, folder, kind)
+        verification = verify(folder / kind, TARGETS)
+        rows += [*_make_tick_rows(verification, kind), _measure_controlled_ticks(folder / kind, kind)]
         for target in ("cortex-m0plus", "avr", "msp430"):
             reported = ", ".join(
-                f"{part} {_most(found, target, part)}"
+                f"{part} {_max_cost_text(verification, target, part)}"
                 for part in ("solve", "commit, rounded", "commit, other")
             )
             rows.append(Row(f"'{kind}' on {target}, worst case", "reported", reported, None))
-        estimates = [estimate for estimate in found.estimates if estimate.part == "solve"]
+        estimates = [estimate for estimate in verification.estimates if estimate.part == "solve"]
         reported = ", ".join(
             f"{estimate.cycles} cycles, {estimate.rate / 1e3:.1f} kHz ({estimate.prices})"
             for estimate in estimates
@@ -201,15 +201,15 @@ def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
         rows.append(
             Row(f"'{kind}' on a 60 MHz DSC, solve, estimated (docs/verify.md)", "reported", reported, None)
         )
-        result = next(r for r in found.results if r.target == "cortex-m4")
+        result = next(r for r in verification.results if r.target == "cortex-m4")
         tables = compiled.manifest["memory"]["parameters_bytes"]
         rows.append(
             Row(
                 f"'{kind}': mutable state, parameters with tables, stack",
-                f"<= 128 bytes, <= {MEMORY_REACH[kind]} bytes, reported",
+                f"<= 128 bytes, <= {MEMORY_TARGETS[kind]} bytes, reported",
                 f"{result.state_bytes + result.control_bytes} bytes with PIDD2, {tables} bytes, "
                 f"{result.stack_measured} bytes",
-                result.state_bytes + result.control_bytes <= 128 and tables <= MEMORY_REACH[kind],
+                result.state_bytes + result.control_bytes <= 128 and tables <= MEMORY_TARGETS[kind],
             )
         )
     return rows
@@ -225,22 +225,22 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
     exact = FixedTwin(build_block(model, "simplified", scales, limits, fine, closed_form=law))
     reported = []
     for name, demand in _demands(scales, limits).items():
-        wanted = exact.run(demand, scales.gap_high)
+        exact_current = exact.run(demand, scales.gap_high)
         errors_percent = []
         for kind in ("simplified", "euler"):
             current = FixedTwin(build_block(model, kind, scales, limits, sizes, closed_form=law)).run(
                 demand, scales.gap_high
             )
-            deviation = np.abs(current - wanted)[RAMP:]
+            deviation = np.abs(current - exact_current)[RAMP_SAMPLES:]
             errors_percent.append(100.0 * float(deviation.max()) / limits.current[1])
             exact = FixedTwin(build_block(model, "simplified", scales, limits, fine, closed_form=law))
         reported.append(f"{name}: {errors_percent[0]:.3f} against {errors_percent[1]:.3f} %")
     counts = []
     for kind in ("simplified", "euler"):
         if kind == "euler":
-            _compiled(path, folder, kind)
-        found = verify(folder / kind, "cortex-m4")
-        counts.append(f"{kind} {_most(found, 'cortex-m4', 'solve')}")
+            _compile_kind(path, folder, kind)
+        verification = verify(folder / kind, "cortex-m4")
+        counts.append(f"{kind} {_max_cost_text(verification, 'cortex-m4', 'solve')}")
     return [
         Row(
             "closed form against one Euler step per sample: worst current error",
@@ -253,13 +253,13 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
 
 
 def _demands(scales: Scales, limits: DemandLimits) -> dict[str, FloatArray]:
-    """Return force demands that every gap reaches, N: triangles and full-range jumps.
+    """Return force demands that can be reached at every gap, N: triangles and full-range jumps.
 
-    They begin with a slow ramp that is not evaluated, because an Euler step from zero to a first
-    demand has a permanent error.
+    They begin with a slow ramp that is not evaluated, because a single Euler step from zero to the
+    first demand would cause a permanent error.
     """
     top = 0.25 * min(scales.demand, limits.demand[1])
-    ramp = np.linspace(0.0, 0.05 * top, RAMP)
+    ramp = np.linspace(0.0, 0.05 * top, RAMP_SAMPLES)
     demands = {}
     for samples in (20, 50, 200):
         wave = 1.0 - np.abs(np.arange(samples) / (samples / 2) - 1.0)
@@ -272,7 +272,7 @@ def rows() -> list[Row]:
     """Return all rows of this module."""
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as name:
         folder = Path(name)
-        path, found = chain(folder)
+        path, found = measure_path(folder)
         iron, cells = folder / "iron.toml", folder / "cells.toml"
         loops = read_loops(LOOPS)
         write_model(identify(loops, law="effective-field").model, iron)

@@ -1,9 +1,9 @@
 """Test the choice of a law for random irons without return-point memory on the single-axis stage.
 
-The parameters of the irons are random values around those of examples/irons. Even numbers were
-inspected before the selection rule was fixed, odd numbers were not. Irons of play cells and of
-Preisach, which have return-point memory, serve as a comparison. The stage has one axis; the gains
-are found on the training set-point; there is one noise seed.
+The parameters of the irons are random values around those of examples/irons. Irons with even
+numbers were inspected before the selection rule was fixed, and irons with odd numbers were not.
+Irons of play cells and of Preisach, which have return-point memory, serve as a comparison. The
+gains of the stage are found on the training set-point; there is one noise seed.
 """
 
 from __future__ import annotations
@@ -91,25 +91,30 @@ def evaluate_iron(iron: tuple[str, int]) -> tuple[str, bool, float, float, float
     cells = identify_magnet(loops, rig.settings.loops)
     with warnings.catch_warnings(record=True) as warnings_given:
         warnings.simplefilter("always", ReturnPointMemoryWarning)
-        chosen = identify_stage_magnet(rig, loops)
+        selected_law = identify_stage_magnet(rig, loops)
     curve_error, cells_error = (
         measure_moving_average(rig, cells, name) for name in ("single-valued", "full")
     )
     chosen_error = (
-        cells_error if chosen.model.law == cells.model.law else measure_moving_average(rig, chosen, "full")
+        cells_error
+        if selected_law.model.law == cells.model.law
+        else measure_moving_average(rig, selected_law, "full")
     )
-    return chosen.model.law, bool(warnings_given), curve_error, cells_error, chosen_error
+    return selected_law.model.law, bool(warnings_given), curve_error, cells_error, chosen_error
 
 
 def rows() -> list[Row]:
     """Return a row for each iron."""
     irons = [(family, one) for family, count in COUNTS.items() for one in range(count)]
     result_rows = []
-    for (family, number), (law, said, curve, plain, own) in zip(
+    for (family, number), (law, has_warned, curve, cells_error, selected_error) in zip(
         irons, map_ordered(evaluate_iron, irons), strict=True
     ):
-        text = f"{law}{', warned' * said}; curve {curve:.3g}, cells {plain:.3g}, chosen law {own:.3g} nm"
-        helped = own <= min(curve, plain) if math.isfinite(own) else None
-        what = f"{family} {number}{' (unseen)' * (number % 2)}: moving average"
-        result_rows.append(Row(what, "not worse than curve and cells, or warned", text, helped or said))
+        text = f"{law}{', warned' * has_warned}; curve {curve:.3g}, cells {cells_error:.3g}, "
+        text += f"selected law {selected_error:.3g} nm"
+        is_better = selected_error <= min(curve, cells_error) if math.isfinite(selected_error) else None
+        title = f"{family} {number}{' (unseen)' * (number % 2)}: moving average"
+        result_rows.append(
+            Row(title, "not worse than curve and cells, or warned", text, is_better or has_warned)
+        )
     return result_rows

@@ -1,8 +1,9 @@
 """Generate 200 random virtual measurements of magnets and rings, and noise-free test records.
 
 ``drawn.toml`` defines ranges and seed, ``drawn_irons.py`` the six families of iron.
-``draw(number)`` returns one measurement. All are computed together and cached in ``build/`` under a
-hash of their sources. ``python benchmarks/drawn.py`` lists those with an even number.
+``draw(number)`` returns one measurement. All measurements are computed together and cached in
+``build/`` under a hash of their sources. ``python benchmarks/drawn.py`` lists those with an even
+number.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from rows import ROOT
 COUNT: int = SETTINGS["count"]
 
 CYCLES = 3
-"""Number of cycles before a record: of the whole range, or of the same loop."""
+"""Number of cycles before a record, of the whole range or of the recorded loop."""
 
 _MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py")
 
@@ -42,7 +43,7 @@ class Test:
     ----------
     kind : str
         ``same``: the fitted loops at a gap between; ``unseen``: random reversals at that gap;
-        ``moving``: a gap that moves during random reversals; ``small``: small cycles about a bias;
+        ``moving``: random reversals while the gap moves; ``small``: small cycles about a bias;
         ``other``: random reversals at measured gaps.
     input, output : ndarray, shape (n,)
         Input and output, SI units.
@@ -50,7 +51,7 @@ class Test:
         Gap, m.
     history : History
     counted : ndarray of bool, shape (n,)
-        Samples that belong to the kind; False on the way to them.
+        Samples that are evaluated; False for the samples before the first of them.
     """
 
     kind: str
@@ -72,7 +73,7 @@ class Draw:
     true : mapping of str to Any
         The sampled parameters.
     loops : Loops
-        The loops as measured.
+        The measured loops.
     tests : tuple of Test
     """
 
@@ -99,7 +100,7 @@ class _Record:
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """A magnet, its iron and all its records before their computation."""
+    """A magnet, its iron and the paths of all records, before the responses are computed."""
 
     number: int
     family: str
@@ -118,15 +119,15 @@ class _Plan:
         return found
 
 
-def _core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArray]:
-    """Size a magnet by the force at its smallest gap; return it and the gaps of the loops, m."""
+def _size_core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArray]:
+    """Choose the size of a magnet from the force at its smallest gap; return it and the gaps, m."""
     field = magnet["saturating"] * true["knee_sharp"]
     density = true["saturation_sharp"] * field / (field + true["knee_sharp"])
     area = magnet["force_N"] * MU_0 / density**2
     width = float(np.sqrt(area / magnet["aspect"]))
-    least = magnet["smallest_gap"] * width
-    gaps = np.zeros(1) if magnet["ring"] else _gaps(magnet, least)
-    permeance = 0.5 * MU_0 * area / least
+    smallest_gap = magnet["smallest_gap"] * width
+    gaps = np.zeros(1) if magnet["ring"] else _gaps(magnet, smallest_gap)
+    permeance = 0.5 * MU_0 * area / smallest_gap
     poles = Poles(
         turns=1.0,
         resistance=1.0,
@@ -134,7 +135,7 @@ def _core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArra
         depth=area / width,
         leakage=magnet["leakage"] * permeance,
         iron_length=magnet["iron_length"] * width,
-        joints=magnet["joints"] * least,
+        joints=magnet["joints"] * smallest_gap,
     )
     core = Core(poles, magnet["ring"])
     excitation = poles.iron_length * field + float(core.outer(gaps)[0]) * area * density
@@ -143,16 +144,16 @@ def _core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArra
     return replace(core, poles=poles), gaps
 
 
-def _gaps(magnet: dict[str, Any], least: float) -> FloatArray:
+def _gaps(magnet: dict[str, Any], smallest_gap: float) -> FloatArray:
     count = magnet["gaps"]
     if count == 1:
-        return np.array([least])
+        return np.array([smallest_gap])
     places = np.arange(count) / (count - 1.0)
     places[1:-1] += magnet["unevenness"] / (count - 1.0) * (-1.0) ** np.arange(count - 2)
-    return np.asarray(least * magnet["gap_range"] ** places)
+    return np.asarray(smallest_gap * magnet["gap_range"] ** places)
 
 
-def _sweep(ends: list[float], step: float) -> FloatArray:
+def _sweep_samples(ends: list[float], step: float) -> FloatArray:
     """Return straight ramps between points, evenly sampled."""
     parts = [np.array(ends[:1])]
     for start, end in pairwise(ends):
@@ -165,20 +166,20 @@ def _ranges(
     drive: dict[str, Any], ring: bool, top: float, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
     """Return the limits of the loops at every gap, the largest loop first."""
-    both = ring or drive["bipolar"]
-    found = [(-top if both else 0.0, top)]
+    is_bipolar = ring or drive["bipolar"]
+    found = [(-top if is_bipolar else 0.0, top)]
     for _ in range(drive["ring_loops" if ring else "loops"] - 1):
-        more = from_ranges({name: SETTINGS["drive"][name] for name in
+        loop_limits = from_ranges({name: SETTINGS["drive"][name] for name in
                        ("biased", "inner_size", "biased_low", "biased_high")}, rng)  # fmt: skip
-        if more["biased"]:
-            found.append((more["biased_low"] * top, more["biased_high"] * top))
+        if loop_limits["biased"]:
+            found.append((loop_limits["biased_low"] * top, loop_limits["biased_high"] * top))
         else:
-            size = more["inner_size"] * top
-            found.append((-size if both else 0.0, size))
+            size = loop_limits["inner_size"] * top
+            found.append((-size if is_bipolar else 0.0, size))
     return found
 
 
-def _measured(
+def _measured_records(
     drive: dict[str, Any], ranges: list[tuple[float, float]], gap: float, rng: np.random.Generator
 ) -> list[_Record]:
     """Return the records of all loops at a gap."""
@@ -190,23 +191,25 @@ def _measured(
         stated: tuple[float, ...] = ()
         if start.startswith("settled"):
             stated = (0.0, whole[1], 0.0) if start == "settled-after-max" else ()
-            cycle = _sweep([low, high, low], step)
-            turn = int(rng.random() * (cycle.size - 1))
+            cycle = _sweep_samples([low, high, low], step)
+            reversal = int(rng.random() * (cycle.size - 1))
             lead = (*stated, *CYCLES * (low, high), low)
-            lead += (high, float(cycle[turn])) if cycle.size <= 2 * turn else (float(cycle[turn]),)
-            current = np.concatenate([cycle[turn:], cycle[1 : turn + 1]])
+            lead += (
+                (high, float(cycle[reversal])) if cycle.size <= 2 * reversal else (float(cycle[reversal]),)
+            )
+            current = np.concatenate([cycle[reversal:], cycle[1 : reversal + 1]])
         elif start == "demagnetised":
-            lead, current = (), _sweep([low, high, low, high, low], step)
+            lead, current = (), _sweep_samples([low, high, low, high, low], step)
         else:
             lead, stated = all_of_it, all_of_it
-            current = _sweep([low, high, low], step)
+            current = _sweep_samples([low, high, low], step)
         found.append(
             _Record("", str(number), lead, start.split("-")[0], stated, current, np.full(current.size, gap))
         )
     return found
 
 
-def _tests(
+def _test_records(
     plan: tuple[dict[str, Any], list[tuple[float, float]]], gaps: FloatArray, top: float,
     rng: np.random.Generator,
 ) -> list[_Record]:  # fmt: skip
@@ -215,11 +218,11 @@ def _tests(
     tests, (low, high) = SETTINGS["tests"], ranges[0]
     step = (high - low) / tests["samples"]
     lead = (*CYCLES * (low, high), low) if low < 0.0 else (0.0, *CYCLES * (high, 0.0))
-    between = [float(np.sqrt(one * two)) for one, two in pairwise(gaps)]
-    unseen = [between[0], between[-1]] if len(between) > 1 else between
+    between = [float(np.sqrt(one * test_gaps)) for one, test_gaps in pairwise(gaps)]
+    test_gap = [between[0], between[-1]] if len(between) > 1 else between
 
     def path(kind: str, ends: list[float], gap: float, since: int = 0) -> _Record:
-        current = _sweep([lead[-1], *ends], step)
+        current = _sweep_samples([lead[-1], *ends], step)
         return _Record(kind, f"{kind}-{gap:.6g}", lead, "conditioned", lead, current,
                        np.full(current.size, gap), since)  # fmt: skip
 
@@ -227,14 +230,14 @@ def _tests(
         return [float(end) for end in low + (high - low) * rng.random(count)]
 
     found = [path("other", reversals(tests["turns"]), float(gaps[0]))]
-    for gap in unseen:
+    for gap in test_gap:
         found.append(path("unseen", reversals(tests["turns"]), gap))
-        found += [replace(record, kind="same") for record in _measured(drive, ranges, gap, rng)]
+        found += [replace(record, kind="same") for record in _measured_records(drive, ranges, gap, rng)]
     swing = 0.5 * tests["small"] * top
     for bias in tests["biases"]:
-        middle, gap = bias * top, float((unseen or gaps)[-1])
-        there = _sweep([lead[-1], middle - swing], step).size
-        ends = [middle - swing, *tests["small_cycles"] * [middle + swing, middle - swing]]
+        middle_gap, gap = bias * top, float((test_gap or gaps)[-1])
+        there = _sweep_samples([lead[-1], middle_gap - swing], step).size
+        ends = [middle_gap - swing, *tests["small_cycles"] * [middle_gap + swing, middle_gap - swing]]
         found.append(path("small", ends, gap, there))
     if gaps.size > 1:
         record = path("moving", reversals(tests["moving_turns"]), float(gaps[0]))
@@ -244,18 +247,18 @@ def _tests(
     return found
 
 
-def _plan(number: int) -> _Plan:
+def _sample_plan(number: int) -> _Plan:
     rng = np.random.default_rng([SETTINGS["seed"], number])
     family = FAMILIES[number // 2 % len(FAMILIES)]
     magnet, drive, sensors = (from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors"))
     iron, true = draw_iron(family, rng)
-    core, gaps = _core(magnet, true)
+    core, gaps = _size_core(magnet, true)
     top = magnet["current_A"]
     ranges = _ranges(drive, core.ring, top, rng)
-    records = [record for gap in gaps for record in _measured(drive, ranges, float(gap), rng)]
-    records += _tests((drive, ranges), gaps, top, rng)
-    drawn = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
-    return _Plan(number, family, drawn, core, iron, records)
+    records = [record for gap in gaps for record in _measured_records(drive, ranges, float(gap), rng)]
+    records += _test_records((drive, ranges), gaps, top, rng)
+    sampled = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
+    return _Plan(number, family, sampled, core, iron, records)
 
 
 def _hash() -> str:
@@ -267,25 +270,25 @@ def _hash() -> str:
 
 
 @cache
-def _computed() -> tuple[list[_Plan], list[list[Answer]]]:
+def _compute_responses() -> tuple[list[_Plan], list[list[Answer]]]:
     """Return all plans and the responses of their records, cached in ``build/``."""
-    plans = [_plan(number) for number in range(COUNT)]
+    plans = [_sample_plan(number) for number in range(COUNT)]
     sizes = [job.current.size for plan in plans for job in plan.jobs()]
-    kept = ROOT / "build" / f"drawn-{_hash()}.npy"
-    if kept.exists():
-        every = np.load(kept)
+    cache_file = ROOT / "build" / f"drawn-{_hash()}.npy"
+    if cache_file.exists():
+        all_jobs = np.load(cache_file)
     else:
         found = answers([job for plan in plans for job in plan.jobs()])
-        every = np.concatenate([np.stack(responses) for responses in found], axis=1)
-        kept.parent.mkdir(exist_ok=True)
-        np.save(kept, every)
-    pieces = iter(np.split(every, np.cumsum(sizes)[:-1], axis=1))
+        all_jobs = np.concatenate([np.stack(responses) for responses in found], axis=1)
+        cache_file.parent.mkdir(exist_ok=True)
+        np.save(cache_file, all_jobs)
+    pieces = iter(np.split(all_jobs, np.cumsum(sizes)[:-1], axis=1))
     return plans, [[Answer(*next(pieces)) for _ in plan.records] for plan in plans]
 
 
 def draw(number: int) -> Draw:
     """Return a virtual measurement by its number, 0 to :data:`COUNT` - 1."""
-    plans, found = _computed()
+    plans, found = _compute_responses()
     return measured(plans[number], found[number], np.random.default_rng([SETTINGS["seed"], number, 1]))
 
 
@@ -315,19 +318,19 @@ def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> 
         if record.kind:
             counted = np.arange(read.size) >= record.since
             if record.kind == "moving":
-                where = (float(record.gap[0]),) * len(record.stated)
-                history = replace(history, schedule=where)
+                loop_samples = (float(record.gap[0]),) * len(record.stated)
+                history = replace(history, schedule=loop_samples)
             tests.append(Test(record.kind, true_input, read, gap, history, counted))
             continue
-        seen = true_input + rng.normal(0.0, 1.0, read.size) * noise[0]
+        readings = true_input + rng.normal(0.0, 1.0, read.size) * noise[0]
         read = read + rng.normal(0.0, 1.0, read.size) * noise[1]
         if sensors["bits"]:
             step = 1.2 * top * (2.0 if plan.true["drive"]["bipolar"] or ring else 1.0)
             step /= 2.0 ** sensors["bits"]
-            seen = step * np.round(seen / step)
+            readings = step * np.round(readings / step)
         time = clock + 0.01 * np.arange(read.size) if plan.true["drive"]["clock"] else None
         clock += 0.01 * read.size + 1.0
-        loops.append(Loop(record.label, seen, read, gap, time, history))
+        loops.append(Loop(record.label, readings, read, gap, time, history))
     names = ("field", "flux_density") if field else ("current", "flux_linkage" if ring else "force")
     quantities = [QUANTITIES[name] for name in names]
     read = Loops(tuple(loops), quantities[0], quantities[1], None if ring else QUANTITIES["gap"])

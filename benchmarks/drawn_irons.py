@@ -1,9 +1,9 @@
 """Simulate six families of iron in a magnetic circuit, without the laws of the package.
 
-Irons of play cells, Preisach and Duhem are those of the plant. This module computes two of these in
-series with leakage between them, an iron of Tellinen and an iron with Langevin curves and friction
-in the field. Path segments between reversals may have any length. The last two families are
-integrated in fine steps, all paths of all magnets together.
+Three families are irons of the plant: play cells, Preisach and Duhem. This module adds three
+families: two of these irons in series with leakage between them, an iron of Tellinen, and an iron
+with Langevin curves and friction in the field. Path segments between reversals may have any length.
+The last two families are integrated in fine steps, all paths of all magnets together.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ITERATIONS = 100
 
 @dataclass(frozen=True)
 class Core:
-    """A two-pole magnet with an armature or, with zero reluctance at any gap, a ring."""
+    """A two-pole magnet with an armature, or a ring, whose gaps have zero reluctance."""
 
     poles: Poles
     ring: bool = False
@@ -117,41 +117,41 @@ class SeriesIron:
 
 
 def _in_series(pieces: tuple[Piece, Piece], driven: float, circuit: tuple[float, ...]) -> tuple[float, float]:
-    """Solve for fields with consistent fluxes, move both pieces, return flux densities, T."""
-    first, second = pieces
-    length_1, length_2, area_1, area_2, leakage, outer = circuit
-    field, low, high = second.field, -np.inf, np.inf
+    """Find fields for which the fluxes agree, update both irons, return their flux densities, T."""
+    core_iron, armature_iron = pieces
+    length_1, length_2, area_1, area_2, leakage, outer_reluctance = circuit
+    field, low_field, high_field = armature_iron.field, -np.inf, np.inf
     stride = 1.0 + abs(field)
     for _ in range(_ITERATIONS):
-        density_2, slope_2 = second.flux_density(field)
-        magnetic_voltage = length_2 * field + outer * area_2 * density_2
+        density_2, slope_2 = armature_iron.flux_density(field)
+        magnetic_voltage = length_2 * field + outer_reluctance * area_2 * density_2
         core_field = (driven - magnetic_voltage) / length_1
-        density_1, slope_1 = first.flux_density(core_field)
+        density_1, slope_1 = core_iron.flux_density(core_field)
         residual = area_1 * density_1 - leakage * magnetic_voltage - area_2 * density_2
         if abs(residual) <= _CLOSE * area_1:
             break
-        low, high = (field, high) if residual > 0.0 else (low, field)
-        rises = length_2 + outer * area_2 * slope_2
+        low_field, high_field = (field, high_field) if residual > 0.0 else (low_field, field)
+        rises = length_2 + outer_reluctance * area_2 * slope_2
         falls = rises * (area_1 * slope_1 / length_1 + leakage) + area_2 * slope_2
         trial = field + residual / falls
-        if not low < trial < high:
-            ends = (low if np.isfinite(low) else high - stride,
-                    high if np.isfinite(high) else low + stride)  # fmt: skip
+        if not low_field < trial < high_field:
+            ends = (low_field if np.isfinite(low_field) else high_field - stride,
+                    high_field if np.isfinite(high_field) else low_field + stride)  # fmt: skip
             trial, stride = 0.5 * (ends[0] + ends[1]), 2.0 * stride
         field = trial
-    first.commit(core_field)
-    second.commit(field)
+    core_iron.commit(core_field)
+    armature_iron.commit(field)
     return density_1, density_2
 
 
 class Material(Protocol):
-    """Many irons at the same time, all initially demagnetised."""
+    """Many irons that are computed at the same time, all initially demagnetised."""
 
     def polarisation(self, field: FloatArray) -> FloatArray:
-        """Return the polarisation of the present states at a field, T."""
+        """Return the polarisation at a field for the present states, T."""
 
     def slope(self, field: FloatArray, way: FloatArray, ahead: FloatArray) -> FloatArray:
-        """Return the slope of the polarisation over the field, `ahead` (A/m) in a direction."""
+        """Return the slope of the polarisation at a field that is `ahead` (A/m) in a direction."""
 
     def move(self, field: FloatArray, to: FloatArray) -> None:
         """Move from a field to another without a reversal."""
@@ -174,7 +174,7 @@ class TellinenIron:
 
 
 class _Tellinen:
-    """Many irons of Tellinen at the same time."""
+    """Many irons of Tellinen that are computed at the same time."""
 
     def __init__(self, table: FloatArray) -> None:
         self._coercivity, self._sharp, self._knee, self._slow, self._knee_slow = table.T
@@ -217,7 +217,7 @@ class _Tellinen:
 class LangevinIron:
     """Sum of a wide Langevin curve of the field and a narrow one with friction in the field.
 
-    The friction is that of Dahl, ``dz/dH = (sign(dH)*friction - z)/way``; the argument of the
+    The friction is that of Dahl, ``dz/dH = (sign(dH)*friction - z)/way``. The argument of the
     narrow curve is ``H - z``.
     """
 
@@ -230,7 +230,7 @@ class LangevinIron:
 
 
 class _Langevin:
-    """Many Langevin irons at the same time."""
+    """Many Langevin irons that are computed at the same time."""
 
     def __init__(self, table: FloatArray) -> None:
         (self._narrow, self._width, self._wide, self._width_wide, self._friction,
@@ -270,7 +270,7 @@ def answers(jobs: Sequence[Job]) -> list[Answer]:
     )
     for kind, material in kinds:
         places = [place for place, job in enumerate(jobs) if isinstance(job.iron, kind)]
-        places.sort(key=lambda place: _fine(jobs[place])[0].size)
+        places.sort(key=lambda place: _refine_path(jobs[place])[0].size)
         for first in range(0, len(places), _COLUMNS):
             some = places[first : first + _COLUMNS]
             together = _integrated(material, [jobs[place] for place in some])
@@ -281,7 +281,7 @@ def answers(jobs: Sequence[Job]) -> list[Answer]:
     return [found[place] for place in range(len(jobs))]
 
 
-def _fine(job: Job) -> tuple[FloatArray, FloatArray]:
+def _refine_path(job: Job) -> tuple[FloatArray, FloatArray]:
     """Return sample positions of a path in fine steps from zero, and the samples' indices."""
     whole = float(np.ptp(np.concatenate([[0.0], job.current])))
     steps = np.abs(np.diff(job.current, prepend=0.0))
@@ -298,7 +298,7 @@ def _integrated(material: Callable[[FloatArray], Material], jobs: Sequence[Job])
     A step reaches the excitation with the slope at its midpoint; the next step includes the
     residual.
     """
-    paths = [_fine(job) for job in jobs]
+    paths = [_refine_path(job) for job in jobs]
     most = max(at.size for at, _ in paths)
     excitation, outer = np.empty((2, most, len(jobs)))
     for column, (job, (at, _)) in enumerate(zip(jobs, paths, strict=True)):

@@ -1,7 +1,7 @@
-"""Compare both laws and the strongest baseline on the bearing, with irons of all families.
+"""Compare two laws and the strongest baseline on the bearing, with irons of all families.
 
-The irons are those of ``examples/bearing`` and ``examples/irons``. Each controller knows only the
-loops that the rig's sensors measured. ``python benchmarks/families.py`` prints every step.
+The irons are those of ``examples/bearing`` and ``examples/irons``. Each controller is fitted only
+to loops that the rig's sensors measured. ``python benchmarks/families.py`` prints every step.
 """
 
 from __future__ import annotations
@@ -37,43 +37,43 @@ from virtual import irons
 BUNDLED = "cells"
 CELLS, PAPER = "play-cells", "effective-field"
 
-WORSE = 0.05
+MAX_EXTRA_OVERSHOOT = 0.05
 """Target: percentage points by which the overshoot of `full` may exceed that of the best baseline.
 """
 
-HALF = 0.5
+MAX_ERROR_RATIO = 0.5
 """Target: ratio of the force error on the slow triangle to that of the best single-valued curve."""
 
-DRIFT = 0.05
-"""Target: drift of a force that is held for :data:`SECONDS`, % of the largest force."""
+MAX_DRIFT_PERCENT = 0.05
+"""Target: drift of a constant force in :data:`SECONDS`, % of the largest force."""
 
 SECONDS = 60
 RATE = 20e3
-LEVELS = (0.2, 0.5, 0.8)
-"""Held forces, relative to the largest force that all gaps reach."""
+FORCE_LEVELS = (0.2, 0.5, 0.8)
+"""Constant force demands, relative to the largest force that can be reached at all gaps."""
 
-NARROW = 0.02
-"""Factor on the pinning that leaves almost no hysteresis."""
+LOW_PINNING_FACTOR = 0.02
+"""Factor of the pinning that makes the hysteresis negligible."""
 
 SLOW = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
 
 
 @dataclass(frozen=True)
-class Tried:
+class IronResult:
     """Results of one iron with the gains of the example.
 
     Parameters
     ----------
     name : str
     steps : mapping of str to sequence of StepCell
-        By variant, one for each height. ``paper`` is `full` with the law of the paper; ``without
-        hysteresis`` is the best single-valued curve on an iron with almost no hysteresis.
+        Results of each variant, one for each step height. ``paper`` is `full` with the law of the
+        paper; ``without hysteresis`` is the best single-valued curve with a nearly unpinned iron.
     triangle : mapping of str to float
         Rms force error on the slow triangle, N; NaN if the armature was lost.
     first : mapping of str to float
-        The same errors if the initial magnetisation curve was measured too, N.
+        The same errors if the initial magnetisation curve was also measured, N.
     drift : tuple of float
-        Drift of a held force over a minute, % of the largest: of the iron, and of the model.
+        Drift of a constant force in a minute, % of the largest: of the iron, and of the model.
     refused : str
         Reason why the law of the paper could not be compiled; empty if it was compiled.
     """
@@ -86,19 +86,19 @@ class Tried:
     refused: str = ""
 
 
-def rigs() -> dict[str, BodyRig]:
+def make_rigs() -> dict[str, BodyRig]:
     """Return the bearing with every iron; the first has the iron of the example."""
     rig, _ = read()
-    others = {name: change_rig(rig, {"iron": table}) for name, table in irons().items()}
-    return {BUNDLED: rig, **others}
+    other_irons = {name: change_rig(rig, {"iron": table}) for name, table in irons().items()}
+    return {BUNDLED: rig, **other_irons}
 
 
 def with_initial_curve(rig: BodyRig, loops: Loops) -> Loops:
     """Return loops with an additional record at every gap, which begins demagnetised."""
-    fresh = measure_loops(change_rig(rig, {"measurement.conditioning_cycles": 0}))
+    demagnetised_loops = measure_loops(change_rig(rig, {"measurement.conditioning_cycles": 0}))
     record = rig.settings.measurement.records[0].name
-    more = [replace(loop, label=f"{loop.label}-first") for loop in fresh.loops]
-    return loops.with_loops([*loops.loops, *(loop for loop in more if record in loop.label)])
+    record_settings = [replace(loop, label=f"{loop.label}-first") for loop in demagnetised_loops.loops]
+    return loops.with_loops([*loops.loops, *(loop for loop in record_settings if record in loop.label)])
 
 
 def _setups(
@@ -113,7 +113,7 @@ def _setups(
     return setups, knowledge
 
 
-def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> BearingSetup | str:
+def _fit_paper_law(rig: BodyRig, controller: ControllerFile, loops: Loops) -> BearingSetup | str:
     """Fit `full` with the law of the paper, or return the reason why this is impossible."""
     knowledge = identify_magnet(loops, IdentifyTable(law=PAPER))
     try:
@@ -122,21 +122,21 @@ def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> Bearing
         return str(error)
 
 
-def _unpinned(rig: BodyRig, controller: ControllerFile) -> BearingSetup:
+def _fit_unpinned_curve(rig: BodyRig, controller: ControllerFile) -> BearingSetup:
     """Fit the best single-valued curve to an iron with almost no hysteresis, as a reference."""
-    soft = change_iron(rig, None, NARROW)
+    soft = change_iron(rig, None, LOW_PINNING_FACTOR)
     knowledge = identify_magnet(measure_loops(soft), IdentifyTable(law=PAPER))
     return make_setup(soft, controller.settings, knowledge, "single-valued", "fixed")
 
 
-def _triangle(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, float]:
-    still = quiet(rig)
-    quieter = {name: BearingSetup(still, s.compensator, s.controller) for name, s in setups.items()}
-    tried = experiments.run_variants(experiments.run_trajectory, quieter, default_seeds(rig), SLOW)
-    return {name: metrics.interval("force_error_rms_N").mean for name, metrics in tried.items()}
+def _triangle_errors(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, float]:
+    standstill = quiet(rig)
+    quieter = {name: BearingSetup(standstill, s.compensator, s.controller) for name, s in setups.items()}
+    settings = experiments.run_variants(experiments.run_trajectory, quieter, default_seeds(rig), SLOW)
+    return {name: metrics.interval("force_error_rms_N").mean for name, metrics in settings.items()}
 
 
-def _steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, list[StepCell]]:
+def _compare_steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, list[StepCell]]:
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
     return {
         variant: compare_steps([setup], [gap], HEIGHTS, [load], default_seeds(rig))
@@ -147,7 +147,7 @@ def _steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str,
 def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]:
     """Hold forces with noise of demand and gap; return the drift of iron and model, % of F_max.
 
-    The noise is that of the compiler's own check. The drift is the difference between the means of
+    The noise is that of the compiler's drift test. The drift is the difference between the means of
     the first second and the last second with noise.
     """
     plan = make_plan(knowledge.model, CompileRequest("full", "q31", RATE), 0)
@@ -157,7 +157,7 @@ def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]
     top = float(reach.demand(np.ones(2), np.array([low, low + span])).min())
     ticks = round(SECONDS * RATE)
     worst = [0.0, 0.0]
-    for level in LEVELS:
+    for level in FORCE_LEVELS:
         random = np.random.default_rng(5)
         rise = np.concatenate([np.linspace(0.05, 0.95, 2000), np.linspace(0.95, level, 2000)])
         noisy = level + output_drift.DEMAND_NOISE * random.standard_normal(ticks)
@@ -176,120 +176,125 @@ def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]
     return worst[0], worst[1]
 
 
-def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
+def measure(name: str, rig: BodyRig, controller: ControllerFile) -> IronResult:
     """Measure everything of one iron."""
     loops = measure_loops(rig)
     setups, knowledge = _setups(rig, controller, loops)
-    steps = _steps(rig, setups)
-    triangle = _triangle(rig, setups)
-    paper = _by_paper(rig, controller, loops)
-    alone: dict[MethodName, BearingSetup] = {"single-valued": _unpinned(rig, controller)}
-    steps["without hysteresis"] = _steps(rig, alone)["single-valued"]
-    triangle["without hysteresis"] = _triangle(alone["single-valued"].rig, alone)["single-valued"]
+    steps = _compare_steps(rig, setups)
+    triangle = _triangle_errors(rig, setups)
+    paper = _fit_paper_law(rig, controller, loops)
+    curve_setup: dict[MethodName, BearingSetup] = {"single-valued": _fit_unpinned_curve(rig, controller)}
+    steps["without hysteresis"] = _compare_steps(rig, curve_setup)["single-valued"]
+    triangle["without hysteresis"] = _triangle_errors(curve_setup["single-valued"].rig, curve_setup)[
+        "single-valued"
+    ]
     if isinstance(paper, BearingSetup):
-        steps["paper"] = _steps(rig, {"full": paper})["full"]
-        triangle["paper"] = _triangle(rig, {"full": paper})["full"]
+        steps["paper"] = _compare_steps(rig, {"full": paper})["full"]
+        triangle["paper"] = _triangle_errors(rig, {"full": paper})["full"]
     more = identify_magnet(with_initial_curve(rig, loops), IdentifyTable(law=CELLS))
     names: tuple[MethodName, ...] = ("single-valued", "full")
     first = {method: make_setup(rig, controller.settings, more, method, "fixed") for method in names}
-    return Tried(
+    return IronResult(
         name,
         steps,
         triangle,
-        _triangle(rig, first),
+        _triangle_errors(rig, first),
         held_drift(rig, knowledge),
         paper if isinstance(paper, str) else "",
     )
 
 
-def _overshoot_excess(result: Tried, variant: str) -> list[float]:
-    """Return the significant excess overshoot against the best baseline, % points, by height.
+def _overshoot_excess(result: IronResult, variant: str) -> list[float]:
+    """Return the significant excess of overshoot over the best baseline for each height, % points.
 
     Zero if both overshoots are below a multiple of the standstill rms (`OVERSHOOT_FLOOR_FACTOR`).
     """
-    found = []
+    excesses = []
     for place, height in enumerate(HEIGHTS):
         cells = {name: steps[place] for name, steps in result.steps.items()}
         cell_of_variant = cells[variant]
         baseline_cells = [cells[name] for name in BASELINES if not cells[name].lost]
-        best = min(baseline_cells, key=lambda cell: cell.interval("overshoot_percent").mean)
+        best_baseline = min(baseline_cells, key=lambda cell: cell.interval("overshoot_percent").mean)
         if cell_of_variant.lost:
-            found.append(float("inf"))
+            excesses.append(float("inf"))
             continue
-        standstill_rms = max(cell.interval("standstill_rms_m").mean for cell in (cell_of_variant, best))
+        standstill_rms = max(
+            cell.interval("standstill_rms_m").mean for cell in (cell_of_variant, best_baseline)
+        )
         floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * standstill_rms / height
-        a, b = (cell.interval("overshoot_percent") for cell in (cell_of_variant, best))
+        a, b = (cell.interval("overshoot_percent") for cell in (cell_of_variant, best_baseline))
         significant_excess = a.mean - b.mean - float(np.hypot(a.half_width, b.half_width))
         is_within_noise = max(a.mean, b.mean) < floor
-        found.append(0.0 if is_within_noise else max(significant_excess, 0.0))
-    return found
+        excesses.append(0.0 if is_within_noise else max(significant_excess, 0.0))
+    return excesses
 
 
-def _standstill_rms(result: Tried, variant: str) -> float:
+def _standstill_rms(result: IronResult, variant: str) -> float:
     """Return the standstill rms of the gap, nm, averaged over the heights."""
     cells = [cell for cell in result.steps[variant] if not cell.lost]
     return 1e9 * float(np.mean([cell.interval("standstill_rms_m").mean for cell in cells]))
 
 
-def _steps_row(result: Tried) -> Row:
-    shown = {
+def _steps_row(result: IronResult) -> Row:
+    overshoot_texts = {
         name: "/".join(
             "lost" if cell.lost else f"{cell.interval('overshoot_percent').mean:.2f}" for cell in cells
         )
         for name, cells in result.steps.items()
     }
-    worse = _overshoot_excess(result, "full")
+    excesses = _overshoot_excess(result, "full")
     return Row(
         f"bearing, iron {result.name}: overshoot, steps of 10/20/50/100 um, same gains",
-        f"full significantly worse than the strongest baseline by <= {WORSE:g} % points",
-        f"excess at most {max(worse):.2f}; "
-        + ", ".join(f"{name} {text} %" for name, text in shown.items())
+        f"full significantly worse than the strongest baseline by <= {MAX_EXTRA_OVERSHOOT:g} % points",
+        f"excess at most {max(excesses):.2f}; "
+        + ", ".join(f"{name} {text} %" for name, text in overshoot_texts.items())
         + f"; standstill: full {_standstill_rms(result, 'full'):.0f} nm rms, single-valued "
         f"{_standstill_rms(result, 'single-valued'):.0f} nm"
         + (f"; paper: {result.refused}" if result.refused else ""),
-        max(worse) <= WORSE,
+        max(excesses) <= MAX_EXTRA_OVERSHOOT,
     )
 
 
-def _triangle_row(result: Tried) -> Row:
+def _triangle_row(result: IronResult) -> Row:
     full_error, curve_error = result.triangle["full"], result.triangle["single-valued"]
     return Row(
         f"bearing, iron {result.name}: force error on the slow triangle",
-        f"<= {HALF:g} times that of the best single-valued curve",
+        f"<= {MAX_ERROR_RATIO:g} times that of the best single-valued curve",
         f"{full_error / curve_error:.2f} times; "
         + ", ".join(f"{name} {error:.2f} N" for name, error in result.triangle.items())
         + f"; with measured initial curve: full {result.first['full']:.2f} N, single-valued "
         f"{result.first['single-valued']:.2f} N",
-        full_error <= HALF * curve_error,
+        full_error <= MAX_ERROR_RATIO * curve_error,
     )
 
 
-def _drift_row(result: Tried) -> Row:
+def _drift_row(result: IronResult) -> Row:
     iron, model = result.drift
     return Row(
         f"bearing, iron {result.name}: drift of a force held for {SECONDS} s with noise of demand and gap",
-        f"<= {DRIFT:g} % of F_max without a dead band",
+        f"<= {MAX_DRIFT_PERCENT:g} % of F_max without a dead band",
         f"{iron:.3f} %; model instead of the iron {model:.4f} %",
-        iron <= DRIFT,
+        iron <= MAX_DRIFT_PERCENT,
     )
 
 
 def map_row(found: Benefit) -> Row:
     """Return the row of the benefit map over 12 irons of play cells."""
-    worse = [0.0]
+    excesses = [0.0]
     marks = []
     for cell in found.cells:
         comparison = cell.strongest["overshoot_percent"]
         marks.append(comparison.outcome)
         if comparison.outcome == "loss":
             assert comparison.difference is not None
-            worse.append(-comparison.difference.mean - comparison.difference.half_width)
+            excesses.append(-comparison.difference.mean - comparison.difference.half_width)
     counts = ", ".join(f"{mark} in {marks.count(mark)}" for mark in dict.fromkeys(marks))
     return Row(
         f"bearing, map of {len(found.cells)} cells, 12 irons of cells: overshoot of full",
-        f"nowhere significantly worse than the strongest baseline by more than {WORSE:g} % points",
-        f"at most {max(worse):.2f}; {sum(excess > WORSE for excess in worse)} cells exceed the target; {counts}",
-        max(worse) <= WORSE,
+        f"nowhere significantly worse than the strongest baseline by more than {MAX_EXTRA_OVERSHOOT:g} % points",
+        f"at most {max(excesses):.2f}; cells that exceed the target: "
+        f"{sum(excess > MAX_EXTRA_OVERSHOOT for excess in excesses)}; {counts}",
+        max(excesses) <= MAX_EXTRA_OVERSHOOT,
     )
 
 
@@ -297,8 +302,8 @@ def rows() -> list[Row]:
     """Return all rows: seven irons of three families, and the benefit map."""
     watch = Stopwatch()
     rig, controller = read()
-    tried = [measure(name, rig_of_iron, controller) for name, rig_of_iron in rigs().items()]
-    lines = [line(result) for line in (_steps_row, _triangle_row, _drift_row) for result in tried]
+    results = [measure(name, rig_of_iron, controller) for name, rig_of_iron in make_rigs().items()]
+    lines = [line(result) for line in (_steps_row, _triangle_row, _drift_row) for result in results]
     lines.append(map_row(map_bearing_benefit(rig, controller)))
     return [
         *lines,
@@ -307,9 +312,9 @@ def rows() -> list[Row]:
 
 
 def main(names: Sequence[str]) -> None:
-    """Print the rows of some irons, or of all."""
+    """Print the rows of the named irons, or of all irons."""
     _, controller = read()
-    for name, rig in rigs().items():
+    for name, rig in make_rigs().items():
         if not names or name in names:
             result = measure(name, rig, controller)
             for row in (_steps_row(result), _triangle_row(result), _drift_row(result)):

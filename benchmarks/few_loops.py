@@ -50,15 +50,15 @@ RULES: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class Tried:
-    """One measurement: the choice of each rule, and the rms error of the chosen law."""
+class MeasurementResult:
+    """Results of one measurement: the law that each rule selects, and rms errors of the laws."""
 
     chosen: dict[str, str]
     missed: dict[str, float]  # rms error on records not fitted, relative to the largest output
     least: float  # rms error of the best law
 
 
-class _Compared(Exception):  # noqa: N818 # not an error: ends the identification early
+class _ComparisonDone(Exception):  # noqa: N818 # not an error: ends the identification early
     def __init__(self, made: model_selection.Selection) -> None:
         self.made = made
 
@@ -77,29 +77,29 @@ def measure_twice(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
         drive |= {"bipolar": False, "samples": 200.0, "start": "conditioned"}
         sensors |= {"noise": 3e-4, "bits": 14, "noiseless": False, "offsets": False}
     iron, true = draw_iron(family, rng)
-    core, gaps = drawn._core(magnet, true)
+    core, gaps = drawn._size_core(magnet, true)
     ranges = drawn._ranges(drive, core.ring, magnet["current_A"], rng)
-    records = [record for gap in gaps for record in drawn._measured(drive, ranges, float(gap), rng)]
+    records = [record for gap in gaps for record in drawn._measured_records(drive, ranges, float(gap), rng)]
     if kind == "slow":
-        twice = [np.concatenate([record.current, record.current[1:]]) for record in records]
+        both_readings = [np.concatenate([record.current, record.current[1:]]) for record in records]
         records = [
             replace(record, current=path, gap=np.full(path.size, record.gap[0]))
-            for record, path in zip(records, twice, strict=True)
+            for record, path in zip(records, both_readings, strict=True)
         ]
-    records += drawn._tests((drive, ranges), gaps, magnet["current_A"], rng)
-    every = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
-    plan = drawn._Plan(number, family, every, core, iron, records)
+    records += drawn._test_records((drive, ranges), gaps, magnet["current_A"], rng)
+    parameters = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
+    plan = drawn._Plan(number, family, parameters, core, iron, records)
     found = answers(plan.jobs())
-    return [_read(plan, found, [SEED, number, 1, turn], turn) for turn in (0, 1)]
+    return [_read_loops(plan, found, [SEED, number, 1, turn], turn) for turn in (0, 1)]
 
 
-def _read(plan: Any, found: Any, seed: list[int], turn: int) -> tuple[Loops, list[drawn.Test]]:
+def _read_loops(plan: Any, found: Any, seed: list[int], turn: int) -> tuple[Loops, list[drawn.Test]]:
     """Read a plan with its sensors; without noise, the second reading has one sample less."""
     reading = drawn.measured(plan, found, np.random.default_rng(seed))
     if not turn or not plan.true["sensors"]["noiseless"]:
         return reading.loops, list(reading.tests)
-    less = [_without_sample(loop, loop.n // 3) for loop in reading.loops.loops]
-    return reading.loops.with_loops(less), list(reading.tests)
+    shortened = [_without_sample(loop, loop.n // 3) for loop in reading.loops.loops]
+    return reading.loops.with_loops(shortened), list(reading.tests)
 
 
 def _without_sample(loop: Loop, place: int) -> Loop:
@@ -109,66 +109,71 @@ def _without_sample(loop: Loop, place: int) -> Loop:
     )
 
 
-def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
-    """Compare all laws; None if the first law leaves only noise or the identification fails."""
+def measure(loops: Loops, tests: Sequence[drawn.Test]) -> MeasurementResult | None:
+    """Compare all laws; None if the first residual is only noise or the identification fails."""
     compare = model_selection.Selection.compare_play_cells
 
     def stop(made: model_selection.Selection, base: ModelCandidate) -> None:
         compare(made, base)
-        raise _Compared(made)
+        raise _ComparisonDone(made)
 
     try:
         with mock.patch.object(model_selection.Selection, "compare_play_cells", stop):
             identify(loops)
-    except _Compared as end:
+    except _ComparisonDone as end:
         return _evaluate_rules(end.made, tests)
     except (InputError, NegativeResult):
         pass
     return None
 
 
-def _evaluate_rules(made: model_selection.Selection, tests: Sequence[drawn.Test]) -> Tried:
-    missed, comparison, loops = {}, made.comparison, made.loopset
+def _evaluate_rules(fitted: model_selection.Selection, tests: Sequence[drawn.Test]) -> MeasurementResult:
+    rms_errors, comparison, loops = {}, fitted.comparison, fitted.loopset
     for candidate in comparison.contenders:
         model = make_model(comparison.fits[candidate].reduced_fit, loops)
         deviations = [deviation(model, test) for test in tests if test.kind in {"other", "unseen"}]
-        missed[candidate] = float(np.sqrt(np.mean(np.concatenate(deviations) ** 2))) / largest_output(loops)
+        rms_errors[candidate] = float(np.sqrt(np.mean(np.concatenate(deviations) ** 2))) / largest_output(
+            loops
+        )
     chosen = {}
     for name, settings in RULES.items():
         with mock.patch.multiple(candidates, **settings):
-            selection = copy(made)
+            selection = copy(fitted)
             selection.comparison = replace(comparison, contenders=list(comparison.contenders))
             chosen[name] = selection.select()
-    return Tried(
+    return MeasurementResult(
         {
             name: f"{candidate.title('effective-field')}, {candidate.gap_map}"
             for name, candidate in chosen.items()
         },
-        {name: missed[candidate] for name, candidate in chosen.items()},
-        min(missed.values()),
+        {name: rms_errors[candidate] for name, candidate in chosen.items()},
+        min(rms_errors.values()),
     )
 
 
 def main() -> None:
-    """Try a range of random draws and print one line for each rule."""
+    """Run a range of random draws and print one line for each rule."""
     warnings.simplefilter("ignore")
     first, last = (int(text) for text in sys.argv[1:3])
     pairs = [[measure(*draw) for draw in measure_twice(number)] for number in range(first, last)]
-    every = [measurement for pair in pairs for measurement in pair if measurement]
+    all_results = [measurement for pair in pairs for measurement in pair if measurement]
     complete_pairs = [(first_run, second_run) for first_run, second_run in pairs if first_run and second_run]
     for name in RULES:
         error_ratios = np.array(
-            [max(measurement.missed[name], 1e-5) / max(measurement.least, 1e-5) for measurement in every]
+            [
+                max(measurement.missed[name], 1e-5) / max(measurement.least, 1e-5)
+                for measurement in all_results
+            ]
         )
-        rms = 100.0 * np.array([measurement.missed[name] for measurement in every])
-        jumps = np.mean(
+        rms = 100.0 * np.array([measurement.missed[name] for measurement in all_results])
+        change_fraction = np.mean(
             [first_run.chosen[name] != second_run.chosen[name] for first_run, second_run in complete_pairs]
         )
         print(
             f"{name}: missed {np.median(rms):.3f} %, 90 of 100 {np.quantile(rms, 0.9):.2f}, worst "
             f"{rms.max():.2f}; over the best law {np.exp(np.log(error_ratios).mean()):.3f}, 90 of 100 "
-            f"{np.quantile(error_ratios, 0.9):.2f}; another law after another noise {100.0 * jumps:.0f} % "
-            f"({len(every)} measurements of {len(pairs)} draws)"
+            f"{np.quantile(error_ratios, 0.9):.2f}; another law after another noise {100.0 * change_fraction:.0f} % "
+            f"({len(all_results)} measurements of {len(pairs)} draws)"
         )
 
 

@@ -27,7 +27,7 @@ from anhyst_rigs.study.fleet import fleet
 from anhyst_rigs.study.fleet_magnets import FleetSettings
 from anhyst_rigs.study.plants import bearing_plants
 from bearing import read
-from cluster import Costs, cluster, simulated
+from cluster import Costs, cluster, simulate_cluster
 from rows import ROOT, Row, Stopwatch
 
 sys.path.extend(map(str, (ROOT, *(ROOT / "packages").iterdir())))
@@ -39,7 +39,7 @@ TASKS = 1000
 SETTINGS = FleetSettings(
     rate=1e4, law="effective-field", gap_map="reluctance", tolerance=0.5, history="settled"
 )
-SHARED, SHARING = bytes(285_000), 300
+SHARED_DATA, SHARING_TASKS = bytes(285_000), 300
 """Data of the size that the plants of examples/planar share, and number of tasks that use them."""
 SLEEPS_S = (0.05, 0.2, 1.0)
 SIZES = (1, 10, 100, 1000, 10_000)
@@ -47,7 +47,7 @@ TASKS_A_WORKER = 10
 
 
 @dataclass(frozen=True)
-class Spent:
+class TaskTimes:
     """Wall time and processor times of some tasks, s."""
 
     wall: float
@@ -61,33 +61,33 @@ class Spent:
         return self.here + self.scheduler + self.workers
 
 
-def best_of_repetitions(measure: Callable[[], Spent], times: int = REPETITIONS) -> Spent:
-    """Return the measurement with the least wall time, since other work can only add time."""
+def best_of_repetitions(measure: Callable[[], TaskTimes], times: int = REPETITIONS) -> TaskTimes:
+    """Return the measurement with the shortest wall time, because other work can only add time."""
     return min((measure() for _ in range(times)), key=lambda measurement: measurement.wall)
 
 
-def measure_locally(work: Callable[[], Any]) -> Spent:
+def measure_locally(work: Callable[[], Any]) -> TaskTimes:
     """Measure work in this process and its child processes."""
     watch = Stopwatch()
     work()
-    return Spent(watch.wall, watch.processor)
+    return TaskTimes(watch.wall, watch.processor)
 
 
-def measure_on_cluster(workers: int, work: Callable[[], Any], *, together: bool = False) -> Spent:
+def measure_on_cluster(workers: int, work: Callable[[], Any], *, together: bool = False) -> TaskTimes:
     """Measure work on a cluster, the best of several repetitions."""
     with cluster(workers, together=together) as made:
 
-        def once() -> Spent:
+        def once() -> TaskTimes:
             before, watch = made.processor(), Stopwatch()
             with use_scheduler(made.address):
                 work()
             after = made.processor()
-            return Spent(watch.wall, watch.processor, after[0] - before[0], after[1] - before[1])
+            return TaskTimes(watch.wall, watch.processor, after[0] - before[0], after[1] - before[1])
 
         return best_of_repetitions(once)  # later repetitions do not import again
 
 
-def whole_fleet(folder: Path, place: Path) -> dict[str, Spent]:
+def measure_fleet(folder: Path, place: Path) -> dict[str, TaskTimes]:
     """Process the same magnets with one and two processes, and with one and two workers."""
     count = iter(range(1000))
 
@@ -102,7 +102,7 @@ def whole_fleet(folder: Path, place: Path) -> dict[str, Spent]:
     }
 
 
-def fleet_rows(found: dict[str, Spent]) -> list[Row]:
+def fleet_rows(found: dict[str, TaskTimes]) -> list[Row]:
     """Return the rows of wall time, processor time and parallel efficiency."""
     rows = []
     for name, spent in found.items():
@@ -126,7 +126,7 @@ def make_empty_tasks(count: int, *, jobs: int | None = None) -> Callable[[], Any
     return lambda: map_ordered(time.sleep, [0.0] * count, jobs=jobs)
 
 
-def empty_tasks() -> tuple[list[Row], Costs]:
+def measure_empty_tasks() -> tuple[list[Row], Costs]:
     """Measure the overhead of a task for several numbers of tasks and workers."""
     rows: list[Row] = []
     spent = best_of_repetitions(lambda: measure_locally(make_empty_tasks(TASKS, jobs=2)))
@@ -150,20 +150,20 @@ def empty_tasks() -> tuple[list[Row], Costs]:
     return rows, worst
 
 
-def sharing() -> list[Row]:
+def measure_shared_data() -> list[Row]:
     """Measure an empty task with shared data, and one that receives the data with each task."""
     tried: tuple[tuple[str, Callable[[Any], Any], list[Any]], ...] = (
-        ("share", partial(operator.getitem, SHARED), list(range(SHARING))),
-        ("bring", operator.itemgetter(1), [(SHARED, place) for place in range(SHARING)]),
+        ("share", partial(operator.getitem, SHARED_DATA), list(range(SHARING_TASKS))),
+        ("bring", operator.itemgetter(1), [(SHARED_DATA, place) for place in range(SHARING_TASKS)]),
     )
     rows = []
     for name, work, inputs in tried:
         spent = measure_on_cluster(8, partial(map_ordered, work, inputs))
-        rows.append(_empty(f"{name} {len(SHARED) // 1000} kB, 8 workers", SHARING, spent))
+        rows.append(_empty(f"{name} {len(SHARED_DATA) // 1000} kB, 8 workers", SHARING_TASKS, spent))
     return rows
 
 
-def _empty(name: str, tasks: int, spent: Spent) -> Row:
+def _empty(name: str, tasks: int, spent: TaskTimes) -> Row:
     each = 1e6 / tasks
     return Row(
         f"{tasks} empty tasks, {name}",
@@ -189,7 +189,7 @@ def check_simulation(workers: int) -> list[Row]:
                 lambda: measure_locally(lambda: map_ordered(time.sleep, [sleep] * tasks)),  # noqa: B023
                 2,
             ).wall
-            simulated_wall = simulated([sleep] * tasks, workers, Costs(empty, 0.0))
+            simulated_wall = simulate_cluster([sleep] * tasks, workers, Costs(empty, 0.0))
             rows.append(
                 Row(
                     f"{tasks} tasks that sleep {sleep:g} s, {workers} workers in one process",
@@ -202,7 +202,7 @@ def check_simulation(workers: int) -> list[Row]:
     return rows
 
 
-def durations(folder: Path, place: Path) -> dict[str, float]:
+def measure_durations(folder: Path, place: Path) -> dict[str, float]:
     """Measure the processor time of one task of each study, s, for a worker alone on a core."""
     rig, controller = read()
     spent = measure_locally(lambda: fleet(folder, place / "alone", SETTINGS, jobs=1))
@@ -231,7 +231,7 @@ def simulate_larger_clusters(tasks: dict[str, float], costs: Costs) -> list[Row]
         for workers in SIZES:
             # Durations scatter by 10 % from task to task; the simulation contains no other waiting.
             drawn = mean * (1.0 + 0.1 * rng.standard_normal(TASKS_A_WORKER * workers)).clip(0.5)
-            wall = simulated(drawn.tolist(), workers, costs)
+            wall = simulate_cluster(drawn.tolist(), workers, costs)
             share = float(drawn.sum()) / wall / workers
             texts.append(f"{workers}: {drawn.size / wall:.3g}/s, {100 * share:.0f} %")
         rows.append(
@@ -251,13 +251,13 @@ def rows() -> list[Row]:
         place = Path(folder)
         (place / "magnets").mkdir()
         write_fleet(place / "magnets", MAGNETS)
-        found = fleet_rows(whole_fleet(place / "magnets", place))
-        empty, costs = empty_tasks()
-        tasks = durations(place / "magnets", place)
+        found = fleet_rows(measure_fleet(place / "magnets", place))
+        empty, costs = measure_empty_tasks()
+        tasks = measure_durations(place / "magnets", place)
     return [
         *found,
         *empty,
-        *sharing(),
+        *measure_shared_data(),
         *check_simulation(50),
         *check_simulation(200),
         *simulate_larger_clusters(tasks, costs),

@@ -1,4 +1,4 @@
-"""Improve the model of a running bench whose iron is unknown, and detect a change of the iron."""
+"""Improve the model of a running bench with an unknown iron, and detect a change of the iron."""
 
 from __future__ import annotations
 
@@ -28,13 +28,12 @@ from anhyst_rigs.study.prepared_benches import PreparedForce
 from rows import ROOT, Row
 
 SOLENOID = ROOT / "examples" / "solenoid"
-PINNING = 1.6
-"""Ratio of the pinning of the unknown iron to that of the iron for which the controller was made.
-"""
-ALL_S = 90.0
-AS_OFF_LINE = 1.1
-"""Largest ratio of the force error to that of a model identified off line from the same loops."""
-LEARNT = 15
+PINNING_RATIO = 1.6
+"""Ratio of the pinning of the unknown iron to that of the iron in the controller's model."""
+MAX_TOTAL_S = 90.0
+MAX_OFF_LINE_RATIO = 1.1
+"""Largest permitted ratio of the force error to that of an off-line model from the same loops."""
+LEARNING_CYCLES = 15
 """Number of cycles of 1 s before the pinning of the iron increases."""
 HOUR = 3600
 
@@ -44,13 +43,13 @@ def rows() -> list[Row]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "rig"
         shutil.copytree(SOLENOID, folder)
-        known = prepare_bench(folder / "rig.toml", None, Path(place) / "known")
-        assert isinstance(known, PreparedForce)
-        unknown = scale_pinning(known, PINNING)
+        known_controller = prepare_bench(folder / "rig.toml", None, Path(place) / "known")
+        assert isinstance(known_controller, PreparedForce)
+        unknown = scale_pinning(known_controller, PINNING_RATIO)
         return [
             *measure_improvement(unknown, Path(place)),
-            measure_drift_detection(known),
-            measure_false_alarms(known),
+            measure_drift_detection(known_controller),
+            measure_false_alarms(known_controller),
         ]
 
 
@@ -98,15 +97,15 @@ def measure_improvement(unknown: PreparedForce, place: Path) -> list[Row]:
     return [
         Row(
             "virtual solenoid, unknown pinning: measure, identify (auto), compile, swap during operation",
-            f"<= {ALL_S:g} s in total",
+            f"<= {MAX_TOTAL_S:g} s in total",
             f"{total_seconds:.0f} s on {os.cpu_count()} cores: {parts}; {slips} pacing slips",
-            total_seconds <= ALL_S,
+            total_seconds <= MAX_TOTAL_S,
         ),
         Row(
             "virtual solenoid, force error after the swap, 7 gaps",
-            f"<= {AS_OFF_LINE:g} times that of an off-line model from the same loops",
+            f"<= {MAX_OFF_LINE_RATIO:g} times that of an off-line model from the same loops",
             f"rms {after:.3f} N, off line {reference:.3f} N; before {before:.3f} N",
-            after <= AS_OFF_LINE * reference,
+            after <= MAX_OFF_LINE_RATIO * reference,
         ),
     ]
 
@@ -126,24 +125,24 @@ def force_error(bench: ForceBench) -> float:
         bench.command(Command.RUN)
         for force in (32.0, 6.0, 25.0, 12.0, 32.0, 2.0):
             bench.demand(force)
-            errors.append(column(bench, bench.advance(300)[150:], "force") - force)
+            errors.append(read_signal(bench, bench.advance(300)[150:], "force") - force)
     return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
 
 
-def advance_until(bench: Bench, wanted: State) -> None:
+def advance_until(bench: Bench, target_state: State) -> None:
     """Advance the bench until it is in a state."""
     for _ in range(400):
-        if advance_and_read_state(bench) is wanted:
+        if advance_and_read_state(bench) is target_state:
             return
-    raise AssertionError(f"never {wanted.name}")
+    raise AssertionError(f"never {target_state.name}")
 
 
 def advance_and_read_state(bench: Bench) -> State:
     """Advance the bench by 50 ticks and return its state."""
-    return State(int(column(bench, bench.advance(50), "state")[-1]))
+    return State(int(read_signal(bench, bench.advance(50), "state")[-1]))
 
 
-def column(bench: Bench, table: FloatArray, name: str) -> FloatArray:
+def read_signal(bench: Bench, table: FloatArray, name: str) -> FloatArray:
     """Return a signal from rows of the bench."""
     return table[:, 1 + [signal.name for signal in bench.signals].index(name)]
 
@@ -154,13 +153,13 @@ def run_cycles(prepared: PreparedForce, cycles: int) -> FloatArray:
     bench.advance(50)
     bench.command(Command.DEMAGNETISED)
     bench.command(Command.RUN)
-    low, high, half = 5.0, 35.0, round(0.5 * bench.rate)
+    low, high, half_period = 5.0, 35.0, round(0.5 * bench.rate)
     bench.apply({"demand_slew": 2.4 * (high - low)})
     parts = []
     for _ in range(cycles):
         for force in (high, low):
             bench.demand(force)
-            parts.append(bench.advance(half))
+            parts.append(bench.advance(half_period))
     bench.close()
     return np.concatenate(parts)
 
@@ -168,20 +167,23 @@ def run_cycles(prepared: PreparedForce, cycles: int) -> FloatArray:
 def measure_drift_detection(known: PreparedForce) -> Row:
     """Test whether the monitor detects an iron whose pinning increases by 20 % at a tick."""
     rate = known.complete_rig.settings.timing.rate_Hz
-    begin = round(LEARNT * rate)
-    usual, harder = run_cycles(known, LEARNT + 15), run_cycles(scale_pinning(known, 1.2), LEARNT + 15)
+    begin = round(LEARNING_CYCLES * rate)
+    usual_rows, pinned_rows = (
+        run_cycles(known, LEARNING_CYCLES + 15),
+        run_cycles(scale_pinning(known, 1.2), LEARNING_CYCLES + 15),
+    )
     monitor_without_drift = BenchMonitor(known.model, ForceBench.signals, rate)
-    monitor_without_drift.add_rows(usual)
+    monitor_without_drift.add_rows(usual_rows)
     monitor, ticks = BenchMonitor(known.model, ForceBench.signals, rate), 0
-    monitor.add_rows(usual[:begin])
-    for row in np.array_split(harder[begin:], 15 * 20):
+    monitor.add_rows(usual_rows[:begin])
+    for row in np.array_split(pinned_rows[begin:], 15 * 20):
         monitor.add_rows(row)
         ticks += len(row)
         if monitor.status()["state"] == "drifted":
             break
     status = monitor.status()
     seconds = ticks / rate
-    met = (
+    is_met = (
         status["state"] == "drifted" and seconds <= 10.0 and monitor_without_drift.status()["state"] == "fits"
     )
     return Row(
@@ -189,7 +191,7 @@ def measure_drift_detection(known: PreparedForce) -> Row:
         "detected within 10 s of motion",
         f"after {seconds:.1f} s; residual {status['left_N']:.3f} N rms instead of "
         f"{status['usual_N']:.3f} N; without drift: {monitor_without_drift.status()['text']}",
-        met,
+        is_met,
     )
 
 

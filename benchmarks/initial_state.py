@@ -1,9 +1,9 @@
 """Measure the cost of a wrong initial hysteresis state, to test a claim of the paper.
 
 The claim is: "The simplified model is more stable and has no initial-value problem." A compensator
-starts with the state of one history, the iron with that of another; both then follow the same
-demand. The metric is the number of samples until the force stays within 1 % of the largest force,
-compared with the same compensator and the right initial state. ``python
+starts with the state after one history, and the iron with the state after another. Both then follow
+the same demand. The metric is the number of samples until the force stays within 1 % of the largest
+force, compared with the same compensator and the correct initial state. ``python
 benchmarks/initial_state.py`` prints the table.
 """
 
@@ -41,10 +41,9 @@ SAMPLES = 200
 CYCLES = 12
 
 NEAR = (0.01, 0.002)
-"""Tolerances relative to the largest force: close to the right start, and close to the arithmetic's
-error."""
+"""Tolerances relative to the largest force: a small error, and an error of the size of rounding."""
 
-PASTS: tuple[tuple[float, ...], ...] = (
+HISTORIES: tuple[tuple[float, ...], ...] = (
     (0.0,),
     (1.0, 0.0),
     (-1.0, 0.0),
@@ -57,10 +56,10 @@ PASTS: tuple[tuple[float, ...], ...] = (
     (0.5,),
     (1.0, 0.2, 0.5),
 )
-"""Reversal points of the current, relative to the largest. The last three histories end at a
-nonzero current, as after a reset of the controller during operation."""
+"""Reversal points of the current in each history, relative to the largest current. The last three
+end at a nonzero current, as after a reset of the controller during operation."""
 
-DEMANDS = {"5-95 %": (0.05, 0.95), "30-70 %": (0.30, 0.70), "45-55 %": (0.45, 0.55)}
+DEMAND_LIMITS = {"5-95 %": (0.05, 0.95), "30-70 %": (0.30, 0.70), "45-55 %": (0.45, 0.55)}
 """Reversal points of the triangles, relative to the largest force."""
 
 
@@ -106,8 +105,8 @@ class Actuator:
         return answer.output[past.size :]
 
 
-def actuator_of(model: Model, gaps: tuple[float, float], gap: float, current: float) -> Actuator:
-    """Compile a model to every kind, for triangles of a force that every gap can reach."""
+def make_actuator(model: Model, gaps: tuple[float, float], gap: float, current: float) -> Actuator:
+    """Compile a model to every kind, for triangles of a force that can be reached at every gap."""
     both = np.array([0.0, current])
     top, force = (
         float(model.predict(both, np.full(2, at), history="demagnetised").output[-1]) for at in (gaps[0], gap)
@@ -141,26 +140,26 @@ def conditioning(actuator: Actuator, cycles: int) -> Array:
     return np.concatenate(ways)
 
 
-def samples_until_near(off: Array, near: float) -> int:
+def samples_until_near(deviation: Array, near: float) -> int:
     """Return the number of samples after which `off` stays within `near` permanently."""
-    outside = np.flatnonzero(np.abs(off) > near)
+    outside = np.flatnonzero(np.abs(deviation) > near)
     return int(outside[-1]) + 1 if outside.size else 0
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Errors of one compensator under one demand after wrong initial states.
+    """Errors of one compensator with one demand after wrong initial states.
 
     Parameters
     ----------
     samples : ndarray of int, shape (p, 2)
-        For every pair of histories and for both tolerances `NEAR`: samples until the force stays
-        within the tolerance of the right start.
+        For every pair of histories and each of the tolerances `NEAR`: number of samples until the
+        difference from the force after a correct start stays within the tolerance.
     largest : float
-        Largest deviation from the right start, relative to the largest force.
+        Largest difference from the force after a correct start, relative to the largest force.
     settled : float
-        Largest error of the force after a right start against the demand in the last cycle, relative
-        to the largest force.
+        Largest error of the force relative to the demand in the last cycle after a correct start,
+        as a fraction of the largest force.
     """
 
     samples: NDArray[np.int64]
@@ -171,7 +170,7 @@ class Outcome:
 def sample_random_states(kind: Kind) -> list[NDArray[np.int32]]:
     """Return random states, as a controller may find them in uninitialised memory."""
     bound = int(0.9 * 2**30)
-    drawn = np.random.default_rng(1).integers(-bound, bound, (len(PASTS), 3))
+    drawn = np.random.default_rng(1).integers(-bound, bound, (len(HISTORIES), 3))
     drawn[:, 2] = drawn[:, 0] if kind == "full" else 0
     return list(drawn.astype(np.int32))
 
@@ -209,13 +208,13 @@ def study(
             twin.commit(current, actuator.gap)
         return twin.run(wanted, actuator.gap)
 
-    right_currents = [run(actuator.memory(kind, actuator.record(past))) for past in PASTS]
+    right_currents = [run(actuator.memory(kind, actuator.record(history))) for history in HISTORIES]
     wrong_currents = [run(memory) for memory in sample_random_states(kind)] if at_random else right_currents
-    records = [np.concatenate([actuator.record(past), before]) for past in PASTS]
+    records = [np.concatenate([actuator.record(history), before]) for history in HISTORIES]
     right_forces = [actuator.force_after(*pair) for pair in zip(records, right_currents, strict=True)]
     samples, largest = [], 0.0
-    for believed, true in permutations(range(len(PASTS)), 2):
-        force = actuator.force_after(records[true], wrong_currents[believed])
+    for assumed_history, true in permutations(range(len(HISTORIES)), 2):
+        force = actuator.force_after(records[true], wrong_currents[assumed_history])
         force_errors = (force - right_forces[true]) / actuator.force
         samples.append([samples_until_near(force_errors, near) for near in NEAR])
         largest = max(largest, float(np.abs(force_errors).max()))
@@ -223,12 +222,12 @@ def study(
     return Outcome(np.array(samples), largest, float(max(last)))
 
 
-def explicit_error(actuator: Actuator, samples: int) -> float:
+def euler_error(actuator: Actuator, samples: int) -> float:
     """Return the largest force error in the fourth cycle of the full law with explicit Euler steps.
 
-    One step of eqs. 13 to 15 of the paper per sample, in double precision, with the right start.
-    The demand is a triangle of 5 to 95 % with `samples` per cycle; the error is relative to the
-    largest force.
+    Each sample takes one step of eqs. 13 to 15 of the paper, in double precision, from the correct
+    initial state. The demand is a triangle of 5 to 95 % with `samples` per cycle; the error is
+    relative to the largest force.
     """
     circuit = actuator.model.circuit(np.array([actuator.gap]), np.zeros(1))
     iron = actuator.model.parameters_at(actuator.gap)
@@ -250,16 +249,17 @@ def bundled() -> Actuator:
     model = identify(loops).model
     gaps = (float(model.nodes[0]), float(model.nodes[-1]))
     current = max(float(np.max(loop.input)) for loop in loops.loops)
-    return actuator_of(model, gaps, 0.45e-3, current)
+    return make_actuator(model, gaps, 0.45e-3, current)
 
 
 def describe(outcome: Outcome) -> str:
     """Return the size and the duration of the force error as text."""
-    near, nearer = outcome.samples.T
+    first_samples, second_samples = outcome.samples.T
     return (
         f"up to {100 * outcome.largest:.2g} % of F_max error; within {100 * NEAR[0]:g} % after "
-        f"{np.median(near):.0f} samples (median), {near.max()} (largest, {near.max() / SAMPLES:.2f} "
-        f"cycles); within {100 * NEAR[1]:g} % after {nearer.max() / SAMPLES:.2f} cycles"
+        f"{np.median(first_samples):.0f} samples (median), {first_samples.max()} (largest, "
+        f"{first_samples.max() / SAMPLES:.2f} cycles); within {100 * NEAR[1]:g} % after "
+        f"{second_samples.max() / SAMPLES:.2f} cycles"
     )
 
 
@@ -267,7 +267,7 @@ def rows(make: Callable[[], Actuator] = bundled) -> list[Row]:
     """Return all rows about wrong initial states."""
     actuator = make()
     lines = []
-    for (name, (low, high)), kind in product(DEMANDS.items(), KINDS):
+    for (name, (low, high)), kind in product(DEMAND_LIMITS.items(), KINDS):
         demand = triangles(low, high)
         wrong_history = study(actuator, kind, demand)
         random_start = study(actuator, kind, demand, at_random=True)
@@ -279,7 +279,7 @@ def rows(make: Callable[[], Actuator] = bundled) -> list[Row]:
             f"{100 * wrong_history.settled:.2f} % error"
         )
         lines.append(Row(f"wrong start, {kind}, triangle {name}", "reported", text, None))
-    errors = {samples: explicit_error(actuator, samples) for samples in (2000, 200, 50, 20, 10)}
+    errors = {samples: euler_error(actuator, samples) for samples in (2000, 200, 50, 20, 10)}
     text = ", ".join(f"{n} samples {100 * error:.2f} %" for n, error in errors.items())
     what = "full law with the paper's explicit Euler steps: steady-state force error by samples per cycle"
     lines.append(Row(what, "reported", text, None))

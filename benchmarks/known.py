@@ -2,11 +2,11 @@
 
 For each law and gap map, 64 random starts are sampled without knowledge of other fits. The
 parameters of the law and its largest effective field are log-uniform; the parameters of the circuit
-are scanned gap by gap. All starts descend a few steps on few samples, the better ones some more.
-The best eight continue on more samples until they converge or reach a step limit, and the best
-three of these on all.
+are scanned gap by gap. All starts descend a few steps on few samples, and the better ones take some
+more steps. The best eight continue on more samples until they converge or reach a step limit, the
+best three of these on all samples.
 
-    nice python benchmarks/known.py 0-39 60     missing fits of these draws, for up to 60 minutes
+    nice python benchmarks/known.py 0-39 60    missing fits of these draws, for up to 60 minutes
 
 ``known_best.json`` is written after each fit, and a further run continues from it. For each law and
 map it contains:
@@ -53,26 +53,25 @@ from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray
 from drawn import draw
 from drawn_families import SETTINGS
-from search import KNOWN, loops_rms
+from search import KNOWN_FILE, loops_rms
 
 STAGES: dict[int, tuple[tuple[Shape, int], ...]] = {
     1: (("tanh", 1), ("tanh", 2)),
     2: (("langevin", 1), ("langevin", 2)),
     3: (("tanh", 3), ("langevin", 3)),
 }
-"""Play-cell laws of each stage by curve and populations; stage 1 includes the Jiles-Atherton law.
-"""
+"""Play-cell laws of each stage by curve and populations; stage 1 includes Jiles-Atherton."""
 
 STARTS, RANKED, ENDED, FINISHED = 64, 24, 8, 3
-COARSE, FINE = 40, 100
+COARSE_SAMPLES, FINE_SAMPLES = 40, 100
 """Samples per loop for the first descents, and for the descents of the best starts."""
 
 _FIRST, _SHORT, _LONG, _LAST = 4, 8, 80, 30
 _SCAN = 24
 _TRIES = 30
-_NEAR = 1.02
+_NEAR_RATIO = 1.02
 
-_LAW = {
+_LAW_RANGES = {
     "kappa": (0.01, 10.0),
     "c": (0.0, 0.95),
     "share": (0.03, 3.0),
@@ -82,7 +81,7 @@ _LAW = {
 }
 """Ranges of the law's parameters, by the first part of their names; log-uniform except ``c``."""
 
-_DRIVEN = (0.5, 40.0)
+_MAX_FIELD_RANGE = (0.5, 40.0)
 """Range of the largest effective field, in units of the law."""
 
 _OMEGA = (0.02, 500.0)
@@ -112,12 +111,12 @@ def targets(loops: Loops, stage: int) -> Iterator[Target]:
     maps = ["none"] if gaps < 2 else ["reluctance", "circuit", "scaling"]
     if gaps == 2:
         maps.remove("circuit")
-    plain = make_response_form(loops.input, loops.output, DEFAULT_LAW)
-    forms = [plain] if stage == 1 else []
+    first_targets = make_response_form(loops.input, loops.output, DEFAULT_LAW)
+    forms = [first_targets] if stage == 1 else []
     for shape, count in STAGES[stage]:
         law = LAW_BY_SHAPE[shape]
         if LAWS[law].least_slope or not is_electromagnet(loops):
-            forms.append(replace(plain, law=law, cells=CellKernel(shape, count)))
+            forms.append(replace(first_targets, law=law, cells=CellKernel(shape, count)))
     return (Target(gap_map, form) for form in forms for gap_map in maps)
 
 
@@ -141,28 +140,28 @@ class Scan:
         self.output = np.concatenate([record.output for record in records.loops])
 
     def best(self, ways: Sequence[ParameterSet], gain: float | None) -> tuple[ParameterSet, float] | None:
-        """Return the set with the least cost, and the cost; fits the gain unless one is given."""
+        """Return the set with the lowest cost, and this cost; fit the gain unless it is given."""
         found: tuple[ParameterSet, float] | None = None
         for local in ways:
             shape = shape_of(self.form, local, self.records)
             if shape is None:
                 continue
-            weighted, wanted = shape * self.weights, self.output * self.weights
-            set_gain = gain or float(weighted @ wanted) / max(float(weighted @ weighted), 1e-300)
-            cost = float(np.sum((set_gain * weighted - wanted) ** 2))
+            weighted, target = shape * self.weights, self.output * self.weights
+            set_gain = gain or float(weighted @ target) / max(float(weighted @ weighted), 1e-300)
+            cost = float(np.sum((set_gain * weighted - target) ** 2))
             if set_gain > 0.0 and (found is None or cost < found[1]):
                 found = replace(local, gain=set_gain), cost
         return found
 
 
 def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray | None:
-    """Sample a start; None if no sampled set has a solution."""
+    """Sample a start; None if the law has no solution for any sampled parameter set."""
     form, records = space.form, space.records
     home = records.reference_gap
     scans = [Scan(form, records.at_gap(gap)) for gap in range(records.gap_count)]
     for _ in range(_TRIES):
         law = tuple(_number(parameter.name, rng) for parameter in form.kernel.fit_parameters)
-        low, high = _DRIVEN
+        low, high = _MAX_FIELD_RANGE
         driven = low * (high / low) ** rng.random()
         size = 1.0 + sum(part for parameter, part in zip(form.kernel.fit_parameters, law, strict=True)
                          if parameter.name.startswith("share"))  # fmt: skip
@@ -183,7 +182,7 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
 
 
 def _number(name: str, rng: np.random.Generator) -> float:
-    low, high = _LAW[name.split("_", maxsplit=1)[0]]
+    low, high = _LAW_RANGES[name.split("_", maxsplit=1)[0]]
     part = float(rng.random())
     return low + (high - low) * part if low == 0.0 else float(low * (high / low) ** part)
 
@@ -217,11 +216,14 @@ def _sets_at_another_gap(
 
 
 def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | None]:
-    """Fit a law and map from random starts, then without offsets; None without a solution."""
+    """Fit a law and map from random starts, then without offsets; None if there is no solution."""
     records = make_fit_records(loops, "loops", read_rest_offsets(loops))
     common = OFFSET_NAMES if target.gap_map == "circuit" else frozenset()
-    whole = CoordinateSpace(target.gap_map, records, target.form, common=common)
-    coarse, fine = (replace(whole, records=records.thinned(most)) for most in (COARSE, FINE))
+    full_records = CoordinateSpace(target.gap_map, records, target.form, common=common)
+    coarse, fine = (
+        replace(full_records, records=records.thinned(max_samples))
+        for max_samples in (COARSE_SAMPLES, FINE_SAMPLES)
+    )
     rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
     starts = [random_start(coarse, rng) for _ in range(STARTS)]
     first_fits = [descend_from(coarse, start, 1e-4, _FIRST) for start in starts if start is not None]
@@ -230,21 +232,21 @@ def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | N
     first_fits.sort(key=lambda fit: fit.cost)
     ranked_fits = [descend_from(coarse, fit.theta, 1e-4, _SHORT) for fit in first_fits[:RANKED]]
     ranked_fits.sort(key=lambda fit: fit.cost)
-    ends = [descend_from(fine, fit.theta, 1e-6, _LONG) for fit in ranked_fits[:ENDED]]
-    ends.sort(key=lambda fit: fit.cost)
-    near_count = sum(bool(fit.cost <= _NEAR**2 * ends[0].cost) for fit in ends)
-    final_fits = [descend_from(whole, fit.theta, 1e-7, _LAST) for fit in ends[:FINISHED]]
-    space_without_offsets, kept_coordinates = whole.with_fixed(OFFSET_NAMES)
+    best_fits = [descend_from(fine, fit.theta, 1e-6, _LONG) for fit in ranked_fits[:ENDED]]
+    best_fits.sort(key=lambda fit: fit.cost)
+    near_count = sum(bool(fit.cost <= _NEAR_RATIO**2 * best_fits[0].cost) for fit in best_fits)
+    final_fits = [descend_from(full_records, fit.theta, 1e-7, _LAST) for fit in best_fits[:FINISHED]]
+    space_without_offsets, kept_coordinates = full_records.with_fixed(OFFSET_NAMES)
     final_fits_without_offsets = [
         descend_from(space_without_offsets, fit.theta[kept_coordinates], 1e-7, _LAST) for fit in final_fits
     ]
     return {
-        target.name: best_of(final_fits, loops, near_count),
-        f"{target.name}/no offsets": best_of(final_fits_without_offsets, loops, near_count),
+        target.name: find_best_fit(final_fits, loops, near_count),
+        f"{target.name}/no offsets": find_best_fit(final_fits_without_offsets, loops, near_count),
     }
 
 
-def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None:
+def find_best_fit(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None:
     """Return the best fit in the form of the file; usable fits are preferred."""
     found = []
     for fit in ends:
@@ -268,24 +270,24 @@ def is_usable(found: FoundModel, loops: Loops) -> bool:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run missing fits of some draws for some minutes; expensive laws and odd draws come last."""
+    """Run missing fits of some draws for some minutes, expensive laws and odd draws last."""
     warnings.simplefilter("ignore")
     first, last = (int(end) for end in arguments[0].split("-"))
     until = time.monotonic() + 60.0 * float(arguments[1])
-    kept = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
+    kept = json.loads(KNOWN_FILE.read_text(encoding="utf-8")) if KNOWN_FILE.exists() else {"draws": {}}
     for stage in STAGES:
         for number in sorted(range(first, last + 1), key=lambda draw_number: draw_number % 2):
             loops = draw(number).loops
             draws = kept["draws"]
-            done = draws.setdefault(str(number), {"through": 0, "fits": {}})
-            fits = done["fits"]
+            finished_stage = draws.setdefault(str(number), {"through": 0, "fits": {}})
+            fits = finished_stage["fits"]
             for target in targets(loops, stage):
                 if time.monotonic() > until:
                     return
                 if target.name not in fits:
                     fits |= best_known(target, loops, number)
                     write(kept)
-            done["through"] = max(stage, done["through"])
+            finished_stage["through"] = max(stage, finished_stage["through"])
             write(kept)
             print(f"known: draw {number}, stage {stage}", flush=True)
 
@@ -295,9 +297,9 @@ def write(kept: dict[str, Any]) -> None:
     lines = []
     for number, done in sorted(kept["draws"].items(), key=lambda item: int(item[0])):
         rows = [f"  {json.dumps(name)}: {json.dumps(fit)}" for name, fit in done["fits"].items()]
-        told = f'"{number}": {{"through": {done["through"]}, "fits": {{'
-        lines.append(f" {told}\n" + ",\n".join(rows) + "\n }}")
-    with atomic_writer(KNOWN) as file:  # a search may read the file at the same time
+        file_text = f'"{number}": {{"through": {done["through"]}, "fits": {{'
+        lines.append(f" {file_text}\n" + ",\n".join(rows) + "\n }}")
+    with atomic_writer(KNOWN_FILE) as file:  # a search may read the file at the same time
         file.write('{"draws": {\n' + ",\n".join(lines) + "\n}}\n")
 
 

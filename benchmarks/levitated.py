@@ -1,13 +1,14 @@
 """Calibrate bearings that differ from their controller's model from recordings of their motion.
 
 Plants, seeds and methods are defined here and in examples/bearing; the plants were fixed before the
-first result. The first plant, that of the table, has 20 % more pinning and a gap reading that is 10
-um too large. The others have random errors of all kinds at the same time, as [spread] states. The
-rig file of this benchmark states a standard deviation of 5 um for the gap zero.
+first result. The first plant, whose results are in the table, has 20 % more pinning and a gap
+reading that is 10 um too large. The other plants have random errors of all kinds at the same time,
+as [spread] states. In this benchmark, the standard deviation of the gap zero in the rig file is 5
+um.
 
-Each method controls a plant during the steps of the example and is calibrated on that recording. It
+Each method controls a plant during the steps of the example and is calibrated on this recording. It
 is evaluated with other noise seeds, by the overshoot of the highest step and the force error on a
-slow triangle. These metrics are given for the nominal bearing and for the drifted one before and
+slow triangle. The metrics are given for the nominal bearing, and for the drifted bearing before and
 after calibration. For the first plant, they are also given for a controller that knows the drift.
 """
 
@@ -46,28 +47,28 @@ PLANTS, SEED, NOISES = 6, 30, (1, 2, 3)
 METHODS: tuple[MethodName, ...] = ("full", "play", "single-valued")
 TABLE = Drift(pinning=0.2, gap_offset=10e-6)
 REACH = 1.2
-OTHERS = ("preisach-usual", "preisach-hard", "duhem-usual")
-UNSURE = {"spread.gap_zero_m": 5e-6}
+OTHER_IRONS = ("preisach-usual", "preisach-hard", "duhem-usual")
+GAP_ZERO_SIGMA_M = {"spread.gap_zero_m": 5e-6}
 
-Figures = tuple[float, float]
+BearingMetrics = tuple[float, float]
 """Overshoot of the highest step, %, and rms force error on the triangle, N."""
 
 
-def evaluate_controller(setup: BearingSetup, drift: Drift) -> Figures:
-    """Evaluate one controller on one plant; mean over the noise seeds."""
+def evaluate_controller(setup: BearingSetup, drift: Drift) -> BearingMetrics:
+    """Return the metrics of one controller on one plant, averaged over the noise seeds."""
     scenario, begin = plan_trajectory(setup, setup.rig.settings.trajectories[0])
-    found = []
+    metrics = []
     for noise in NOISES:
         steps = run_bearing({setup.method: setup}, setup.method, drift, noise)
         plant = drifted_plant(setup.rig, drift, noise)
         run = SimulatedLoop(setup, plant=plant).run(scenario).slice_ticks(begin, scenario.ticks)
-        found.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
-    overshoot, force = np.mean(found, axis=0).tolist()
+        metrics.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
+    overshoot, force = np.mean(metrics, axis=0).tolist()
     return overshoot, force
 
 
 def record_steps(setup: BearingSetup, drift: Drift) -> Recording:
-    """Lift a plant off and step it up and down."""
+    """Return the recording of a plant that is lifted off and stepped up and down."""
     return SimulatedLoop(setup, plant=drifted_plant(setup.rig, drift, 0)).run(
         plan_recorded_run(setup.rig, setup.controller)[0]
     )
@@ -75,17 +76,17 @@ def record_steps(setup: BearingSetup, drift: Drift) -> Recording:
 
 def calibrate_plant(
     ready: BearingInputs, what: tuple[MethodName, Drift]
-) -> tuple[Calibration, Figures, Figures]:
+) -> tuple[Calibration, BearingMetrics, BearingMetrics]:
     """Return the calibration of a plant, and its metrics before and after."""
     method, drift = what
-    known, table = ready.identify_magnet(), ready.controller.settings
-    before = make_setup(ready.rig, table, known, method, "fixed")
+    informed, table = ready.identify_magnet(), ready.controller.settings
+    before = make_setup(ready.rig, table, informed, method, "fixed")
     with tempfile.TemporaryDirectory() as folder:
         found = calibrate(
             ready.rig,
             record_steps(before, drift),
             Path(folder) / "calibration.toml",
-            magnet=known,
+            magnet=informed,
             methods=[method],
             controller=ready.controller,
         )
@@ -93,12 +94,12 @@ def calibrate_plant(
         if found.has_estimates:
             own = change_rig(own, {"control.calibration": "calibration.toml"})
             own = replace(own, path=Path(folder) / "rig.toml")
-            after = make_setup(own, table, known, method, "fixed")
+            after = make_setup(own, table, informed, method, "fixed")
     return found, evaluate_controller(before, drift), evaluate_controller(after, drift)
 
 
 def make_informed_setup(ready: BearingInputs, before: BearingSetup) -> BearingSetup:
-    """Return the controller that knows the drift of the plant of the table."""
+    """Return the controller that knows the drift of the plant in the table."""
     known = calibrate_magnet(ready.identify_magnet(), gap_zero=TABLE.gap_offset, width_change=TABLE.pinning)
     table = ready.controller.settings
     (fitted,) = fit_bearing_compensators(ready.rig, table, [known], before.method, "fixed")
@@ -106,26 +107,32 @@ def make_informed_setup(ready: BearingInputs, before: BearingSetup) -> BearingSe
 
 
 def make_table_row(
-    found: Calibration, nominal: Figures, before: Figures, after: Figures, best: Figures
+    found: Calibration,
+    nominal: BearingMetrics,
+    before: BearingMetrics,
+    after: BearingMetrics,
+    informed: BearingMetrics,
 ) -> Row:
     """Return the row of one method for the plant of the table."""
     (method,) = found.file.method
-    said = "; ".join(
-        f"{what} {nominal[part]:.3g} {unit} nominal, {before[part]:.3g} drifted, "
-        f"{after[part]:.3g} calibrated, {best[part]:.3g} with known drift"
-        for part, (what, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
+    metrics_text = "; ".join(
+        f"{metric_name} {nominal[part]:.3g} {unit} nominal, {before[part]:.3g} drifted, "
+        f"{after[part]:.3g} calibrated, {informed[part]:.3g} with known drift"
+        for part, (metric_name, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
     )
     numbers = ", ".join(f"{parameter.name} {parameter.value:.3g}" for parameter in method.parameter)
     return Row(
         f"bearing, pinning +20 %, gap zero +10 um: {method.name}",
         f"calibrated <= {REACH:g} times nominal",
-        f"{said}; {method.summary}; {numbers}",
-        all(now <= REACH * own for now, own in zip(after, nominal, strict=True)),
+        f"{metrics_text}; {method.summary}; {numbers}",
+        all(
+            value <= REACH * calibrated_value for value, calibrated_value in zip(after, nominal, strict=True)
+        ),
     )
 
 
 def make_random_plants_row(
-    method: MethodName, nominal: Figures, forces: Sequence[tuple[float, float]]
+    method: MethodName, nominal: BearingMetrics, forces: Sequence[tuple[float, float]]
 ) -> Row:
     """Return the row of one method for all random plants."""
     pairs = ", ".join(f"{before:.3g} -> {after:.3g}" for before, after in forces)
@@ -142,8 +149,8 @@ def make_iron_row(ready: BearingInputs, name: str, drift: Drift) -> Row:
     schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
     rig = change_rig(ready.rig, {"iron": schema.validate_python({"name": "own", **families[name]})})
-    known = identify_magnet(measure_loops(rig))
-    changed = replace(ready, rig=rig, loops=known.loops, model=known.model)
+    identified = identify_magnet(measure_loops(rig))
+    changed = replace(ready, rig=rig, loops=identified.loops, model=identified.model)
     found, before, after = calibrate_plant(changed, ("full", drift))
     (method,) = found.file.method
     return Row(
@@ -168,7 +175,7 @@ def make_method_row(ready: BearingInputs, method: MethodName) -> Row:
 def prepare_inputs() -> BearingInputs:
     """Return the example with a larger standard deviation of the gap zero than its file states."""
     rig, controller = read_files(RIG, None)
-    ready = check_inputs(change_rig(rig, UNSURE), controller)
+    ready = check_inputs(change_rig(rig, GAP_ZERO_SIGMA_M), controller)
     return replace(ready, model=ready.identify_magnet().model)
 
 
@@ -181,12 +188,14 @@ def rows() -> list[Row]:
     """Calibrate every method on the plant of the table, on random plants and on other irons."""
     ready = prepare_inputs()
     drawn = [sample_plant(ready.rig.settings, SEED, number)[0] for number in range(PLANTS)]
-    every = [(method, drift) for method in METHODS for drift in drawn]
-    outcomes = dict(zip(every, map_ordered(partial(calibrate_plant, ready), every), strict=True))
+    all_outcomes = [(method, drift) for method in METHODS for drift in drawn]
+    outcomes = dict(
+        zip(all_outcomes, map_ordered(partial(calibrate_plant, ready), all_outcomes), strict=True)
+    )
     lines = []
     for method, line in zip(METHODS, map_ordered(partial(make_method_row, ready), METHODS), strict=True):
         setup = make_setup(ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed")
-        both = [outcomes[method, drift][1:] for drift in drawn]
-        forces = [(before[1], after[1]) for before, after in both]
+        before_and_after = [outcomes[method, drift][1:] for drift in drawn]
+        forces = [(before[1], after[1]) for before, after in before_and_after]
         lines += [line, make_random_plants_row(method, evaluate_controller(setup, NO_DRIFT), forces)]
-    return lines + [make_iron_row(ready, name, drift) for name in OTHERS for drift in (NO_DRIFT, TABLE)]
+    return lines + [make_iron_row(ready, name, drift) for name in OTHER_IRONS for drift in (NO_DRIFT, TABLE)]

@@ -10,7 +10,7 @@ from anhyst_rigs.study.bearing.on_board import QEMU, run_board
 from rows import ROOT, Row, Stopwatch
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
-SOFT = 5e-3
+MAX_LANDING_SPEED = 5e-3
 """Largest touch-down speed that counts as a landing, m/s."""
 
 
@@ -23,17 +23,21 @@ def rows() -> list[Row]:
         except InputError as error:
             return [Row("firmware of the bearing in QEMU", "", str(error), None)]
     released = [
-        outcome for outcome in found.outcomes if not outcome.is_levitating and outcome.rest_speed > SOFT
+        outcome
+        for outcome in found.outcomes
+        if not outcome.is_levitating and outcome.rest_speed > MAX_LANDING_SPEED
     ]
     fastest_released = 1e3 * max(outcome.rest_speed for outcome in released)
     landed = [
-        outcome for outcome in found.outcomes if not outcome.is_levitating and outcome.rest_speed <= SOFT
+        outcome
+        for outcome in found.outcomes
+        if not outcome.is_levitating and outcome.rest_speed <= MAX_LANDING_SPEED
     ]
     return [
         Row(
             "firmware of the bearing in QEMU against the simulation, lift-off to landing",
             "no tick differs",
-            f"{found.differing_ticks} of {len(found.recorded)} differ, landing at "
+            f"{found.differing_ticks} of {len(found.board_recording)} differ, landing at "
             f"{1e3 * found.landing_speed:.1f} mm/s",
             found.differing_ticks == 0 and found.has_landed,
             watch.processor,

@@ -38,12 +38,12 @@ def rows() -> list[Row]:
             ready.rig, controller, ready.identify_magnet(), "library", Path(place)
         )
         with one_core():
-            alone = unpaced("one core", setup, firmware)
+            alone = measure_speed("one core", setup, firmware)
         return [
             alone,
-            unpaced(f"{os.cpu_count()} cores", setup, firmware),
-            paced(setup, firmware),
-            million(setup, firmware),
+            measure_speed(f"{os.cpu_count()} cores", setup, firmware),
+            measure_pacing(setup, firmware),
+            compare_million_ticks(setup, firmware),
         ]
 
 
@@ -58,8 +58,8 @@ def one_core() -> Iterator[None]:
         os.sched_setaffinity(0, cores)
 
 
-def unpaced(where: str, setup: BearingSetup, firmware: Path) -> Row:
-    """Hover without pacing and measure the ratio of simulated time to wall time."""
+def measure_speed(core_text: str, setup: BearingSetup, firmware: Path) -> Row:
+    """Levitate without pacing and measure the ratio of simulated time to wall time."""
     watch = Stopwatch()
     bench = BearingBench(setup, firmware)
     lift(bench)
@@ -67,13 +67,13 @@ def unpaced(where: str, setup: BearingSetup, firmware: Path) -> Row:
     ticks = round(RUN_S * bench.rate)
     for _ in range(ticks // 200):
         bench.advance(200)
-    took = time.perf_counter() - began
+    wall_seconds = time.perf_counter() - began
     bench.close()
-    factor = RUN_S / took
+    factor = RUN_S / wall_seconds
     return Row(
-        f"virtual bearing, {bench.rate:g} Hz, independent iron, full, 4 sub-steps, {where}",
+        f"virtual bearing, {bench.rate:g} Hz, independent iron, full, 4 sub-steps, {core_text}",
         ">= 1 times real time",
-        f"{factor:.2f} times real time, {1e6 * took / ticks:.1f} us per tick, "
+        f"{factor:.2f} times real time, {1e6 * wall_seconds / ticks:.1f} us per tick, "
         f"{1e6 * watch.processor / bench.tick:.1f} us of processor time of plant and firmware",
         factor >= 1.0,
         watch.processor,
@@ -88,8 +88,8 @@ def lift(bench: BearingBench) -> None:
     bench.advance(round(0.5 * bench.rate))
 
 
-def paced(setup: BearingSetup, firmware: Path) -> Row:
-    """Hover in real time with a recorder and a viewer as subscribers."""
+def measure_pacing(setup: BearingSetup, firmware: Path) -> Row:
+    """Levitate in real time while a recorder and a viewer receive the signals."""
     bench = BearingBench(setup, firmware)
     lift(bench)
     first = bench.tick + 1
@@ -127,7 +127,7 @@ def paced(setup: BearingSetup, firmware: Path) -> Row:
     )
 
 
-def million(setup: BearingSetup, firmware: Path) -> Row:
+def compare_million_ticks(setup: BearingSetup, firmware: Path) -> Row:
     """Run a million ticks on the bench and in the simulated loop, and compare them."""
     script = ScenarioBuilder(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
     landing = script.tick_count(land_time(setup.rig, setup.controller))
@@ -137,24 +137,24 @@ def million(setup: BearingSetup, firmware: Path) -> Row:
     scenario = script.command(Command.LAND).hold(landing * setup.rig.dt).build()
     watch = Stopwatch()
     bench = BearingBench(setup, firmware)
-    recorded = follow(bench, scenario)
+    recorded = follow_scenario(bench, scenario)
     bench.close()
     simulated = SimulatedLoop(setup).run(scenario)
     at = [signal.name for signal in bench.signals].index
-    differ = np.zeros(scenario.ticks, dtype=bool)
+    differing_ticks = np.zeros(scenario.ticks, dtype=bool)
     for name, column in (("gap", "gap_m"), ("command", "command_A"), ("force", "force_N")):
-        differ |= recorded[:, 1 + at(name)] != simulated[column]
+        differing_ticks |= recorded[:, 1 + at(name)] != simulated[column]
     landed = recorded[-1, 1 + at("state")] == State.READY
     return Row(
         f"{scenario.ticks} ticks of steps on the bench against the simulated loop",
         "no tick lost, no tick differs",
-        f"{scenario.ticks - len(recorded)} lost, {np.count_nonzero(differ)} differ",
-        len(recorded) == scenario.ticks and not differ.any() and bool(landed),
+        f"{scenario.ticks - len(recorded)} lost, {np.count_nonzero(differing_ticks)} differ",
+        len(recorded) == scenario.ticks and not differing_ticks.any() and bool(landed),
         watch.processor,
     )
 
 
-def follow(bench: BearingBench, scenario: Scenario) -> np.ndarray:
+def follow_scenario(bench: BearingBench, scenario: Scenario) -> np.ndarray:
     """Apply the commands, set-points and loads of a scenario to the bench and return its rows."""
     events = (scenario.command != 0) | (np.diff(scenario.target, prepend=np.nan) != 0.0)
     events |= np.diff(scenario.load, prepend=np.nan) != 0.0

@@ -27,15 +27,15 @@ from planar import RIG
 from rows import Row
 
 FIELDS = 50
-LONG, PITCH = 0.2, 0.004
+FIELD_LENGTH_M, FIELD_PITCH_M = 0.2, 0.004
 """Length of a field along x, with half a turnaround at each end, and pitch of the fields along y,
 m."""
-ASIDE = SetPoint((10.0, 10.0), 0.12, 0.0, 7.5e-3, 2e-3, has_final_rest=True)
-"""Set-point of a step along y; accelerations in m/s2, speed in m/s."""
+STEP_ALONG_Y = SetPoint((10.0, 10.0), 0.12, 0.0, 7.5e-3, 2e-3, has_final_rest=True)
+"""Set-point of a step along y: accelerations, m/s2, and speed, m/s."""
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux", "fused")
 PIECE = 20_000
 SETTLED_S = 5e-3
-"""Time from the end of the acceleration to the begin of the exposure, s."""
+"""Time from the end of the acceleration to the beginning of the exposure, s."""
 
 
 @dataclass(frozen=True)
@@ -45,31 +45,34 @@ class Path:
     rig: BodyRig
 
     @property
-    def along(self) -> SetPoint:
+    def motion_along_x(self) -> SetPoint:
         """The motion along x."""
         scan = self.rig.settings.scan
         turning = 2.0 * scan.speed_m_per_s / max(scan.test_m_per_s2) + scan.jerk_phase_s
-        cruise = LONG / scan.speed_m_per_s - turning / 2.0
+        cruise = FIELD_LENGTH_M / scan.speed_m_per_s - turning / 2.0
         phases = scan.jerk_phase_s, scan.snap_phase_s
         return SetPoint((max(scan.test_m_per_s2),) * FIELDS, scan.speed_m_per_s, cruise, *phases)
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and accelerations at given times."""
-        along, moved = self.along, float(ASIDE.derivatives_at(np.array([ASIDE.duration]))[0][0])
-        aside = replace(ASIDE, cruise=(PITCH - moved) / ASIDE.speed)
-        lasts = aside.duration - 2.0 * aside.cruise  # without the cruise before and after it
+        along, moved = (
+            self.motion_along_x,
+            float(STEP_ALONG_Y.derivatives_at(np.array([STEP_ALONG_Y.duration]))[0][0]),
+        )
+        side_step = replace(STEP_ALONG_Y, cruise=(FIELD_PITCH_M - moved) / STEP_ALONG_Y.speed)
+        lasts = side_step.duration - 2.0 * side_step.cruise  # without the cruise before and after it
         x, y = along.derivatives_at(time)[:2], [np.zeros_like(time), np.zeros_like(time)]
         for begin, length, _ in along.pulses[1:]:
-            since = begin + 0.5 * (length - lasts) - aside.cruise
-            place, acceleration, _, _ = aside.derivatives_at(time - since)
+            since = begin + 0.5 * (length - lasts) - side_step.cruise
+            place, acceleration, _, _ = side_step.derivatives_at(time - since)
             y = [y[0] + place, y[1] + acceleration]
         return np.column_stack([x[0], y[0]]), np.column_stack([x[1], y[1]])
 
-    def exposed(self, count: int) -> np.ndarray:
+    def exposure_mask(self, count: int) -> np.ndarray:
         """Return the mask of the ticks in which a field is exposed."""
         found, dt = np.zeros(count, dtype=bool), self.rig.dt
-        for begin, length, _ in self.along.pulses:
-            end = begin + length + self.along.cruise
+        for begin, length, _ in self.motion_along_x.pulses:
+            end = begin + length + self.motion_along_x.cruise
             found[round((begin + length + SETTLED_S) / dt) : round(end / dt)] = True
         return found
 
@@ -77,14 +80,14 @@ class Path:
 def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     """Return the errors of all coordinates, one row for each tick, and the union of all flags."""
     rig, file, path = setup.rig, setup.rig.settings, Path(setup.rig)
-    free, n = file.body.free, round(path.along.duration / rig.dt)
+    free, n = file.body.free, round(path.motion_along_x.duration / rig.dt)
     time, ahead = tick_times(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
     places, set_points = path.at(time)[0], np.zeros((n + 1, len(free)))
     set_points[:, :2] = places
     accelerations = np.zeros((n, len(free)))
     accelerations[:, :2] = path.at(time[:n] + ahead)[1]
     wrench = accelerations @ mass_matrix(file).T - weight_wrench(file)
-    delayed_stray = path.along.derivatives_at(time - STRAY_DELAY_S)[1] / max(file.scan.test_m_per_s2)
+    delayed_stray = path.motion_along_x.derivatives_at(time - STRAY_DELAY_S)[1] / max(file.scan.test_m_per_s2)
     frame = set_points.copy()
     frame[:, 0] += frame_stray_from(rig, delayed_stray, time)
     frame[:, 1] += frame_stray_from(rig, 0.0, time)
@@ -109,7 +112,7 @@ def rows() -> list[Row]:
         pose_errors, flags = errors(make_stage(rig, magnet, method))
         ticks = round(rig.settings.scan.slit_s / rig.dt)
         is_full_window = (
-            np.convolve(Path(rig).exposed(len(pose_errors)), np.ones(ticks), "valid") > ticks - 0.5
+            np.convolve(Path(rig).exposure_mask(len(pose_errors)), np.ones(ticks), "valid") > ticks - 0.5
         )
         slit = np.ones(ticks) / ticks
         means = np.column_stack(
@@ -121,6 +124,6 @@ def rows() -> list[Row]:
             f"{axis} {p:.3g} / {m:.3g}"
             for axis, p, m in zip(rig.settings.body.free, peak, average, strict=True)
         )
-        what = f"meander, {FIELDS} fields, {len(pose_errors) * rig.dt:.0f} s, {method}: peak / average"
-        result_rows.append(Row(what, "reported", f"{text} nm, nrad; flags {flags}", True))
+        title = f"meander, {FIELDS} fields, {len(pose_errors) * rig.dt:.0f} s, {method}: peak / average"
+        result_rows.append(Row(title, "reported", f"{text} nm, nrad; flags {flags}", True))
     return result_rows

@@ -1,6 +1,6 @@
-"""Identify the law of Jiles and Atherton from real measurements; compare with published results.
+"""Identify the Jiles-Atherton law from real measurements, and compare with published results.
 
-``laws.py`` compares the law with play cells.
+``laws.py`` compares this law with play cells.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Array = FloatArray
 LAW = "effective-field"
 
 SAME_ERROR = 0.0227
-"""Sum of squares, T^2, up to which both optimisers are timed on the ferrite loops."""
+"""Sum of squares, T^2, that each optimiser must reach when it is timed on the ferrite loops."""
 
 SEEDS = 10
 
@@ -52,7 +52,7 @@ class _Clock:
 _normal = Objective.normal_equations
 
 
-def ferrite(folder: Path) -> list[Row]:
+def fit_ferrite(folder: Path) -> list[Row]:
     """Fit one set to four nested MnZn ferrite loops; compare with differential evolution."""
     loops = read_loops(folder / baseline.FILE, history="settled")
     records = make_fit_records(loops, "points")
@@ -102,7 +102,7 @@ def ferrite(folder: Path) -> list[Row]:
     ]
 
 
-def _single(loop: Loop, loops: Loops) -> float:
+def _fit_single_loop(loop: Loop, loops: Loops) -> float:
     """Return the rms error of one loop fitted alone, relative to its largest output."""
     alone = loops.with_loops([loop])
     fit = identify(alone, law=LAW, offsets=False).model.fit
@@ -110,20 +110,20 @@ def _single(loop: Loop, loops: Loops) -> float:
     return fit.rms / fit.largest_output
 
 
-def steel(folder: Path) -> Row:
+def fit_steel(folder: Path) -> Row:
     """Fit one set to four quasi-static steel loops; errors relative to each loop's B_max."""
     path = folder / "steel_core1_dc" / "loops.csv"
     loops = read_loops(path, loop="nominal_Hmax_A_per_m", history="settled")
     fit = identify(loops, law=LAW, weights="relative", offsets=False).model.fit
     assert fit is not None
     joint = [row.rms / row.largest_output for row in fit.loops]
-    alone = [_single(loop, loops) for loop in loops.loops]
+    separate_rms = [_fit_single_loop(loop, loops) for loop in loops.loops]
     return Row(
         "solid steel, 4 loops jointly: rms of each loop's B_max",
         "<= 0.75 %",
         ", ".join(f"{100 * rms_ratio:.2f}" for rms_ratio in joint)
         + " %; each loop with a separate set: "
-        + ", ".join(f"{100 * rms_ratio:.2f}" for rms_ratio in alone)
+        + ", ".join(f"{100 * rms_ratio:.2f}" for rms_ratio in separate_rms)
         + " %",
         max(joint) <= 0.0075,
     )
@@ -134,7 +134,7 @@ def _rmse(loops: Loops, fitted: tuple[Array, ...]) -> float:
     return float(np.sqrt(np.mean(residuals**2)))
 
 
-def gadolinium(folder: Path) -> list[Row]:
+def fit_gadolinium(folder: Path) -> list[Row]:
     """Fit three loops at each of six temperatures separately, then jointly over the temperature."""
     folder = folder / "gadolinium_temperature"
     with (folder / "published_parameters_per_temperature.csv").open(encoding="utf-8") as file:
@@ -169,7 +169,7 @@ def gadolinium(folder: Path) -> list[Row]:
     ]
 
 
-def ferrite_gaps(folder: Path) -> Row:
+def predict_ferrite_gap(folder: Path) -> Row:
     """Fit two gaps of a split ferrite core with the reluctance map and predict the third."""
     path = folder / "ferrite_core_gaps" / "loops_by_gap.csv"
     loops = read_loops(path, columns={"I_A_scaled": "I_A", "U_M_V": "psi_Wb"})
@@ -197,4 +197,4 @@ def ferrite_gaps(folder: Path) -> Row:
 
 def rows(folder: Path) -> list[Row]:
     """Return all rows about real measurements."""
-    return [*ferrite(folder), steel(folder), *gadolinium(folder), ferrite_gaps(folder)]
+    return [*fit_ferrite(folder), fit_steel(folder), *fit_gadolinium(folder), predict_ferrite_gap(folder)]

@@ -1,9 +1,9 @@
 """Compare a compensator with one play operator with the full law and the single-valued curve.
 
-The metric is the force error over the whole loop and over small cycles, relative to the true force
-of a virtual magnet. The irons of the magnets are not laws of anhyst, except that of the bearing,
-which consists of play cells. Each compensator is fitted to loops read with the simulated sensors
-and runs in fixed point. ``python -m benchmarks.one_play`` prints a table.
+The metric is the force error on the whole loop and on small cycles, relative to the true force of a
+virtual magnet. The irons of the magnets are not laws of anhyst, except that of the bearing, which
+consists of play cells. Each compensator is fitted to loops that the simulated sensors measured, and
+it runs in fixed point. ``python -m benchmarks.one_play`` prints a table.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
 BEARING = Path(__file__).resolve().parent.parent / "examples" / "bearing"
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full")
-REACHED = 0.95
-"""Largest demand at a gap, as a fraction of the force at the largest current there."""
+DEMAND_FRACTION = 0.95
+"""Largest demand at a gap, as a fraction of the force at this gap with the largest current."""
 
 
-def _foreign(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArray:
+def _simulated_readings(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArray:
     """Return the noise-free sensor readings of force; negative currents are set to zero."""
     sensors = magnet.sensors
     driven = np.maximum(current - sensors.current_offset, 0.0)
     return magnet.force(driven, gap) + sensors.force_offset
 
 
-def magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
-    """Yield the name, the loops as read and the true force function of each magnet."""
+def list_magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
+    """Yield the name, the measured loops and the true force function of each magnet."""
     rig = read_bearing(BEARING / "rig.toml")
 
     def bundled(current: FloatArray, gap: float) -> FloatArray:
@@ -50,25 +50,25 @@ def magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
     with tempfile.TemporaryDirectory() as folder:
         for name, magnet in MAGNETS.items():
             loops = read_loops(magnet.write_loops(Path(folder) / f"{name}.csv"))
-            yield name, loops, partial(_foreign, magnet)
+            yield name, loops, partial(_simulated_readings, magnet)
 
 
 def measure(loops: Loops, answer: ForceModel) -> tuple[float, dict[str, CycleErrors]]:
     """Return the largest demand, N, and the errors of each method over three gaps."""
     gaps = [gap for gap in loops.by_schedule() if gap is not None]
     ends = min(gaps), max(gaps)
-    top = max(float(loop.input.max()) for loop in loops.loops)
-    drive = np.linspace(0.0, top, 100)
+    max_current = max(float(loop.input.max()) for loop in loops.loops)
+    drive = np.linspace(0.0, max_current, 100)
     test_gaps = np.linspace(*ends, 5)[1:-1].tolist()
-    reach = {gap: REACHED * float(answer(drive, gap)[-1]) for gap in test_gaps}
-    largest = max(reach.values())
-    operating_range = OperatingRange(test_gaps[1], 0.5 * largest, 20_000.0, ends, largest, top)
+    max_demand = {gap: DEMAND_FRACTION * float(answer(drive, gap)[-1]) for gap in test_gaps}
+    largest = max(max_demand.values())
+    operating_range = OperatingRange(test_gaps[1], 0.5 * largest, 20_000.0, ends, largest, max_current)
     sources = Sources(operating_range, loops, identify_magnet(loops).model)
     errors_by_method: dict[str, CycleErrors] = {}
     for method in METHODS:
         compensator = make_compensator(method, sources, "fixed")
         for gap in test_gaps:
-            errors = measure_cycle_errors(compensator.reset_copy(), answer, gap, reach[gap])
+            errors = measure_cycle_errors(compensator.reset_copy(), answer, gap, max_demand[gap])
             errors_by_method[method] = (
                 errors_by_method[method].join_errors(errors) if method in errors_by_method else errors
             )
@@ -79,7 +79,7 @@ def main() -> None:
     """Print the table in per cent of the largest force."""
     print("| magnet | law | whole loop, rms | worst | cycles of 10 %, rms | worst |")
     print("| --- | --- | --- | --- | --- | --- |")
-    for name, loops, answer in magnets():
+    for name, loops, answer in list_magnets():
         largest, found = measure(loops, answer)
         for method, errors in found.items():
             values = [of(part) for part in (errors.major, errors.small) for of in (rms, max_magnitude)]

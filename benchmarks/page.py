@@ -66,7 +66,7 @@ DELAY = """([name, value]) => new Promise(resolve => {
 })"""
 
 
-ATTACK = """
+ATTACK_PROGRAM = """
 import contextlib, sys, websockets
 from websockets.sync.client import connect
 address, origin = sys.argv[1:]
@@ -82,24 +82,24 @@ with connect(address, origin=origin, max_queue=1):  # never reads
 
 def rows() -> list[Row]:
     """Measure the levitated bundled bearing with an open page."""
-    with tempfile.TemporaryDirectory() as place, served(Path(place)) as (session, page):
+    with tempfile.TemporaryDirectory() as place, serve_bearing(Path(place)) as (session, page):
         result_rows = [
             measure_frame_rate(session, page),
             measure_delay(page),
-            soak(session, SOAK_S, "page open"),
+            measure_long_run(session, SOAK_S, "page open"),
         ]
         origin = page.url.rstrip("/")
         address = origin.replace("http", "ws") + "/live"
-        with subprocess.Popen([sys.executable, "-c", ATTACK, address, origin]) as attacker:
+        with subprocess.Popen([sys.executable, "-c", ATTACK_PROGRAM, address, origin]) as attacker:
             beside = "page open, one client floods, another never reads"
-            result_rows.append(soak(session, FLOOD_S, beside))
+            result_rows.append(measure_long_run(session, FLOOD_S, beside))
             assert attacker.poll() is None
             attacker.kill()
         return result_rows
 
 
 @contextmanager
-def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
+def serve_bearing(place: Path) -> Iterator[tuple[LiveSession, Page]]:
     """Serve the bearing, with recording, to a browser that shows many signals, and lift it off."""
     from playwright.sync_api import sync_playwright
 
@@ -168,21 +168,21 @@ def measure_frame_rate(session: LiveSession, page: Page) -> Row:
 def measure_delay(page: Page) -> Row:
     """Measure the time from a parameter change until the page shows the first tick that used it."""
     page.get_by_role("tab", name="4 parameters").click()
-    took = []
+    delays = []
     for n in range(ORDERS):
-        took.append(page.evaluate(DELAY, ["load_damping", str(5.0 + n)]))
+        delays.append(page.evaluate(DELAY, ["load_damping", str(5.0 + n)]))
         time.sleep(0.1)
     page.get_by_role("tab", name="1 scope").click()
-    median = statistics.median(took)
+    median = statistics.median(delays)
     return Row(
         "changed value until its first tick is shown",
         "<= 60 ms, median",
-        f"{median:.0f} ms, {max(took):.0f} ms at most, of {ORDERS}",
+        f"{median:.0f} ms, {max(delays):.0f} ms at most, of {ORDERS}",
         median <= 60.0,
     )
 
 
-def soak(session: LiveSession, seconds: float, beside: str) -> Row:
+def measure_long_run(session: LiveSession, seconds: float, load_text: str) -> Row:
     """Levitate for a long time with recording; measure lateness and memory growth."""
     began, first = time.monotonic(), session.bench.tick
     slips, worst = session.pacer.pacing().slip_count, 0.0
@@ -191,12 +191,12 @@ def soak(session: LiveSession, seconds: float, beside: str) -> Row:
         time.sleep(0.5)
         worst = max(worst, session.pacer.pacing().max_lateness)
         if elapsed > 0.1 * seconds:  # buffers are full from here on
-            sizes.append(resident())
+            sizes.append(resident_memory())
     pace = session.pacer.pacing()
     factor = (pace.tick - first) / session.bench.rate / (time.monotonic() - began)
     memory_growth = statistics.median(sizes[-10:]) / statistics.median(sizes[:10]) - 1.0
     return Row(
-        f"levitates for {seconds:g} s, recorded, {beside}",
+        f"levitates for {seconds:g} s, recorded, {load_text}",
         f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
         f"{factor:.4f} times, lateness {1e3 * worst:.1f} ms at most, {pace.slip_count - slips} "
         f"pacing slips; memory {100 * memory_growth:+.1f} % of {sizes[0]:.0f} MB",
@@ -204,7 +204,7 @@ def soak(session: LiveSession, seconds: float, beside: str) -> Row:
     )
 
 
-def resident() -> float:
+def resident_memory() -> float:
     """Return the resident memory of this process, MB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

@@ -31,9 +31,9 @@ from tracking import with_iron
 
 RIG = ROOT / "examples" / "planar" / "rig.toml"
 IRONS = ROOT / "examples" / "irons" / "irons.toml"
-NAMES = ("preisach-usual", "preisach-hard", "duhem-usual")
+IRON_NAMES = ("preisach-usual", "preisach-hard", "duhem-usual")
 """Irons that are not laws of the package; the first is that of the example."""
-MEASURES = (
+METRICS = (
     ("x, peak", "peak_m", 1e9, "nm", 0.15),
     ("x, moving average", "average_m", 1e9, "nm", 0.15),
     ("x, settling to 50 nm", "settling_50_s", 1e3, "ms", 0.3),
@@ -42,20 +42,22 @@ MEASURES = (
     ("rz, peak", "rz_rad", 1e9, "nrad", None),
 )
 """Label, name, factor and unit of each metric; target as a fraction of the best curve's value."""
-FAST_HZ, FAST_M = 300.0, 2e-9
+FAST_HZ, FAST_TARGET_M = 300.0, 2e-9
 """High crossover, Hz, and target of `full` there: moving average of the error in the cruise, m."""
 
 
 def make_iron_rows(iron: str, study: TrackingStudy) -> list[Row]:
     """Return the rows of one iron."""
     result_rows = []
-    for what, name, factor, unit, reach in MEASURES:
+    for title, name, factor, unit, target_ratio in METRICS:
         means = {variant: results.interval(name).mean for variant, results in study.variants.items()}
         share = means["full"] / means["single-valued"]
         means_text = ", ".join(f"{variant} {factor * mean:.3g}" for variant, mean in means.items())
-        aim = "reported" if reach is None else f"<= {reach:g} times single-valued"
+        aim = "reported" if target_ratio is None else f"<= {target_ratio:g} times single-valued"
         text = f"{share:.3g}; {means_text} {unit}"
-        result_rows.append(Row(f"planar, {iron}: {what}", aim, text, reach is None or share <= reach))
+        result_rows.append(
+            Row(f"planar, {iron}: {title}", aim, text, target_ratio is None or share <= target_ratio)
+        )
     return result_rows
 
 
@@ -74,7 +76,7 @@ def measure_at_300_hz(
     return average, peak, largest_ry
 
 
-def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
+def make_fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
     """Return the row of one iron at the high crossover."""
     found = dict(
         zip(
@@ -84,33 +86,33 @@ def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
         )
     )
     text = "; ".join(
-        f"{name} {1e9 * average:.3g} nm, peak {1e9 * peak:.3g} nm, ry {1e9 * turned:.3g} nrad"
-        for name, (average, peak, turned) in found.items()
+        f"{name} {1e9 * average:.3g} nm, peak {1e9 * peak:.3g} nm, ry {1e9 * largest_ry:.3g} nrad"
+        for name, (average, peak, largest_ry) in found.items()
     )
-    what = f"planar at {FAST_HZ:g} Hz, {iron}: x, moving average"
-    return Row(what, f"<= {1e9 * FAST_M:g} nm", text, found["full"][0] <= FAST_M)
+    title = f"planar at {FAST_HZ:g} Hz, {iron}: x, moving average"
+    return Row(title, f"<= {1e9 * FAST_TARGET_M:g} nm", text, found["full"][0] <= FAST_TARGET_M)
 
 
 def make_loss_rows() -> list[Row]:
-    """Return the outcomes of layouts after the loss of each of their magnets."""
+    """Return the results for each layout after the loss of each of its magnets."""
     result_rows = []
     for name, movable in (("8", 0), ("10", 0), ("12", 8), ("14", 14)):
         for peaks in ((22.0, 10.0, 18.0), (10.0, 8.0)):
             if name == "8" and peaks[0] > 10.0:
-                continue  # its two magnets along x cannot follow this motion
+                continue  # two magnets along x are too weak for this motion
             case = LossCase(kind="loss", circuit="open")
             flights = LossFlights(laid(name, peaks), Feedforward(), case).run_all()
             survived_count = sum(flight.outcome in ("flies on", "brakes") for flight in flights)
             text = "; ".join(" ".join(flight.table_cells()) for flight in flights)
-            what = f"planar, {name} magnets, {peaks[0]:g} m/s2: survived losses"
+            title = f"planar, {name} magnets, {peaks[0]:g} m/s2: survived losses"
             result_rows.append(
-                Row(what, f"{movable}", f"{survived_count}; {text}", survived_count == movable)
+                Row(title, f"{movable}", f"{survived_count}; {text}", survived_count == movable)
             )
     return result_rows
 
 
-def head_rows() -> list[Row]:
-    """Return the outcomes of lift-off and landing with ten magnets after a fault of each head."""
+def make_head_rows() -> list[Row]:
+    """Return the results of lift-off and landing with ten magnets after a fault of each head."""
     result_rows = []
     for heads in (6, 7):
         case = LossCase(
@@ -134,10 +136,10 @@ def rows() -> list[Row]:
     """Return all rows about the planar stage."""
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
     found = []
-    for name in NAMES:
+    for name in IRON_NAMES:
         rig = with_iron(read_stage(RIG), families[name])
         magnet = identify_stage_magnet(rig, measure_loops(rig))
         found += make_iron_rows(name, explore_stage(rig, magnet))
         fast = with_iron(read_stage(RIG), families[name], FAST_HZ)
-        found.append(fast_row(name, fast, magnet))
-    return found + make_loss_rows() + head_rows()
+        found.append(make_fast_row(name, fast, magnet))
+    return found + make_loss_rows() + make_head_rows()

@@ -21,7 +21,7 @@ class Row:
     """Whether the target is met; None if there is no target and the value is only reported."""
 
     seconds: float | None = None
-    """Processor time of the work that the row measures, s; None if the row measures no time."""
+    """Processor time of the measured work, s; None if the row states no time."""
 
 
 class Stopwatch:

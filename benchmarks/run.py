@@ -37,7 +37,7 @@ MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "forc
            "families", "tracking", "calibration", "planar", "balancing", "levitated", "solenoids",
            "levitation", "live", "page", "improve", "closed_loop", "tuned", "measured", "laws",
            "actuators", "fleet")  # fmt: skip
-ALONE = ("search", "solid", "meander", "creeping")
+SLOW_MODULES = ("search", "solid", "meander", "creeping")
 """Modules that take so long that they run only if they are named."""
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 
@@ -53,31 +53,31 @@ def _demo() -> ModuleType:
     return module
 
 
-def bundled_example() -> list[Row]:
+def measure_bundled_example() -> list[Row]:
     """Measure errors at withheld gaps of the bundled example against its noise-free truth."""
     demo = _demo()
-    here = Path(demo.ELECTROMAGNET)
-    loops, truth = (read_loops(here / name) for name in ("loops.csv", "unseen_truth.csv"))
+    example_folder = Path(demo.ELECTROMAGNET)
+    loops, truth = (read_loops(example_folder / name) for name in ("loops.csv", "unseen_truth.csv"))
     largest = max(float(np.max(loop.output)) for loop in truth.loops)
-    plain = demo.unseen_single_valued(truth)
+    curve_errors = demo.unseen_single_valued(truth)
     rows = []
     for gap_map, reach in (("scaling", 0.5), ("reluctance", 0.35)):
-        off = demo.unseen_deviation(identify(loops, gap_map=gap_map).model, truth)
-        mean = 100.0 * off.mean / largest
+        errors = demo.unseen_deviation(identify(loops, gap_map=gap_map).model, truth)
+        mean = 100.0 * errors.mean / largest
         rows.append(
             Row(
                 f"bundled example, unseen gaps, '{gap_map}': mean error",
                 f"<= {reach:g} % of F_max",
-                f"{mean:.3f} %, worst {100 * off.worst / largest:.2f} %; best single-valued curve "
-                f"{100 * plain.mean / largest:.2f} %, worst {100 * plain.worst / largest:.2f} %",
+                f"{mean:.3f} %, worst {100 * errors.worst / largest:.2f} %; best single-valued curve "
+                f"{100 * curve_errors.mean / largest:.2f} %, worst {100 * curve_errors.worst / largest:.2f} %",
                 mean <= reach,
             )
         )
-    return [*rows, *whole_identify(here / "loops.csv")]
+    return [*rows, *measure_identify_time(example_folder / "loops.csv")]
 
 
-def whole_identify(loops: Path) -> list[Row]:
-    """Measure the time of identifying four gaps, as a call and as the command with all imports."""
+def measure_identify_time(loops: Path) -> list[Row]:
+    """Measure the time to identify four gaps, as a call and as the command with all imports."""
     watch = Stopwatch()
     identify(read_loops(loops))
     call = (str(watch), watch.processor)
@@ -85,18 +85,18 @@ def whole_identify(loops: Path) -> list[Row]:
         command = [sys.executable, "-m", "anhyst.cli.app", "identify", str(loops)]
         watch = Stopwatch()
         subprocess.run([*command, "--out", f"{folder}/model.toml"], check=True, capture_output=True)
-        whole = (str(watch), watch.processor)
+        command_seconds = (str(watch), watch.processor)
     names = ("identify, 4 gaps, auto", "the same as a command, imports included")
     return [
-        Row(name, "<= 3 s of processor time", said, seconds <= 3.0, seconds)
-        for name, (said, seconds) in zip(names, (call, whole), strict=True)
+        Row(name, "<= 3 s of processor time", time_text, seconds <= 3.0, seconds)
+        for name, (time_text, seconds) in zip(names, (call, command_seconds), strict=True)
     ]
 
 
 def rows_of(name: str) -> list[Row]:
     """Measure the rows of one module."""
     if name == "example":
-        return bundled_example()
+        return measure_bundled_example()
     measure = importlib.import_module(name).rows
     rows: list[Row] = []
     if name != "measured":
@@ -108,14 +108,14 @@ def rows_of(name: str) -> list[Row]:
     return rows
 
 
-def in_yardsticks(ratio: float) -> str:
+def ratio_text(ratio: float) -> str:
     """Format a number that may be large."""
     return f"{ratio:.3g}" if ratio < 1e4 else f"{1e-6 * ratio:.3g} million"
 
 
 def cells(row: Row, machine: Machine) -> list[str]:
     """Return the cells of a row of the table."""
-    ratio = "" if row.seconds is None else in_yardsticks(row.seconds / machine.yardstick)
+    ratio = "" if row.seconds is None else ratio_text(row.seconds / machine.yardstick)
     met = "-" if row.met is None else "yes" if row.met else "NO"
     return [row.what, row.reach, row.measured, ratio, met]
 
@@ -131,7 +131,7 @@ def markdown(rows: Sequence[Row], machine: Machine) -> str:
 
 
 def show(rows: Sequence[Row], machine: Machine) -> None:
-    """Print the table: drawn on a terminal, else as Markdown, whose lines must not break."""
+    """Print the table: drawn on a terminal, otherwise as Markdown with unwrapped lines."""
     if not sys.stdout.isatty():
         print(markdown(rows, machine), end="")
         return
@@ -148,8 +148,8 @@ def show(rows: Sequence[Row], machine: Machine) -> None:
 
 def main(names: Sequence[str]) -> int:
     """Measure, print and write the table; return the exit code."""
-    if unknown := set(names) - {*MODULES, *ALONE}:
-        print(f"no such lines: {', '.join(sorted(unknown))}; there are {', '.join((*MODULES, *ALONE))}",
+    if unknown := set(names) - {*MODULES, *SLOW_MODULES}:
+        print(f"no such lines: {', '.join(sorted(unknown))}; there are {', '.join((*MODULES, *SLOW_MODULES))}",
               file=sys.stderr)  # fmt: skip
         return 2
     machine = this_machine()

@@ -37,23 +37,23 @@ from drawn import COUNT, Draw, Test, draw
 from drawn_families import FAMILIES
 from rows import ROOT, Row, Stopwatch
 
-KNOWN = ROOT / "benchmarks" / "known_best.json"
+KNOWN_FILE = ROOT / "benchmarks" / "known_best.json"
 FOUND = ROOT / "build" / "search.json"
 KINDS = ("same", "unseen", "moving", "small", "other")
 
-REACH = 1.1
+MAX_RATIO = 1.1
 """Largest ratio of the deviation to that of the best known fit with at most as many parameters."""
 
-UNSEEN = 1e-4
-"""Deviation relative to the largest output below which no sensor shows a difference."""
+MIN_DEVIATION = 1e-4
+"""Deviation relative to the largest output that is too small for any sensor."""
 
-THROUGH = 1
-"""Stage of ``known.py`` up to which the best fits of a draw must be known."""
+REQUIRED_STAGE = 1
+"""Stage of ``known.py`` that must be complete before the best fit of a draw counts as known."""
 
-COVERED = 0.9
+TARGET_COVERAGE = 0.9
 """Target for the fraction of intervals that contain the true value."""
 
-Tried = dict[str, Any]
+DrawResult = dict[str, Any]
 
 
 def loops_rms(model: Model, loops: Loops) -> float:
@@ -76,10 +76,10 @@ def deviation(model: Model, test: Test) -> FloatArray:
     return np.asarray((output - test.output)[test.counted])
 
 
-def measure(draw_to_measure: Draw) -> Tried:
+def measure(draw_to_measure: Draw) -> DrawResult:
     """Identify a draw with default settings; return the errors of its model on all test records."""
     loops, drive = draw_to_measure.loops, draw_to_measure.true["drive"]
-    found: Tried = {
+    found: DrawResult = {
         "number": draw_to_measure.number,
         "family": draw_to_measure.family,
         "start": drive["start"],
@@ -109,11 +109,11 @@ def measure(draw_to_measure: Draw) -> Tried:
     for kind in KINDS:
         residuals = [deviation(model, test) / span for test in draw_to_measure.tests if test.kind == kind]
         if residuals:
-            every = np.concatenate(residuals)
+            all_tests = np.concatenate(residuals)
             found[kind] = {
-                "mean": float(np.mean(np.abs(every))),
-                "worst": float(np.max(np.abs(every))),
-                "rms": float(np.sqrt(np.mean(every * every))),
+                "mean": float(np.mean(np.abs(all_tests))),
+                "worst": float(np.max(np.abs(all_tests))),
+                "rms": float(np.sqrt(np.mean(all_tests * all_tests))),
             }
     if promised := model.fit.cross_validation:
         found["promised"] = list(promised.interval)
@@ -122,17 +122,17 @@ def measure(draw_to_measure: Draw) -> Tried:
 
 def known_rms(known: Mapping[str, Any], numbers: int) -> float | None:
     """Return the deviation of the best known usable fit with at most `numbers` parameters."""
-    fits = known["fits"].values() if known["through"] >= THROUGH else ()
+    fits = known["fits"].values() if known["through"] >= REQUIRED_STAGE else ()
     usable_rms = [fit["rms"] for fit in fits if fit and fit["usable"] and fit["numbers"] <= numbers]
     return 0.01 * min(usable_rms) if usable_rms else None
 
 
-def with_known(tried: Sequence[Tried]) -> list[Tried]:
-    """Add the ratio of each deviation to that of the best known fit, if one is known.
+def with_known(tried: Sequence[DrawResult]) -> list[DrawResult]:
+    """Add the ratios of each deviation to that of the best known fits, if these are known.
 
-    One ratio is to the fits with at most as many parameters, one to all fits.
+    The first ratio is to the fits with at most as many parameters, the second to all fits.
     """
-    known_fits = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
+    known_fits = json.loads(KNOWN_FILE.read_text(encoding="utf-8")) if KNOWN_FILE.exists() else {"draws": {}}
     found = []
     for draw_result in tried:
         known = known_fits["draws"].get(str(draw_result["number"]))
@@ -140,12 +140,12 @@ def with_known(tried: Sequence[Tried]) -> list[Tried]:
         for name, numbers in (("ratio", draw_result.get("numbers", 0)), ("ratio_of_all", sys.maxsize)):
             best = known_rms(known, numbers) if known and "rms" in draw_result else None
             if best is not None:
-                ratios[name] = max(draw_result["rms"], UNSEEN) / max(best, UNSEEN)
+                ratios[name] = max(draw_result["rms"], MIN_DEVIATION) / max(best, MIN_DEVIATION)
         found.append(draw_result | ratios)
     return found
 
 
-def _by_family(tried: Sequence[Tried], figure: Callable[[Sequence[Tried]], str]) -> str:
+def _by_family(tried: Sequence[DrawResult], figure: Callable[[Sequence[DrawResult]], str]) -> str:
     """Return a metric of all draws and of each family, as text."""
     groups = {
         name: [draw_result for draw_result in tried if draw_result["family"] == name] for name in FAMILIES
@@ -158,21 +158,21 @@ def _median(values: Sequence[float], scale: float = 1.0, digits: int = 3) -> str
     return f"{scale * float(np.median(values)):.{digits}g}" if values else "-"
 
 
-def _of_all(tried: Sequence[Tried]) -> str:
+def _all_fits_ratio(tried: Sequence[DrawResult]) -> str:
     ratios = [draw_result["ratio_of_all"] for draw_result in tried if "ratio_of_all" in draw_result]
     return f"{_median(ratios)}, worst {max(ratios):.3g}" if ratios else "-"
 
 
-def _near(tried: Sequence[Tried]) -> str:
+def _near_fraction(tried: Sequence[DrawResult]) -> str:
     ratios = [draw_result["ratio"] for draw_result in tried if "ratio" in draw_result]
     if not ratios:
         return "-"
-    share = float(np.mean([ratio <= REACH for ratio in ratios]))
+    share = float(np.mean([ratio <= MAX_RATIO for ratio in ratios]))
     return f"{100.0 * share:.0f} % of {len(ratios)}, worst {max(ratios):.3g}"
 
 
-def _missed(kind: str) -> Callable[[Sequence[Tried]], str]:
-    def figure(tried: Sequence[Tried]) -> str:
+def _error_text(kind: str) -> Callable[[Sequence[DrawResult]], str]:
+    def figure(tried: Sequence[DrawResult]) -> str:
         have = [draw_result[kind] for draw_result in tried if kind in draw_result]
         mean, worst = ([draw_result[name] for draw_result in have] for name in ("mean", "worst"))
         return f"{_median(mean, 100.0)}/{_median(worst, 100.0)} %"
@@ -180,19 +180,19 @@ def _missed(kind: str) -> Callable[[Sequence[Tried]], str]:
     return figure
 
 
-def _moving(tried: Sequence[Tried]) -> str:
+def _moving_ratio(tried: Sequence[DrawResult]) -> str:
     return _median([draw_result["moving"]["mean"] / draw_result["unseen"]["mean"] for draw_result in tried
                     if "moving" in draw_result])  # fmt: skip
 
 
-def _single(tried: Sequence[Tried]) -> str:
-    have = [draw_result["other"]["rms"] / max(draw_result["rms"], UNSEEN) for draw_result in tried
+def _single_loop_ratio(tried: Sequence[DrawResult]) -> str:
+    have = [draw_result["other"]["rms"] / max(draw_result["rms"], MIN_DEVIATION) for draw_result in tried
             if draw_result["loops"] == 1 and "other" in draw_result]  # fmt: skip
     return f"{_median(have)}, worst {max(have):.3g} ({len(have)})" if have else "-"
 
 
-def _covered(kind: str) -> Callable[[Sequence[Tried]], str]:
-    def figure(tried: Sequence[Tried]) -> str:
+def _coverage_text(kind: str) -> Callable[[Sequence[DrawResult]], str]:
+    def figure(tried: Sequence[DrawResult]) -> str:
         have = [draw_result for draw_result in tried if "promised" in draw_result and kind in draw_result]
         inside = [
             draw_result["promised"][0] <= draw_result[kind]["mean"] <= draw_result["promised"][1]
@@ -203,62 +203,79 @@ def _covered(kind: str) -> Callable[[Sequence[Tried]], str]:
     return figure
 
 
-def _spent(tried: Sequence[Tried]) -> str:
+def _time_text(tried: Sequence[DrawResult]) -> str:
     seconds = [draw_result["seconds"] for draw_result in tried]
     return f"{_median(seconds)}/{max(seconds):.3g} s"
 
 
-def _share(tried: Sequence[Tried], figure: Callable[[Tried], bool]) -> float:
+def _interval_fraction(tried: Sequence[DrawResult], figure: Callable[[DrawResult], bool]) -> float:
     return float(np.mean([figure(draw_result) for draw_result in tried])) if tried else 1.0
 
 
-def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
+def lines_of(half_name: str, tried: Sequence[DrawResult]) -> list[Row]:
     """Return the rows of some draws."""
     tried = with_known(tried)
     ratios = [draw_result for draw_result in tried if "ratio" in draw_result]
     refused = [draw_result for draw_result in tried if "refused" in draw_result]
     promised = [draw_result for draw_result in tried if "promised" in draw_result and "same" in draw_result]
 
-    def holds(draw_result: Tried) -> bool:
+    def holds(draw_result: DrawResult) -> bool:
         low, high = draw_result["promised"]
         return bool(low <= draw_result["same"]["mean"] <= high)
 
-    table: list[tuple[str, str, Callable[[Sequence[Tried]], str], bool | None]] = [
+    table: list[tuple[str, str, Callable[[Sequence[DrawResult]], str], bool | None]] = [
         (
-            f"fit within {REACH:g} times the best known with at most as many parameters",
+            f"fit within {MAX_RATIO:g} times the best known with at most as many parameters",
             "all",
-            _near,
-            _share(ratios, lambda one: bool(one["ratio"] <= REACH)) == 1.0 if ratios else None,
+            _near_fraction,
+            _interval_fraction(ratios, lambda one: bool(one["ratio"] <= MAX_RATIO)) == 1.0
+            if ratios
+            else None,
         ),
-        ("ratio of fit to best known with any number of parameters: median", "reported", _of_all, None),
-        ("unseen gaps, random reversals: mean/worst", "reported", _missed("unseen"), None),
-        ("ratio of errors, moving gap / fixed gaps: mean", "reported", _moving, None),
-        ("cycles of 10 % about a bias: mean/worst", "reported", _missed("small"), None),
-        ("one loop only: ratio of rms on other records to that of the fit", "reported", _single, None),
+        (
+            "ratio of fit to best known with any number of parameters: median",
+            "reported",
+            _all_fits_ratio,
+            None,
+        ),
+        ("unseen gaps, random reversals: mean/worst", "reported", _error_text("unseen"), None),
+        ("ratio of errors, moving gap / fixed gaps: mean", "reported", _moving_ratio, None),
+        ("cycles of 10 % about a bias: mean/worst", "reported", _error_text("small"), None),
+        (
+            "one loop only: ratio of rms on other records to that of the fit",
+            "reported",
+            _single_loop_ratio,
+            None,
+        ),
         (
             "predicted interval contains the true error, loops as measured",
-            f">= {100.0 * COVERED:.0f} %",
-            _covered("same"),
-            _share(promised, holds) >= COVERED if promised else None,
+            f">= {100.0 * TARGET_COVERAGE:.0f} %",
+            _coverage_text("same"),
+            _interval_fraction(promised, holds) >= TARGET_COVERAGE if promised else None,
         ),
-        ("predicted interval contains the error with random reversals", "reported", _covered("unseen"), None),
+        (
+            "predicted interval contains the error with random reversals",
+            "reported",
+            _coverage_text("unseen"),
+            None,
+        ),
     ]
     rows = [
-        Row(f"search, {half}: {what}", reach, _by_family(tried, figure), met)
+        Row(f"search, {half_name}: {what}", reach, _by_family(tried, figure), met)
         for what, reach, figure, met in table
     ]
     spent = sum(draw_result["seconds"] for draw_result in tried)
     return [
         *rows,
-        Row(f"search, {half}: refused", "0", f"{len(refused)} of {len(tried)}", not refused),
-        Row(f"search, {half}: processor time of identify, median/worst", "reported",
-            _by_family(tried, _spent), None, spent),
+        Row(f"search, {half_name}: refused", "0", f"{len(refused)} of {len(tried)}", not refused),
+        Row(f"search, {half_name}: processor time of identify, median/worst", "reported",
+            _by_family(tried, _time_text), None, spent),
     ]  # fmt: skip
 
 
-def run(numbers: Sequence[int], shown: bool) -> list[Tried]:
-    """Try some draws; draws that may be shown are written to a file after each one."""
-    tried: list[Tried] = []
+def run(numbers: Sequence[int], shown: bool) -> list[DrawResult]:
+    """Run some draws; draws that may be inspected are written to a file after each one."""
+    tried: list[DrawResult] = []
     for place, number in enumerate(numbers, start=1):
         result = measure(draw(number))
         tried.append(result)

@@ -1,4 +1,4 @@
-"""Measure the throughput of the serial link in emulation and in a process; compute it for lines."""
+"""Measure the throughput of the serial link in QEMU and in a process; compute it for lines."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ON_HOST = 20_000
 WINDOW = 24
 COMMANDS_A_TICK = 10
 RATE = 4000.0
-BITS_A_BYTE = 10
+BITS_PER_BYTE = 10
 """Eight data bits, a start bit and a stop bit."""
 
 
@@ -56,14 +56,14 @@ def rows() -> list[Row]:
         request = CompileRequest(kind="full", io="q31", rate=RATE)
         compiled = compile_model(folder / "model.toml", folder / "compiled", request).out
         return [
-            *_emulated(compiled, folder),
-            _process(compiled, folder),
-            *(_line(baud) for baud in (115_200, 921_600)),
-            _memory(compiled, folder),
+            *_measure_emulated_link(compiled, folder),
+            _measure_process_link(compiled, folder),
+            *(_compute_line_rate(baud) for baud in (115_200, 921_600)),
+            _measure_memory(compiled, folder),
         ]
 
 
-def _emulated(compiled: Path, folder: Path) -> Iterator[Row]:
+def _measure_emulated_link(compiled: Path, folder: Path) -> Iterator[Row]:
     if shutil.which("qemu-system-arm") is None:
         yield Row(
             "link on qemu-mps2",
@@ -74,7 +74,7 @@ def _emulated(compiled: Path, folder: Path) -> Iterator[Row]:
         return
     program = build("qemu-mps2", compiled, folder / "qemu.elf")
     with run_qemu(program, Coil()) as board:
-        seconds, lost = _stream(board, COMMANDS)
+        seconds, lost = _stream_demands(board, COMMANDS)
     yield Row(
         f"link on qemu-mps2, {COMMANDS} force commands",
         ">= 1000 per second, none lost",
@@ -83,10 +83,10 @@ def _emulated(compiled: Path, folder: Path) -> Iterator[Row]:
     )
 
 
-def _process(compiled: Path, folder: Path) -> Row:
+def _measure_process_link(compiled: Path, folder: Path) -> Row:
     program = build("host", compiled, folder / "host")
     with run_host(program, Coil()) as board:
-        seconds, lost = _stream(board, ON_HOST)
+        seconds, lost = _stream_demands(board, ON_HOST)
         with ControllerLink(board.url, timeout=1.0) as controller:
             began = time.perf_counter()
             for n in range(ON_HOST):
@@ -102,7 +102,7 @@ def _process(compiled: Path, folder: Path) -> Row:
     )
 
 
-def _stream(board: RunningFirmware, count: int) -> tuple[float, int]:
+def _stream_demands(board: RunningFirmware, count: int) -> tuple[float, int]:
     """Stream demands while the plant is stepped; return the duration, s, and the lost frames."""
     with ControllerLink(board.url, timeout=2.0) as controller:
         board.bus.step(40)
@@ -122,11 +122,11 @@ def _stream(board: RunningFirmware, count: int) -> tuple[float, int]:
     return seconds, count - answered + status.codes.lost_frames + status.codes.bad_frames
 
 
-def _line(baud: int) -> Row:
-    """Compute the throughput of a full-duplex serial line; the longer answers limit it."""
+def _compute_line_rate(baud: int) -> Row:
+    """Compute the throughput of a full-duplex serial line, which the answers limit."""
     demand = len(encode(DemandRequest(0x01010101), 1, 0x01010101))
     status = len(encode(StatusAnswer(*([1] * 12)), 1, 0x01010101))
-    a_second = baud / BITS_A_BYTE
+    a_second = baud / BITS_PER_BYTE
     return Row(
         f"a real line of {baud} baud, 8N1 (computed)",
         "",
@@ -136,7 +136,7 @@ def _line(baud: int) -> Row:
     )
 
 
-def _memory(compiled: Path, folder: Path) -> Row:
+def _measure_memory(compiled: Path, folder: Path) -> Row:
     sizes = read_sizes(build("nucleo", compiled, folder / "nucleo.elf"))
     return Row(
         "firmware for the Nucleo-F446RE",

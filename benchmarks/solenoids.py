@@ -1,9 +1,9 @@
 """Measure force control over the serial link for solenoids with irons of other families.
 
 Winding, poles and instruments are those of ``examples/solenoid``; the irons are those of
-``examples/irons``. The loops are measured again for each iron. Only two of the test positions are
-used, neither of which was measured. ``python benchmarks/solenoids.py NAME`` prints the rows of one
-iron.
+``examples/irons``. The loops are measured again for each iron. Only two of the example's test
+positions are used, and the loops contain neither of them. ``python benchmarks/solenoids.py NAME``
+prints the rows of one iron.
 """
 
 from __future__ import annotations
@@ -29,12 +29,11 @@ FOLDER = ROOT / "examples" / "solenoid"
 POSITIONS = (1.25e-3, 2.6e-3)
 
 CHOSEN, PAPER = "auto", "effective-field"
-REST, MOVING, PART = 0.6, 1.5, 0.25
+REST_TARGET, MOVING_TARGET, MAX_ERROR_RATIO = 0.6, 1.5, 0.25
 """Targets: error at rest and in motion, % of F_max, and ratio to the error of the best curve."""
 
-REACHED = 0.85
-"""Largest demand relative to the force that every position reaches, if below that of the example.
-"""
+DEMAND_FRACTION = 0.85
+"""Largest demand relative to the force that can be reached at every position; at most 40 N."""
 
 
 def _loops_module() -> ModuleType:
@@ -61,8 +60,8 @@ def write_rig(folder: Path, name: str, law: str) -> Path:
     for file, text in _loops_module().files(place).items():
         (folder / file).write_text(text, encoding="utf-8")
     gaps = read_loops(folder / "loops.csv").by_schedule().values()
-    least = min(max(float(loop.output.max()) for loop in loops) for loops in gaps)
-    largest = min(40.0, 5.0 * (REACHED * least // 5.0))
+    smallest_force = min(max(float(loop.output.max()) for loop in loops) for loops in gaps)
+    largest = min(40.0, 5.0 * (DEMAND_FRACTION * smallest_force // 5.0))
     text = place.read_text(encoding="utf-8")
     place.write_text(re.sub(r"force_max_N = [\d.]+", f"force_max_N = {largest}", text), "utf-8")
     return place
@@ -74,7 +73,7 @@ def run(rig: Path) -> dict[str, Any]:
         return force_control(rig, Path(place) / "run").figures
 
 
-def by_law(summaries: dict[str, dict[str, Any]], stage: str) -> str:
+def errors_by_law_text(summaries: dict[str, dict[str, Any]], stage: str) -> str:
     """Format the errors of each law and of the single-valued curves for a test stage."""
     parts = [f"{law} {summary[stage]['full']['worst_percent']:.2f} %" for law, summary in summaries.items()]
     plain = summaries[CHOSEN][stage]
@@ -82,39 +81,39 @@ def by_law(summaries: dict[str, dict[str, Any]], stage: str) -> str:
     return ", ".join(parts)
 
 
-def lines_of(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
-    """Return the rows of one solenoid for each law: at rest and moving."""
+def make_solenoid_rows(what: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
+    """Return the rows of one solenoid for each law, at rest and in motion."""
     own = summaries[CHOSEN]
     result_rows = []
-    for title, stages, most in (
-        ("at rest", ("end", "end_demagnetised", "positions"), REST),
-        ("armature moving", ("moving",), MOVING),
+    for title, stages, max_error in (
+        ("at rest", ("end", "end_demagnetised", "positions"), REST_TARGET),
+        ("armature moving", ("moving",), MOVING_TARGET),
     ):
         worst = max(own[stage]["full"]["worst_percent"] for stage in stages)
         part = max(own[stage]["full"]["of_single"] for stage in stages)
-        told = "; ".join(f"{stage}: {by_law(summaries, stage)}" for stage in stages)
+        law_text = "; ".join(f"{stage}: {errors_by_law_text(summaries, stage)}" for stage in stages)
         result_rows.append(
             Row(
                 f"force control, {what}, {title}: worst force error of full",
-                f"<= {most:g} % of F_max and {PART:g} times the best single-valued",
-                f"{worst:.2f} %, {part:.2f} times; {told}",
-                worst <= most and part <= PART,
+                f"<= {max_error:g} % of F_max and {MAX_ERROR_RATIO:g} times the best single-valued",
+                f"{worst:.2f} %, {part:.2f} times; {law_text}",
+                worst <= max_error and part <= MAX_ERROR_RATIO,
             )
         )
     return result_rows
 
 
 def measure(name: str) -> list[Row]:
-    """Measure one iron with both laws."""
+    """Measure one iron with two laws."""
     summaries = {}
     for law in (CHOSEN, PAPER):
         with tempfile.TemporaryDirectory() as place:
             summaries[law] = run(write_rig(Path(place), name, law))["summary"]
-    return lines_of(f"iron {name}", summaries)
+    return make_solenoid_rows(f"iron {name}", summaries)
 
 
-def bundled() -> list[Row]:
-    """Measure the solenoid of the example with both laws, at all its positions."""
+def measure_bundled() -> list[Row]:
+    """Measure the solenoid of the example with two laws, at all its positions."""
     summaries = {}
     for law in (CHOSEN, PAPER):
         with tempfile.TemporaryDirectory() as place:
@@ -123,7 +122,7 @@ def bundled() -> list[Row]:
             text = rig.read_text(encoding="utf-8").replace("[loops]", f'[loops]\nlaw = "{law}"')
             rig.write_text(text, encoding="utf-8")
             summaries[law] = run(rig)["summary"]
-    return lines_of("iron of cells", summaries)
+    return make_solenoid_rows("iron of cells", summaries)
 
 
 def names() -> list[str]:
@@ -134,7 +133,7 @@ def names() -> list[str]:
 def rows() -> list[Row]:
     """Return all rows: the example and six other irons."""
     watch = Stopwatch()
-    found = bundled()
+    found = measure_bundled()
     for name in names():
         found += measure(name)
     return [
@@ -144,9 +143,9 @@ def rows() -> list[Row]:
 
 
 def main(chosen: Sequence[str]) -> None:
-    """Print the rows of the named irons, or of all."""
+    """Print the rows of the named irons, or of all irons."""
     for name in chosen or ["cells", *names()]:
-        for row in bundled() if name == "cells" else measure(name):
+        for row in measure_bundled() if name == "cells" else measure(name):
             print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)
 
 

@@ -39,26 +39,26 @@ from rows import ROOT, Row
 from solid_magnets import COUNT, RINGS_FROM, SPEEDS, SolidMagnet, solid_magnet
 from tracking import IRONS, RIG, with_iron
 
-TICKS, CYCLES, BAND = 20_000.0, 4, (0.1, 0.5)
+TICKS_PER_SECOND, CYCLES, FORCE_BAND = 20_000.0, 4, (0.1, 0.5)
 """Open loop: ticks per second, number of cycles, and force range relative to the largest static
 force."""
 
-REACH = {"1 Hz": (0.12, 0.6), "20 Hz": (0.35, 1.2), "100 Hz": (0.9, 3.0), "random": (0.4, 2.5)}
+DEVIATION_TARGETS = {"1 Hz": (0.12, 0.6), "20 Hz": (0.35, 1.2), "100 Hz": (0.9, 3.0), "random": (0.4, 2.5)}
 """Targets: mean and worst deviation, % of the largest force."""
 
 
-STAGE: tuple[MethodName, ...] = ("single-valued", "at-rest", "full", "flux")
-"""Methods that are compared on a stage; the last reads a probe in the gap."""
+STAGE_METHODS: tuple[MethodName, ...] = ("single-valued", "at-rest", "full", "flux")
+"""Methods that are compared on a stage; the last method uses a flux probe in the gap."""
 STAGE_IRONS = ("cells", "preisach-usual", "duhem-usual")
 STAGE_SOLID = SolidTable(depth_m=4e-3, conductivity_S_per_m=2e6, path_m=0.05)
 STAGE_FAST = [45.0, 450.0, 1350.0]  # A/s: full triangles of 5, 50 and 150 Hz
-BEARING_SOLID = ((4e-3, 0.05), (8e-3, 0.05), (6e-3, 0.1), (10e-3, 0.15))
+SOLID_BEARING_PARTS = ((4e-3, 0.05), (8e-3, 0.05), (6e-3, 0.1), (10e-3, 0.15))
 """Depth and path length of the solid part of the bearing's magnet, m; conductivity 2e6 S/m."""
 BEARING_STEP, BEARING_SEEDS = 50e-6, (1, 2, 3)
 
 
 @dataclass(frozen=True)
-class Judged:
+class MagnetResult:
     """Mean and worst deviation of one magnet, % of the largest force, without and with layers."""
 
     number: int
@@ -70,7 +70,7 @@ class Judged:
     force: tuple[float, float]  # worst open-loop error, % of F_max: with layers, static
 
 
-def judge(number: int) -> Judged:
+def evaluate_magnet(number: int) -> MagnetResult:
     """Identify a magnet and evaluate both models on records that were not fitted."""
     magnet = solid_magnet(number)
     loops = magnet.measured()
@@ -83,9 +83,9 @@ def judge(number: int) -> Judged:
     largest = max(float(np.max(loop.output)) for loop in loops.loops)
     middle_gap = float(np.sqrt(magnet.gaps[0] * magnet.gaps[1]))
     records = {f"{rate:g} Hz": magnet.cycle(rate, middle_gap) for rate in (1.0, 20.0, 100.0)}
-    records["random"] = magnet.random((magnet.gaps[0], magnet.gaps[-1]))
+    records["random"] = magnet.random_record((magnet.gaps[0], magnet.gaps[-1]))
     at_rest, layers = (
-        {name: _missed(candidate_model, loop, largest) for name, loop in records.items()}
+        {name: _deviations(candidate_model, loop, largest) for name, loop in records.items()}
         for candidate_model in (static_model, model)
     )
     assert model.fit is not None
@@ -94,7 +94,7 @@ def judge(number: int) -> Judged:
     slow = float(np.sqrt(np.mean(np.square(with_layers))) / static_model.fit.rms)
     chosen = f"{model.law}, {model.gap_map}, layers {model.layers}"
     force = open_loop(magnet, model, middle_gap), open_loop(magnet, model.at_rest, middle_gap)
-    return Judged(number, at_rest, layers, slow, identify_seconds, chosen, force)
+    return MagnetResult(number, at_rest, layers, slow, identify_seconds, chosen, force)
 
 
 def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = "f32") -> float:
@@ -103,26 +103,26 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = 
     The armature is held, and the current equals the output of the compensator.
     """
     model = model if model.has_layers else model.at_rest  # a single lag is not compiled
-    plan = make_plan(model, CompileRequest("full", io, TICKS), 0)
+    plan = make_plan(model, CompileRequest("full", io, TICKS_PER_SECOND), 0)
     static_force = float(model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1])
-    ticks = round(TICKS / SPEEDS[-1])
+    ticks = round(TICKS_PER_SECOND / SPEEDS[-1])
     place = np.arange(CYCLES * ticks) / ticks
-    part = BAND[0] + (BAND[1] - BAND[0]) * (1.0 - np.abs(2.0 * (place % 1.0) - 1.0))
+    part = FORCE_BAND[0] + (FORCE_BAND[1] - FORCE_BAND[0]) * (1.0 - np.abs(2.0 * (place % 1.0) - 1.0))
     demand = static_force * part * np.minimum(2.0 * place, 1.0)
     current = make_twin(plan.block, io).run(demand, np.full(demand.size, gap))
-    force = magnet.run(current, np.full(demand.size, gap), np.arange(demand.size) / TICKS)
+    force = magnet.run(current, np.full(demand.size, gap), np.arange(demand.size) / TICKS_PER_SECOND)
     errors = np.abs(force - demand)[-ticks:]
     return 100.0 * float(errors.max()) / plan.reference_output
 
 
-def _missed(model: Model, loop: Loop, largest: float) -> tuple[float, float]:
+def _deviations(model: Model, loop: Loop, largest: float) -> tuple[float, float]:
     history = "demagnetised" if loop.label == "random" else "settled"
     predicted = model.predict(loop.input, loop.schedule, loop.time, history).output
     errors_percent = 100.0 * np.abs(predicted - loop.output) / largest
     return float(errors_percent.mean()), float(errors_percent.max())
 
 
-def on_stage(iron: str) -> dict[MethodName, Measures]:
+def run_on_stage(iron: str) -> dict[MethodName, Measures]:
     """Run the test set-point on a stage of solid iron, with gains of the training set-point."""
     rig = read_stage(RIG)
     if iron != "cells":
@@ -141,7 +141,7 @@ def on_stage(iron: str) -> dict[MethodName, Measures]:
     train, test = (
         scan_motion(scan, accelerations) for accelerations in (scan.train_m_per_s2, scan.test_m_per_s2)
     )
-    for name in STAGE:
+    for name in STAGE_METHODS:
         setup = make_stage(rig, magnet, name)
         found[name] = measure(track(setup, test, find_gains(setup, train), 1), test, scan.slit_s)
     return found
@@ -151,8 +151,8 @@ def stage_rows() -> list[Row]:
     """Return the rows of the benefit of the layer model on a stage."""
     rows = []
     for iron in STAGE_IRONS:
-        found = on_stage(iron)
-        for what, name, factor, unit in (
+        found = run_on_stage(iron)
+        for title, name, factor, unit in (
             ("moving average", "average_m", 1e9, "nm"),
             ("peak", "peak_m", 1e9, "nm"),
             ("force, rms", "force_rms_N", 1.0, "N"),
@@ -162,7 +162,7 @@ def stage_rows() -> list[Row]:
             values_text = ", ".join(f"{method} {metric_value:.3g}" for method, metric_value in value.items())
             rows.append(
                 Row(
-                    f"stage on solid iron, {iron}: {what}",
+                    f"stage on solid iron, {iron}: {title}",
                     "<= 1/3 times at-rest",
                     f"{share:.2g}; {values_text} {unit}",
                     share <= 1.0 / 3.0,
@@ -171,7 +171,7 @@ def stage_rows() -> list[Row]:
     return rows
 
 
-def on_bearing(depth: float, path: float) -> dict[MethodName, StepCell]:
+def run_on_bearing(depth: float, path: float) -> dict[MethodName, StepCell]:
     """Run steps of the bearing with solid iron and its unchanged fixed-point controller."""
     rig, controller = read_files(ROOT / "examples" / "bearing" / "rig.toml", None)
     rig = change_rig(
@@ -183,18 +183,18 @@ def on_bearing(depth: float, path: float) -> dict[MethodName, StepCell]:
         },
     )
     magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
-    setups = [make_setup(rig, controller.settings, magnet, name, "fixed") for name in STAGE]
+    setups = [make_setup(rig, controller.settings, magnet, name, "fixed") for name in STAGE_METHODS]
     cells = compare_steps(
         setups, [rig.settings.gap_m], [BEARING_STEP], [rig.static_load], BEARING_SEEDS, jobs=1
     )
-    return dict(zip(STAGE, cells, strict=True))
+    return dict(zip(STAGE_METHODS, cells, strict=True))
 
 
 def bearing_rows() -> list[Row]:
     """Return the rows of the benefit of the layer model on a bearing."""
     rows = []
-    for depth, path in BEARING_SOLID:
-        found = on_bearing(depth, path)
+    for depth, path in SOLID_BEARING_PARTS:
+        found = run_on_bearing(depth, path)
         force = {name: cell.interval("force_error_rms_N").mean for name, cell in found.items()}
         values_text = "; ".join(
             f"{name} {force[name]:.3g} N, {cell.interval('overshoot_percent').mean:.2g} %, "
@@ -214,12 +214,12 @@ def bearing_rows() -> list[Row]:
 
 
 def rows() -> list[Row]:
-    """Evaluate all magnets, inspected and not inspected ones separately."""
-    judged = [judge(number) for number in range(COUNT)]
+    """Evaluate all magnets; inspected and uninspected magnets have separate rows."""
+    results = [evaluate_magnet(number) for number in range(COUNT)]
     lines = []
-    for title, odd in (("looked at", 0), ("not looked at", 1)):
-        half = [result for result in judged if result.number % 2 == odd]
-        for name, (mean, worst) in REACH.items():
+    for title, is_odd in (("looked at", 0), ("not looked at", 1)):
+        group = [result for result in results if result.number % 2 == is_odd]
+        for name, (mean, worst) in DEVIATION_TARGETS.items():
             lines.append(
                 Row(
                     f"solid iron, {name}, magnets {title}: mean / worst, % of F_max",
@@ -228,10 +228,10 @@ def rows() -> list[Row]:
                         f"{result.layers[name][0]:.2f} / {result.layers[name][1]:.2f} "
                         f"(at rest {result.at_rest[name][0]:.2f} / {result.at_rest[name][1]:.2f}"
                         f"{', rings' if result.number >= RINGS_FROM else ''})"
-                        for result in half
+                        for result in group
                     ),
                     all(
-                        result.layers[name][0] <= mean and result.layers[name][1] <= worst for result in half
+                        result.layers[name][0] <= mean and result.layers[name][1] <= worst for result in group
                     ),
                 )
             )
@@ -239,23 +239,25 @@ def rows() -> list[Row]:
             Row(
                 f"slow loops, ratio of rms errors with layers / static, magnets {title}",
                 "<= 1.2",
-                "; ".join(f"{result.slow:.2f} ({result.chosen})" for result in half),
-                all(result.slow <= 1.2 for result in half),
+                "; ".join(f"{result.slow:.2f} ({result.chosen})" for result in group),
+                all(result.slow <= 1.2 for result in group),
             )
         )
-    for title, odd in (("looked at", 0), ("not looked at", 1)):
-        pairs = [result.force for result in judged if result.number % 2 == odd]
+    for title, is_odd in (("looked at", 0), ("not looked at", 1)):
+        pairs = [result.force for result in results if result.number % 2 == is_odd]
         lines.append(
             Row(
                 f"50 Hz force triangle, ratio of errors with layers / static, compiled, magnets {title}",
                 "<= 0.2",
-                "; ".join(f"{late:.2f} / {still:.2f} %" for late, still in pairs),
-                all(late <= 0.2 * still for late, still in pairs),
+                "; ".join(
+                    f"{layers_error:.2f} / {static_error:.2f} %" for layers_error, static_error in pairs
+                ),
+                all(layers_error <= 0.2 * static_error for layers_error, static_error in pairs),
             )
         )
-    most = max(result.seconds for result in judged)
-    told = f"median {np.median([result.seconds for result in judged]):.1f} s, worst {most:.1f} s"
-    lines.append(Row("identify, nine records", "<= 10 s", told, most <= 10.0, most))
+    most = max(result.seconds for result in results)
+    choice_text = f"median {np.median([result.seconds for result in results]):.1f} s, worst {most:.1f} s"
+    lines.append(Row("identify, nine records", "<= 10 s", choice_text, most <= 10.0, most))
     return lines + stage_rows() + bearing_rows()
 
 

@@ -54,7 +54,7 @@ class SolidMagnet:
     top: float  # current of the largest force, A
     gaps: tuple[float, ...]  # m
 
-    def outside(self, gap: float) -> float:
+    def gap_reluctance(self, gap: float) -> float:
         """Return the reluctance of both gaps, 1/H."""
         return 2.0 * gap / (MU_0 * self.areas[0])
 
@@ -64,11 +64,11 @@ class SolidMagnet:
 
     def run(self, current: FloatArray, gap: FloatArray, time: FloatArray) -> FloatArray:
         """Return the force over a record, N, starting demagnetised."""
-        step = _slab(self) if self.number < RINGS_FROM else _ringed(self)
+        step = _make_slab_magnet(self) if self.number < RINGS_FROM else _make_ringed_magnet(self)
         density = np.empty(current.size)
         before = time[0] - (time[1] - time[0])
         for place, (amperes, at, now) in enumerate(zip(current, gap, time, strict=True)):
-            density[place] = step(self.turns * amperes, self.outside(at), now - before)
+            density[place] = step(self.turns * amperes, self.gap_reluctance(at), now - before)
             before = now
         return self.force(density)
 
@@ -100,7 +100,7 @@ class SolidMagnet:
             )
         return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
 
-    def random(self, gaps: tuple[float, float], samples: int = 3000) -> Loop:
+    def random_record(self, gaps: tuple[float, float], samples: int = 3000) -> Loop:
         """Return a record of ramps between random currents at random rates while the gap moves."""
         rng = np.random.default_rng([SEED, self.number, 2])
         ends, time = [0.0], [0.0]
@@ -120,10 +120,10 @@ def _triangle(samples: int) -> FloatArray:
 
 
 _Step = Callable[[float, float, float], float]
-"""Function of ampere-turns, A, outer reluctance, 1/H, and time step, s; returns T."""
+"""Function of ampere-turns, A, outer reluctance, 1/H, and time step, s, to flux density, T."""
 
 
-def _ringed(magnet: SolidMagnet) -> _Step:
+def _make_ringed_magnet(magnet: SolidMagnet) -> _Step:
     iron = Piece(magnet.armature)
     length, area = magnet.lengths[0], magnet.areas[0]
     first, second, inductance = magnet.rings
@@ -142,7 +142,7 @@ def _ringed(magnet: SolidMagnet) -> _Step:
     return step
 
 
-def _slab(magnet: SolidMagnet) -> _Step:
+def _make_slab_magnet(magnet: SolidMagnet) -> _Step:
     width = np.geomspace(1.0, 6.0, CELLS)
     width /= width.sum()
     # Conductances at the outer face of each cell, from the surface; zero at the symmetry plane.

@@ -1,8 +1,8 @@
 """Measure the time of one step of each law, and of its elementary functions alone.
 
-Each time is the least processor time of several repetitions, because other work on the machine can
-only add time. The comparison is the time of the same number of exponentials and Langevin functions,
-evaluated over an array without the rest of the law.
+Each time is the shortest processor time of several repetitions, because other work on the machine
+can only add time. It is compared with the time of the same number of exponentials and Langevin
+functions, evaluated over an array without the other operations of the law.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SAMPLES_A_LOOP = 200
 
 
 def best_ns(work: Callable[[], object], items: int) -> float:
-    """Return the processor time of one item, ns, the least of several repetitions."""
+    """Return the processor time of one item, ns, as the shortest of several repetitions."""
     times = []
     for _ in range(REPETITIONS):
         began = time.process_time_ns()
@@ -39,7 +39,7 @@ def _drive(samples: int) -> Array:
     return np.asarray(4.0 * np.sin(2.0 * np.pi * np.arange(samples) / SAMPLES_A_LOOP))
 
 
-def scalar() -> Row:
+def measure_scalar_step() -> Row:
     """Measure one forward step of the implicit law, solved to rounding error."""
     n = 200_000
     r, omega = _drive(n), np.full(n, OMEGA)
@@ -48,7 +48,7 @@ def scalar() -> Row:
     step_time = best_ns(lambda: law.run(omega, r, state), n)
     arguments = np.linspace(-4.0, 4.0, n)
     langevin_time = best_ns(lambda: langevin(arguments), n)
-    # A step evaluates a start and three to four iterates: 4 Langevin functions, 3 exponentials.
+    # A step has an initial guess and 3 to 4 iterates: 4 Langevin functions, 3 exponentials.
     exponential = best_ns(lambda: np.exp(-np.abs(arguments)), n)
     functions_time = 4.0 * langevin_time + 3.0 * exponential
     return Row(
@@ -60,8 +60,8 @@ def scalar() -> Row:
     )
 
 
-def cells() -> list[Row]:
-    """Measure one forward and one inverse step of play cells; Jiles-Atherton on the same drive."""
+def measure_cell_steps() -> list[Row]:
+    """Measure one forward and one inverse step of play cells, and of Jiles-Atherton."""
     n = 200_000
     pinned = [Population(3e5, 40.0, 20.0, 1.5), Population(1e5, 120.0, 80.0, 2.0)]
     iron = make_iron(discretise_populations((3e4, 50.0), pinned), 0.0)
@@ -80,20 +80,20 @@ def cells() -> list[Row]:
     play_cell_times, jiles_atherton_times = both(iron, 13), both(jiles_atherton, 3)
     return [
         Row(
-            f"{way} step of play cells, scalar f64",
+            f"{direction} step of play cells, scalar f64",
             "<= 45 ns",
-            f"{found:.0f} ns; Jiles-Atherton on the same drive {slow:.0f} ns",
-            found <= 45.0,
-            1e-9 * found,
+            f"{play_cell_ns:.0f} ns; Jiles-Atherton on the same drive {jiles_atherton_ns:.0f} ns",
+            play_cell_ns <= 45.0,
+            1e-9 * play_cell_ns,
         )
-        for way, found, slow in zip(
+        for direction, play_cell_ns, jiles_atherton_ns in zip(
             ("forward", "inverse"), play_cell_times, jiles_atherton_times, strict=True
         )
     ]
 
 
-def batched(level: str) -> list[Row]:
-    """Measure a step of a batch per parameter set and sample; only the best level has a target."""
+def measure_batch_step(level: str) -> list[Row]:
+    """Measure a batch step for each set and sample; only the best instruction set has a target."""
     has_target = level == batch_levels()[-1]
     sets, n = 256, SAMPLES_A_LOOP
     rng = np.random.default_rng(0)
@@ -129,4 +129,8 @@ def batched(level: str) -> list[Row]:
 
 def rows() -> list[Row]:
     """Return all rows about speed."""
-    return [scalar(), *cells(), *(row for level in batch_levels() for row in batched(level))]
+    return [
+        measure_scalar_step(),
+        *measure_cell_steps(),
+        *(row for level in batch_levels() for row in measure_batch_step(level)),
+    ]

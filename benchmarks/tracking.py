@@ -2,7 +2,7 @@
 
 Irons, settings and gain search were fixed before the first result; they are defined in
 examples/stage/rig.toml and below. The baselines are the best single-valued curve, the map with one
-play, and the measured flux. Each method has its own gains from the same search.
+play, and the measured flux. The same search finds separate gains for each method.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from rows import ROOT, Row
 RIG = ROOT / "examples" / "stage" / "rig.toml"
 IRONS = ROOT / "examples" / "irons" / "irons.toml"
 REVERSIBLE = (0.05, 0.15, 0.3)
-FAMILIES = ("preisach-soft", "preisach-usual", "preisach-hard", "duhem-usual")
+IRON_NAMES = ("preisach-soft", "preisach-usual", "preisach-hard", "duhem-usual")
 """Irons that are not laws of the package."""
-CREEPS = "duhem-usual"
-"""Iron without return-point memory: a ripple of the current makes its force drift."""
+CREEPING_IRON = "duhem-usual"
+"""Iron without return-point memory: current ripple makes its force drift."""
 VARIANTS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
 
 
@@ -44,17 +44,17 @@ def with_iron(rig: BodyRig, iron: dict[str, object], crossover: float = 130.0) -
 
 
 def without_noise(rig: BodyRig) -> BodyRig:
-    """Return the stage with noise-free position and gap sensors; the current has no ripple then."""
+    """Return the stage with noise-free position and gap sensors, without current ripple."""
     return change_rig(rig, {"position_sensor.noise_m": 0.0, "gap_sensor.noise_m": 0.0})
 
 
-def irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
-    """Yield the tested irons; the three irons of the requirement are first."""
+def list_irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
+    """Yield the tested irons; the three irons with targets are first."""
     own = rig.settings.steel.model_dump()
     for share in REVERSIBLE:
         yield f"cells, reversible part {share:g}", own | {"reversible_fraction": share}
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
-    for name in FAMILIES:
+    for name in IRON_NAMES:
         yield name, families[name]
 
 
@@ -62,8 +62,8 @@ def format_metric(study: TrackingStudy, name: str, factor: float) -> str:
     """Format a metric of all variants with its confidence interval."""
     parts = []
     for variant in VARIANTS:
-        one = study.variants[variant].interval(name)
-        parts.append(f"{variant} {factor * one.mean:.3g} ± {factor * one.half_width:.2g}")
+        interval = study.variants[variant].interval(name)
+        parts.append(f"{variant} {factor * interval.mean:.3g} ± {factor * interval.half_width:.2g}")
     return ", ".join(parts)
 
 
@@ -75,22 +75,27 @@ def metric_ratio(study: TrackingStudy, name: str, baseline: MethodName = "single
 def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
     """Return the rows of one iron at the low crossover."""
     result_rows = []
-    for what, name, factor, unit, reach in (
+    for metric_title, name, factor, unit, target_ratio in (
         ("peak", "peak_m", 1e9, "nm", 0.4),
         ("moving average", "average_m", 1e9, "nm", 0.2),
         ("settling to 50 nm", "settling_50_s", 1e3, "ms", 0.4),
     ):
         share = metric_ratio(study, name)
         text = f"{share:.3g}; {format_metric(study, name, factor)} {unit}"
-        row = Row(f"tracking, {title}: {what}", f"<= {reach:g} times single-valued", text, share <= reach)
+        row = Row(
+            f"tracking, {title}: {metric_title}",
+            f"<= {target_ratio:g} times single-valued",
+            text,
+            share <= target_ratio,
+        )
         result_rows.append(row)
-    own, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
+    full_interval, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
     result_rows.append(
         Row(
             f"tracking, {title}: peak, ratio to the map with one play",
             "<= 1, with interval",
-            f"{own.mean / play.mean:.3g}; moving average {metric_ratio(study, 'average_m', 'play'):.3g}",
-            own.mean - own.half_width <= play.mean + play.half_width,
+            f"{full_interval.mean / play.mean:.3g}; moving average {metric_ratio(study, 'average_m', 'play'):.3g}",
+            full_interval.mean - full_interval.half_width <= play.mean + play.half_width,
         )
     )
     return result_rows
@@ -107,7 +112,7 @@ def make_high_crossover_row(title: str, study: TrackingStudy) -> Row:
     )
 
 
-def learning(study: TrackingStudy) -> list[Row]:
+def make_learning_rows(study: TrackingStudy) -> list[Row]:
     """Return the rows of iterative learning control."""
     own, plain = (study.variants[name].learning_peaks_m for name in ("full", "single-valued"))
     return [
@@ -126,8 +131,8 @@ def learning(study: TrackingStudy) -> list[Row]:
     ]
 
 
-def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> list[Row]:
-    """Return the effect of fixed point and of the plant's sub-steps, with the same noise."""
+def make_format_rows(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> list[Row]:
+    """Return the effects of fixed point and of the plant's sub-steps, with the same noise."""
     table = rig.settings.scan
     motion = scan_motion(table, table.test_m_per_s2)
     gains = study.variants["full"].gains
@@ -160,17 +165,17 @@ def rows() -> list[Row]:
     """Return the rows of all irons at 130 Hz, three at 300 Hz, formats and learning control."""
     rig = read_stage(RIG)
     result_rows: list[Row] = []
-    for number, (title, iron) in enumerate(irons(rig)):
+    for number, (title, iron) in enumerate(list_irons(rig)):
         slow = with_iron(rig, iron)
         magnet = identify_stage_magnet(slow, measure_loops(slow))
         study = explore_stage(slow, magnet)
         result_rows += make_iron_rows(title, study)
-        if title == CREEPS:
+        if title == CREEPING_IRON:
             result_rows += make_iron_rows(f"{title}, no noise", explore_stage(without_noise(slow), magnet))
         if number < len(REVERSIBLE):
             result_rows.append(
                 make_high_crossover_row(title, explore_stage(with_iron(rig, iron, 300.0), magnet))
             )
         if iron.get("reversible_fraction") == rig.settings.steel.model_dump().get("reversible_fraction"):
-            result_rows += [*formats(slow, magnet, study), *learning(study)]
+            result_rows += [*make_format_rows(slow, magnet, study), *make_learning_rows(study)]
     return result_rows

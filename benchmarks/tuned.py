@@ -77,12 +77,12 @@ def main() -> None:
         iron = make_iron(rig, controller, fraction)
         for variant in COMPARED:
             watch = Stopwatch()
-            reached = tune(iron, variant)
-            met = "missed" if AIMS.missed_by(reached) else "met"
+            metrics = tune(iron, variant)
+            aims_text = "missed" if AIMS.missed_by(metrics) else "met"
             print(
-                f"| {iron.title} | `{variant}` | {reached.overshoot_percent:.2f} % | "
-                f"{1e3 * reached.settling_time_s:.2f} ms | {reached.peak_sensitivity:.2f} | "
-                f"{1e9 * reached.standstill_rms_m:.0f} nm | {met} |",
+                f"| {iron.title} | `{variant}` | {metrics.overshoot_percent:.2f} % | "
+                f"{1e3 * metrics.settling_time_s:.2f} ms | {metrics.peak_sensitivity:.2f} | "
+                f"{1e9 * metrics.standstill_rms_m:.0f} nm | {aims_text} |",
                 flush=True,
             )
             print(f"{iron.title} {variant}: {watch}", file=sys.stderr)

@@ -33,10 +33,10 @@ from rows import ROOT
 _STARTS, _SHORT, _LONG, _GRID = 48, 6, 60, 31
 
 
-class _Held(Objective):
+class _FixedObjective(Objective):
     """An objective with a strong quadratic penalty that fixes two coordinates."""
 
-    def pull_to(self, places: list[int], values: list[float]) -> _Held:
+    def pull_to(self, places: list[int], values: list[float]) -> _FixedObjective:
         rows = np.zeros((2, self.space.size))
         rows[[0, 1], places] = 1.0
         self._prior_rows = np.concatenate([self._prior_rows, rows])
@@ -76,7 +76,7 @@ def main(path: Path) -> None:
             theta = best.theta.copy()
             theta[names[0]] = pinning
             theta[names[1]] += width - middle[1]
-            fixed_objective = _Held(space).pull_to(names, theta[names].tolist())
+            fixed_objective = _FixedObjective(space).pull_to(names, theta[names].tolist())
             cost[i, j] = descend(fixed_objective, theta, 1e-4, 12)[1]
     figure, axes = plt.subplots(figsize=(7.0, 4.6), layout="constrained")
     percent = 100.0 * np.sqrt(np.minimum(cost, 1.0))

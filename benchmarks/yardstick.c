@@ -1,8 +1,8 @@
 /* A fixed amount of scalar double-precision work for comparing processors. Each step is a
  * polynomial of twelve terms and a division, similar to an exponential or a Langevin function. Each
- * step needs the result of the step before, so that nothing runs in parallel; no library is used.
- * Prints the processor time of one step in nanoseconds: the least of several repetitions, because
- * other work on the machine can only add time. */
+ * step needs the result of the previous step, so that no steps run in parallel. No library is used.
+ * The program prints the processor time of one step in nanoseconds: the shortest of several
+ * repetitions, because other work on the machine can only add time. */
 #include <stdio.h>
 #include <time.h>
 

@@ -1,16 +1,16 @@
 """Run the bundled examples against their strongest baselines: ``make demo``.
 
-- electromagnet: from loops at four gaps to a model with a report; the model is evaluated at two
-  withheld gaps, and by a force demand between the gaps whose current drives the simulated magnet
-- controller: its model as 16-bit fixed-point C, bit for bit on an emulated Cortex-M4
+- electromagnet: identify a model from loops at four gaps; evaluate it at two withheld gaps, and by a
+  force demand whose current drives the simulated magnet
+- controller: compile this model to 16-bit fixed-point C and run it on an emulated Cortex-M4
 - bearing: four steps with position feedback, where compensation has no benefit
 - stage: set-points with feedforward, where compensation has the largest benefit
 
 The results form one table and one picture in ``demo/``, with longer tables as text files. The
-baseline of the electromagnet is the best possible single-valued curve: it is fitted to true loops
-of the gap at which it is evaluated, while the model knows only other gaps. Bearing and stage use
-all noise seeds of their rig files, but not all variants and experiments; these need ``anhyst
-simulate``.
+baseline of the electromagnet is the best possible single-valued curve. It is fitted to true loops
+of the gap at which it is evaluated, while the model is fitted only to loops of other gaps. Bearing
+and stage use all noise seeds of their rig files. Only ``anhyst simulate`` runs all variants and
+experiments.
 """
 
 from __future__ import annotations
@@ -66,15 +66,15 @@ Array = FloatArray
 
 EXAMPLES = Path(__file__).parent
 ELECTROMAGNET = EXAMPLES / "electromagnet"
-BETWEEN = 0.45e-3
-"""Gap of the demand, m: not measured; the gap of the paper's Figs. 2 and 5."""
-BEARING: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued", "play", "full")
-STAGE: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
-CURVE = "best curve without memory"
-BASELINE: Mapping[MethodName, str] = {
+DEMAND_GAP_M = 0.45e-3
+"""Gap of the force demand, m, as in Figs. 2 and 5 of the paper; no loop has this gap."""
+BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued", "play", "full")
+STAGE_METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
+CURVE_TITLE = "best curve without memory"
+BASELINE_TITLES: Mapping[MethodName, str] = {
     "ratio": "constant ratio",
     "linearised": "two constants",
-    "single-valued": CURVE,
+    "single-valued": CURVE_TITLE,
     "play": "map with one play",
     "flux": "measured flux (Hall)",
 }
@@ -163,17 +163,17 @@ def demand_deviation(model: Model) -> tuple[Deviation, Deviation, float]:
         Deviation with the model inverted, with the single-valued inverse, and the largest force at
         that gap, N.
     """
-    force, current = single_valued_inverse(BETWEEN)
+    force, current = single_valued_inverse(DEMAND_GAP_M)
     largest = float(force[-1])
     demand = triangle(0.05 * largest, 0.95 * largest)
-    inverse = model.invert(demand, BETWEEN, history="settled")
-    compensated = run_magnet(inverse.drive, BETWEEN) - demand
-    plain = run_magnet(np.interp(demand, force, current), BETWEEN) - demand
-    return Deviation.of([compensated]), Deviation.of([plain]), largest
+    inverse = model.invert(demand, DEMAND_GAP_M, history="settled")
+    model_error = run_magnet(inverse.drive, DEMAND_GAP_M) - demand
+    curve_error = run_magnet(np.interp(demand, force, current), DEMAND_GAP_M) - demand
+    return Deviation.of([model_error]), Deviation.of([curve_error]), largest
 
 
 @dataclass(frozen=True)
-class Line:
+class TableLine:
     """One row of the table: the errors with anhyst and with a baseline, and the baseline's name."""
 
     what: str
@@ -183,7 +183,9 @@ class Line:
     gain: str
 
     @classmethod
-    def of(cls, what: str, own: float, baseline: float, against: str, unit: str, places: int = 2) -> Line:
+    def of(
+        cls, what: str, own: float, baseline: float, against: str, unit: str, places: int = 2
+    ) -> TableLine:
         """Compare two errors."""
         own_text, other = (f"{value:.{places}f} {unit}" for value in (own, baseline))
         gain = f"1/{baseline / own:.0f}" if baseline > 1.5 * own else "no gain"
@@ -191,127 +193,135 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Piece:
-    """The results of one example: its rows of the table, its panel of the picture, its remark."""
+class ExampleResult:
+    """The results of one example: rows of the table, panel of the picture, and remark."""
 
-    lines: list[Line]
+    lines: list[TableLine]
     draw: Callable[[Axes], None] | None = None
     remark: str = ""
 
 
 @contextmanager
-def step(what: str) -> Iterator[None]:
+def print_step(title: str) -> Iterator[None]:
     """Print the name of a step and, at its end, its duration."""
-    print(f"demo: {what} ...", end="", flush=True)
-    began = time.perf_counter()
+    print(f"demo: {title} ...", end="", flush=True)
+    start_time = time.perf_counter()
     yield
-    print(f" {time.perf_counter() - began:.1f} s", flush=True)
+    print(f" {time.perf_counter() - start_time:.1f} s", flush=True)
 
 
-def electromagnet(out: Path) -> Piece:
+def electromagnet(out: Path) -> ExampleResult:
     """Identify a model from loops, write its report and evaluate it at withheld gaps."""
-    with step("electromagnet: 16 loops at four gaps to a model, laws and gap maps compared"):
+    with print_step("electromagnet: identify a model from 16 loops at four gaps"):
         found = identify(read_loops(ELECTROMAGNET / "loops.csv"))
         write_model(found.model, out / "model.toml")
-    with step("its report, and the model at gaps it never saw"):
+    with print_step("electromagnet: write a report, evaluate the model at withheld gaps"):
         write_report(out / "model.toml", out / "report.html")
-        # The evaluation uses the model from the file, not the one in memory.
+        # The evaluation uses the model from the file, not the model in memory.
         model = read_model(out / "model.toml")
         truth = read_loops(ELECTROMAGNET / "unseen_truth.csv")
         largest = max(float(np.max(loop.output)) for loop in truth.loops)
-        own, plain = unseen_deviation(model, truth), unseen_single_valued(truth)
-        inverse, plain_inverse, most = demand_deviation(model)
+        model_deviation, curve_deviation = unseen_deviation(model, truth), unseen_single_valued(truth)
+        inverse_deviation, curve_inverse_deviation, max_force = demand_deviation(model)
     lines = []
-    for what, mine, other, of in (
-        ("force, unseen gaps, mean", own.mean, plain.mean, largest),
-        ("force on demand, worst", inverse.worst, plain_inverse.worst, most),
+    for title, own_error, curve_error, reference_force in (
+        ("force, unseen gaps, mean", model_deviation.mean, curve_deviation.mean, largest),
+        ("force on demand, worst", inverse_deviation.worst, curve_inverse_deviation.worst, max_force),
     ):
-        lines.append(Line.of(what, 100 * mine / of, 100 * other / of, CURVE, "%"))
-    return Piece(lines, lambda ax: draw_loop(ax, model, truth))
+        lines.append(
+            TableLine.of(
+                title,
+                100 * own_error / reference_force,
+                100 * curve_error / reference_force,
+                CURVE_TITLE,
+                "%",
+            )
+        )
+    return ExampleResult(lines, lambda ax: draw_loop(ax, model, truth))
 
 
 def draw_loop(ax: Axes, model: Model, truth: Loops) -> None:
     """Draw the errors of model and single-valued curve on the widest loops of a withheld gap."""
     loop, residual = max(single_valued_residuals(truth), key=lambda pair: float(np.ptp(pair[0].output)))
     predicted = model.predict(loop.input, loop.schedule, loop.time, loop.history).output
-    ax.plot(loop.input, residual, label=CURVE, **line_style("single-valued"))
+    ax.plot(loop.input, residual, label=CURVE_TITLE, **line_style("single-valued"))
     ax.plot(loop.input, loop.output - predicted, label="anhyst", **line_style("full"))
     gap = loop.schedule_value
-    where = "" if gap is None else f" at {1e3 * gap:g} mm, never seen"
+    where = "" if gap is None else f" at {1e3 * gap:g} mm (withheld)"
     ax.set(title=f"electromagnet{where}", xlabel="current [A]", ylabel="force error [N]")
 
 
-def compiled(model: Path, folder: Path) -> Piece:
+def compile_and_verify(model: Path, folder: Path) -> ExampleResult:
     """Compile a model to C and run the C on an emulated Cortex-M4."""
-    with step("the model to fixed-point C, run on an emulated Cortex-M4"):
+    with print_step("controller: compile the model to C, run it on an emulated Cortex-M4"):
         request = CompileRequest("full", "q15", rate=20e3, accuracy=0.2, name="electromagnet")
-        made = compile_model(model, folder, request)
-        found = verify(folder, "cortex-m4")
-    cost = found.results[0].cost("solve")
+        compilation = compile_model(model, folder, request)
+        verification = verify(folder, "cortex-m4")
+    cost = verification.results[0].cost("solve")
     assert cost is not None
-    worst = made.manifest["accuracy"]["worst_percent"]
-    bits = "0 bits unlike the PC's" if found.passed else "BITS UNLIKE THE PC'S"
-    return Piece(
+    worst = compilation.manifest["accuracy"]["worst_percent"]
+    bits = "0 bits unlike the PC's" if verification.passed else "BITS UNLIKE THE PC'S"
+    return ExampleResult(
         [
-            Line("16-bit C, Cortex-M4, worst", f"{worst:.2f} %", "", bits, ""),
-            Line("its instructions, solve", str(cost.most), "", "at most", ""),
+            TableLine("16-bit C, Cortex-M4, worst", f"{worst:.2f} %", "", bits, ""),
+            TableLine("16-bit C, instructions", str(cost.most), "", "at most", ""),
         ]
     )
 
 
-def bearing(out: Path) -> Piece:
+def bearing(out: Path) -> ExampleResult:
     """Run steps of the bearing with position feedback and every compensation method."""
-    with step(f"bearing: steps in the air, {len(BEARING)} ways from force to current"):
+    with print_step(f"bearing: simulate steps with {len(BEARING_METHODS)} methods"):
         rig, controller = read_files(EXAMPLES / "bearing" / "rig.toml", None)
-        ready = check_inputs(rig, controller)
-        rig, tried = ready.rig, ready.rig.settings
-        setups = make_setups(rig, controller, ready.identify_magnet(), BEARING)
+        inputs = check_inputs(rig, controller)
+        rig, settings = inputs.rig, inputs.rig.settings
+        setups = make_setups(rig, controller, inputs.identify_magnet(), BEARING_METHODS)
         load = rig.settings.load.force_N
         seeds = default_seeds(rig)
-        cells = compare_steps(list(setups.values()), [tried.gap_m], tried.step.heights_m, [load], seeds)
+        cells = compare_steps(list(setups.values()), [settings.gap_m], settings.step.heights_m, [load], seeds)
     steps = group_by_step(cells)
-    last = steps[-1]
-    overshoot = last.figure("overshoot_percent")
-    rival = strongest_baseline(last.figure("overshoot_percent"))
-    assert rival is not None
+    last_step = steps[-1]
+    overshoot = last_step.figure("overshoot_percent")
+    baseline_name = strongest_baseline(last_step.figure("overshoot_percent"))
+    assert baseline_name is not None
     write_table(
         out / "table.txt",
         f"overshoot, % of the step; {len(seeds)} noise seeds",
         [f"{1e6 * cell.height:g} um" for cell in steps],
         {name: [interval_text(cell.figure("overshoot_percent")[name]) for cell in steps] for name in setups},
     )
-    line = Line.of(
-        f"bearing, {1e6 * last.height:g} um, overshoot",
+    line = TableLine.of(
+        f"bearing, {1e6 * last_step.height:g} um, overshoot",
         overshoot["full"].mean,
-        overshoot[rival].mean,
-        BASELINE[rival],
+        overshoot[baseline_name].mean,
+        BASELINE_TITLES[baseline_name],
         "%",
     )
-    scenario = plan_steps(rig, controller.settings, tried.gap_m, tried.step.heights_m[-1:])
-    runs = {name: SimulatedLoop(setups[name]).run(scenario) for name in (rival, "full")}
+    scenario = plan_steps(rig, controller.settings, settings.gap_m, settings.step.heights_m[-1:])
+    runs = {name: SimulatedLoop(setups[name]).run(scenario) for name in (baseline_name, "full")}
 
     def draw(ax: Axes) -> None:
         begin, end = scenario.steps[0].begin, scenario.steps[0].end
         part = slice(begin - 40, min(begin + 400, end))
         for name, run in runs.items():
             time = 1e3 * (run["t_s"][part] - run["t_s"][begin])
-            label = "anhyst" if name == "full" else BASELINE[name]
+            label = "anhyst" if name == "full" else BASELINE_TITLES[name]
             ax.plot(time, 1e3 * run["gap_m"][part], label=label, **line_style(name))
-        title = "bearing: feedback hides the hysteresis"
+        title = "bearing: feedback corrects the hysteresis"
         ax.set(title=title, xlabel="time [ms]", ylabel="gap [mm]")
 
-    judged = judge_steps(steps, "full")
+    judgement = judge_steps(steps, "full")
     remark = (
         ""
-        if judged.level == "yes"
-        else f"bearing: {VERDICT_TITLES[judged.level].lower()}; {BENEFICIAL_CONDITIONS['feedback']}"
+        if judgement.level == "yes"
+        else f"bearing: {VERDICT_TITLES[judgement.level].lower()}; {BENEFICIAL_CONDITIONS['feedback']}"
     )
-    return Piece([line], draw, remark)
+    return ExampleResult([line], draw, remark)
 
 
 @dataclass(frozen=True)
-class Tracked:
-    """A variant on the test set-point: metrics of every noise seed, run of the first one."""
+class TrackingResult:
+    """A variant on the test set-point: metrics of each noise seed, recording of the first seed."""
 
     measures: list[Measures]
     shown: Recording
@@ -321,22 +331,22 @@ class Tracked:
         return mean_interval([getattr(measures, name) for measures in self.measures])
 
 
-def follow(setup: StageSetup) -> Tracked:
+def follow(setup: StageSetup) -> TrackingResult:
     """Find the feedforward gains on one set-point and follow another set-point with them."""
     table = setup.rig.settings.scan
     gains = find_gains(setup, scan_motion(table, table.train_m_per_s2))
     motion = scan_motion(table, table.test_m_per_s2)
     runs = [track(setup, motion, gains, seed) for seed in range(1, setup.rig.settings.noise_seeds + 1)]
-    return Tracked([measure(run, motion, table.slit_s) for run in runs], runs[0])
+    return TrackingResult([measure(run, motion, table.slit_s) for run in runs], runs[0])
 
 
-def stage(out: Path) -> Piece:
-    """Follow set-points with a stage with feedforward and every compensation method."""
-    with step(f"stage: follows set-points with feedforward, {len(STAGE)} ways"):
+def stage(out: Path) -> ExampleResult:
+    """Let a stage with feedforward follow set-points with every compensation method."""
+    with print_step(f"stage: simulate set-points with feedforward and {len(STAGE_METHODS)} methods"):
         rig = read_stage(EXAMPLES / "stage" / "rig.toml")
         magnet = identify_magnet(rig.measured_loops.read(), rig.settings.loops)
-        setups, _ = make_variants(rig, magnet, STAGE)
-        found = dict(zip(setups, map_ordered(follow, list(setups.values())), strict=True))
+        setups, _ = make_variants(rig, magnet, STAGE_METHODS)
+        results = dict(zip(setups, map_ordered(follow, list(setups.values())), strict=True))
     columns = {"peak, nm": ("peak_m", 1e9), "moving average, nm": ("average_m", 1e9)}
     columns |= {"50 nm, ms": ("settling_50_s", 1e3), "force rms, N": ("force_rms_N", 1.0)}
     write_table(
@@ -345,30 +355,37 @@ def stage(out: Path) -> Piece:
         list(columns),
         {
             name: [interval_text(measures.of(key), factor=by) for key, by in columns.values()]
-            for name, measures in found.items()
+            for name, measures in results.items()
         },
     )
-    own = 1e9 * found["full"].of("peak_m").mean
+    model_peak_nm = 1e9 * results["full"].of("peak_m").mean
     lines = [
-        Line.of("stage, peak error", own, 1e9 * measures.of("peak_m").mean, BASELINE[name], "nm", 0)
-        for name, measures in found.items()
+        TableLine.of(
+            "stage, peak error",
+            model_peak_nm,
+            1e9 * measures.of("peak_m").mean,
+            BASELINE_TITLES[name],
+            "nm",
+            0,
+        )
+        for name, measures in results.items()
         if name != "full"
     ]
 
     def draw(ax: Axes) -> None:
         for name in ("single-valued", "play", "full"):
-            run = found[name].shown
-            label = "anhyst" if name == "full" else BASELINE[name]
+            run = results[name].shown
+            label = "anhyst" if name == "full" else BASELINE_TITLES[name]
             ax.plot(1e3 * run["t_s"], 1e6 * run["error_m"], label=label, **line_style(name))
-        title = "stage: feedforward exposes it"
+        title = "stage: feedforward does not correct it"
         ax.set(title=title, xlabel="time [ms]", ylabel="position error [um]")
 
-    return Piece(lines, draw)
+    return ExampleResult(lines, draw)
 
 
 def write_table(path: Path, title: str, columns: list[str], rows: Mapping[MethodName, list[str]]) -> None:
-    """Write a table that is too long for the common one to a text file."""
-    title += ", 95 % interval; 'full' is anhyst"
+    """Write a table to a text file, because the common table has no space for it."""
+    title += ", 95 % intervals; the method of anhyst is 'full'"
     table = Table("", *columns, title=title, title_justify="left", box=box.SIMPLE_HEAD)
     for name, values in rows.items():
         table.add_row(name, *values)
@@ -376,18 +393,18 @@ def write_table(path: Path, title: str, columns: list[str], rows: Mapping[Method
         Console(file=file, width=110).print(table)
 
 
-def table_of(pieces: list[Piece]) -> Table:
+def table_of(pieces: list[ExampleResult]) -> Table:
     """Return the table with the rows of all examples."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
-    for name in ("error, simulated magnets", "anhyst", "baseline", "", "of it"):
-        right = name in {"anhyst", "baseline", "of it"}
+    for name in ("error, simulated magnets", "anhyst", "baseline", "", "ratio"):
+        right = name in {"anhyst", "baseline", "ratio"}
         table.add_column(name, justify="right" if right else "left", no_wrap=True)
     for line in (line for piece in pieces for line in piece.lines):
         table.add_row(line.what, line.own, line.baseline, line.against, line.gain)
     return table
 
 
-def draw_picture(pieces: list[Piece], path: Path) -> None:
+def draw_picture(pieces: list[ExampleResult], path: Path) -> None:
     """Draw the panels of all examples side by side."""
     panels = [piece.draw for piece in pieces if piece.draw is not None]
     figure = Figure(figsize=(4.6 * len(panels), 4.0), layout="constrained")
@@ -407,9 +424,12 @@ def main() -> None:
     folders = [out / name for name in ("electromagnet", "bearing", "stage")]
     for folder in folders:
         folder.mkdir(parents=True, exist_ok=True)
-    magnet, air, tracked = folders
-    pieces = [electromagnet(magnet), compiled(magnet / "model.toml", magnet / "controller")]
-    pieces += [bearing(air), stage(tracked)]
+    magnet_folder, bearing_folder, stage_folder = folders
+    pieces = [
+        electromagnet(magnet_folder),
+        compile_and_verify(magnet_folder / "model.toml", magnet_folder / "controller"),
+    ]
+    pieces += [bearing(bearing_folder), stage(stage_folder)]
     draw_picture(pieces, out / "demo.png")
     table = table_of(pieces)
     with (out / "table.txt").open("w", encoding="utf-8") as file:
@@ -418,8 +438,8 @@ def main() -> None:
     console.print(table)
     for remark in (piece.remark for piece in pieces if piece.remark):
         console.print(remark)
-    print(f"picture: {out / 'demo.png'}; page about the electromagnet: {magnet / 'report.html'}")
-    print("next: your own magnet, docs/tutorial.md; or operate that bearing in a browser:")
+    print(f"picture: {out / 'demo.png'}; report of the electromagnet: {magnet_folder / 'report.html'}")
+    print("next: model your magnet (docs/tutorial.md), or operate the bearing in a browser:")
     print("  .venv/bin/anhyst live examples/bearing/rig.toml")
 
 

@@ -9,13 +9,13 @@ of the reduction; then c_H remains the last free parameter, as in the paper. The
 - ``fig4.png``: k and c_H after the reduction;
 - ``fig5.png``: loops at the measured gaps and between them, if only c_H depends on the gap.
 
-Result: splines through the free sets fail as in the paper. After the reduction, all loops lie
-between their neighbours. But the reduction that is found ends with alpha, which is a reluctance in
-series, and not with c_H. The gap of this magnet is a reluctance, and the error with only c_H is
-half as large again. The error is at the knee of the smallest gap, which is the only one that
-saturates: the search averages over the gaps and minimises absolute deviations, so that this gap has
-little weight. The default search fits the common parameters of all gaps jointly and does not have
-this error.
+Result: splines through the free sets fail as in the paper. After the reduction, all loops are
+between the loops of the neighbouring gaps. However, the last free parameter of the reduction is
+alpha, which acts as a reluctance in series, and not c_H. The gap of this magnet is a reluctance,
+and the error with only c_H is 1.5 times as large. The error is at the knee of the smallest gap,
+which is the only gap with saturation. The search averages over the gaps and minimises absolute
+deviations, so that this gap has little weight. The default search fits the common parameters of all
+gaps jointly and does not have this error.
 
 Usage: python examples/paper_figures.py [--out FOLDER] [--seed N]; takes two minutes of processor
 time.
@@ -52,11 +52,11 @@ from anhyst.support.figures import (
 from anhyst.support.numeric import FloatArray
 
 Array = FloatArray
-Answer = Callable[[Array, float], Array]
+OutputFunction = Callable[[Array, float], Array]
 
 LOOPS = Path(__file__).parent / "electromagnet" / "loops.csv"
 TRUTH = Path(__file__).parent / "electromagnet" / "unseen_truth.csv"
-SHOWN = ("k", "c_H")
+SHOWN_PARAMETERS = ("k", "c_H")
 
 
 def search(loops: Loops, gap_map: str, seed: int) -> IdentifyResult:
@@ -72,11 +72,11 @@ def search(loops: Loops, gap_map: str, seed: int) -> IdentifyResult:
 
 @use_report_style
 def figure_parameters(model: Model, splines: bool) -> Figure:
-    """Draw k and c_H over the gap: at the measured gaps, and between by spline or gap map."""
+    """Draw k and c_H at the measured gaps, and between these gaps by spline or gap map."""
     figure = new_figure(3.2)
     nodes = np.array(model.nodes)
     gaps = np.linspace(nodes[0], nodes[-1], 301)
-    for ax, name in zip(figure.subplots(1, 2), SHOWN, strict=True):
+    for ax, name in zip(figure.subplots(1, 2), SHOWN_PARAMETERS, strict=True):
         at_nodes = model.interpolate_parameter(name, nodes)
         between = CubicSpline(nodes, at_nodes)(gaps) if splines else model.interpolate_parameter(name, gaps)
         ax.plot(1e3 * gaps, between, color=RISING_COLOUR, label="spline" if splines else "gap map")
@@ -92,7 +92,7 @@ def figure_parameters(model: Model, splines: bool) -> Figure:
 
 
 @use_report_style
-def figure_loops(model: Model, answer: Answer, measured: Loops) -> Figure:
+def figure_loops(model: Model, answer: OutputFunction, measured: Loops) -> Figure:
     """Draw steady-state loops at the measured gaps, and dashed between them if possible."""
     assert model.valid is not None
     figure = new_figure(4.6)
@@ -111,7 +111,7 @@ def figure_loops(model: Model, answer: Answer, measured: Loops) -> Figure:
         try:
             ax.plot(drive, answer(drive, gap), "--", color=colour, lw=1.5, label=label)
         except InputError as error:
-            ax.plot([], [], "--", color=colour, label=f"{label}: none, {_plain(error)}")
+            ax.plot([], [], "--", color=colour, label=f"{label}: none, {_error_text(error)}")
     top = model.valid.output[1]
     ax.set_ylim(-0.05 * top, 1.3 * top)
     ax.set_xlabel("current (A)")
@@ -122,15 +122,15 @@ def figure_loops(model: Model, answer: Answer, measured: Loops) -> Figure:
     return figure
 
 
-def _plain(error: InputError) -> str:
+def _error_text(error: InputError) -> str:
     return str(error).removeprefix("model parameter ")
 
 
-def by_splines(model: Model) -> Answer:
+def by_splines(model: Model) -> OutputFunction:
     return lambda drive, gap: spline_model_at(model, gap).predict(drive).output
 
 
-def by_map(model: Model) -> Answer:
+def by_map(model: Model) -> OutputFunction:
     return lambda drive, gap: model.predict(drive, gap).output
 
 

@@ -30,8 +30,8 @@ PAGE = ROOT / "ARCHITECTURE.md"
 TABLE = re.compile(r"(<!-- made by make house -->\n).*?(<!-- end -->\n)", re.DOTALL)
 
 DESCRIPTIONS = {
-    "rooms": "rooms at the top of the parts",
-    "pairs": "pairs of rooms where one imports the other",
+    "rooms": "subsystems at the top of the Python packages",
+    "pairs": "pairs of subsystems of which one imports the other",
     "module circles": "import cycles of modules",
     "folder circles": "import cycles of folders",
     "wrong way": "imports from a part into a part that depends on it",

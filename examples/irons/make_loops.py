@@ -4,8 +4,8 @@ Winding, poles, drive and sensors are those of ``../electromagnet/magnet.toml``;
 defines the irons. The magnet is that of the plant (``anhyst_rigs.rig.parts.magnet``).
 
 ``python make_loops.py NAME --out DIR`` writes the loops as sensor readings, and three noise-free
-files: loops at unseen gaps, a gap that moves during random reversals of the current, and small
-cycles about a bias. The output is reproducible byte for byte.
+files: loops at unseen gaps, random reversals of the current while the gap moves, and small cycles
+about a bias. The output is reproducible byte for byte.
 """
 
 from __future__ import annotations

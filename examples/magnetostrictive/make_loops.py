@@ -66,7 +66,7 @@ def strain(load: float, field: Array) -> Array:
 
 
 def swing(size: float) -> Array:
-    """Return three cycles of the coil's field, A/m, from zero; the loop closes in the first one."""
+    """Return three cycles of the coil's field, A/m, from zero; the loop closes in the first."""
     phase = 2.0 * np.pi * np.arange(3 * SAMPLES + 1) / SAMPLES
     return size * np.sin(phase)
 

@@ -47,7 +47,7 @@ def nested() -> FloatArray:
 
 
 def random_reversals(generator: np.random.Generator) -> FloatArray:
-    """Return a drive with random reversals at half the rate, V."""
+    """Return a drive with random reversals at half of `PACE`, V."""
     points = np.concatenate([[0.0], generator.uniform(0.0, LARGEST, 24), [0.0]])
     return ramps(points, 0.5 * PACE, DT)
 

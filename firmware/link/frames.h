@@ -23,7 +23,7 @@ enum {
   LINK_TYPE_COMMAND = 4, /* Changes the state. Detail of the answer: the new state. */
   LINK_TYPE_SETTING_READ = 5, /* Requests a setting. */
   LINK_TYPE_SETTING_WRITE = 6, /* Changes a setting, valid from the next tick on. */
-  /* Announces a parameter block and discards words of an incomplete one. */
+  /* Announces a parameter block, and discards the words of an incomplete block. */
   LINK_TYPE_BLOCK_BEGIN = 7,
   /* Sends the next words of the block. Detail of the answer: the next offset. */
   LINK_TYPE_BLOCK_DATA = 8,
@@ -80,10 +80,10 @@ enum {
   LINK_REASON_COUNT = 15
 };
 
-/* The controlled quantity. */
+/* Controlled quantity. */
 enum {
-  LINK_BODY_FORCE = 0, /* the force of a magnet */
-  LINK_BODY_POSITION = 1, /* the position of a levitating armature */
+  LINK_BODY_FORCE = 0, /* force of a magnet */
+  LINK_BODY_POSITION = 1, /* position of a levitated armature */
   LINK_BODY_COUNT = 2
 };
 
@@ -191,7 +191,7 @@ static inline void link_get_setting_write(link_setting_write *m, const uint8_t *
 
 #define LINK_SIZE_BLOCK_BEGIN 8
 typedef struct {
-  uint16_t words; /* length of the block */
+  uint16_t words; /* number of words of the block */
   uint16_t generation; /* generation of the block */
   uint32_t checksum; /* CRC-32 of all words of the block, low byte first */
 } link_block_begin;
@@ -212,8 +212,8 @@ static inline uint16_t link_get_block_swap(const uint8_t *p) { return link_get_u
 
 #define LINK_SIZE_BLOCK_READ 4
 typedef struct {
-  uint16_t offset; /* first requested word */
-  uint16_t words; /* number of words, 1..118 */
+  uint16_t offset; /* index of the first requested word */
+  uint16_t words; /* number of requested words, 1..118 */
 } link_block_read;
 static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
 {
@@ -368,7 +368,7 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
 #define LINK_SIZE_PLANT_DRIVE 40
 /* Controller to plant: the currents for the next tick, and signals for recordings. */
 typedef struct {
-  uint32_t tick; /* tick of the sample from which the record was computed */
+  uint32_t tick; /* tick of the sample from which these currents were computed */
   /* commanded current of the first magnet, q31 of full scale; commanded current of the second
      magnet, q31 of full scale */
   int32_t drive[2];

@@ -167,7 +167,7 @@ static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
   app_stillness *still = &body->still;
   const int32_t demand = body->answer.demand;
   const int32_t drive = body->answer.current[0];
-  if (!anhyst_levitation_controls(l) || anhyst_sub_q31(l->position, l->rest) < detect ||
+  if (!anhyst_levitation_controls(l) || anhyst_sub_q31(l->position, l->rest_position) < detect ||
       sample->position != still->code) {
     still->code = sample->position;
     still->demand = demand;

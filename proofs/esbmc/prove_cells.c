@@ -218,7 +218,7 @@ static inline int solve_on_segment(const entry *words, const arms_type *arms, nu
                                    candidate *at, number *flux)
 {
   const equation eq = {words[ANHYST_WORD_CELLS_AIR], arms, target};
-  SHOW(is_target(&eq) && is_in_unit_range(at->memory.cells.joined));
+  SHOW(is_target(&eq) && is_in_unit_range(at->memory.cells.last_activation));
   at->memory.cells.x = any_within(-ONE, ONE - 1);
   *flux = nondet_i32();
   return any_within(NOT_SOLVED, BEYOND_SEGMENT);
@@ -244,8 +244,8 @@ static void store_segment(const entry *words, int segment, number begin, segment
   SHOW(segment >= words[ANHYST_WORD_CELLS_ROWS]);
   SHOW(segment <= words[ANHYST_WORD_CELLS_ROWS] + (path.cells + 1) * path.stride - 2);
   at->of.cells.segment = (int16_t)segment;
-  at->of.cells.fineness = (uint16_t)width;
-  at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  at->of.cells.log2_width = (uint16_t)width;
+  at->of.cells.row_rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
   at->of.cells.flux = any_within(-ONE, ONE);
 }
 #endif
@@ -344,8 +344,8 @@ static void prove_solve_row(void)
 
 static int is_memory(const anhyst_cells_memory *to)
 {
-  return is_in_unit_range(to->x) && is_in_unit_range(to->rest) && to->active >= -ANHYST_CELLS - 1 &&
-         to->active <= ANHYST_CELLS + 1;
+  return is_in_unit_range(to->x) && is_in_unit_range(to->resting_m) &&
+         to->active >= -ANHYST_CELLS - 1 && to->active <= ANHYST_CELLS + 1;
 }
 
 static anhyst_cells_memory any_memory(void)
@@ -358,9 +358,9 @@ static anhyst_cells_memory any_memory(void)
 /* Returns whether a trial step has the properties that a search assumes. */
 static int is_candidate(const anhyst_candidate *at)
 {
-  return is_memory(&at->memory.cells) && is_in_unit_range(at->of.cells.joins) &&
-         at->of.cells.flux >= -ONE && at->of.cells.flux <= ONE && at->of.cells.rise >= 0 &&
-         at->of.cells.fineness >= 2U && at->of.cells.fineness <= 13U;
+  return is_memory(&at->memory.cells) && is_in_unit_range(at->of.cells.next_activation) &&
+         at->of.cells.flux >= -ONE && at->of.cells.flux <= ONE && at->of.cells.row_rise >= 0 &&
+         at->of.cells.log2_width >= 2U && at->of.cells.log2_width <= 13U;
 }
 
 /* Proves a trial step with a known segment, anywhere on a path. */
@@ -377,11 +377,11 @@ static void prove_solve_on_segment(void)
   anhyst_candidate *at = &c.next;
   c.words = block_words;
   at->memory.cells = memory;
-  at->of.cells.joins = any_within(path.x, ONE - 1);
+  at->of.cells.next_activation = any_within(path.x, ONE - 1);
   at->of.cells.flux = any_within(-ONE, ONE);
   at->of.cells.segment = (int16_t)(locate_field(&path, path.row, path.x).segment - block_words);
-  at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  at->of.cells.fineness = (uint16_t)grid_at_field(&path, path.x);
+  at->of.cells.row_rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  at->of.cells.log2_width = (uint16_t)grid_at_field(&path, path.x);
   int32_t flux = 0;
   const int result = solve_on_segment(block_words, eq.arms, eq.target, at, &flux);
   if (result != SOLVED) {

@@ -20,9 +20,9 @@ static int32_t stored_path_start(const int16_t *words, int32_t state)
 static int32_t state_at_flux(const int16_t *words, const anhyst_simplified_memory *path,
                              int32_t flux)
 {
-  SHOW(IS_WITHIN_ONE(flux) && IS_WITHIN_ONE(path->turn) && IS_WITHIN_ONE(path->peak) &&
-       IS_WITHIN_ONE(path->u) && path->start >= -ANHYST_Q30_ONE);
-  SHOW(flux > path->peak && flux > path->turn);
+  SHOW(IS_WITHIN_ONE(flux) && IS_WITHIN_ONE(path->start_flux) && IS_WITHIN_ONE(path->peak_flux) &&
+       IS_WITHIN_ONE(path->u) && path->start_state >= -ANHYST_Q30_ONE);
+  SHOW(flux > path->peak_flux && flux > path->start_flux);
   return any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
 
@@ -32,8 +32,9 @@ static int32_t state_at_flux(const int16_t *words, const anhyst_simplified_memor
 /* Returns any memory after a step. */
 static int is_memory(const anhyst_simplified_memory *memory)
 {
-  return IS_WITHIN_ONE(memory->flux) && IS_WITHIN_ONE(memory->u) && IS_WITHIN_ONE(memory->turn) &&
-         IS_WITHIN_ONE(memory->peak) && memory->start >= -ANHYST_Q30_ONE;
+  return IS_WITHIN_ONE(memory->flux) && IS_WITHIN_ONE(memory->u) &&
+         IS_WITHIN_ONE(memory->start_flux) && IS_WITHIN_ONE(memory->peak_flux) &&
+         memory->start_state >= -ANHYST_Q30_ONE;
 }
 
 static anhyst_simplified_memory any_memory(void)
@@ -135,7 +136,7 @@ static void prove_euler_step(void)
   assume_valid(words);
   ASSUME(words[ANHYST_WORD_EULER_SUBSTEPS] >= 1 && words[ANHYST_WORD_EULER_SUBSTEPS] <= 16);
   const int32_t flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  ASSUME(flux > path.peak);
+  ASSUME(flux > path.peak_flux);
   SHOW(IS_WITHIN_ONE(state_at_flux(words, &path, flux)));
 }
 #endif

@@ -75,7 +75,7 @@ static void prove_step(void)
   anhyst_simplified_memory path = {0, state, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), 0,
                                    any_within(-ANHYST_Q30_ONE, ANHYST_Q31_MAX)};
   const int32_t flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  ASSUME(flux > path.turn);
+  ASSUME(flux > path.start_flux);
   const int32_t found = state_at_flux(words, &path, flux);
   SHOW(found >= -ANHYST_Q30_ONE && found <= ANHYST_Q30_ONE);
 }

@@ -24,8 +24,8 @@ static number solve_current(const entry *words, const cells_memory *from, const 
   SHOW(target >= -MAX_TARGET && target <= MAX_TARGET && arms->field_arm >= 0);
   SHOW(arms->flux_arm > -ANHYST_Q15_MAX - 1);
   at->memory.cells.x = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  at->of.cells.fineness = (uint16_t)any_within(2, 13);
+  at->of.cells.row_rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  at->of.cells.log2_width = (uint16_t)any_within(2, 13);
   return nondet_i32();
 }
 

@@ -12,8 +12,8 @@ int main(void)
   for (uint32_t age = 0; age <= UINT16_MAX; age++) {
     const int32_t most = ANHYST_Q31_MAX / ((int32_t)age + 1);
     anhyst_levitation l = {0};
-    l.supervisor.age = (uint16_t)age;
-    l.seen = 1;
+    l.supervisor.sample_age = (uint16_t)age;
+    l.has_position = 1;
     l.position = ANHYST_Q31_MIN;
     fault += is_plausible(&l, most, ANHYST_Q31_MIN) != 1;
     if (age > 0U) {

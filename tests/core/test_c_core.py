@@ -119,7 +119,7 @@ ALLOWED_FUNCTIONS = {"sqrt", "sqrtf", "floor", "memcpy", "memset", "memmove"}
 COMPILER = {"_GLOBAL_OFFSET_TABLE_", "__cpu_model", "__cpu_indicator_init"}
 
 
-@pytest.mark.parametrize("part", ["core", "plant"])
+@pytest.mark.parametrize("folder", ["core", "plant"])
 def test_core_and_plant_have_no_heap_no_globals_no_clock_and_no_output(programs: Path, folder: str) -> None:
     if "sanitized" in programs.parents[1].name:
         return  # the sanitizers need their own functions

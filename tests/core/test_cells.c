@@ -113,7 +113,7 @@ static void solutions_satisfy_equation_and_direct_sums(anhyst_shape shape)
     anhyst_cells_state_f64 state = random_state(&seed, &s);
     for (int i = 0; i < 300; i++) {
       const double steepness = log_uniform(&seed, 0.02, 1e4);
-      const double omega = (steepness - 1.0) / s.cells.steepest;
+      const double omega = (steepness - 1.0) / s.cells.max_slope;
       const double r =
           any_field(&seed, &s) + omega * s.cells.saturation * uniform(&seed, -1.0, 1.0);
       const anhyst_cells_state_f64 before = state;
@@ -167,11 +167,11 @@ static void jump_selects_the_first_solution(anhyst_shape shape)
     make_random_cells(&seed, shape, &s);
     anhyst_cells_state_f64 state = random_state(&seed, &s);
     for (int i = 0; i < 8; i++) {
-      const double omega = (uniform(&seed, -8.0, 0.0) - 1.0) / s.cells.steepest;
+      const double omega = (uniform(&seed, -8.0, 0.0) - 1.0) / s.cells.max_slope;
       const double r = any_field(&seed, &s);
       anhyst_cells_candidate_f64 next;
       const anhyst_status status = anhyst_cells_solve_f64(&s.cells, &state, omega, r, &next);
-      const int beyond = 1.0 + omega * s.cells.reversible <= 1e-6;
+      const int beyond = 1.0 + omega * s.cells.reversal_slope <= 1e-6;
       CHECK(status == (beyond ? ANHYST_REFUSED : ANHYST_OK));
       refused += beyond;
       if (status == ANHYST_OK) {
@@ -204,7 +204,7 @@ static void any_numbers_become_a_valid_state(void)
     }
     anhyst_cells_enter_f64(&s.cells, numbers, &state);
     anhyst_cells_numbers_f64(&s.cells, &state, numbers);
-    CHECK(fabs(numbers[0]) <= s.cells.reach);
+    CHECK(fabs(numbers[0]) <= s.cells.x_max);
     for (int k = 1; k < CELLS; k++) {
       const double room = s.threshold[k] - s.threshold[k - 1];
       CHECK(fabs(numbers[k] - numbers[k - 1]) <= room + 1e-15 * (fabs(numbers[k]) + room));
@@ -232,7 +232,7 @@ static void unsolvable_input_has_a_status(void)
       CHECK(anhyst_cells_solve_f64(&s.cells, &state, 0.1, bad[j], &next) == ANHYST_OUT_OF_RANGE);
       CHECK(anhyst_cells_solve_f64(&s.cells, &state, bad[j], 1.0, &next) == ANHYST_OUT_OF_RANGE);
     }
-    const double far = 1.1 * s.cells.reach;
+    const double far = 1.1 * s.cells.x_max;
     CHECK(anhyst_cells_solve_f64(&s.cells, &state, 0.0, far, &next) == ANHYST_OUT_OF_RANGE);
     const double omega = log_uniform(&seed, 1e-12, 1e30);
     const anhyst_status status = anhyst_cells_solve_f64(

@@ -233,7 +233,7 @@ static void any_tick(anhyst_axes_q31 *c)
   for (int j = 0; j < HEADS; j++) {
     head[j] = any_edge() >> any_within(0, 31);
     gap[j] = any_edge();
-    read[j] = any_within(0, 1) ? any_edge() : c->commanded[j];
+    read[j] = any_within(0, 1) ? any_edge() : c->commanded_current[j];
   }
   for (int k = 0; k < AXES; k++) {
     forward[k] = any_edge();
@@ -243,8 +243,8 @@ static void any_tick(anhyst_axes_q31 *c)
     CHECK(current[j] >= settings->current_low && current[j] <= settings->current_high);
     CHECK((int64_t)(current[j] - (int64_t)settings->current_low) % settings->current_step == 0);
   }
-  anhyst_wrench_share_q31(&c->share, demand, read);
-  check_forces(&settings->layout, &c->share, read);
+  anhyst_wrench_share_q31(&c->allocator, demand, read);
+  check_forces(&settings->layout, &c->allocator, read);
 }
 
 static void currents_stay_within_limits_for_any_input(void)
@@ -262,7 +262,7 @@ static void currents_stay_within_limits_for_any_input(void)
     CHECK(anhyst_axes_init_q31(&c, &settings, drive) == ANHYST_OK);
     for (int tick = 0; tick < 60; tick++) {
       any_tick(&c);
-      flown += c.flight != ANHYST_AXES_REST;
+      flown += c.flight_state != ANHYST_AXES_REST;
     }
   }
   CHECK(flown > 10000);
@@ -288,13 +288,13 @@ static void missing_sample_does_not_change_the_pid(void)
     settings.jump = 0;
     CHECK(anhyst_axes_init_q31(&c, &settings, drive) == ANHYST_OK);
     any_tick(&c);
-    const anhyst_axis_pid_state_q31 before = c.state[0];
+    const anhyst_axis_pid_state_q31 before = c.pid_state[0];
     silent[any_within(0, (int32_t)settings.heads - 1)] = ANHYST_Q31_MIN;
     const anhyst_axes_sample_q31 sample = {silent, none, none, none, none, 0, NULL};
     anhyst_axes_tick_q31(&c, &sample, &out);
     CHECK(out.flags & ANHYST_SAMPLE_IMPLAUSIBLE);
-    if (c.flight == ANHYST_AXES_FLY) {
-      CHECK(c.state[0].sum == before.sum && c.state[0].lag == before.lag);
+    if (c.flight_state == ANHYST_AXES_FLY) {
+      CHECK(c.pid_state[0].sum == before.sum && c.pid_state[0].lag == before.lag);
       held++;
     }
   }

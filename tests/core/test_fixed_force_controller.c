@@ -91,7 +91,7 @@ static void check_fused_tick(anhyst_force_controller_q31 *drive, int tick)
   const int32_t demand = any_code();
   const int32_t flux = tick % 5 == 0 ? ANHYST_NO_FLUX : any_code();
   const int32_t current = anhyst_force_controller_solve_q31(drive, demand, gap, flux);
-  const int64_t added = (int64_t)drive->wanted - drive->compensator.current;
+  const int64_t added = (int64_t)drive->unlimited_current - drive->compensator.current;
   CHECK(current >= drive->low && current <= drive->high);
   CHECK(added >= -(int64_t)most && added <= most);
   CHECK(current == anhyst_force_controller_solve_q31(drive, demand, gap, flux));
@@ -144,9 +144,9 @@ static void invalid_drives_are_refused(void)
   loop.most = -1;
   CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
   loop = valid;
-  loop.wanted.entries = 0;
+  loop.flux_table.entries = 0;
   CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
-  CHECK(anhyst_force_controller_init_flux_q31(&drive, &valid.wanted, &valid, 1, 0) ==
+  CHECK(anhyst_force_controller_init_flux_q31(&drive, &valid.flux_table, &valid, 1, 0) ==
         ANHYST_BAD_PARAMETER);
 }
 

@@ -96,8 +96,8 @@ static void path_errors(double kappa, double c, double *error_y, double *error_m
     from.x = (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE);
     from.y = (int32_t)lrint(y0 * ANHYST_Q30_ONE);
     from.p = from.x;
-    from.turn = from.x;
-    from.level = from.y;
+    from.reversal_play = from.x;
+    from.reversal_y = from.y;
     init_branch_path(&path, words, &from, 0);
     find_y_start(&path, words, &from, 0);
     const path_point point = evaluate_path(&path, (int32_t)lrint(x1 / REACH * FULL_Q28));

@@ -255,7 +255,7 @@ static void change_of_gains_is_bumpless(void)
     CHECK(controller.settings == &other);
     (void)anhyst_pidd2_solve_q31(&other.gains, state, controller.levitation.reference,
                                  controller.position, 0, &after);
-    same += before.wanted == after.wanted;
+    same += before.unlimited_output == after.unlimited_output;
     anhyst_position_settings_q31 wrong = other;
     wrong.gains.second.shift = 17;
     CHECK(anhyst_position_retune_q31(&controller, &wrong) == ANHYST_BAD_PARAMETER);

@@ -44,11 +44,15 @@ RUNS = [
 ]
 FAULTS = [
     ("control/levitation.c", "if (l->tick > (int32_t)limits->hold) {", "if (l->tick >= limits->hold) {"),
-    ("control/supervisor.c", "if (s->age > max_missing_samples) {", "if (s->age >= max_missing_samples) {"),
-    ("control/levitation.c", "= (int32_t)l->supervisor.age + 1;", "= 1;"),
-    ("control/levitation.c", "if (l->begins == 0U) {", "if (l->begins < 2U) {"),
-    ("control/levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest;\n"),
-    ("control/levitation.c", "l->let_go = l->tick == 0 ? 1U : 0U;", "l->let_go = 0U;"),
+    (
+        "control/supervisor.c",
+        "if (s->sample_age > max_missing_samples) {",
+        "if (s->sample_age >= max_missing_samples) {",
+    ),
+    ("control/levitation.c", "= (int32_t)l->supervisor.sample_age + 1;", "= 1;"),
+    ("control/levitation.c", "if (l->starts_control == 0U) {", "if (l->starts_control < 2U) {"),
+    ("control/levitation.c", "  l->reference = l->position;\n", "  l->reference = l->rest_position;\n"),
+    ("control/levitation.c", "l->starts_fall = l->tick == 0 ? 1U : 0U;", "l->starts_fall = 0U;"),
     ("control/position.c", "remainder >= step - remainder ?", "remainder >= step ?"),
     ("control/position.c", "anhyst_shl_q31(anhyst_factor_product(", "(2 + anhyst_factor_product("),
     ("control/position.c", "return a >> 1;", "return a >> 2;"),

@@ -149,8 +149,8 @@ FAULTS = [
     Fault(
         "a path from the start of the dead band",
         "src/compensator/generic/simplified.h",
-        "path.peak = sum(from->peak, band);",
-        "path.peak = from->peak;",
+        "path.peak_flux = sum(from->peak_flux, band);",
+        "path.peak_flux = from->peak_flux;",
         "test_simplified_formats",
     ),
     Fault(

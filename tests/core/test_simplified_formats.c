@@ -256,7 +256,8 @@ static void damaged_numbers_stay_within_their_bounds(void)
     memcpy(&f32.next.memory, noise + 5, sizeof f32.memory);
     memcpy(&f64.next.memory, noise + 5, sizeof f64.memory);
     f32.memory.simplified.flux = i % 7 == 0 ? (float)NAN : f32.memory.simplified.flux;
-    f64.memory.simplified.start = i % 5 == 0 ? (double)NAN : f64.memory.simplified.start;
+    f64.memory.simplified.start_state =
+        i % 5 == 0 ? (double)NAN : f64.memory.simplified.start_state;
     const states under = step_at_current(uniform(&seed, -2.0, 2.0) * 0.9);
     const states to = step_to(next_flux(&seed, 0.0));
     CHECK(fabs(under.fixed) <= bound && fabs(under.f32) <= bound && fabs(under.f64) <= bound);

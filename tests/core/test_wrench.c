@@ -226,7 +226,7 @@ static double deviation_from_new_drives(const anhyst_wrench_layout_f64 *layout, 
 static void check_bounds(const anhyst_wrench_layout_f64 *layout, const double *force)
 {
   for (int j = 0; j < (int)layout->drives; j++) {
-    const double least = drives.alone >> j & 1 ? 0.5 : 0.0;
+    const double least = drives.single_drives >> j & 1 ? 0.5 : 0.0;
     CHECK(force[j] >= least * (1.0 - 1e-9) && force[j] < 241.0);
     CHECK(!(drives.lost >> j & 1) || !(force[j] > 0.0));
   }

@@ -248,7 +248,7 @@ static void change_without_samples_is_divided_by_its_time(void)
   bench.sample.status = 0;
   bench.sample.gap += PORT_ONE / 100 * 2; /* in three ticks; PORT_ONE/100 is allowed in one tick */
   bench_ticks(1);
-  CHECK(states()->state == ANHYST_STATE_RUN && states()->age == 0);
+  CHECK(states()->state == ANHYST_STATE_RUN && states()->sample_age == 0);
 }
 
 static void last_plausible_sample_replaces_two_implausible_ones(void)

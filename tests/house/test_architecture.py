@@ -159,7 +159,7 @@ def test_a_file_or_symbol_that_does_not_exist_is_found() -> None:
 
 
 def test_every_room_of_the_page_begins_with_a_file_that_exists() -> None:
-    rows = _table_rows("Rooms")
+    rows = _table_rows("Subsystems")
     assert len(rows) > 15
     names = [
         f"*/{_QUOTED.findall(room)[0]}/{file_name}"
@@ -170,7 +170,7 @@ def test_every_room_of_the_page_begins_with_a_file_that_exists() -> None:
 
 
 def test_every_path_of_the_page_exists() -> None:
-    rooms = PAGE.split("\n## Rooms\n")[1].split("\n## ")[0]
+    rooms = PAGE.split("\n## Subsystems\n")[1].split("\n## ")[0]
     named_paths = [name for name in _QUOTED.findall(PAGE.replace(rooms, "")) if "/" in name]
     paths = [name for name in named_paths if " " not in name]
     assert len(paths) > 80

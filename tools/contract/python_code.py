@@ -36,7 +36,7 @@ from enum import IntEnum, IntFlag
 BASE_CLASSES = '''
 @dataclass(frozen=True)
 class Message:
-    """A payload: fixed fields, followed in some types by an array of numbers."""
+    """A payload of fixed fields; some types of message end with an array of numbers."""
 
     TYPE: ClassVar[int]
     ANSWER: ClassVar[int]  # type of the answer to a request; 0: the message is an answer
@@ -71,7 +71,7 @@ class Message:
 
 @dataclass(frozen=True)
 class PlantRecord:
-    """A record of the plant's bus: 32-bit words, the last one a check word."""
+    """A record of the plant's bus: 32-bit words, of which the last one is a check word."""
 
     FIXED: ClassVar[struct.Struct]
 

@@ -117,12 +117,12 @@ static inline number multiply_rise(number rise, number fraction)
 }
 
 /* Return whether the segment of a trial step is known, its width, and the field at its start. */
-static inline int has_segment(const candidate *at) { return at->of.cells.fineness - 1U < 15U; }
-static inline segment_grid trial_grid(const candidate *trial) { return trial->of.cells.fineness; }
+static inline int has_segment(const candidate *at) { return at->of.cells.log2_width - 1U < 15U; }
+static inline segment_grid trial_grid(const candidate *trial) { return trial->of.cells.log2_width; }
 
 static inline number trial_lower_end(const candidate *trial, number x)
 {
-  return segment_begin(x, trial->of.cells.fineness);
+  return segment_begin(x, trial->of.cells.log2_width);
 }
 
 /* Stores the segment of a trial step: the index of its first block word, its width and its rise. */
@@ -131,11 +131,14 @@ static inline void set_segment(candidate *trial, const entry *words, int segment
 {
   (void)begin;
   trial->of.cells.segment = (int16_t)segment;
-  trial->of.cells.fineness = (uint16_t)width;
-  trial->of.cells.rise = (int16_t)(words[segment + 1] - words[segment]);
+  trial->of.cells.log2_width = (uint16_t)width;
+  trial->of.cells.row_rise = (int16_t)(words[segment + 1] - words[segment]);
 }
 
-static inline number quarter_rise(const candidate *at) { return (number)at->of.cells.rise * 8192; }
+static inline number quarter_rise(const candidate *at)
+{
+  return (number)at->of.cells.row_rise * 8192;
+}
 
 static inline int is_rounding_error(number above, number below, segment_grid width)
 {

@@ -29,7 +29,7 @@ static int32_t state_at_flux(const int16_t *words, const anhyst_simplified_memor
                              int32_t flux)
 {
   const int16_t substeps = words[ANHYST_WORD_EULER_SUBSTEPS];
-  const int32_t travel = anhyst_sub_q31(flux, path->peak) / substeps;
+  const int32_t travel = anhyst_sub_q31(flux, path->peak_flux) / substeps;
   int32_t u = path->u;
   for (int16_t i = 0; i < substeps; i++) {
     u = anhyst_add_q31(u, multiply_by_slope(travel, state_slope(words, u)));

@@ -56,7 +56,7 @@ static void swap_compensator_block(anhyst_compensator *compensator, const int16_
    a delay, which no current can remove. Fluxes are halved, so that no difference overflows. */
 static void update_correction(anhyst_force_controller_q31 *c, int32_t gap, int32_t flux)
 {
-  c->flux = anhyst_map_value_q31(&c->loop->wanted, anhyst_root_q31(c->demand), gap) >> 1;
+  c->flux = anhyst_map_value_q31(&c->loop->flux_table, anhyst_root_q31(c->demand), gap) >> 1;
   c->error = flux == ANHYST_NO_FLUX ? 0 : c->expected - (flux >> 1);
   const int32_t half =
       anhyst_add_q31(c->integral, anhyst_factor_product(c->error, c->loop->proportional));
@@ -71,7 +71,7 @@ static void advance_flux_loop(anhyst_force_controller_q31 *c, int32_t applied)
   const int32_t flux_lag = c->expected - c->flux;
   int32_t integral_change = anhyst_factor_product(c->error, loop->integral);
   if ((c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
-    const int32_t cut_current = (applied >> 1) - (c->wanted >> 1);
+    const int32_t cut_current = (applied >> 1) - (c->unlimited_current >> 1);
     integral_change =
         anhyst_add_q31(integral_change, anhyst_factor_product(cut_current, loop->back));
   }

@@ -46,11 +46,11 @@ static int32_t step_pid(const anhyst_axis_pid_q31 *pid, anhyst_axis_pid_state_q3
   const int64_t sum = anhyst_clamp_wide(state->sum, max_sum);
   const int64_t lag = anhyst_clamp_wide(state->lag, ANHYST_WIDE_ONE);
   const int64_t output = anhyst_wide(pid->direct, error) + sum + lag;
-  const int64_t lag_decay = anhyst_wide((int32_t)anhyst_part_wide(lag, 30), pid->decay);
+  const int64_t lag_decay = anhyst_wide((int32_t)anhyst_rounded_shift(lag, 30), pid->decay);
   state->sum = anhyst_clamp_wide(sum + anhyst_wide(pid->summed, error), max_sum);
   state->lag =
       anhyst_clamp_wide(lag - lag_decay + anhyst_wide(pid->lagging, error), ANHYST_WIDE_ONE);
-  return anhyst_sat_wide(anhyst_part_wide(output, pid->shift));
+  return anhyst_sat_wide(anhyst_rounded_shift(output, pid->shift));
 }
 
 static int32_t times_fraction(int32_t a, int32_t f) { return anhyst_product_q31(a, f); }

@@ -16,9 +16,9 @@ anhyst_status anhyst_levitation_check(const anhyst_levitation_limits *limits,
 static void reset_phase(anhyst_levitation *l)
 {
   l->phase = ANHYST_PHASE_REST;
-  l->seen = 0;
-  l->lost = 0;
-  l->let_go = 0;
+  l->has_position = 0;
+  l->is_return_ignored = 0;
+  l->starts_fall = 0;
 }
 
 void anhyst_levitation_start(anhyst_levitation *levitation)
@@ -26,12 +26,12 @@ void anhyst_levitation_start(anhyst_levitation *levitation)
   anhyst_supervisor_start(&levitation->supervisor);
   reset_phase(levitation);
   levitation->position = 0;
-  levitation->rest = 0;
+  levitation->rest_position = 0;
   levitation->reference = 0;
   levitation->demand = 0;
   levitation->tick = 0;
   levitation->flags = 0;
-  levitation->begins = 0;
+  levitation->starts_control = 0;
 }
 
 static int32_t step_towards(int32_t from, int32_t to, int32_t step)
@@ -42,8 +42,8 @@ static int32_t step_towards(int32_t from, int32_t to, int32_t step)
 /* Returns whether the change since the last plausible position is at most one step per tick. */
 static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t position)
 {
-  const int32_t ticks = (int32_t)l->supervisor.age + 1;
-  if (l->seen == 0U || step > ANHYST_Q31_MAX / ticks) {
+  const int32_t ticks = (int32_t)l->supervisor.sample_age + 1;
+  if (l->has_position == 0U || step > ANHYST_Q31_MAX / ticks) {
     return 1;
   }
   return anhyst_abs_q31(anhyst_sub_q31(position, l->position)) <= step * ticks;
@@ -87,7 +87,7 @@ static void start_control(anhyst_levitation *l, uint16_t phase)
 {
   l->phase = phase;
   l->reference = l->position;
-  l->begins = 1;
+  l->starts_control = 1;
 }
 
 /* Processes a sample: may leave state SELFTEST, enter state FAULT, or leave phase FALL. */
@@ -98,7 +98,7 @@ static void process_sample(anhyst_levitation *l, const anhyst_levitation_limits 
   if (anhyst_supervisor_sample(&l->supervisor, fault, limits->max_missing_samples,
                                limits->selftest)) {
     /* Otherwise, a position that jumped would count as plausible again after some ticks. */
-    l->lost |= fault == ANHYST_FAULT_POSITION_STEP ? 1U : 0U;
+    l->is_return_ignored |= fault == ANHYST_FAULT_POSITION_STEP ? 1U : 0U;
     handle_lost_position(l);
   }
   if (fault != ANHYST_FAULT_NONE) {
@@ -106,8 +106,8 @@ static void process_sample(anhyst_levitation *l, const anhyst_levitation_limits 
     return;
   }
   l->position = input->position;
-  l->seen = 1;
-  if (l->phase == ANHYST_PHASE_FALL && l->lost == 0U) {
+  l->has_position = 1;
+  if (l->phase == ANHYST_PHASE_FALL && l->is_return_ignored == 0U) {
     start_control(l, ANHYST_PHASE_DESCEND);
   }
 }
@@ -148,7 +148,7 @@ void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int 
   if (lands) {
     start_landing(levitation);
   } else {
-    levitation->lost = 1;
+    levitation->is_return_ignored = 1;
     handle_lost_position(levitation);
   }
 }
@@ -156,10 +156,10 @@ void anhyst_levitation_fail(anhyst_levitation *levitation, uint16_t reason, int 
 static void run_breakaway(anhyst_levitation *l, const anhyst_levitation_settings *settings)
 {
   if (l->tick == 0) { /* first tick after the command: the armature still rests */
-    l->rest = l->position;
+    l->rest_position = l->position;
     l->tick = 1;
   }
-  if (anhyst_sub_q31(l->position, l->rest) >= settings->detect) {
+  if (anhyst_sub_q31(l->position, l->rest_position) >= settings->detect) {
     start_control(l, ANHYST_PHASE_RISE);
   } else if (l->demand >= settings->most) {
     anhyst_supervisor_fail(&l->supervisor, ANHYST_FAULT_NO_LIFT);
@@ -190,10 +190,10 @@ static void move_reference(anhyst_levitation *l, const anhyst_levitation_setting
     }
     break;
   case ANHYST_PHASE_DESCEND:
-    if (l->reference == l->rest) {
+    if (l->reference == l->rest_position) {
       l->phase = ANHYST_PHASE_SET_DOWN;
     } else {
-      l->reference = step_towards(l->reference, l->rest, settings->descend);
+      l->reference = step_towards(l->reference, l->rest_position, settings->descend);
     }
     break;
   default: /* phase hover */
@@ -215,7 +215,7 @@ static void advance_phase(anhyst_levitation *l, const anhyst_levitation_limits *
     run_set_down(l, settings);
     break;
   case ANHYST_PHASE_FALL:
-    l->let_go = l->tick == 0 ? 1U : 0U;
+    l->starts_fall = l->tick == 0 ? 1U : 0U;
     l->tick++;
     if (l->tick > (int32_t)limits->hold) {
       l->phase = ANHYST_PHASE_REST;
@@ -229,7 +229,7 @@ static void advance_phase(anhyst_levitation *l, const anhyst_levitation_limits *
     break;
   default:
     /* The first reference is the position itself, so that control starts without a jump. */
-    if (l->begins == 0U) {
+    if (l->starts_control == 0U) {
       move_reference(l, settings, anhyst_clamp(input->target, limits->low, limits->high));
     }
     break;
@@ -241,8 +241,8 @@ void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitati
                             const anhyst_levitation_input *input)
 {
   levitation->flags = 0;
-  levitation->begins = 0;
-  levitation->let_go = 0;
+  levitation->starts_control = 0;
+  levitation->starts_fall = 0;
   if (anhyst_levitation_controls(levitation)) {
     levitation->demand = input->demand;
   }

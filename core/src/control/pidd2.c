@@ -39,7 +39,7 @@ int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
   candidate->next.velocity = anhyst_add_q31(state->velocity, second);
   candidate->next.integral =
       anhyst_add_q31(state->integral, anhyst_factor_product(r - y, gains->integral));
-  candidate->wanted = u;
+  candidate->unlimited_output = u;
   candidate->output = anhyst_clamp(anhyst_shl_q31(u, 3), gains->low, gains->high);
   return candidate->output;
 }
@@ -48,7 +48,7 @@ void anhyst_pidd2_commit_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_s
                              const anhyst_pidd2_candidate_q31 *candidate, int32_t applied)
 {
   /* This difference is exactly zero if the output was applied unchanged. */
-  const int32_t not_applied = anhyst_sub_q31(applied >> 3, candidate->wanted);
+  const int32_t not_applied = anhyst_sub_q31(applied >> 3, candidate->unlimited_output);
   *state = candidate->next;
   state->integral =
       anhyst_add_q31(state->integral, anhyst_factor_product(not_applied, gains->back));
@@ -68,7 +68,7 @@ void anhyst_pidd2_start_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_st
   state->velocity = 0;
   state->integral = 0;
   (void)anhyst_pidd2_solve_q31(gains, state, reference, position, load, &start_candidate);
-  shift_integral(state, start_candidate.wanted, output >> 3);
+  shift_integral(state, start_candidate.unlimited_output, output >> 3);
 }
 
 void anhyst_pidd2_change_q31(const anhyst_pidd2_gains_q31 *from, const anhyst_pidd2_gains_q31 *to,
@@ -79,5 +79,5 @@ void anhyst_pidd2_change_q31(const anhyst_pidd2_gains_q31 *from, const anhyst_pi
   anhyst_pidd2_candidate_q31 new_candidate;
   (void)anhyst_pidd2_solve_q31(from, state, reference, position, load, &old_candidate);
   (void)anhyst_pidd2_solve_q31(to, state, reference, position, load, &new_candidate);
-  shift_integral(state, new_candidate.wanted, old_candidate.wanted);
+  shift_integral(state, new_candidate.unlimited_output, old_candidate.unlimited_output);
 }

@@ -5,8 +5,8 @@ static void enter_selftest(anhyst_supervisor *s)
 {
   s->state = ANHYST_STATE_SELFTEST;
   s->fault = ANHYST_FAULT_NONE;
-  s->age = 0;
-  s->passed = 0;
+  s->sample_age = 0;
+  s->plausible_samples = 0;
 }
 
 void anhyst_supervisor_start(anhyst_supervisor *s)
@@ -39,18 +39,18 @@ int anhyst_supervisor_sample(anhyst_supervisor *s, uint16_t fault, uint16_t max_
                              uint16_t selftest)
 {
   if (fault == ANHYST_FAULT_NONE) {
-    s->age = 0;
+    s->sample_age = 0;
     if (s->state == ANHYST_STATE_SELFTEST) {
-      s->passed++;
-      s->state = s->passed >= selftest ? ANHYST_STATE_IDLE : ANHYST_STATE_SELFTEST;
+      s->plausible_samples++;
+      s->state = s->plausible_samples >= selftest ? ANHYST_STATE_IDLE : ANHYST_STATE_SELFTEST;
     }
     return 0;
   }
-  s->passed = 0;
-  if (s->age < UINT16_MAX) {
-    s->age++;
+  s->plausible_samples = 0;
+  if (s->sample_age < UINT16_MAX) {
+    s->sample_age++;
   }
-  if (s->age > max_missing_samples) {
+  if (s->sample_age > max_missing_samples) {
     anhyst_supervisor_fail(s, fault);
     return 1;
   }
@@ -71,7 +71,7 @@ static int is_command_allowed(const anhyst_supervisor *s, uint16_t command, cons
   case ANHYST_COMMAND_ARM:
     return is_idle && !is_conditioning;
   case ANHYST_COMMAND_LIFT:
-    return is_ready && s->age == 0U;
+    return is_ready && s->sample_age == 0U;
   case ANHYST_COMMAND_RUN:
     return is_ready;
   case ANHYST_COMMAND_LAND:

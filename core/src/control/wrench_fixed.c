@@ -57,7 +57,7 @@ static int32_t scaled_quotient(int32_t number, int32_t pivot, uint16_t shift)
 /* Returns number - other*factor/2^shift, q30. */
 static int32_t subtract_multiple(int32_t number, int32_t factor, int32_t other, uint16_t shift)
 {
-  const int64_t product = anhyst_part_wide(anhyst_wide(other, factor), shift);
+  const int64_t product = anhyst_rounded_shift(anhyst_wide(other, factor), shift);
   return anhyst_clamp(anhyst_sat_wide(number - product), -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
 
@@ -112,8 +112,8 @@ static int fix_unit(const anhyst_wrench_q31 *w, wrench_search *s, int j, int32_t
   for (i = 0; i < drives; i++) {
     if (has_bit(s->free_units, i)) {
       factor[i] = scaled_quotient(s->projection[i][j], pivot, shift);
-      s->force[i] =
-          anhyst_sat_wide(s->force[i] + anhyst_part_wide(anhyst_wide(factor[i], change), shift));
+      s->force[i] = anhyst_sat_wide(s->force[i] +
+                                    anhyst_rounded_shift(anhyst_wide(factor[i], change), shift));
     }
   }
   eliminate_unit(w, s, factor, j, shift);

@@ -153,13 +153,13 @@ static void fit_quintic(jet p, jet q, double out[6])
 
 static double logarithmic_knot(int i)
 {
-  return ANHYST_BRANCH_EDGE * anhyst_exp_f64((double)i / ANHYST_BRANCH_PER_LOG);
+  return ANHYST_BRANCH_EDGE * anhyst_exp_f64((double)i / ANHYST_BRANCH_INTERVALS_PER_LOG);
 }
 
 static jet to_logarithmic_segment(jet point, double x)
 {
-  const double x1 = x / ANHYST_BRANCH_PER_LOG;
-  return to_segment_derivatives(point, x1, x1 / ANHYST_BRANCH_PER_LOG);
+  const double x1 = x / ANHYST_BRANCH_INTERVALS_PER_LOG;
+  return to_segment_derivatives(point, x1, x1 / ANHYST_BRANCH_INTERVALS_PER_LOG);
 }
 
 static int is_kappa_allowed(double kappa)
@@ -180,7 +180,7 @@ static void store_polynomial(double piece[6], jet from, jet to)
 static void tabulate_branch(anhyst_pieces_f64 *pieces, double kappa,
                             jet (*read)(const integrator *))
 {
-  const double inner_width = 1.0 / ANHYST_BRANCH_PER_UNIT;
+  const double inner_width = 1.0 / ANHYST_BRANCH_INTERVALS_PER_UNIT;
   integrator w = start_integrator(kappa);
   double x = -logarithmic_knot(ANHYST_BRANCH_OUTER);
   advance_integrator(&w, x);
@@ -218,13 +218,13 @@ static double evaluate_table(const anhyst_pieces_f64 *pieces, double x)
 {
   const double size = fabs(x);
   if (size < 30.0) {
-    const double position = (x + 30.0) * (double)ANHYST_BRANCH_PER_UNIT;
+    const double position = (x + 30.0) * (double)ANHYST_BRANCH_INTERVALS_PER_UNIT;
     const int i = (int)position;
     if (i < ANHYST_BRANCH_INNER) {
       return evaluate_polynomial(pieces->inner[i], position - (double)i);
     }
   }
-  double position = anhyst_log_f64(size / 30.0) * (double)ANHYST_BRANCH_PER_LOG;
+  double position = anhyst_log_f64(size / 30.0) * (double)ANHYST_BRANCH_INTERVALS_PER_LOG;
   if (!(position > 0.0)) {
     position = 0.0;
   }

@@ -47,7 +47,7 @@ static void sum_resting_cells(const problem *s, const anhyst_cells_state_f64 *st
   const size_t cells = (size_t)s->cells->cells;
   memset(rest, 0, s->direction_count * sizeof *rest);
   for (int i = count_active_cells(state); i < s->cells->cells; i++) {
-    const double slope = add_fixed_play_terms(s, i, state->place[i], rest);
+    const double slope = add_fixed_play_terms(s, i, state->play_position[i], rest);
     for (size_t t = 0; t < s->direction_count; t++) {
       rest[t] += slope * numbers_t[t * cells + (size_t)i];
     }
@@ -75,7 +75,7 @@ static void differentiate_step(const problem *s, const anhyst_cells_state_f64 *s
                                double *x_t, double *m_t)
 {
   const size_t cells = (size_t)s->cells->cells;
-  double slope = state->bend.slope;
+  double slope = state->derivatives.slope;
   for (int i = 0; i < count_active_cells(state); i++) {
     const double cell_slope =
         add_fixed_play_terms(s, i, state->x - state->direction * s->cells->threshold[i], m_t);

@@ -97,8 +97,8 @@ static double segment_error_bound(const anhyst_cell_weights_f64 *w, double low, 
 static int divide_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                          double aim, double begin)
 {
-  const double low = (begin - 1.0) / cells->per_unit;
-  const double high = (2.0 * begin - 1.0) / cells->per_unit;
+  const double low = (begin - 1.0) / cells->inverse_unit;
+  const double high = (2.0 * begin - 1.0) / cells->inverse_unit;
   const int octave = cells->octaves;
   double error = segment_error_bound(weights, low, high) / cells->saturation;
   int count = 1;
@@ -112,7 +112,7 @@ static int divide_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 
     return 0;
   }
   cells->shift[octave] = 52 - bisections;
-  cells->per_piece[octave] = (double)count / begin;
+  cells->intervals_per_unit[octave] = (double)count / begin;
   cells->first[octave] = (int64_t)(cell_bits_of(begin) >> cells->shift[octave]) - cells->pieces;
   cells->pieces += count;
   cells->octaves++;
@@ -137,20 +137,20 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
     cells->threshold[i] = weights->threshold[i];
   }
   cells->scale = widest + weights->threshold[weights->cells - 1];
-  cells->reach = RANGE_FACTOR * cells->scale;
-  cells->per_unit = SEGMENTS_PER_WIDTH / narrowest;
+  cells->x_max = RANGE_FACTOR * cells->scale;
+  cells->inverse_unit = SEGMENTS_PER_WIDTH / narrowest;
   /* 5e-5 of the narrowest width. The fourth power of 5e-5 is 6e-18. */
-  cells->tangent = 5e-5 * narrowest;
+  cells->max_cubic_step = 5e-5 * narrowest;
   cells->pieces = 0;
   cells->octaves = 0;
   double begin = 1.0;
-  while (begin < 1.0 + cells->reach * cells->per_unit) {
+  while (begin < 1.0 + cells->x_max * cells->inverse_unit) {
     if (!divide_octave(cells, weights, aim, begin)) {
       return ANHYST_BAD_PARAMETER;
     }
     begin *= 2.0;
   }
-  cells->top = begin * (1.0 - 1e-15);
+  cells->table_end = begin * (1.0 - 1e-15);
   *pieces = (size_t)cells->pieces * 2U * (size_t)cells->cells;
   return ANHYST_OK;
 }
@@ -203,7 +203,7 @@ static void tabulate_side(const anhyst_cells_f64 *cells, const anhyst_cell_weigh
   for (int octave = 0; octave < cells->octaves; octave++) {
     const int count = 1 << (52 - cells->shift[octave]);
     for (int i = 1; i <= count; i++) {
-      const double to = (begin * (1.0 + (double)i / (double)count) - 1.0) / cells->per_unit;
+      const double to = (begin * (1.0 + (double)i / (double)count) - 1.0) / cells->inverse_unit;
       evaluate_rows(weights, direction * to, ends[1]);
       for (int row = 0; row < weights->cells; row++) {
         fit_segment(storage[segment + 2 * (int64_t)row * cells->pieces].c, &ends[0][row],
@@ -224,11 +224,11 @@ static void tabulate_side(const anhyst_cells_f64 *cells, const anhyst_cell_weigh
 void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                anhyst_cell_piece_f64 *storage)
 {
-  cells->reversible = 0.0;
-  cells->steepest = 0.0;
-  tabulate_side(cells, weights, storage, 1.0, &cells->steepest, &cells->reversible);
-  tabulate_side(cells, weights, storage, -1.0, &cells->steepest, &cells->reversible);
+  cells->reversal_slope = 0.0;
+  cells->max_slope = 0.0;
+  tabulate_side(cells, weights, storage, 1.0, &cells->max_slope, &cells->reversal_slope);
+  tabulate_side(cells, weights, storage, -1.0, &cells->max_slope, &cells->reversal_slope);
   /* Between two knots, a curve can be slightly steeper than at both knots. */
-  cells->steepest *= 1.001;
+  cells->max_slope *= 1.001;
   cells->rows = storage;
 }

@@ -29,8 +29,8 @@ static inline double cell_double_of(uint64_t bits)
 /* Returns the bits of 1 + |x|/unit, at most the end of the tables. The exponent is the octave. */
 static inline uint64_t cell_position_bits(const anhyst_cells_f64 *cells, double x)
 {
-  const double position = 1.0 + fabs(x) * cells->per_unit;
-  return cell_bits_of(position < cells->top ? position : cells->top);
+  const double position = 1.0 + fabs(x) * cells->inverse_unit;
+  return cell_bits_of(position < cells->table_end ? position : cells->table_end);
 }
 
 static inline size_t cell_octave(uint64_t bits) { return (size_t)(bits >> 52) - 1023U; }
@@ -43,12 +43,12 @@ static inline cell_sum cell_evaluate_row(const anhyst_cells_f64 *cells, int row,
   const int shift = cells->shift[octave];
   const uint64_t number = bits >> shift;
   const double u =
-      (cell_double_of(bits) - cell_double_of(number << shift)) * cells->per_piece[octave];
+      (cell_double_of(bits) - cell_double_of(number << shift)) * cells->intervals_per_unit[octave];
   const int64_t side = 2 * (int64_t)row + (x < 0.0 ? 1 : 0);
   const int64_t piece = side * cells->pieces + ((int64_t)number - cells->first[octave]);
   const double *c = cells->rows[piece].c;
   const double u2 = u * u;
-  const double stretch = cells->per_unit * cells->per_piece[octave];
+  const double stretch = cells->inverse_unit * cells->intervals_per_unit[octave];
   cell_sum found;
   found.value = (c[0] + u * c[1]) + u2 * ((c[2] + u * c[3]) + u2 * (c[4] + u * c[5]));
   found.slope =

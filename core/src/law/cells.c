@@ -13,18 +13,18 @@ typedef struct {
   const anhyst_cells_f64 *cells;
   const anhyst_cells_state_f64 *state;
   double sign, omega, target;
-  double from;     /* start of the path */
-  double low;      /* lower bound of the solution; the left side is below the target */
-  double residual; /* target minus left side at the lower bound, > 0 */
-  double rest;     /* sum of the cells at rest */
-  anhyst_cells_bend_f64 bend;
+  double from;      /* start of the path */
+  double low;       /* lower bound of the solution; the left side is below the target */
+  double residual;  /* target minus left side at the lower bound, > 0 */
+  double resting_m; /* sum of the cells at rest */
+  anhyst_cells_bend_f64 derivatives;
   int active;
   int is_reversed; /* whether the path moves against the direction of the state */
 } path;
 
 static double left_side(const path *p, double x, const cell_sum *at)
 {
-  return x + p->omega * (at->value + p->rest);
+  return x + p->omega * (at->value + p->resting_m);
 }
 
 /* Returns the position at which the next cell becomes active. */
@@ -38,7 +38,7 @@ static double next_activation(const path *p)
   if (p->is_reversed && i < p->state->active) {
     return p->from + 2.0 * r; /* the cell was active until the reversal */
   }
-  return p->sign * p->state->place[i] + r;
+  return p->sign * p->state->play_position[i] + r;
 }
 
 static anhyst_cells_bend_f64 row_derivatives(const cell_sum *at)
@@ -51,11 +51,11 @@ static anhyst_cells_bend_f64 row_derivatives(const cell_sum *at)
 static void activate_cell(path *p, double x, double row_value)
 {
   const cell_sum next_row = cell_evaluate_row(p->cells, p->active, x);
-  p->rest -= next_row.value - row_value;
-  p->bend = row_derivatives(&next_row);
+  p->resting_m -= next_row.value - row_value;
+  p->derivatives = row_derivatives(&next_row);
   p->active++;
   if (p->active == p->cells->cells) {
-    p->rest = 0.0; /* so that rounding errors do not accumulate from cycle to cycle */
+    p->resting_m = 0.0; /* so that rounding errors do not accumulate from cycle to cycle */
   }
 }
 
@@ -77,13 +77,13 @@ static void store_candidate(const path *p, double x, const cell_sum *at, double 
 {
   const double third = 0.5 * t * at->third;
   candidate->x = p->sign * (x + t);
-  candidate->m = p->sign * (at->value + p->rest +
+  candidate->m = p->sign * (at->value + p->resting_m +
                             t * (at->slope + t * (0.5 * at->curve + third * (1.0 / 3.0))));
   candidate->direction = p->sign;
-  candidate->rest = p->rest;
-  candidate->bend.slope = at->slope + t * (at->curve + third);
-  candidate->bend.curve = at->curve + t * at->third;
-  candidate->bend.third = at->third;
+  candidate->resting_m = p->resting_m;
+  candidate->derivatives.slope = at->slope + t * (at->curve + third);
+  candidate->derivatives.curve = at->curve + t * at->third;
+  candidate->derivatives.third = at->third;
   candidate->active = p->active;
 }
 
@@ -112,7 +112,7 @@ static anhyst_status solve_on_row(const path *p, double x, double upper_bound,
       high = x;
     }
     const int is_inside = next >= low && next <= high;
-    if (is_inside && fabs(step) <= p->cells->tangent) {
+    if (is_inside && fabs(step) <= p->cells->max_cubic_step) {
       store_candidate(p, x, &at, step, candidate);
       return ANHYST_OK;
     }
@@ -141,7 +141,7 @@ static anhyst_status solve_monotonic(path *p, double steepest,
 {
   for (;;) {
     const double edge = next_activation(p);
-    const double guess = p->low + taylor_step(p->residual, p->omega, &p->bend);
+    const double guess = p->low + taylor_step(p->residual, p->omega, &p->derivatives);
     /* Rounding errors, also of the first residual, could move the solution beyond the bound. */
     const double min_slope = 1.0 + p->omega * steepest;
     const double farthest = p->low + (p->omega > 0.0 ? p->residual : p->residual / min_slope);
@@ -174,11 +174,11 @@ static double next_knot(const anhyst_cells_f64 *cells, double x)
   if (x >= 0.0) {
     while (!(node > x)) {
       segment++;
-      node = (cell_double_of(segment << shift) - 1.0) / cells->per_unit;
+      node = (cell_double_of(segment << shift) - 1.0) / cells->inverse_unit;
     }
     return node;
   }
-  const double next_inward = -(cell_double_of(segment << shift) - 1.0) / cells->per_unit;
+  const double next_inward = -(cell_double_of(segment << shift) - 1.0) / cells->inverse_unit;
   if (next_inward > x) {
     return next_inward;
   }
@@ -187,7 +187,8 @@ static double next_knot(const anhyst_cells_f64 *cells, double x)
     return 0.0;
   }
   const int inner_shift = cells->shift[cell_octave(previous_bits)];
-  return -(cell_double_of((previous_bits >> inner_shift) << inner_shift) - 1.0) / cells->per_unit;
+  return -(cell_double_of((previous_bits >> inner_shift) << inner_shift) - 1.0) /
+         cells->inverse_unit;
 }
 
 /* Returns the position at which the left side is largest, or at which it reaches the target. */
@@ -211,7 +212,7 @@ static double find_fold(const path *p, double low, double high)
 /* Follows the path segment by segment to the first solution, at which m may jump. */
 static anhyst_status solve_with_jumps(path *p, anhyst_cells_candidate_f64 *candidate)
 {
-  while (p->low < p->cells->reach) {
+  while (p->low < p->cells->x_max) {
     const double edge = next_activation(p);
     const double node = next_knot(p->cells, p->low);
     const double end = edge < node ? edge : node;
@@ -220,7 +221,7 @@ static anhyst_status solve_with_jumps(path *p, anhyst_cells_candidate_f64 *candi
     if (residual <= 0.0) {
       return solve_on_row(p, 0.5 * (p->low + end), end, candidate);
     }
-    if (1.0 + p->omega * p->bend.slope > 0.0 && 1.0 + p->omega * at.slope < 0.0) {
+    if (1.0 + p->omega * p->derivatives.slope > 0.0 && 1.0 + p->omega * at.slope < 0.0) {
       const double maximum = find_fold(p, p->low, end);
       const cell_sum row_at_maximum = cell_evaluate_row(p->cells, p->active - 1, maximum);
       if (left_side(p, maximum, &row_at_maximum) >= p->target) {
@@ -229,7 +230,7 @@ static anhyst_status solve_with_jumps(path *p, anhyst_cells_candidate_f64 *candi
     }
     p->low = end > p->low ? end : p->low;
     p->residual = residual;
-    p->bend = row_derivatives(&at);
+    p->derivatives = row_derivatives(&at);
     if (edge <= node) {
       activate_cell(p, edge, at.value);
     }
@@ -242,10 +243,10 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
                                      anhyst_cells_candidate_f64 *candidate)
 {
   const double residual = r - state->x - omega * state->m;
-  if (!(fabs(residual) < 4.0 * (cells->reach + fabs(omega) * cells->saturation))) {
+  if (!(fabs(residual) < 4.0 * (cells->x_max + fabs(omega) * cells->saturation))) {
     return ANHYST_OUT_OF_RANGE;
   }
-  if (!(1.0 + omega * cells->reversible > MIN_SLOPE)) {
+  if (!(1.0 + omega * cells->reversal_slope > MIN_SLOPE)) {
     return ANHYST_REFUSED;
   }
   path p;
@@ -259,8 +260,8 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
     candidate->x = state->x;
     candidate->m = state->m;
     candidate->direction = state->direction;
-    candidate->rest = state->rest;
-    candidate->bend = state->bend;
+    candidate->resting_m = state->resting_m;
+    candidate->derivatives = state->derivatives;
     candidate->active = state->active;
     return ANHYST_OK;
   }
@@ -269,17 +270,17 @@ anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,
   p.residual = fabs(residual);
   if (p.is_reversed) {
     p.active = 0;
-    p.rest = p.sign * state->m;
+    p.resting_m = p.sign * state->m;
     activate_cell(&p, p.from, 0.0);
   } else {
     p.active = state->active;
-    p.rest = state->rest;
-    p.bend = state->bend;
+    p.resting_m = state->resting_m;
+    p.derivatives = state->derivatives;
   }
-  const int is_rising = 1.0 + omega * cells->steepest > MIN_SLOPE;
-  const anhyst_status status =
-      is_rising ? solve_monotonic(&p, cells->steepest, candidate) : solve_with_jumps(&p, candidate);
-  if (status == ANHYST_OK && !(fabs(candidate->x) <= cells->reach)) {
+  const int is_rising = 1.0 + omega * cells->max_slope > MIN_SLOPE;
+  const anhyst_status status = is_rising ? solve_monotonic(&p, cells->max_slope, candidate)
+                                         : solve_with_jumps(&p, candidate);
+  if (status == ANHYST_OK && !(fabs(candidate->x) <= cells->x_max)) {
     return ANHYST_OUT_OF_RANGE;
   }
   return status;
@@ -290,14 +291,14 @@ void anhyst_cells_accept_f64(const anhyst_cells_f64 *cells, anhyst_cells_state_f
 {
   if (candidate->direction * state->direction <= 0.0) {
     for (int i = 0; i < state->active; i++) {
-      state->place[i] = state->x - state->direction * cells->threshold[i];
+      state->play_position[i] = state->x - state->direction * cells->threshold[i];
     }
   }
   state->x = candidate->x;
   state->m = candidate->m;
   state->direction = candidate->direction;
-  state->rest = candidate->rest;
-  state->bend = candidate->bend;
+  state->resting_m = candidate->resting_m;
+  state->derivatives = candidate->derivatives;
   state->active = candidate->active;
 }
 
@@ -318,22 +319,23 @@ void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers
 {
   const anhyst_cells_bend_f64 zero = {0.0, 0.0, 0.0};
   const int is_number = !isnan(numbers[0]);
-  state->x = is_number ? clamp(numbers[0], -cells->reach, cells->reach) : 0.0;
-  state->place[0] = state->x;
+  state->x = is_number ? clamp(numbers[0], -cells->x_max, cells->x_max) : 0.0;
+  state->play_position[0] = state->x;
   state->m = cell_evaluate_row(cells, 0, state->x).value;
   state->direction = 0.0;
-  state->rest = 0.0;
-  state->bend = zero;
+  state->resting_m = 0.0;
+  state->derivatives = zero;
   state->active = 0;
   for (int i = 1; i < cells->cells; i++) {
     /* Uses both sides of zero, so that a mirrored state has exactly the mirrored magnetisation. */
     const double r = cells->threshold[i];
     const double max_distance = r - cells->threshold[i - 1];
-    const double previous_place = state->place[i - 1];
+    const double previous_place = state->play_position[i - 1];
     const double place = isnan(numbers[i]) ? previous_place : numbers[i];
-    state->place[i] = clamp(place, previous_place - max_distance, previous_place + max_distance);
-    state->m += 0.5 * (cell_contribution(cells, i, state->place[i] + r) -
-                       cell_contribution(cells, i, r - state->place[i]));
+    state->play_position[i] =
+        clamp(place, previous_place - max_distance, previous_place + max_distance);
+    state->m += 0.5 * (cell_contribution(cells, i, state->play_position[i] + r) -
+                       cell_contribution(cells, i, r - state->play_position[i]));
   }
 }
 
@@ -342,7 +344,7 @@ void anhyst_cells_numbers_f64(const anhyst_cells_f64 *cells, const anhyst_cells_
 {
   numbers[0] = state->x;
   for (int i = 1; i < cells->cells; i++) {
-    numbers[i] =
-        i < state->active ? state->x - state->direction * cells->threshold[i] : state->place[i];
+    numbers[i] = i < state->active ? state->x - state->direction * cells->threshold[i]
+                                   : state->play_position[i];
   }
 }

@@ -22,10 +22,10 @@ anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_operator_f64 *l
   iron->saturation = saturation;
   iron->shape = shape;
   iron->interaction = interaction;
-  iron->grain = 1.0;
+  iron->state_scale = 1.0;
   iron->layers = 1;
-  iron->surface = 1.0;
-  iron->laminated = 0.0;
+  iron->surface_fraction = 1.0;
+  iron->laminated_fraction = 0.0;
   if (!is_iron_valid(iron)) {
     return ANHYST_BAD_PARAMETER;
   }
@@ -46,10 +46,10 @@ anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells
   iron->saturation = 1.0;
   iron->shape = 1.0;
   iron->interaction = interaction;
-  iron->grain = cells->scale;
+  iron->state_scale = cells->scale;
   iron->layers = 1;
-  iron->surface = 1.0;
-  iron->laminated = 0.0;
+  iron->surface_fraction = 1.0;
+  iron->laminated_fraction = 0.0;
   return is_iron_valid(iron) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
@@ -61,8 +61,8 @@ anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double s
     return ANHYST_BAD_PARAMETER;
   }
   iron->layers = layers;
-  iron->surface = surface;
-  iron->laminated = laminated;
+  iron->surface_fraction = surface;
+  iron->laminated_fraction = laminated;
   return ANHYST_OK;
 }
 

@@ -80,7 +80,7 @@ static double irreversible_m(anhyst_path_f64 *path, double p, double pull, doubl
 {
   (void)pull;
   (void)slope;
-  if (!path->departure_known) {
+  if (!path->is_departure_known) {
     anhyst_path_find_y_start(path);
   }
   if (path->sign * (p - path->departure) <= 0.0) {

@@ -18,17 +18,17 @@ static double irreversible_m(anhyst_path_f64 *path, double p, double pull, doubl
 {
   const anhyst_operator_f64 *law = path->law;
   (void)slope;
-  if (!path->departure_known) {
+  if (!path->is_departure_known) {
     anhyst_path_find_y_start(path);
-    path->lead =
+    path->branch_distance =
         path->from.y - path->sign * anhyst_branch_at_f64(law->branch, path->sign * path->departure);
   }
   if (path->sign * (p - path->departure) <= 0.0) {
     return path->from.y;
   }
   const double decay = anhyst_exp_f64(-fabs(p - path->departure) / law->kappa);
-  const double y =
-      path->sign * anhyst_branch_at_f64(law->branch, path->sign * p) + path->lead * decay;
+  const double y = path->sign * anhyst_branch_at_f64(law->branch, path->sign * p) +
+                   path->branch_distance * decay;
   const double drive = path->sign * (pull - y);
   *y_slope = drive > 0.0 ? drive / law->kappa : 0.0;
   return y;

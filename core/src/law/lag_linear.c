@@ -19,9 +19,9 @@ static double irreversible_m(anhyst_path_f64 *path, double p, double pull, doubl
   const double y0 = path->from.y;
   const double travel = p - path->from.p;
   const double s = fabs(travel) / path->law->kappa;
-  const double rise = pull - path->pull;
+  const double rise = pull - path->irreversible_limit;
   const double ahead = pull - y0;
-  const double start = path->pull - y0;
+  const double start = path->irreversible_limit - y0;
   if (path->sign * start >= 0.0) {
     const weights w = weights_at(s);
     *y_slope =

@@ -16,7 +16,7 @@ static anhyst_status solve_step(const void *law, const anhyst_memory_f64 *state,
   if (status == ANHYST_OK) {
     found->x = found->next.cells.x;
     found->m = found->next.cells.m;
-    found->slope = found->next.cells.bend.slope;
+    found->slope = found->next.cells.derivatives.slope;
   }
   return status;
 }

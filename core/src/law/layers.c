@@ -67,7 +67,7 @@ static anhyst_status compute_residuals(layer_problem *problem, const double *sec
                                        double *residual)
 {
   const int layers = problem->iron->layers;
-  const double laminated = problem->iron->laminated;
+  const double laminated = problem->iron->laminated_fraction;
   const double eddy_slope = problem->circuit->eddy / (layers - 1);
   for (int j = 0; j < layers; j++) {
     const double deeper = j + 1 < layers ? section[j + 1] : 0.0;
@@ -94,7 +94,7 @@ static anhyst_status compute_residuals(layer_problem *problem, const double *sec
 static void compute_newton_step(const layer_problem *problem, const double *residual, double *step)
 {
   const int layers = problem->iron->layers;
-  const double solid = 1.0 - problem->iron->laminated;
+  const double solid = 1.0 - problem->iron->laminated_fraction;
   const double eddy_slope = problem->circuit->eddy / (layers - 1);
   double pivot[ANHYST_LAYERS_MAX];
   double right[ANHYST_LAYERS_MAX];
@@ -104,7 +104,7 @@ static void compute_newton_step(const layer_problem *problem, const double *resi
     pivot[j] =
         inner[j] +
         (j > 0 ? solid * (eddy_slope + problem->field_slope[j - 1] / problem->area_fraction[j - 1])
-               : problem->iron->laminated * problem->field_slope[layers] +
+               : problem->iron->laminated_fraction * problem->field_slope[layers] +
                      problem->circuit->gap_ratio / ANHYST_MU0);
     right[j] = -residual[j];
     if (j + 1 < layers) {
@@ -137,7 +137,7 @@ static double relative_residual(const layer_problem *problem, const double *resi
                                 const double *section)
 {
   const double grain =
-      MIN_FLUX_SCALE * ANHYST_MU0 * problem->iron->saturation * problem->iron->grain;
+      MIN_FLUX_SCALE * ANHYST_MU0 * problem->iron->saturation * problem->iron->state_scale;
   double scale = fabs(problem->drive) + problem->circuit->gap_ratio * fabs(section[0]) / ANHYST_MU0;
   double largest = 0.0;
   for (int j = 0; j < problem->iron->layers; j++) {
@@ -235,7 +235,8 @@ static void init_layer_problem(layer_problem *problem, double *section)
   for (int j = iron->layers - 1; j >= 0; j--) {
     double x;
     double m;
-    problem->area_fraction[j] = j == 0 ? iron->surface : (1.0 - iron->surface) / (iron->layers - 1);
+    problem->area_fraction[j] =
+        j == 0 ? iron->surface_fraction : (1.0 - iron->surface_fraction) / (iron->layers - 1);
     iron->law->read(iron->parameters, &problem->state[j], &x, &m);
     flux += problem->area_fraction[j] * anhyst_flux_from_f64(iron, x, m);
     problem->start_flux[j] = flux;
@@ -256,8 +257,8 @@ anhyst_status anhyst_layers_forward_f64(const anhyst_iron_f64 *iron, const anhys
   const anhyst_status status = solve_sections(&problem, section);
   reaction->drive = drive;
   reaction->flux = section[0];
-  reaction->field =
-      iron->laminated * problem.field[iron->layers] + (1.0 - iron->laminated) * problem.field[0];
+  reaction->field = iron->laminated_fraction * problem.field[iron->layers] +
+                    (1.0 - iron->laminated_fraction) * problem.field[0];
   return status;
 }
 
@@ -274,8 +275,8 @@ anhyst_status anhyst_layers_inverse_f64(const anhyst_iron_f64 *iron, const anhys
   section[0] = flux;
   const anhyst_status status = solve_sections(&problem, section);
   reaction->flux = flux;
-  reaction->field =
-      iron->laminated * problem.field[iron->layers] + (1.0 - iron->laminated) * problem.field[0];
+  reaction->field = iron->laminated_fraction * problem.field[iron->layers] +
+                    (1.0 - iron->laminated_fraction) * problem.field[0];
   reaction->drive = reaction->field + circuit->gap_ratio * flux / ANHYST_MU0;
   if (status != ANHYST_OK) {
     return status;

@@ -23,9 +23,9 @@ double anhyst_lag_max_slope(const anhyst_operator_f64 *law)
 
 void anhyst_path_find_y_start(anhyst_path_f64 *path)
 {
-  const int is_constant_first = path->sign * (path->pull - path->from.y) < 0.0;
+  const int is_constant_first = path->sign * (path->irreversible_limit - path->from.y) < 0.0;
   path->departure = is_constant_first ? anhyst_inverse_langevin_f64(path->from.y) : path->from.p;
-  path->departure_known = 1;
+  path->is_departure_known = 1;
 }
 
 anhyst_status anhyst_operator_check_f64(const anhyst_operator_f64 *law)
@@ -68,8 +68,8 @@ void anhyst_path_begin_f64(anhyst_path_f64 *path, const anhyst_operator_f64 *law
   path->law = law;
   path->from = *from;
   path->sign = sign;
-  path->pull = pull;
-  path->departure_known = 0;
+  path->irreversible_limit = pull;
+  path->is_departure_known = 0;
 
   double x_pull = pull;
   double drive = sign * (pull - from->y) / law->kappa;

@@ -33,14 +33,15 @@ static void set_exact_partials(const anhyst_path_f64 *path, const anhyst_branch_
   const double sign = path->sign;
   const double s = fabs(end->state.p - path->departure) / kappa;
   const double decay = anhyst_exp_f64(-s);
-  const int is_constant_first = sign * (path->pull - path->from.y) < 0.0;
+  const int is_constant_first = sign * (path->irreversible_limit - path->from.y) < 0.0;
   d->by_y = decay;
   /* If y starts to change on the anhysteretic curve, L = y: a shift of this point has no effect. */
-  d->by_p0 = is_constant_first ? 0.0 : -decay * sign * (path->pull - path->from.y) / kappa;
+  d->by_p0 =
+      is_constant_first ? 0.0 : -decay * sign * (path->irreversible_limit - path->from.y) / kappa;
   d->by_p1 = end->y_slope;
   d->by_kappa = sign * (anhyst_branch_slope_at_f64(slope, sign * end->state.p) -
                         anhyst_branch_slope_at_f64(slope, sign * path->departure) * decay) +
-                path->lead * decay * s / kappa;
+                path->branch_distance * decay * s / kappa;
 }
 
 static void set_linear_partials(const anhyst_path_f64 *path, const anhyst_answer_f64 *end,

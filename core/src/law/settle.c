@@ -56,7 +56,7 @@ anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
     const double *before = ends[newest];
     newest = (newest + 1) % 4;
     read_numbers(iron, state, ends[newest]);
-    if (is_periodic(count, before, ends[newest], tol * iron->grain)) {
+    if (is_periodic(count, before, ends[newest], tol * iron->state_scale)) {
       return ANHYST_OK;
     }
     if (newest == 0 && iron->law->hasten != 0) {

@@ -75,7 +75,7 @@ static double scaled_exp(double x, uint64_t shift)
   const double low = 0.49999999999932843 + r * (1.0 / 6.0);
   const double high = 0.041666727751466 + r * (1.0 / 120.0);
   const double scale = bits_to_double(double_to_bits(at->value) + (((bits >> 6U) - shift) << 52U));
-  return scale + scale * ((r + at->rest) + (r2 * low + (r2 * r2) * high));
+  return scale + scale * ((r + at->residual) + (r2 * low + (r2 * r2) * high));
 }
 
 double anhyst_exp_f64(double x)
@@ -192,7 +192,7 @@ double anhyst_log_f64(double x)
   const double series = r2 * low + (r2 * r2) * (r2 * high);
   const double coarse_sum = exponent * 0x1.62e42fefa3800p-1 + at->value; /* exact */
   const double sum = coarse_sum + r;
-  const double rest = ((coarse_sum - sum) + r) + (at->rest + exponent * 0x1.ef35793c76730p-45);
+  const double rest = ((coarse_sum - sum) + r) + (at->residual + exponent * 0x1.ef35793c76730p-45);
   return sum + (rest - series);
 }
 

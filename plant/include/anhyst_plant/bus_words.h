@@ -21,7 +21,7 @@ enum {
 
 /* Controller to plant: the currents for the next tick, and signals for recordings. */
 enum {
-  ANHYST_BUS_DRIVE_TICK, /* tick of the sample from which the record was computed */
+  ANHYST_BUS_DRIVE_TICK, /* tick of the sample from which these currents were computed */
   ANHYST_BUS_DRIVE_DRIVE, /* commanded current of the first magnet, q31 of full scale */
   ANHYST_BUS_DRIVE_DRIVE_2, /* commanded current of the second magnet, q31 of full scale */
   ANHYST_BUS_DRIVE_STATE, /* number of the state + 256*(reason of the fault) */

@@ -31,11 +31,11 @@ extern "C" {
 /* Parameters of the flux loop, which corrects the current by the measured flux density; constant. U
    is the full scale of the current, B that of the flux density, and T the length of a tick. */
 typedef struct {
-  anhyst_map_q31 wanted;      /* flux density as a function of the square root of the force */
+  anhyst_map_q31 flux_table;  /* flux density as a function of the square root of the force */
   anhyst_factor proportional; /* proportional gain, k_p*B/U */
   anhyst_factor integral;     /* integral gain, k_i*T*B/U */
-  anhyst_factor back;         /* back-calculation gain: in a tick with a limited current, this
-                                 fraction of `applied - wanted` is added to the integral */
+  anhyst_factor back;         /* back-calculation gain: if the current is limited, this fraction of
+                                 `applied - unlimited_current` is added to the integral */
   anhyst_factor smoothing;    /* minus the expected fraction of a flux step after one tick, -1..0 */
   int32_t most;               /* largest current that is added to that of a compensator, >= 0 */
 } anhyst_flux_loop_q31;

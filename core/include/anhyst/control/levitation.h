@@ -65,17 +65,17 @@ typedef struct {
 
 typedef struct {
   anhyst_supervisor supervisor;
-  int32_t position;  /* last plausible position: input of the controller */
-  int32_t rest;      /* position of the armature before it was lifted */
-  int32_t reference; /* reference of the position control */
-  int32_t demand;    /* demanded force in the phases BREAKAWAY and SET_DOWN */
-  int32_t tick;      /* number of ticks in the phase BREAKAWAY or FALL */
+  int32_t position;      /* last plausible position: input of the controller */
+  int32_t rest_position; /* position of the armature before it was lifted */
+  int32_t reference;     /* reference of the position control */
+  int32_t demand;        /* demanded force in the phases BREAKAWAY and SET_DOWN */
+  int32_t tick;          /* number of ticks in the phase BREAKAWAY or FALL */
   uint16_t phase;
-  uint16_t flags;  /* flags of this tick: ANHYST_SAMPLE_IMPLAUSIBLE or 0 */
-  uint16_t begins; /* whether position control starts in this tick, with the last demand */
-  uint16_t seen;   /* whether a plausible position was measured */
-  uint16_t lost;   /* whether a returning position is ignored until the command CLEAR */
-  uint16_t let_go; /* whether the phase FALL starts in this tick */
+  uint16_t flags;          /* flags of this tick: ANHYST_SAMPLE_IMPLAUSIBLE or 0 */
+  uint16_t starts_control; /* whether position control starts in this tick, with the last demand */
+  uint16_t has_position;   /* whether a plausible position was measured */
+  uint16_t is_return_ignored; /* whether a returning position is ignored until the command CLEAR */
+  uint16_t starts_fall;       /* whether the phase FALL starts in this tick */
 } anhyst_levitation;
 
 /* Returns ANHYST_OK if both structures are within their ranges, otherwise ANHYST_BAD_PARAMETER. */

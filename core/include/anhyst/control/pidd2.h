@@ -57,7 +57,7 @@ typedef struct {
 /* Result of a solve before its commit. */
 typedef struct {
   anhyst_pidd2_state_q31 next; /* state of the next tick, before back-calculation */
-  int32_t wanted;              /* u before limits, q28 */
+  int32_t unlimited_output;    /* u before limits, q28 */
   int32_t output;              /* u within limits, q31 */
 } anhyst_pidd2_candidate_q31;
 

@@ -29,11 +29,11 @@ extern "C" {
 typedef struct {
   int32_t step; /* tick number of the conditioning sequence */
   uint16_t state;
-  uint16_t fault;        /* reason for the state FAULT, latched */
-  uint16_t age;          /* number of ticks since the last plausible sample, at most 65535 */
-  uint16_t passed;       /* number of consecutive plausible samples in the state SELFTEST */
-  uint16_t conditioning; /* whether the conditioning sequence runs */
-  uint16_t known;        /* whether the hysteresis state is assumed to be known */
+  uint16_t fault;             /* reason for the state FAULT, latched */
+  uint16_t sample_age;        /* number of ticks since the last plausible sample, at most 65535 */
+  uint16_t plausible_samples; /* number of consecutive plausible samples in the state SELFTEST */
+  uint16_t conditioning;      /* whether the conditioning sequence runs */
+  uint16_t known;             /* whether the hysteresis state is assumed to be known */
 } anhyst_supervisor;
 
 /* Body of the controller when a command arrives. */

@@ -51,20 +51,20 @@ typedef struct {
 typedef struct {
   int cells;
   double threshold[ANHYST_CELLS_MAX];
-  double saturation; /* saturation magnetisation: the sum of all weights */
-  double steepest;   /* upper bound of dm/dx over all states */
-  double reversible; /* largest dm/dx just after a reversal, when only cell 0 moves */
-  double reach;      /* largest |x| of the table; there is no solution beyond it */
-  double scale;      /* widest curve plus largest threshold: reference of the tolerances for x */
-  double tangent;    /* longest step in x for which a cubic polynomial is sufficiently accurate */
-  double per_unit;
-  double top; /* end of the tables: largest 1 + |x|/unit */
+  double saturation;     /* saturation magnetisation: the sum of all weights */
+  double max_slope;      /* upper bound of dm/dx over all states */
+  double reversal_slope; /* largest dm/dx just after a reversal, when only cell 0 moves */
+  double x_max;          /* largest |x| of the table; there is no solution beyond it */
+  double scale; /* widest curve plus largest threshold: reference of the tolerances for x */
+  double max_cubic_step; /* longest step in x with a sufficiently accurate cubic polynomial */
+  double inverse_unit;   /* 1/unit, m/A */
+  double table_end;      /* end of the tables: largest 1 + |x|/unit */
   int octaves;
   int shift[ANHYST_CELLS_OCTAVES]; /* right shift of the bits of 1 + |x|/unit to an index */
   int64_t first[ANHYST_CELLS_OCTAVES];
-  double per_piece[ANHYST_CELLS_OCTAVES]; /* intervals per unit, in each octave */
-  int64_t pieces;                         /* number of intervals on each side of zero */
-  const anhyst_cell_piece_f64 *rows;      /* `cells` rows of 2*pieces polynomials */
+  double intervals_per_unit[ANHYST_CELLS_OCTAVES]; /* intervals per unit, in each octave */
+  int64_t pieces;                                  /* number of intervals on each side of zero */
+  const anhyst_cell_piece_f64 *rows;               /* `cells` rows of 2*pieces polynomials */
 } anhyst_cells_f64;
 
 /* Derivatives of the sum of the moving cells with respect to x*direction, at a state. */
@@ -77,16 +77,16 @@ typedef struct {
   double x;         /* effective field */
   double m;         /* magnetisation */
   double direction; /* direction of the last movement, +1 or -1; 0: no movement yet */
-  double rest;      /* sum of the cells at rest, times the direction */
-  anhyst_cells_bend_f64 bend;
-  int active;                     /* number of moving cells, which are the first ones */
-  double place[ANHYST_CELLS_MAX]; /* p_i of a cell at rest; a moving cell: x - direction*r_i */
+  double resting_m; /* sum of the cells at rest, times the direction */
+  anhyst_cells_bend_f64 derivatives;
+  int active;                             /* number of moving cells, which are the first ones */
+  double play_position[ANHYST_CELLS_MAX]; /* p_i of a cell at rest; moving: x - direction*r_i */
 } anhyst_cells_state_f64;
 
-/* A trial step before its commit: the state without `place`, which changes only at a reversal. */
+/* A trial step before its commit. Play positions of the state change only at a reversal. */
 typedef struct {
-  double x, m, direction, rest;
-  anhyst_cells_bend_f64 bend;
+  double x, m, direction, resting_m;
+  anhyst_cells_bend_f64 derivatives;
   int active;
 } anhyst_cells_candidate_f64;
 
@@ -111,7 +111,7 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
 void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                anhyst_cell_piece_f64 *storage);
 
-/* Sets a state from any x and p_1..p_n (`cells` numbers). Limits x to -reach..reach (0 for NaN),
+/* Sets a state from any x and p_1..p_n (`cells` numbers). Limits x to -x_max..x_max (0 for NaN),
    and each p_i to its allowed distance from p of the cell before. Keeps a valid state. */
 void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers,
                             anhyst_cells_state_f64 *state);
@@ -121,10 +121,10 @@ void anhyst_cells_numbers_f64(const anhyst_cells_f64 *cells, const anhyst_cells_
                               double *numbers);
 
 /* Solves x + omega*m(x) = r (omega dimensionless, r in A/m) for the first x that a monotone path
-   from the state reaches. Does not change the state. With 1 + omega*steepest > 0, the solution is
-   unique. If 1 + omega*steepest is 0 or less, m may jump: the search follows the row interval by
-   interval and returns the first solution. If 1 + omega*reversible <= 0, every reversal would jump,
-   and the result is ANHYST_REFUSED. Error: |x + omega*m - r| is within 8 ulp of |x| + |r| +
+   from the state reaches. Does not change the state. With 1 + omega*max_slope > 0, the solution is
+   unique. If 1 + omega*max_slope is 0 or less, m may jump: the search follows the row interval by
+   interval and returns the first solution. If 1 + omega*reversal_slope <= 0, every reversal would
+   jump, and the result is ANHYST_REFUSED. Error: |x + omega*m - r| is within 8 ulp of |x| + |r| +
    |omega|*saturation. Returns ANHYST_OK, ANHYST_REFUSED, ANHYST_OUT_OF_RANGE or
    ANHYST_NOT_CONVERGED. The candidate is valid only with ANHYST_OK. */
 anhyst_status anhyst_cells_solve_f64(const anhyst_cells_f64 *cells,

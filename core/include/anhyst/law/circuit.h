@@ -23,14 +23,14 @@ extern "C" {
    with several layers is solid: its field diffuses from the surface inwards (layers.c). */
 typedef struct {
   const anhyst_law_f64 *law;
-  const void *parameters; /* parameters of the law */
-  double saturation;      /* unit of the magnetisation in the law, A/m */
-  double shape;           /* unit of the effective field in the law, A/m */
-  double interaction;     /* mean-field parameter alpha, below 1 */
-  double grain;           /* scale of the numbers in a state: reference of tolerances */
-  int layers;             /* number of layers; 1: uniform field */
-  double surface;         /* cross-section fraction of the first layer, above 0; 1: single layer */
-  double laminated;       /* laminated fraction of the flux path (no eddy currents), 0 to below 1 */
+  const void *parameters;  /* parameters of the law */
+  double saturation;       /* unit of the magnetisation in the law, A/m */
+  double shape;            /* unit of the effective field in the law, A/m */
+  double interaction;      /* mean-field parameter alpha, below 1 */
+  double state_scale;      /* scale of the numbers in a state: reference of tolerances */
+  int layers;              /* number of layers; 1: uniform field */
+  double surface_fraction; /* cross-section fraction of the first layer, above 0; 1: single layer */
+  double laminated_fraction; /* part of the flux path without eddy currents, 0 to below 1 */
 } anhyst_iron_f64;
 
 /* The circuit around the core at one sample. If both members are 0, the drive is the field. */
@@ -109,9 +109,9 @@ anhyst_status anhyst_record_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
                                 const double *eddy, double *found, double *field, size_t *index);
 
 /* Repeats a cycle of n samples until the state is periodic: no number of the state then changes by
-   more than tol*iron->grain in one repetition. If a law drifts slowly, every fourth repetition is
-   extrapolated. The state is then that of the steady-state cycle before its first sample; *cycles
-   counts the repetitions. Returns ANHYST_NOT_SETTLED after most_cycles repetitions. */
+   more than tol*iron->state_scale in one repetition. If a law drifts slowly, every fourth
+   repetition is extrapolated. The state is then that of the steady-state cycle before its first
+   sample; *cycles counts the repetitions. Returns ANHYST_NOT_SETTLED after most_cycles cycles. */
 anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state, int inverse,
                                 size_t n, const double *given, const double *rho,
                                 const double *eddy, double tol, int most_cycles, int *cycles,

@@ -51,11 +51,11 @@ typedef struct {
 typedef struct {
   const anhyst_operator_f64 *law;
   anhyst_state_f64 from;
-  double sign;      /* direction of travel, +1 or -1 */
-  double pull;      /* L(p0), the limit of the irreversible part at the start of the path */
-  double departure; /* position of the play at which the irreversible part starts to move */
-  double lead;      /* exact step only: y - sign*A(sign*departure) */
-  int departure_known;
+  double sign;               /* direction of travel, +1 or -1 */
+  double irreversible_limit; /* L(p0), limit of the irreversible part at the start of the path */
+  double departure;       /* position of the play at which the irreversible part starts to move */
+  double branch_distance; /* exact step only: y - sign*A(sign*departure) */
+  int is_departure_known;
 } anhyst_path_f64;
 
 /* Returns ANHYST_OK if all parameters are in their ranges, otherwise ANHYST_BAD_PARAMETER. */

@@ -12,9 +12,9 @@
 extern "C" {
 #endif
 
-/* A constant as the sum of the nearest double and a remainder. */
+/* A constant as the sum of the nearest double and a residual. */
 typedef struct {
-  double value, rest;
+  double value, residual;
 } anhyst_pair;
 
 /* atan(c) for c = 0, then for the centre c of each eighth of an octave from 1/32 to 64. */
@@ -25,10 +25,10 @@ static inline double anhyst_arctangent(double x)
   const double t = fabs(x);
   double u;
   double value;
-  double rest;
+  double residual;
   if (!(t < 64.0)) { /* a NaN also takes this branch, and the result is NaN */
     value = 0x1.921fb54442d18p+0;
-    rest = 0x1.1a62633145c07p-54;
+    residual = 0x1.1a62633145c07p-54;
     u = -1.0 / t;
   } else {
     /* atan(t) = atan(centre) + atan((t - centre)/(1 + t*centre)) */
@@ -48,7 +48,7 @@ static inline double anhyst_arctangent(double x)
       angle += eighths - first_eighth + 1U;
     }
     value = angle->value;
-    rest = angle->rest;
+    residual = angle->residual;
     u = (t - centre) / (1.0 + t * centre);
   }
   const double u2 = u * u;
@@ -56,7 +56,7 @@ static inline double anhyst_arctangent(double x)
   const double u4 = u2 * u2;
   const double low_terms = 1.0 / 3.0 - u2 * (1.0 / 5.0);
   const double high_terms = (1.0 / 7.0 - u2 * (1.0 / 9.0)) + u4 * (1.0 / 11.0);
-  return copysign(value + (u + ((rest - u3 * low_terms) - (u3 * u4) * high_terms)), x);
+  return copysign(value + (u + ((residual - u3 * low_terms) - (u3 * u4) * high_terms)), x);
 }
 
 #ifdef __cplusplus

@@ -45,7 +45,7 @@ static inline int64_t anhyst_clamp_wide(int64_t a, int64_t most)
 static inline int64_t anhyst_wide(int32_t a, int32_t b) { return (int64_t)a * b; }
 
 /* Returns a/2^n, rounded. Requires |a| <= 2^62 + 2^60 and 0 <= n <= 58. */
-static inline int64_t anhyst_part_wide(int64_t a, uint16_t n)
+static inline int64_t anhyst_rounded_shift(int64_t a, uint16_t n)
 {
   return (a + (((int64_t)1 << n) >> 1)) >> n;
 }
@@ -53,7 +53,7 @@ static inline int64_t anhyst_part_wide(int64_t a, uint16_t n)
 /* Returns a*b/2^31, rounded. Saturates only for (-1)*(-1). */
 static inline int32_t anhyst_product_q31(int32_t a, int32_t b)
 {
-  return anhyst_sat_wide(anhyst_part_wide(anhyst_wide(a, b), 31));
+  return anhyst_sat_wide(anhyst_rounded_shift(anhyst_wide(a, b), 31));
 }
 
 /* Returns whether `count` rows of `length` coefficients, and their shifts, are in range. */
@@ -79,7 +79,7 @@ static inline int32_t anhyst_row_product_q31(const int32_t *number, uint16_t shi
   for (i = 0; i < length; i++) {
     sum += anhyst_wide(number[i], signal[i]);
   }
-  return anhyst_sat_wide(anhyst_part_wide(sum, shift));
+  return anhyst_sat_wide(anhyst_rounded_shift(sum, shift));
 }
 
 #ifdef __cplusplus

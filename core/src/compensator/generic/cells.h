@@ -286,10 +286,10 @@ static number store_trial(const cell_path *path, const entry *words, candidate *
   const segment_grid width = grid_at_field(path, path->x);
   const number begin = segment_begin(path->x, width);
   trial->memory.cells.x = mirrored(path->x, path->mirror);
-  trial->memory.cells.rest = mirrored(path->resting_m, path->mirror);
+  trial->memory.cells.resting_m = mirrored(path->resting_m, path->mirror);
   trial->memory.cells.active = path->mirror == 0 ? path->active : -path->active;
-  trial->memory.cells.risen = path->stopped_on_rise;
-  trial->memory.cells.joined = path->last_activation;
+  trial->memory.cells.stopped_on_rise = path->stopped_on_rise;
+  trial->memory.cells.last_activation = path->last_activation;
   store_segment(words, (int)(path->segment - words), begin, width, path->resting_m, trial);
   const number rise = segment_flux_rise(trial, words[ANHYST_WORD_CELLS_AIR]);
   return mirrored(trial->of.cells.flux + multiply_rise(rise, fraction_at(path->x, begin, width)),
@@ -319,10 +319,10 @@ static number solve_from_state(const entry *words, const cells_memory *from, con
   }
   path.last_activation = path.x;
   if (residual > RESIDUAL_DEADBAND) {
-    trial->of.cells.joins =
+    trial->of.cells.next_activation =
         solve_path(&path, &eq, position, residual > GROUP_SEARCH_RESIDUAL ? path.cells : 0);
   } else {
-    trial->of.cells.joins = activation_field(&path, path.active, path.x);
+    trial->of.cells.next_activation = activation_field(&path, path.active, path.x);
   }
   return store_trial(&path, words, trial);
 }
@@ -339,7 +339,8 @@ static int move_to_next_segment(const entry *words, candidate *trial)
   const number end =
       unsafe_sum(trial_lower_end(trial, mirrored(trial->memory.cells.x, mirror)), width_of(width));
   const int32_t next = (int32_t)trial->of.cells.segment + 1;
-  if (!(end <= trial->of.cells.joins) || next <= integer_of(words[ANHYST_WORD_CELLS_ROWS]) ||
+  if (!(end <= trial->of.cells.next_activation) ||
+      next <= integer_of(words[ANHYST_WORD_CELLS_ROWS]) ||
       next >= integer_of(words[ANHYST_WORD_LENGTH]) - 1) {
     return 0;
   }
@@ -352,7 +353,8 @@ static int move_to_next_segment(const entry *words, candidate *trial)
     width = grid_from_halvings(bits);
   }
   trial->memory.cells.x = mirrored(end, mirror);
-  store_segment(words, (int)next, end, width, mirrored(trial->memory.cells.rest, mirror), trial);
+  store_segment(words, (int)next, end, width, mirrored(trial->memory.cells.resting_m, mirror),
+                trial);
   return 1;
 }
 
@@ -365,7 +367,7 @@ static inline int solve_on_segment(const entry *words, const arms_type *arms, nu
 {
   const equation eq = {words[ANHYST_WORD_CELLS_AIR], arms, target};
   const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
-  const number low = trial->memory.cells.joined;
+  const number low = trial->memory.cells.last_activation;
   const segment_grid width = trial_grid(trial);
   const number begin = trial_lower_end(trial, mirrored(trial->memory.cells.x, mirror));
   const number rise = segment_flux_rise(trial, eq.air);
@@ -388,7 +390,7 @@ static inline int solve_on_segment(const entry *words, const arms_type *arms, nu
   }
   trial->memory.cells.x = mirrored(x, mirror);
   *flux = mirrored(unsafe_sum(trial->of.cells.flux, multiply_rise(rise, fraction)), mirror);
-  return is_flux_valid(*flux) && x <= trial->of.cells.joins ? SOLVED : NOT_SOLVED;
+  return is_flux_valid(*flux) && x <= trial->of.cells.next_activation ? SOLVED : NOT_SOLVED;
 }
 
 /* Solves from a trial step if the target is close, otherwise from the stored state. The argument
@@ -424,7 +426,7 @@ static inline number solve_current(const entry *words, const cells_memory *from,
 static inline void allow_reversal(compensator *c)
 {
   candidate *trial = &c->next;
-  trial->memory.cells.joined =
+  trial->memory.cells.last_activation =
       saturate(mirrored(c->memory.cells.x, trial->memory.cells.active < 0 ? -1 : 0));
 }
 

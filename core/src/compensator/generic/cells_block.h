@@ -8,10 +8,10 @@ static void init_cells(const entry *words, const number *plays, cells_memory *me
 {
   cell_path path;
   init_path(&path, words, plays);
-  memory->rest = sum_resting_cells(&path);
+  memory->resting_m = sum_resting_cells(&path);
   memory->active = 1;
-  memory->risen = -1;
-  memory->joined = memory->x;
+  memory->stopped_on_rise = -1;
+  memory->last_activation = memory->x;
 }
 
 /* Stores the plays of the active cells, which come to rest if the path reverses at this state. */

@@ -147,7 +147,7 @@ static inline void begin_path(cell_path *path, const entry *words, const cells_m
 {
   init_path(path, words, plays);
   path->active = count_active_cells(path, from);
-  path->stopped_on_rise = from->risen;
+  path->stopped_on_rise = from->stopped_on_rise;
   path->reversal.segment = path->rows;
   path->reversal.fraction = 0;
   if (path->active == 0) {
@@ -158,7 +158,8 @@ static inline void begin_path(cell_path *path, const entry *words, const cells_m
   } else {
     path->mirror = from->active < 0 ? -1 : 0;
     path->x = saturate(mirrored(from->x, path->mirror));
-    path->resting_m = path->active > path->cells ? 0 : saturate(mirrored(from->rest, path->mirror));
+    path->resting_m =
+        path->active > path->cells ? 0 : saturate(mirrored(from->resting_m, path->mirror));
   }
   path->row = active_row(path, path->active);
 }

@@ -129,19 +129,19 @@ static inline segment_grid trial_grid(const candidate *trial)
 static inline number trial_lower_end(const candidate *trial, number x)
 {
   (void)x;
-  return trial->of.cells.begin;
+  return trial->of.cells.begin_field;
 }
 
 static inline void set_segment(candidate *trial, const entry *words, int segment, number begin,
                                segment_grid width)
 {
   trial->of.cells.segment = segment;
-  trial->of.cells.begin = begin;
+  trial->of.cells.begin_field = begin;
   trial->of.cells.width = width.width;
-  trial->of.cells.rise = word_value(words[segment + 1]) - word_value(words[segment]);
+  trial->of.cells.row_rise = word_value(words[segment + 1]) - word_value(words[segment]);
 }
 
-static inline number quarter_rise(const candidate *at) { return quarter(at->of.cells.rise); }
+static inline number quarter_rise(const candidate *at) { return quarter(at->of.cells.row_rise); }
 
 static inline int is_rounding_error(number above, number below, segment_grid width)
 {

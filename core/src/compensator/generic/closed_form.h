@@ -33,14 +33,14 @@ static number stored_path_start(const entry *words, number state)
 
 static number state_at_flux(const entry *words, const simplified_memory *path, number flux)
 {
-  const number travel = difference(flux, path->turn);
-  number z = path->start;
-  if (path->start < 0) {
-    const number linear_state = sum(path->start, linear_state_change(words, travel));
+  const number travel = difference(flux, path->start_flux);
+  number z = path->start_state;
+  if (path->start_state < 0) {
+    const number linear_state = sum(path->start_state, linear_state_change(words, travel));
     if (linear_state < 0) {
       return linear_state;
     }
-    z = -linear_distance(words, path->start);
+    z = -linear_distance(words, path->start_state);
   }
   z = sum(z, distance_of_travel(words, travel));
   return state_at_distance(words, z > 0 ? z : 0);

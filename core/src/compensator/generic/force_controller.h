@@ -11,9 +11,9 @@ static int are_current_limits_valid(ANHYST_REAL low, ANHYST_REAL high)
 /* Adds the correction from the measured flux to a current, and limits the sum. */
 static ANHYST_REAL apply_correction(anhyst_force_controller_x *c, ANHYST_REAL current)
 {
-  c->wanted = anhyst_add_x(current, c->correction);
-  c->current = limit_current(c, c->wanted);
-  if (c->current != c->wanted) {
+  c->unlimited_current = anhyst_add_x(current, c->correction);
+  c->current = limit_current(c, c->unlimited_current);
+  if (c->current != c->unlimited_current) {
     c->flags |= ANHYST_CURRENT_LIMITED;
   }
   return c->current;
@@ -40,7 +40,7 @@ static ANHYST_REAL solve_by_map(anhyst_force_controller_x *c, ANHYST_REAL demand
 static ANHYST_REAL force_by_map(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                 ANHYST_REAL added, ANHYST_REAL gap)
 {
-  if (c->solved != 0U && applied == c->wanted) {
+  if (c->solved != 0U && applied == c->unlimited_current) {
     return c->demand;
   }
   return anhyst_map_force_x(c->map, anhyst_sub_x(applied, added), gap);
@@ -131,7 +131,7 @@ anhyst_status anhyst_force_controller_init_flux_x(anhyst_force_controller_x *c,
   static const anhyst_force_method_x by_flux = {
       solve_by_flux,           commit_by_flux, expected_by_map,  no_conditioning_ticks,
       no_conditioning_current, no_demagnetise, no_state_transfer};
-  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_flux_loop_valid(loop) ||
+  if (anhyst_map_check_x(&loop->flux_table) != ANHYST_OK || !is_flux_loop_valid(loop) ||
       anhyst_force_controller_init_map_x(c, map, low, high) != ANHYST_OK) {
     return ANHYST_BAD_PARAMETER;
   }
@@ -249,7 +249,7 @@ anhyst_status anhyst_force_controller_fuse_x(anhyst_force_controller_x *c,
   static const anhyst_force_method_x fused = {
       solve_fused,          commit_fused, expected_by_compensator, conditioning_ticks,
       conditioning_current, demagnetise,  transfer_state};
-  if (anhyst_map_check_x(&loop->wanted) != ANHYST_OK || !is_flux_loop_valid(loop) ||
+  if (anhyst_map_check_x(&loop->flux_table) != ANHYST_OK || !is_flux_loop_valid(loop) ||
       !are_current_limits_valid(low, high)) {
     return ANHYST_BAD_PARAMETER;
   }

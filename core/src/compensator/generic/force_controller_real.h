@@ -60,11 +60,11 @@ static void swap_compensator_block(anhyst_compensator_x *compensator, const ANHY
    a delay, which no current can remove. */
 static void update_correction(anhyst_force_controller_x *c, ANHYST_REAL gap, ANHYST_REAL flux)
 {
-  const anhyst_map_x *wanted = &c->loop->wanted;
-  const int pulls = wanted->force_low >= R(0.0);
+  const anhyst_map_x *flux_table = &c->loop->flux_table;
+  const int pulls = flux_table->force_low >= R(0.0);
   const ANHYST_REAL force =
-      pulls ? ANHYST_SQRT(limit_demand(wanted, c->demand) * wanted->force_high) : c->demand;
-  c->flux = anhyst_map_value_x(wanted, force, gap);
+      pulls ? ANHYST_SQRT(limit_demand(flux_table, c->demand) * flux_table->force_high) : c->demand;
+  c->flux = anhyst_map_value_x(flux_table, force, gap);
   c->error = is_finite(flux) ? c->expected - flux : R(0.0);
   c->correction = c->loop->proportional * c->error + c->integral;
 }
@@ -77,7 +77,7 @@ static void advance_flux_loop(anhyst_force_controller_x *c, ANHYST_REAL applied)
   c->expected += loop->smoothing * (c->flux - c->expected);
   c->integral += loop->integral * c->error;
   if ((c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
-    c->integral += loop->back * (applied - c->wanted);
+    c->integral += loop->back * (applied - c->unlimited_current);
   }
 }
 

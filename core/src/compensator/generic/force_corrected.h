@@ -3,7 +3,7 @@
 /* Returns the current that compensates eddy currents, in the unit of the inner controller. */
 static ANHYST_REAL eddy_lead_current(const anhyst_corrected_x *data)
 {
-  return data->correction.lead * (data->root - data->before);
+  return data->correction.lead * (data->root - data->previous_root);
 }
 
 static ANHYST_REAL solve_current(anhyst_force_controller_x *c, ANHYST_REAL demand, ANHYST_REAL gap,
@@ -23,7 +23,7 @@ static ANHYST_REAL commit_step(anhyst_force_controller_x *c, ANHYST_REAL applied
 {
   anhyst_corrected_x *data = c->own;
   const ANHYST_REAL iron_current = applied * data->correction.scale - eddy_lead_current(data);
-  data->before = data->root;
+  data->previous_root = data->root;
   return anhyst_force_controller_commit_x(data->inner, iron_current, gap - data->correction.zero);
 }
 
@@ -52,7 +52,7 @@ static void demagnetise(anhyst_force_controller_x *c)
 {
   anhyst_corrected_x *data = c->own;
   data->root = R(0.0);
-  data->before = R(0.0);
+  data->previous_root = R(0.0);
   anhyst_force_controller_demagnetise_x(data->inner);
 }
 

@@ -59,11 +59,11 @@ static inline void store_step(compensator *c, const branch_path *path, mirror_ty
   to->memory.full.x = to_stored(mirrored(point->x, mirror));
   to->memory.full.y = to_stored(mirrored(point->y, mirror));
   to->memory.full.p = to_stored(mirrored(point->p, mirror));
-  to->memory.full.turn = from->turn;
-  to->memory.full.level = from->level;
-  if (point->p > path->p && to_path_direction(from->turn, mirror) >= path->p) {
-    to->memory.full.turn = from->p;
-    to->memory.full.level = from->y;
+  to->memory.full.reversal_play = from->reversal_play;
+  to->memory.full.reversal_y = from->reversal_y;
+  if (point->p > path->p && to_path_direction(from->reversal_play, mirror) >= path->p) {
+    to->memory.full.reversal_play = from->p;
+    to->memory.full.reversal_y = from->y;
   }
   to->of.full.m = mirrored(point->m, mirror);
   to->of.full.y_slope = (candidate_slope)point->y_slope;

@@ -126,6 +126,6 @@ static void transfer_state(compensator *c, const entry *words, number flux)
   memory->x = to_stored(path.x);
   memory->y = to_stored(path.y);
   memory->p = to_stored(path.p);
-  memory->turn = memory->p;
-  memory->level = memory->y;
+  memory->reversal_play = memory->p;
+  memory->reversal_y = memory->y;
 }

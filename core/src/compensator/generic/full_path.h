@@ -108,8 +108,8 @@ static inline void find_y_start(branch_path *path, const entry *words, const ful
   path->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
   path->kappa = decay_field(path->steepness);
   path->max_evaluations = (int16_t)words[ANHYST_WORD_FULL_ITERATIONS];
-  path->reversal_play = to_path_direction(from->turn, mirror);
-  path->reversal_y = to_path_direction(from->level, mirror);
+  path->reversal_play = to_path_direction(from->reversal_play, mirror);
+  path->reversal_y = to_path_direction(from->reversal_y, mirror);
   if (path->reversal_play >= path->p) {
     path->reversal_play = path->p;
     path->reversal_y = path->y;

@@ -85,8 +85,8 @@ static anhyst_status init_play_map(play_type *c, const entry *words, uint16_t ca
   initial.law.half = initial.law.map.entries + entries;
   initial.low = word_to_current(words[ANHYST_WORD_PLAY_CURRENT_LOW]);
   initial.high = word_to_current(words[ANHYST_WORD_PLAY_CURRENT_HIGH]);
-  initial.least = subtract(initial.low, current_tolerance(words));
-  initial.most = add(initial.high, current_tolerance(words));
+  initial.tolerated_low = subtract(initial.low, current_tolerance(words));
+  initial.tolerated_high = add(initial.high, current_tolerance(words));
   if (!read_scales(&initial.law, words) || !is_map_valid(&initial.law.map) ||
       !are_branches_rising(&initial.law, entries) || !is_finite(initial.low) ||
       !is_finite(initial.high) || initial.low > initial.high) {

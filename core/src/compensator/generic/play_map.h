@@ -43,11 +43,11 @@ static inline number current_at(number value, number half, number side)
 static void set_point_to_column(point *at, const play_type *c, const gap_law *slice, size_t column,
                                 number part)
 {
-  at->part = part;
+  at->fraction = part;
   at->value = column_value(&slice->map, column);
-  at->half = column_value(&slice->half, column);
+  at->half_width = column_value(&slice->half, column);
   at->side = branch_position_at(c, slice, at->value);
-  at->current = current_at(at->value, at->half, at->side);
+  at->current = current_at(at->value, at->half_width, at->side);
 }
 
 static number interpolate_between(number from, number to, number part)
@@ -68,13 +68,13 @@ static number solve_demand(play_type *c, number demand, number gap)
   const table_position position = locate_force(&c->law.map, c->demand);
   const size_t next = position.index + 1U;
   c->column = (uint16_t)position.index;
-  c->at.part = position.fraction;
+  c->at.fraction = position.fraction;
   c->at.value = interpolate_between(column_value(&slice.map, position.index),
                                     column_value(&slice.map, next), position.fraction);
-  c->at.half = interpolate_between(column_value(&slice.half, position.index),
-                                   column_value(&slice.half, next), position.fraction);
+  c->at.half_width = interpolate_between(column_value(&slice.half, position.index),
+                                         column_value(&slice.half, next), position.fraction);
   c->at.side = branch_position_at(c, &slice, c->at.value);
-  c->at.current = current_at(c->at.value, c->at.half, c->at.side);
+  c->at.current = current_at(c->at.value, c->at.half_width, c->at.side);
   const number current = clamp(c->at.current, c->low, c->high);
   c->solved = 1;
   uint16_t flags = gap_flag(c, gap);
@@ -126,11 +126,11 @@ static void split_at_corner(number corner_value, number side, number current, se
   const point *end = span->end;
   const number x =
       precise_quotient(absolute(corner_value - start->value), absolute(end->value - start->value));
-  corner->part = interpolate_between(start->part, end->part, x);
+  corner->fraction = interpolate_between(start->fraction, end->fraction, x);
   corner->value = corner_value;
-  corner->half = interpolate_between(start->half, end->half, x);
+  corner->half_width = interpolate_between(start->half_width, end->half_width, x);
   corner->side = side;
-  corner->current = current_at(corner_value, corner->half, side);
+  corner->current = current_at(corner_value, corner->half_width, side);
   if (start->value < end->value ? corner->current < current : corner->current > current) {
     span->start = corner;
   } else {
@@ -151,7 +151,7 @@ static number solve_in_interval(const search_interval *span, number current)
   number bend = 0;
   if (span->start->side != span->end->side) {
     bend = times_fraction(difference(span->end->side, span->start->side),
-                          span->end->half - span->start->half);
+                          span->end->half_width - span->start->half_width);
   }
   if (total_rise < 0) {
     total_rise = -total_rise;
@@ -234,8 +234,8 @@ static void move_to_current(play_type *c, int is_solved, number current, number 
     }
   }
   const number x = solve_in_interval(&span, current);
-  const table_position position = {span.column,
-                                   interpolate_between(span.start->part, span.end->part, x)};
+  const table_position position = {
+      span.column, interpolate_between(span.start->fraction, span.end->fraction, x)};
   c->demand = limit_demand(&c->law.map, force_at_position(&c->law.map, position));
   c->at.value = interpolate_between(span.start->value, span.end->value, x);
 }
@@ -248,7 +248,7 @@ static number commit_current(play_type *c, number applied, number gap)
   }
   c->solved = 0;
   if (!is_solved || applied != c->at.current) {
-    if (!(applied >= c->least && applied <= c->most)) {
+    if (!(applied >= c->tolerated_low && applied <= c->tolerated_high)) {
       c->flags |= ANHYST_CURRENT_LIMITED;
     }
     if (!is_finite(applied)) {

@@ -38,7 +38,7 @@ static void save_state(const compensator *c, saved_memory *to)
     if (j > 0U) {
       plays = c->deeper[j - 1U].plays;
       layer->memory = c->deeper[j - 1U].memory;
-      layer->owed = c->deeper[j - 1U].owed;
+      layer->flux_deficit = c->deeper[j - 1U].flux_deficit;
     }
 #endif
     for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
@@ -62,7 +62,7 @@ static anhyst_status restore_state(compensator *c, const saved_memory *from)
     if (j > 0U) {
       plays = c->deeper[j - 1U].plays;
       c->deeper[j - 1U].memory = layer->memory;
-      c->deeper[j - 1U].owed = layer->owed;
+      c->deeper[j - 1U].flux_deficit = layer->flux_deficit;
     } else
 #endif
     {

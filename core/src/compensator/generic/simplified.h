@@ -7,12 +7,12 @@
      dp/dflux = hold = rate/(1-nu)          for p < 0
      dp/dflux = rate*v/(1 - nu*v)           for p >= 0
 
-   A path starts at the flux `turn` and has reached the flux `peak`. The state at the peak is
-   computed from the start of the path, so that small steps accumulate no rounding errors. If the
-   flux falls below the peak by less than the dead band of the block, u moves on a straight line of
-   slope `hold`, in both directions. Beyond the dead band, a new path starts in the other direction.
-   Therefore, a reversal smaller than the dead band leaves u unchanged when the flux returns.
-   Without the dead band, each such reversal would move u towards 0. */
+   A path starts at the flux `start_flux` and has reached the flux `peak_flux`. The state at the
+   peak is computed from the start of the path, so that small steps accumulate no rounding errors.
+   If the flux falls below the peak by less than the dead band of the block, u moves on a straight
+   line of slope `hold`, in both directions. Beyond the dead band, a new path starts in the other
+   direction. Therefore, a reversal smaller than the dead band leaves u unchanged when the flux
+   returns. Without the dead band, each such reversal would move u towards 0. */
 
 #define UNKNOWN_PATH_START (-ONE - ONE) /* start of a path whose flux has not exceeded its peak */
 
@@ -26,26 +26,27 @@ static number state_at_flux(const entry *words, const simplified_memory *path, n
 static simplified_memory limit_state(const simplified_memory *memory)
 {
   const simplified_memory result = {clamp(memory->flux, -ONE, ONE), clamp(memory->u, -ONE, ONE),
-                                    clamp(memory->turn, -ONE, ONE), clamp(memory->peak, -ONE, ONE),
-                                    clamp(memory->start, -ONE, MAX_DISTANCE)};
+                                    clamp(memory->start_flux, -ONE, ONE),
+                                    clamp(memory->peak_flux, -ONE, ONE),
+                                    clamp(memory->start_state, -ONE, MAX_DISTANCE)};
   return result;
 }
 
 /* Returns a state in the direction of travel: mirrored if the flux falls. */
 static simplified_memory to_travel_direction(const simplified_memory *memory, int is_falling)
 {
-  const simplified_memory mirror = {-memory->flux, -memory->u, -memory->turn, -memory->peak,
-                                    memory->start};
+  const simplified_memory mirror = {-memory->flux, -memory->u, -memory->start_flux,
+                                    -memory->peak_flux, memory->start_state};
   return is_falling ? mirror : *memory;
 }
 
 static number state_at_memory(const entry *words, const simplified_memory *at)
 {
-  if (at->flux == at->peak) {
+  if (at->flux == at->peak_flux) {
     return at->u;
   }
-  const number change = linear_state_change(words, absolute(difference(at->flux, at->peak)));
-  const number state = at->flux < at->peak ? difference(at->u, change) : sum(at->u, change);
+  const number change = linear_state_change(words, absolute(difference(at->flux, at->peak_flux)));
+  const number state = at->flux < at->peak_flux ? difference(at->u, change) : sum(at->u, change);
   return clamp(state, -ONE, ONE);
 }
 
@@ -58,16 +59,16 @@ static number current_at(const entry *words, const simplified_memory *at, const 
 static simplified_memory rising_path(const entry *words, const simplified_memory *from)
 {
   simplified_memory path = *from;
-  if (from->peak > from->turn) {
+  if (from->peak_flux > from->start_flux) {
     return path;
   }
-  if (from->peak < from->turn) { /* the flux reverses */
+  if (from->peak_flux < from->start_flux) { /* the flux reverses */
     const number band = weight_to_number(words[ANHYST_WORD_SIMPLE_BAND]);
-    path.peak = sum(from->peak, band);
+    path.peak_flux = sum(from->peak_flux, band);
     path.u = clamp(sum(from->u, linear_state_change(words, band)), -ONE, ONE);
   }
-  path.turn = path.peak;
-  path.start = UNKNOWN_PATH_START;
+  path.start_flux = path.peak_flux;
+  path.start_state = UNKNOWN_PATH_START;
   return path;
 }
 
@@ -77,15 +78,15 @@ static void advance_state(const entry *words, const simplified_memory *from,
                           simplified_memory *path, number flux, simplified_memory *to)
 {
   *to = *from;
-  if (flux > path->peak) {
-    if (path->start < -ONE) {
-      path->start = stored_path_start(words, path->u);
+  if (flux > path->peak_flux) {
+    if (path->start_state < -ONE) {
+      path->start_state = stored_path_start(words, path->u);
     }
     const number state = state_at_flux(words, path, flux);
     to->u = state > path->u ? state : path->u;
-    to->turn = path->turn;
-    to->peak = flux;
-    to->start = path->start;
+    to->start_flux = path->start_flux;
+    to->peak_flux = flux;
+    to->start_state = path->start_state;
   }
   to->flux = flux;
 }
@@ -115,7 +116,7 @@ static void solve_upwards(const entry *words, const simplified_memory *from,
     if (!(absolute(residual) > RESIDUAL_DEADBAND)) {
       break;
     }
-    const number state = to->flux < path->peak ? -ONE : to->u; /* negative: straight line */
+    const number state = to->flux < path->peak_flux ? -ONE : to->u; /* negative: straight line */
     const number slope = current_slope(arms, state_slope(words, state));
     if (!(slope > 0)) {
       break;

@@ -105,7 +105,7 @@ static number reset_trial(const entry *words, const cells_memory *memory, const 
   begin_path(&path, words, memory, plays);
   path.last_activation = path.x;
   path.segment = locate_field(&path, path.row, path.x).segment;
-  trial->of.cells.joins = activation_field(&path, path.active, path.x);
+  trial->of.cells.next_activation = activation_field(&path, path.active, path.x);
   return four_times(store_trial(&path, words, trial));
 }
 
@@ -143,7 +143,7 @@ static void start_search(solid_tick *tick, int layer)
   }
   if (c->stage == ANHYST_STAGE_HERE) { /* allows the path to reverse at this state */
     const int mirror = trial->memory.cells.active < 0 ? -1 : 0;
-    trial->memory.cells.joined = saturate(mirrored(trial->memory.cells.x, mirror));
+    trial->memory.cells.last_activation = saturate(mirrored(trial->memory.cells.x, mirror));
   }
   read_trial(tick, layer, flux_of_trial(c->words, trial));
   const number known_slope = layer > 0 ? c->deeper[layer - 1].stiffness : 0;
@@ -168,9 +168,9 @@ static void init_solid_tick(solid_tick *tick, compensator *c)
     section_flux = add_layer_flux(tick, j, section_flux);
     tick->section_flux[j] = section_flux;
     if (c->stage != ANHYST_STAGE_AHEAD) {
-      c->deeper[j - 1].before = sum(section_flux, c->deeper[j - 1].owed);
+      c->deeper[j - 1].start_flux = sum(section_flux, c->deeper[j - 1].flux_deficit);
     }
-    tick->start_flux[j] = c->deeper[j - 1].before;
+    tick->start_flux[j] = c->deeper[j - 1].start_flux;
   }
   tick->area_fraction[0] = surface;
   start_search(tick, 0);
@@ -368,7 +368,7 @@ static void solve_layers(solid_tick *tick)
     }
   }
   for (int j = 1; j < tick->layers; j++) {
-    tick->c->deeper[j - 1].next_owed =
+    tick->c->deeper[j - 1].next_flux_deficit =
         outstanding_flux(tick->c->words, tick->residual[j], MAX_OUTSTANDING_FLUX);
   }
   for (int j = 1; j < state_count(tick->c->words); j++) {
@@ -412,8 +412,8 @@ static void solid_init_state(compensator *c)
   for (int i = 0; i < ANHYST_MEMORIES - 1; i++) {
     c->deeper[i].memory = c->memory;
     c->deeper[i].next = c->next;
-    c->deeper[i].owed = 0;
-    c->deeper[i].next_owed = 0;
+    c->deeper[i].flux_deficit = 0;
+    c->deeper[i].next_flux_deficit = 0;
     for (int cell = 0; cell < ANHYST_CELLS; cell++) {
       c->deeper[i].plays[cell] = c->plays[cell];
     }
@@ -429,7 +429,7 @@ static void solid_store_state(compensator *c)
     }
     if (layer > 0) {
       c->deeper[layer - 1].memory = c->deeper[layer - 1].next.memory;
-      c->deeper[layer - 1].owed = c->deeper[layer - 1].next_owed;
+      c->deeper[layer - 1].flux_deficit = c->deeper[layer - 1].next_flux_deficit;
     }
   }
 }
@@ -453,7 +453,7 @@ static void solid_transfer_state(compensator *c, const entry *words, number flux
     *memory = trial.memory.cells;
     transfer_state(c->words, words, saturate(sum(old_flux, change)), memory, plays);
     if (layer > from) {
-      c->deeper[layer - 1].owed = 0;
+      c->deeper[layer - 1].flux_deficit = 0;
     }
   }
 }

@@ -28,7 +28,7 @@ anhyst_status anhyst_axes_init_x(anhyst_axes_x *c, const anhyst_axes_settings_x 
   *c = initial;
   c->settings = settings;
   c->drive = drive;
-  c->share = allocator;
+  c->allocator = allocator;
   return ANHYST_OK;
 }
 
@@ -37,13 +37,15 @@ anhyst_status anhyst_axes_init_x(anhyst_axes_x *c, const anhyst_axes_settings_x 
 static ANHYST_REAL current_deviation(anhyst_axes_x *c, int i, ANHYST_REAL measured)
 {
   const ANHYST_REAL slew = c->settings->slew;
-  const ANHYST_REAL command = c->commanded[i];
-  const ANHYST_REAL step = times_fraction(anhyst_sub_x(command, c->due[i]), c->settings->follow);
+  const ANHYST_REAL command = c->commanded_current[i];
+  const ANHYST_REAL step =
+      times_fraction(anhyst_sub_x(command, c->expected_current[i]), c->settings->follow);
+  const ANHYST_REAL limited_step = step > slew ? slew : step < -slew ? -slew : step;
   ANHYST_REAL low;
   ANHYST_REAL high;
-  c->due[i] = anhyst_add_x(c->due[i], step > slew ? slew : step < -slew ? -slew : step);
-  low = command < c->due[i] ? command : c->due[i];
-  high = command < c->due[i] ? c->due[i] : command;
+  c->expected_current[i] = anhyst_add_x(c->expected_current[i], limited_step);
+  low = command < c->expected_current[i] ? command : c->expected_current[i];
+  high = command < c->expected_current[i] ? c->expected_current[i] : command;
   if (measured < low) {
     return anhyst_sub_x(low, measured);
   }
@@ -54,10 +56,10 @@ static ANHYST_REAL current_deviation(anhyst_axes_x *c, int i, ANHYST_REAL measur
 static void start_landing(anhyst_axes_x *c, int can_land)
 {
   if (!can_land) {
-    c->flight = ANHYST_AXES_REST;
-  } else if (c->flight == ANHYST_AXES_FLY || c->flight == ANHYST_AXES_LIFT) {
-    c->flight = ANHYST_AXES_LAND;
-    c->landing = 0;
+    c->flight_state = ANHYST_AXES_REST;
+  } else if (c->flight_state == ANHYST_AXES_FLY || c->flight_state == ANHYST_AXES_LIFT) {
+    c->flight_state = ANHYST_AXES_LAND;
+    c->landing_ticks = 0;
   }
 }
 
@@ -70,16 +72,16 @@ static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
     const uint16_t bit = (uint16_t)(1U << i);
     const ANHYST_REAL deviation = current_deviation(c, i, sample->current[i]);
     const int is_current_measured = is_measurement_present(sample->current[i]);
-    if ((c->share.lost & bit) || (is_current_measured && deviation <= settings->off)) {
-      c->wrong[i] = 0;
+    if ((c->allocator.lost & bit) || (is_current_measured && deviation <= settings->off)) {
+      c->deviating_ticks[i] = 0;
     } else if (is_current_measured) {
-      c->wrong[i]++;
+      c->deviating_ticks[i]++;
     }
-    if (c->wrong[i] >= settings->off_ticks) {
-      if (c->flight == ANHYST_AXES_LIFT || c->share.lost || !(settings->spare & bit)) {
+    if (c->deviating_ticks[i] >= settings->off_ticks) {
+      if (c->flight_state == ANHYST_AXES_LIFT || c->allocator.lost || !(settings->spare & bit)) {
         start_landing(c, 1);
       }
-      anhyst_wrench_lose_x(&c->share, i);
+      anhyst_wrench_lose_x(&c->allocator, i);
     }
   }
 }
@@ -92,25 +94,25 @@ static int detect_lost_sensors(anhyst_axes_x *c, const ANHYST_REAL *head)
   int j;
   for (j = 0; settings->jump > 0 && j < (int)settings->heads; j++) {
     const uint16_t bit = (uint16_t)(1U << j);
-    const int has_reading = c->sighted & bit;
-    const ANHYST_REAL change = has_reading ? anhyst_sub_x(head[j], c->seen[j]) : 0;
-    if (c->blind & bit) {
+    const int has_reading = c->valid_heads & bit;
+    const ANHYST_REAL change = has_reading ? anhyst_sub_x(head[j], c->last_reading[j]) : 0;
+    if (c->lost_heads & bit) {
       continue;
     }
     if (!is_number(head[j]) || change > settings->jump || change < -settings->jump) {
-      c->doubt[j] += ANHYST_AXES_ODD;
+      c->doubt_count[j] += ANHYST_AXES_ODD;
       are_readings_valid = 0;
     } else if (has_reading && settings->noisy && !(change > 0) && !(change < 0)) {
-      c->doubt[j]++;
+      c->doubt_count[j]++;
     } else {
-      c->doubt[j] = 0;
-      c->sighted |= bit;
-      c->seen[j] = head[j];
+      c->doubt_count[j] = 0;
+      c->valid_heads |= bit;
+      c->last_reading[j] = head[j];
     }
-    if (c->doubt[j] >= settings->doubt) {
-      start_landing(c, !c->blind && settings->spare_heads >> j & 1);
-      c->blind |= bit;
-      c->gone = (uint16_t)j;
+    if (c->doubt_count[j] >= settings->doubt) {
+      start_landing(c, !c->lost_heads && settings->spare_heads >> j & 1);
+      c->lost_heads |= bit;
+      c->last_lost_head = (uint16_t)j;
     }
   }
   return are_readings_valid;
@@ -123,44 +125,46 @@ static void move_reference(anhyst_axes_x *c)
   const anhyst_axis_pid_state_x rest_state = {0};
   int is_moving = 0;
   int k;
-  if ((c->flight == ANHYST_AXES_LAND) && (c->landing++ >= settings->land_ticks)) {
-    c->flight = ANHYST_AXES_REST;
+  if ((c->flight_state == ANHYST_AXES_LAND) && (c->landing_ticks++ >= settings->land_ticks)) {
+    c->flight_state = ANHYST_AXES_REST;
   }
   for (k = 0; k < (int)settings->layout.axes; k++) {
     const ANHYST_REAL lift = settings->lift[k];
-    if (c->flight == ANHYST_AXES_LAND) {
-      c->away[k] = anhyst_add_x(c->away[k], settings->land[k]);
-    } else if (c->flight == ANHYST_AXES_LIFT && (c->away[k] > lift || c->away[k] < -lift)) {
-      c->away[k] = anhyst_add_x(c->away[k], c->away[k] > lift ? -lift : lift);
+    if (c->flight_state == ANHYST_AXES_LAND) {
+      c->reference_offset[k] = anhyst_add_x(c->reference_offset[k], settings->land[k]);
+    } else if (c->flight_state == ANHYST_AXES_LIFT &&
+               (c->reference_offset[k] > lift || c->reference_offset[k] < -lift)) {
+      c->reference_offset[k] =
+          anhyst_add_x(c->reference_offset[k], c->reference_offset[k] > lift ? -lift : lift);
       is_moving = 1;
     } else {
-      c->away[k] = 0;
+      c->reference_offset[k] = 0;
     }
-    if (c->flight == ANHYST_AXES_REST) {
-      c->asked[k] = 0;
-      c->state[k] = rest_state;
+    if (c->flight_state == ANHYST_AXES_REST) {
+      c->acceleration[k] = 0;
+      c->pid_state[k] = rest_state;
     }
   }
-  if ((c->flight == ANHYST_AXES_LIFT) && !is_moving) {
-    c->flight = ANHYST_AXES_FLY;
+  if ((c->flight_state == ANHYST_AXES_LIFT) && !is_moving) {
+    c->flight_state = ANHYST_AXES_FLY;
   }
 }
 
 static uint16_t execute_command(anhyst_axes_x *c, uint16_t command, int is_plausible,
                                 ANHYST_REAL *error)
 {
-  const int is_at_rest = c->flight == ANHYST_AXES_REST;
+  const int is_at_rest = c->flight_state == ANHYST_AXES_REST;
   uint16_t flags = 0;
   int k;
   if (command == ANHYST_COMMAND_IDLE) {
-    c->flight = ANHYST_AXES_REST;
-  } else if (command == ANHYST_COMMAND_LAND && !is_at_rest && c->flight != ANHYST_AXES_LAND) {
+    c->flight_state = ANHYST_AXES_REST;
+  } else if (command == ANHYST_COMMAND_LAND && !is_at_rest && c->flight_state != ANHYST_AXES_LAND) {
     start_landing(c, 1);
-  } else if (command == ANHYST_COMMAND_LIFT && is_at_rest && is_plausible && !c->share.lost &&
-             !c->blind) {
-    c->flight = ANHYST_AXES_LIFT;
+  } else if (command == ANHYST_COMMAND_LIFT && is_at_rest && is_plausible && !c->allocator.lost &&
+             !c->lost_heads) {
+    c->flight_state = ANHYST_AXES_LIFT;
     for (k = 0; k < (int)c->settings->layout.axes; k++) {
-      c->away[k] = -error[k];
+      c->reference_offset[k] = -error[k];
       error[k] = 0;
     }
   } else if (command != ANHYST_COMMAND_NONE) {
@@ -183,25 +187,25 @@ static uint16_t compute_wrench(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
   uint16_t flags;
   int k;
   for (k = 0; k < (int)settings->heads; k++) {
-    head[k] = c->blind >> k & 1 ? 0 : sample->head[k];
+    head[k] = c->lost_heads >> k & 1 ? 0 : sample->head[k];
     is_plausible = is_plausible && is_number(head[k]);
   }
-  if (c->blind) {
-    see = matrix_from_row(settings->without, (int)c->gone * axes, (int)settings->heads);
+  if (c->lost_heads) {
+    see = matrix_from_row(settings->without, (int)c->last_lost_head * axes, (int)settings->heads);
   }
   move_reference(c);
   measure_pose(settings, see, head, sample->target, error);
   for (k = 0; k < axes; k++) {
-    error[k] = anhyst_sub_x(c->away[k], error[k]);
+    error[k] = anhyst_sub_x(c->reference_offset[k], error[k]);
     is_plausible =
         is_plausible && error[k] <= settings->reach[k] && error[k] >= -settings->reach[k];
   }
   flags = execute_command(c, sample->command, is_plausible, error);
   multiply_matrix(settings->decouple, axes, axes, error, decoupled);
-  for (k = 0; is_plausible && c->flight != ANHYST_AXES_REST && k < axes; k++) {
-    c->asked[k] = step_pid(&settings->pid[k], &c->state[k], decoupled[k]);
+  for (k = 0; is_plausible && c->flight_state != ANHYST_AXES_REST && k < axes; k++) {
+    c->acceleration[k] = step_pid(&settings->pid[k], &c->pid_state[k], decoupled[k]);
   }
-  multiply_matrix(settings->weigh, axes, axes, c->asked, wrench);
+  multiply_matrix(settings->weigh, axes, axes, c->acceleration, wrench);
   for (k = 0; k < axes; k++) {
     wrench[k] = anhyst_add_x(wrench[k], sample->forward[k]);
   }
@@ -216,16 +220,17 @@ void anhyst_axes_tick_x(anhyst_axes_x *c, const anhyst_axes_sample_x *sample,
   int i;
   detect_lost_drives(c, sample);
   out->flags = compute_wrench(c, sample, out->demand);
-  out->lost = c->share.lost | (uint32_t)c->blind << 16;
-  out->state = c->flight;
-  if (c->flight != ANHYST_AXES_REST && !anhyst_wrench_share_x(&c->share, out->demand, force)) {
+  out->lost = c->allocator.lost | (uint32_t)c->lost_heads << 16;
+  out->state = c->flight_state;
+  if (c->flight_state != ANHYST_AXES_REST &&
+      !anhyst_wrench_share_x(&c->allocator, out->demand, force)) {
     out->flags |= ANHYST_DEMAND_LIMITED;
   }
   for (i = 0; i < (int)settings->layout.drives; i++) {
     anhyst_force_controller_x *drive = c->drive[i];
-    const int is_lost = (c->share.lost & ((uint32_t)1 << i)) != 0U;
+    const int is_lost = (c->allocator.lost & ((uint32_t)1 << i)) != 0U;
     ANHYST_REAL current = 0;
-    if (c->flight != ANHYST_AXES_REST && !is_lost) {
+    if (c->flight_state != ANHYST_AXES_REST && !is_lost) {
       current = anhyst_force_controller_solve_x(drive, force[i], sample->gap[i], sample->flux[i]);
       out->flags |= drive->flags;
     }
@@ -235,7 +240,7 @@ void anhyst_axes_tick_x(anhyst_axes_x *c, const anhyst_axes_sample_x *sample,
     out->current[i] =
         round_to_grid(clamp(current, settings->current_low, settings->current_high),
                       settings->current_low, settings->current_high, settings->current_step);
-    c->commanded[i] = out->current[i];
+    c->commanded_current[i] = out->current[i];
     if (!is_lost) { /* a failed drive needs no commit */
       (void)anhyst_force_controller_commit_x(drive, out->current[i], sample->gap[i]);
     }

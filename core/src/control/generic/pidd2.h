@@ -29,7 +29,7 @@ ANHYST_REAL anhyst_pidd2_solve_x(const anhyst_pidd2_gains_x *gains,
   candidate->next.position = state->position + first;
   candidate->next.velocity = state->velocity + second;
   candidate->next.integral = state->integral + gains->integral * (reference - position);
-  candidate->wanted = u;
+  candidate->unlimited_output = u;
   candidate->output = u;
   if (u < gains->low) {
     candidate->output = gains->low;
@@ -43,7 +43,7 @@ void anhyst_pidd2_commit_x(const anhyst_pidd2_gains_x *gains, anhyst_pidd2_state
                            const anhyst_pidd2_candidate_x *candidate, ANHYST_REAL applied)
 {
   *state = candidate->next;
-  state->integral += gains->back * (applied - candidate->wanted);
+  state->integral += gains->back * (applied - candidate->unlimited_output);
 }
 
 void anhyst_pidd2_start_x(const anhyst_pidd2_gains_x *gains, anhyst_pidd2_state_x *state,
@@ -55,7 +55,7 @@ void anhyst_pidd2_start_x(const anhyst_pidd2_gains_x *gains, anhyst_pidd2_state_
   state->velocity = R(0.0);
   state->integral = R(0.0);
   (void)anhyst_pidd2_solve_x(gains, state, reference, position, load, &start_candidate);
-  state->integral = output - start_candidate.wanted;
+  state->integral = output - start_candidate.unlimited_output;
 }
 
 void anhyst_pidd2_change_x(const anhyst_pidd2_gains_x *from, const anhyst_pidd2_gains_x *to,
@@ -66,5 +66,5 @@ void anhyst_pidd2_change_x(const anhyst_pidd2_gains_x *from, const anhyst_pidd2_
   anhyst_pidd2_candidate_x new_candidate;
   (void)anhyst_pidd2_solve_x(from, state, reference, position, load, &old_candidate);
   (void)anhyst_pidd2_solve_x(to, state, reference, position, load, &new_candidate);
-  state->integral += old_candidate.wanted - new_candidate.wanted;
+  state->integral += old_candidate.unlimited_output - new_candidate.unlimited_output;
 }

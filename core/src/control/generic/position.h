@@ -89,7 +89,7 @@ static ANHYST_REAL solve_position(anhyst_position_x *c, const anhyst_position_sa
   const anhyst_pidd2_gains_x *gains = &c->settings->gains;
   const ANHYST_REAL load = is_number(sample->load) ? sample->load : 0;
   const ANHYST_REAL reference = code_to_position(&c->settings->units, c->levitation.reference);
-  if (c->levitation.begins != 0U) {
+  if (c->levitation.starts_control != 0U) {
     anhyst_pidd2_start_x(gains, &c->state, reference, c->position, load, c->demand);
   }
   c->pending = 1;
@@ -122,7 +122,7 @@ static ANHYST_REAL ramp_to_zero(const anhyst_position_x *c, ANHYST_REAL current)
   const ANHYST_REAL release = c->limits->release;
   const ANHYST_REAL zero = zero_current(c->limits);
   ANHYST_REAL from = current;
-  if (c->levitation.let_go != 0U) {
+  if (c->levitation.starts_fall != 0U) {
     const ANHYST_REAL eighth = half(half(half(anhyst_sub_x(current, zero))));
     from = c->magnet[1] != NULL ? zero : anhyst_sub_x(current, eighth);
   }

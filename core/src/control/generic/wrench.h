@@ -53,12 +53,12 @@ static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
   int i;
   int j;
   int k;
-  result->free = w->open;
+  result->free_drives = w->free_drives;
   for (i = 0; i < n; i++) {
     for (k = i; k < n; k++) {
       ANHYST_REAL sum = yields && i == k ? yields[i] : R(0.0);
       for (j = 0; j < (int)w->layout->drives; j++) {
-        sum += (w->open >> j & 1) ? w->pull[j][i] * w->pull[j][k] : R(0.0);
+        sum += (w->free_drives >> j & 1) ? w->pull[j][i] * w->pull[j][k] : R(0.0);
       }
       result->upper[i][k] = sum;
     }
@@ -95,7 +95,7 @@ static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yiel
     pull[i] = w->pull[j][i];
     factor->row[i] -= pull[i] * pull[i];
   }
-  factor->free = (uint16_t)(factor->free & ~(1U << j));
+  factor->free_drives = (uint16_t)(factor->free_drives & ~(1U << j));
   for (i = 0; i < n; i++) {
     ANHYST_REAL *row = factor->upper[i];
     const ANHYST_REAL old_pivot = R(1.0) / row[i];
@@ -124,19 +124,19 @@ static int remove_drive(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yiel
 static void classify_drives(anhyst_wrench_x *w)
 {
   int j;
-  w->open = 0;
-  w->alone = 0;
+  w->free_drives = 0;
+  w->single_drives = 0;
   for (j = 0; j < (int)w->layout->drives; j++) {
     const unsigned bit = (w->lost >> j & 1) ? 0U : 1U << j;
-    w->open = (uint16_t)(w->open | (w->against[j] >= (uint16_t)j ? bit : 0U));
-    w->alone = (uint16_t)(w->alone | (w->against[j] == (uint16_t)j ? bit : 0U));
+    w->free_drives = (uint16_t)(w->free_drives | (w->against[j] >= (uint16_t)j ? bit : 0U));
+    w->single_drives = (uint16_t)(w->single_drives | (w->against[j] == (uint16_t)j ? bit : 0U));
   }
 }
 
 static void start_search(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, force_search *s)
 {
   int i;
-  s->free_drives = w->open;
+  s->free_drives = w->free_drives;
   for (i = 0; i < (int)w->layout->axes; i++) {
     s->residual[i] = w->scale[i] * wrench[i];
   }
@@ -222,7 +222,7 @@ static int solve_wrench(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, for
   start_search(w, wrench, s);
   for (pass = 0;; pass++) {
     const uint16_t free_before = s->free_drives;
-    unsigned candidates = s->free_drives & w->alone;
+    unsigned candidates = s->free_drives & w->single_drives;
     int j;
     solve_least_squares(w, factor, s);
     j = find_lowest_drive(w, s, candidates);
@@ -252,7 +252,7 @@ static int fix_at_bounds(const anhyst_wrench_x *w, force_search *s)
   int fixed_count = 0;
   int j;
   for (j = 0; j < (int)w->layout->drives; j++) {
-    const ANHYST_REAL min_force = (w->alone >> j & 1) ? w->layout->least : -max_force;
+    const ANHYST_REAL min_force = (w->single_drives >> j & 1) ? w->layout->least : -max_force;
     if ((s->free_drives >> j & 1) && (s->force[j] < min_force || s->force[j] > max_force)) {
       fix_drive(w, s, j, s->force[j] > max_force ? max_force : min_force);
       fixed_count++;
@@ -268,11 +268,11 @@ static void solve_with_yields(anhyst_wrench_x *w, const ANHYST_REAL *wrench, for
   int j;
   start_search(w, wrench, s);
   for (pass = 0; pass <= ANHYST_WRENCH_PASSES; pass++) {
-    anhyst_wrench_factor_x *factor = &w->given_up[pass];
-    if (factor->free != s->free_drives) {
-      *factor = w->given_up[pass - 1];
+    anhyst_wrench_factor_x *factor = &w->yield_factor[pass];
+    if (factor->free_drives != s->free_drives) {
+      *factor = w->yield_factor[pass - 1];
       for (j = 0; j < (int)w->layout->drives; j++) {
-        if ((factor->free & ~s->free_drives) >> j & 1) {
+        if ((factor->free_drives & ~s->free_drives) >> j & 1) {
           (void)remove_drive(w, j, w->layout->yields, factor);
         }
       }
@@ -306,9 +306,9 @@ anhyst_status anhyst_wrench_init_x(anhyst_wrench_x *w, const anhyst_wrench_layou
     return ANHYST_BAD_PARAMETER;
   }
   classify_drives(w);
-  w->whole = factorise(w, NULL, &w->factor);
-  (void)factorise(w, layout->yields, &w->given_up[0]);
-  return w->whole ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+  w->makes_every_wrench = factorise(w, NULL, &w->factor);
+  (void)factorise(w, layout->yields, &w->yield_factor[0]);
+  return w->makes_every_wrench ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
 void anhyst_wrench_lose_x(anhyst_wrench_x *w, int drive)
@@ -319,16 +319,16 @@ void anhyst_wrench_lose_x(anhyst_wrench_x *w, int drive)
   }
   w->lost = (uint16_t)(w->lost | (1U << drive));
   if (w->against[drive] == (uint16_t)drive) {
-    w->whole = w->whole && remove_drive(w, drive, NULL, &w->factor);
-    (void)remove_drive(w, drive, w->layout->yields, &w->given_up[0]);
+    w->makes_every_wrench = w->makes_every_wrench && remove_drive(w, drive, NULL, &w->factor);
+    (void)remove_drive(w, drive, w->layout->yields, &w->yield_factor[0]);
   }
   w->against[w->against[drive]] = w->against[drive]; /* the remaining drive represents the pair */
   w->against[drive] = (uint16_t)drive;
   classify_drives(w);
-  w->factor.free = w->open;
-  w->given_up[0].free = w->open;
+  w->factor.free_drives = w->free_drives;
+  w->yield_factor[0].free_drives = w->free_drives;
   for (pass = 1; pass <= ANHYST_WRENCH_PASSES; pass++) {
-    w->given_up[pass].free = 0; /* a factorisation without drives is not valid */
+    w->yield_factor[pass].free_drives = 0; /* a factorisation without drives is not valid */
   }
 }
 
@@ -339,7 +339,7 @@ int anhyst_wrench_share_x(anhyst_wrench_x *w, const ANHYST_REAL *wrench, ANHYST_
   int is_made;
   int j;
   s.force = force;
-  is_made = w->whole && solve_wrench(w, wrench, &s);
+  is_made = w->makes_every_wrench && solve_wrench(w, wrench, &s);
   if (w->lost && (!is_made || fix_at_bounds(w, &s))) {
     is_made = 0;
     solve_with_yields(w, wrench, &s);
@@ -355,7 +355,7 @@ int anhyst_wrench_share_x(anhyst_wrench_x *w, const ANHYST_REAL *wrench, ANHYST_
       anhyst_allocate_x(&layout->pair, force[j], pair_forces);
       force[j] = pair_forces[0];
       force[other] = pair_forces[1];
-    } else if ((w->alone >> j & 1) && !(force[j] > layout->least)) {
+    } else if ((w->single_drives >> j & 1) && !(force[j] > layout->least)) {
       force[j] = layout->least;
     }
   }

@@ -57,7 +57,7 @@ def percent(found: FittedPlant, loops: Loops) -> float:
     far = measure_deviation(
         loops, lambda loop: simulate_loop(make_path_follower(magnet), loop, zero) + found.zero_force
     )
-    return 100.0 * far.mean / far.force_max
+    return 100.0 * far.mean_deviation / far.force_max
 
 
 @pytest.mark.slow

@@ -43,7 +43,7 @@ def test_the_body_is_drawn_at_its_pose_and_rotated_by_mouse_and_keys(serve: Serv
     pose = np.ravel(seen(page, "page.body.pose()"))
     assert -magnet_rows(planar().settings) @ pose == pytest.approx(np.array(gaps) - 0.45e-3, abs=1e-10)
     # the title states the exaggeration, which is automatic or set by the user
-    until(page, "document.querySelector('#body canvas').title.startsWith('place in the gaps × ')")
+    until(page, "document.querySelector('#body canvas').title.startsWith('position in the gaps × ')")
     factor = seen(page, "page.body.factor")
     assert 0.03 < factor * np.abs(pose).max() / 0.3 < 0.2
     page.select_option("#exaggerated", "1000")

@@ -134,7 +134,7 @@ def test_a_drive_keeps_to_limits_that_are_drawn_tighter(session: LiveSession) ->
 @pytest.mark.slow
 def test_a_job_reports_progress_and_ends_when_cancelled() -> None:
     ended: list[object] = []
-    job = ProcessJob(forever, ended=ended.append)
+    job = ProcessJob(forever, on_end=ended.append)
     wait_for(lambda: job.share == 0.25)
     job.cancel()
     assert job._process.exitcode != 0  # it was terminated early
@@ -144,7 +144,7 @@ def test_a_job_reports_progress_and_ends_when_cancelled() -> None:
 @pytest.mark.slow
 def test_a_crashed_job_is_reported() -> None:
     ended: list[object] = []
-    ProcessJob(dies, ended=ended.append)
+    ProcessJob(dies, on_end=ended.append)
     wait_for(lambda: ended)
     assert "ended without a result" in str(ended[0])
 

@@ -223,7 +223,7 @@ def test_loops_are_drawn_less_their_curve_too(runs: dict[MethodName, Recording])
 def test_the_second_panel_of_the_plane_holds_the_whole_run(
     runs: dict[MethodName, Recording], subject: SimulationSubject
 ) -> None:
-    _, near, _ = figure_force_current(runs, subject.measured, subject.identified).axes
+    _, near, _ = figure_force_current(runs, subject.measured_loops, subject.identified).axes
     low, high = near.get_xlim()
     current = runs["full"]["current_A"]
     assert low < current.min()

@@ -118,7 +118,7 @@ def test_without_a_probe_flux_is_not_compared(rig: BodyRig, controller: Controll
     bare = bearings.without_probe(change_rig(rig, {"measurement.sample_s": 0.05}))
     (one,) = map_bearing_benefit(bare, controller, (1.0,), (0.3,), (100e-6,), seeds=2, jobs=1).cells
     assert one.flux == {}
-    assert set(one.figures) == set(one.standstill) == {*BASELINES, "full"}
+    assert set(one.figures) == set(one.standstill_rms) == {*BASELINES, "full"}
 
 
 @pytest.mark.slow
@@ -129,7 +129,7 @@ def test_the_overshoot_threshold_is_reported_in_metres(found: Benefit) -> None:
             overshoot = against["overshoot_percent"]
             assert overshoot.baseline is not None
             assert overshoot.floor is not None
-            still = max(cell.standstill["full"], cell.standstill[overshoot.baseline])
+            still = max(cell.standstill_rms["full"], cell.standstill_rms[overshoot.baseline])
             assert overshoot.floor == pytest.approx(300.0 * still / float(cell.case))
             assert 5e-9 < still < 100e-9
             means = [cell.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.baseline)]

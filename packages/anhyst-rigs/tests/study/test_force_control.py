@@ -195,7 +195,7 @@ def test_errors_are_drawn_under_every_force(run: ForceControl, small: Path) -> N
     rig = read_rig(small)
     by_stage: dict[str, list[ForceOutcome]] = {}
     for outcome in run.outcomes:
-        by_stage.setdefault(outcome.trial.stage, []).append(outcome)
+        by_stage.setdefault(outcome.trial.trial_stage, []).append(outcome)
     for figure_of, stage in (
         (figure_constant_gap, "end"), (figure_positions, "positions"), (figure_moving, "moving"),
     ):  # fmt: skip

@@ -76,5 +76,5 @@ def test_an_unwritable_cache_is_ignored_and_a_full_one_evicts(
     with prepare_cached(rig, None) as prepared:
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
         for number in range(MAX_CACHED_BENCHES + 3):
-            bench._store(prepared, cache_folder("benches") / str(number))
+            bench._store_prepared(prepared, cache_folder("benches") / str(number))
     assert len(list(cache_folder("benches").iterdir())) == MAX_CACHED_BENCHES

@@ -75,8 +75,8 @@ def test_a_plant_is_compared_with_slow_loops_only() -> None:
     rig = solid(**{"measurement.fast_A_per_s": [450.0], "measurement.gaps_m": [0.45e-3]})
     known = replace(bearings.knowledge(), loops=measure_loops(rig))
     found = check_plant(rig, known)
-    assert found.plant.mean < 0.004 * found.plant.force_max
-    assert found.plant.worst < 0.02 * found.plant.force_max
+    assert found.plant.mean_deviation < 0.004 * found.plant.force_max
+    assert found.plant.max_deviation < 0.02 * found.plant.force_max
 
 
 def test_conductivity_varies_only_for_solid_iron() -> None:

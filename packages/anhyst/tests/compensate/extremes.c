@@ -45,7 +45,7 @@ static int is_sound(const COMPENSATOR *c, REAL current)
 {
   int sound = current >= LOW && current <= HIGH && isfinite(c->flux) && isfinite(c->flux_applied) &&
               isfinite(OUTPUT(c)) && isfinite(c->memory.full.x) && isfinite(c->memory.full.y) &&
-              isfinite(c->memory.full.level);
+              isfinite(c->memory.full.reversal_y);
   for (int i = 0; i < ANHYST_CELLS; i++) {
     sound = sound && isfinite(c->plays[i]);
   }

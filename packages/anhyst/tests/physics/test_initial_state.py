@@ -31,7 +31,7 @@ class Bench:
 
         self.module = initial_state
         gaps = (GAPS[0], GAPS[-1])
-        self.actuator: Actuator = initial_state.actuator_of(magnet(), gaps, WIDE, CURRENTS[1])
+        self.actuator: Actuator = initial_state.make_actuator(magnet(), gaps, WIDE, CURRENTS[1])
         self._done: dict[tuple[Kind, float, bool, bool], Outcome] = {}
 
     def outcome(

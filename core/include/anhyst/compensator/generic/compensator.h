@@ -23,32 +23,32 @@
 
 /* State of the Jiles-Atherton law, fractions of full scale. */
 typedef struct {
-  ANHYST_REAL x;     /* effective field */
-  ANHYST_REAL y;     /* irreversible magnetisation */
-  ANHYST_REAL p;     /* position of the play: field that drives the irreversible part */
-  ANHYST_REAL turn;  /* position of the play at the last reversal */
-  ANHYST_REAL level; /* y at the last reversal */
+  ANHYST_REAL x;             /* effective field */
+  ANHYST_REAL y;             /* irreversible magnetisation */
+  ANHYST_REAL p;             /* position of the play: field that drives the irreversible part */
+  ANHYST_REAL reversal_play; /* position of the play at the last reversal */
+  ANHYST_REAL reversal_y;    /* y at the last reversal */
 } anhyst_full_memory_x;
 
-/* State of the simplified law. The law follows a path from the flux `turn` to the flux `peak`. If
-   these two are equal, no path is stored. The bounded state u is the hysteresis field relative to
-   its maximum. */
+/* State of the simplified law. The law follows a path from the flux `start_flux` to the flux
+   `peak_flux`. If these two are equal, no path is stored. The bounded state u is the hysteresis
+   field relative to its maximum. */
 typedef struct {
   ANHYST_REAL flux;
-  ANHYST_REAL u;     /* bounded state u at the peak */
-  ANHYST_REAL turn;  /* flux at the start of the path */
-  ANHYST_REAL peak;  /* farthest flux of the path */
-  ANHYST_REAL start; /* in the direction of the path: u at its start if below 0; otherwise the
-                        distance z (closed_form.h) at its start */
+  ANHYST_REAL u;           /* bounded state u at the peak */
+  ANHYST_REAL start_flux;  /* flux at the start of the path */
+  ANHYST_REAL peak_flux;   /* farthest flux of the path */
+  ANHYST_REAL start_state; /* in the direction of the path: u at its start if below 0; otherwise the
+                              distance z (closed_form.h) at its start */
 } anhyst_simplified_memory_x;
 
 /* State of the play-cell law. Mirrored means: multiplied by -1 if the field falls. */
 typedef struct {
-  ANHYST_REAL x;      /* effective field */
-  ANHYST_REAL rest;   /* sum of the magnetisations of the cells at rest */
-  int32_t active;     /* number of moving cells, < 0 if the field falls; 0: `rest` is unknown */
-  int32_t risen;      /* bit i: cell i came to rest while the field rose */
-  ANHYST_REAL joined; /* field where the last cell started to move, mirrored */
+  ANHYST_REAL x;         /* effective field */
+  ANHYST_REAL resting_m; /* sum of the magnetisations of the cells at rest */
+  int32_t active; /* number of moving cells, < 0 if the field falls; 0: `resting_m` is unknown */
+  int32_t stopped_on_rise;     /* bit i: cell i came to rest while the field rose */
+  ANHYST_REAL last_activation; /* field where the last cell started to move, mirrored */
 } anhyst_cells_memory_x;
 
 /* Hysteresis state of the iron. If all members are 0, the iron is demagnetised. */
@@ -67,12 +67,12 @@ typedef struct {
 } anhyst_full_candidate_x;
 
 typedef struct {
-  ANHYST_REAL joins; /* field where the next cell starts to move, mirrored */
-  ANHYST_REAL flux;  /* flux at the lower end of the table segment, divided by 4 */
-  ANHYST_REAL rise;  /* rise of the table row within the segment */
-  ANHYST_REAL begin; /* field at the lower end of the segment, mirrored */
-  ANHYST_REAL width; /* width of the segment */
-  int32_t segment;   /* index in the block of the entry at the lower end; 0: unknown */
+  ANHYST_REAL next_activation; /* field where the next cell starts to move, mirrored */
+  ANHYST_REAL flux;            /* flux at the lower end of the table segment, divided by 4 */
+  ANHYST_REAL row_rise;        /* rise of the table row within the segment */
+  ANHYST_REAL begin_field;     /* field at the lower end of the segment, mirrored */
+  ANHYST_REAL width;           /* width of the segment */
+  int32_t segment;             /* index in the block of the entry at the lower end; 0: unknown */
 } anhyst_cells_candidate_x;
 
 typedef union {
@@ -117,9 +117,9 @@ typedef struct {
   anhyst_memory_x memory;
   ANHYST_REAL plays[ANHYST_CELLS];
   anhyst_candidate_x next;
-  ANHYST_REAL owed;
-  ANHYST_REAL next_owed;
-  ANHYST_REAL before;
+  ANHYST_REAL flux_deficit;
+  ANHYST_REAL next_flux_deficit;
+  ANHYST_REAL start_flux;
   ANHYST_REAL stiffness;
 } anhyst_deeper_x;
 #endif
@@ -214,7 +214,7 @@ void anhyst_compensator_commit_after_x(anhyst_compensator_x *c, ANHYST_REAL appl
 typedef struct {
   anhyst_memory_x memory;
   ANHYST_REAL plays[ANHYST_CELLS];
-  ANHYST_REAL owed;
+  ANHYST_REAL flux_deficit;
 } anhyst_saved_layer_x;
 
 typedef struct {

@@ -25,16 +25,16 @@ typedef struct anhyst_force_controller_x {
   anhyst_compensator_x compensator; /* compensator of the method, also during a bypass */
   ANHYST_REAL low;                  /* lowest and highest current of a map or a flux loop */
   ANHYST_REAL high;
-  ANHYST_REAL expected;   /* flux density that is expected in this tick */
-  ANHYST_REAL integral;   /* integral of the flux error, a current */
-  ANHYST_REAL demand;     /* demand of the last solve, within limits */
-  ANHYST_REAL wanted;     /* current of the last solve before its limits */
-  ANHYST_REAL current;    /* current of the last solve within its limits */
-  ANHYST_REAL correction; /* current that the flux loop added */
-  ANHYST_REAL error;      /* expected minus measured flux density */
-  ANHYST_REAL flux;       /* flux density for the demanded force */
-  uint16_t flags;         /* flags of the last solve, see flags.h */
-  uint16_t solved;        /* whether solve was called after the last commit */
+  ANHYST_REAL expected;          /* flux density that is expected in this tick */
+  ANHYST_REAL integral;          /* integral of the flux error, a current */
+  ANHYST_REAL demand;            /* demand of the last solve, within limits */
+  ANHYST_REAL unlimited_current; /* current of the last solve before its limits */
+  ANHYST_REAL current;           /* current of the last solve within its limits */
+  ANHYST_REAL correction;        /* current that the flux loop added */
+  ANHYST_REAL error;             /* expected minus measured flux density */
+  ANHYST_REAL flux;              /* flux density for the demanded force */
+  uint16_t flags;                /* flags of the last solve, see flags.h */
+  uint16_t solved;               /* whether solve was called after the last commit */
 } anhyst_force_controller_x;
 
 /* The functions of the compensator method without a bypass. */

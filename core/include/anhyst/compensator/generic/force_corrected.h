@@ -11,8 +11,8 @@ typedef struct {
 typedef struct {
   anhyst_correction_x correction;
   anhyst_force_controller_x *inner;
-  ANHYST_REAL root;   /* square root of the force of the last solve */
-  ANHYST_REAL before; /* square root of the force one tick earlier */
+  ANHYST_REAL root;          /* square root of the force of the last solve */
+  ANHYST_REAL previous_root; /* square root of the force one tick earlier */
 } anhyst_corrected_x;
 
 /* Initialises a force controller that calls an inner one, which must live as long as c. Returns

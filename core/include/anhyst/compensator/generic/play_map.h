@@ -2,11 +2,11 @@
 
 /* A force in a segment of the map, and its current. */
 typedef struct {
-  ANHYST_REAL part;    /* position of the force in the segment, 0..1 */
-  ANHYST_REAL value;   /* value of the map, i */
-  ANHYST_REAL half;    /* half the width of the loop */
-  ANHYST_REAL side;    /* bounded((i - b)/radius); -1: descending branch, 1: ascending branch */
-  ANHYST_REAL current; /* current i + half*side */
+  ANHYST_REAL fraction;   /* position of the force in the segment, 0..1 */
+  ANHYST_REAL value;      /* value of the map, i */
+  ANHYST_REAL half_width; /* half the width of the loop */
+  ANHYST_REAL side;       /* bounded((i - b)/radius); -1: descending branch, 1: ascending branch */
+  ANHYST_REAL current;    /* current i + half_width*side */
 } anhyst_play_point_x;
 
 /* A map with one play operator. */
@@ -14,8 +14,8 @@ typedef struct {
   anhyst_play_law_x law; /* parameters; its tables are those of the block */
   ANHYST_REAL low;       /* lowest and highest current */
   ANHYST_REAL high;
-  ANHYST_REAL least; /* both limits, extended by 2^-15 of full scale */
-  ANHYST_REAL most;
+  ANHYST_REAL tolerated_low; /* both limits, extended by 2^-15 of full scale */
+  ANHYST_REAL tolerated_high;
   ANHYST_REAL play;       /* position b of the play: the hysteresis state; every number is valid */
   ANHYST_REAL demand;     /* limited demand of the last solve; after a commit, the expected force */
   ANHYST_REAL gap;        /* gap of the last solve */

@@ -56,20 +56,20 @@ typedef struct {
 typedef struct {
   const anhyst_axes_settings_x *settings;
   anhyst_force_controller_x *const *drive;
-  anhyst_wrench_x share;
-  anhyst_axis_pid_state_x state[ANHYST_WRENCH_AXES];
-  ANHYST_REAL asked[ANHYST_WRENCH_AXES];       /* accelerations for the last plausible errors */
-  ANHYST_REAL commanded[ANHYST_WRENCH_DRIVES]; /* commanded currents, A */
-  ANHYST_REAL due[ANHYST_WRENCH_DRIVES];       /* currents expected to flow, A */
-  uint16_t wrong[ANHYST_WRENCH_DRIVES];        /* consecutive ticks with a deviation */
-  ANHYST_REAL away[ANHYST_WRENCH_AXES];        /* reference minus target, for each axis */
-  ANHYST_REAL seen[ANHYST_AXES_HEADS];         /* last accepted reading of each head */
-  uint16_t doubt[ANHYST_AXES_HEADS];           /* doubt counter of each head */
-  uint16_t sighted;                            /* bit mask of the heads that had a valid reading */
-  uint16_t blind;                              /* bit mask of the lost heads */
-  uint16_t gone;                               /* index of the last lost head */
-  uint16_t landing;                            /* number of ticks since the landing started */
-  uint16_t flight;                             /* value of anhyst_axes_state */
+  anhyst_wrench_x allocator;
+  anhyst_axis_pid_state_x pid_state[ANHYST_WRENCH_AXES];
+  ANHYST_REAL acceleration[ANHYST_WRENCH_AXES]; /* accelerations for the last plausible errors */
+  ANHYST_REAL commanded_current[ANHYST_WRENCH_DRIVES]; /* commanded currents, A */
+  ANHYST_REAL expected_current[ANHYST_WRENCH_DRIVES];  /* currents expected to flow, A */
+  uint16_t deviating_ticks[ANHYST_WRENCH_DRIVES];      /* consecutive ticks with a deviation */
+  ANHYST_REAL reference_offset[ANHYST_WRENCH_AXES];    /* reference minus target, for each axis */
+  ANHYST_REAL last_reading[ANHYST_AXES_HEADS];         /* last accepted reading of each head */
+  uint16_t doubt_count[ANHYST_AXES_HEADS]; /* count of suspect readings, a jump counts more */
+  uint16_t valid_heads;                    /* bit mask of the heads that had a valid reading */
+  uint16_t lost_heads;                     /* bit mask of the lost heads */
+  uint16_t last_lost_head;                 /* index of the last lost head */
+  uint16_t landing_ticks;                  /* number of ticks since the landing started */
+  uint16_t flight_state;                   /* value of anhyst_axes_state */
 } anhyst_axes_x;
 
 /* Starts at standstill. Returns ANHYST_OK, or ANHYST_BAD_PARAMETER if the settings are not valid.

@@ -24,9 +24,9 @@ typedef struct {
 
 /* Result of a solve before its commit. */
 typedef struct {
-  anhyst_pidd2_state_x next; /* state of the next tick, before back-calculation */
-  ANHYST_REAL wanted;        /* output u before limits */
-  ANHYST_REAL output;        /* output u within limits */
+  anhyst_pidd2_state_x next;    /* state of the next tick, before back-calculation */
+  ANHYST_REAL unlimited_output; /* output u before limits */
+  ANHYST_REAL output;           /* output u within limits */
 } anhyst_pidd2_candidate_x;
 
 /* The functions work as those of pidd2.h, but only the output is limited. Errors: rounding. */

@@ -17,7 +17,7 @@ typedef struct {
 
 /* Normal matrix of the free drives, factorised as U'DU. U has ones on its diagonal. */
 typedef struct {
-  uint16_t free;                       /* bit mask of the drives; of a pair, only the first */
+  uint16_t free_drives;                /* bit mask of the drives; of a pair, only the first */
   ANHYST_REAL row[ANHYST_WRENCH_AXES]; /* diagonal of the normal matrix */
   ANHYST_REAL upper[ANHYST_WRENCH_AXES][ANHYST_WRENCH_AXES]; /* U; on the diagonal, 1/D */
 } anhyst_wrench_factor_x;
@@ -28,13 +28,13 @@ typedef struct {
   const anhyst_wrench_layout_x *layout;
   uint16_t against[ANHYST_WRENCH_DRIVES]; /* partner of each drive, without lost drives */
   uint16_t lost;                          /* bit mask of the lost drives */
-  uint16_t open;  /* drives with unknown force, bit mask; of a pair, only the first */
-  uint16_t alone; /* bit mask of the single drives that are not lost */
-  int whole;      /* whether the remaining drives can make every wrench by pulling and pushing */
+  uint16_t free_drives;   /* drives with unknown force, bit mask; of a pair, only the first */
+  uint16_t single_drives; /* bit mask of the single drives that are not lost */
+  int makes_every_wrench; /* whether the remaining drives can make every wrench if they also push */
   ANHYST_REAL scale[ANHYST_WRENCH_AXES];                      /* scale factor of each axis */
   ANHYST_REAL pull[ANHYST_WRENCH_DRIVES][ANHYST_WRENCH_AXES]; /* scaled `pull` of the layout */
-  anhyst_wrench_factor_x factor;                              /* factorised matrix of open drives */
-  anhyst_wrench_factor_x given_up[ANHYST_WRENCH_PASSES + 1];  /* matrix with yields of each pass */
+  anhyst_wrench_factor_x factor; /* factorised matrix of the free drives */
+  anhyst_wrench_factor_x yield_factor[ANHYST_WRENCH_PASSES + 1]; /* matrix of a pass with yields */
 } anhyst_wrench_x;
 
 /* Returns ANHYST_OK if the numbers, the pairs and the idle force are valid, and the drives can make

@@ -7,8 +7,8 @@
 #include <stddef.h>
 
 typedef struct {
-  size_t tables;              /* bytes that are built once per instance and then only read */
-  size_t state;               /* bytes of the state; its pointers are set again at every tick */
+  size_t tables; /* bytes that are built once per instance and then only read */
+  size_t state;  /* bytes of the state; its pointers are set again at every tick */
   /* Builds the tables from zeros. Returns 0, or -1 without memory. Null: nothing to build. */
   int (*build)(void *tables);
   void (*drop)(void *tables); /* frees the memory that build allocated; null if build is null */

@@ -82,7 +82,7 @@ static void run_law(anhyst_axes_f64 *law, anhyst_force_controller_f64 *const *dr
     }
   }
   law->settings = &settings;
-  law->share.layout = &settings.layout;
+  law->allocator.layout = &settings.layout;
   law->drive = drive;
   anhyst_axes_tick_f64(law, &in, &out);
   answer->flags = out.flags;
@@ -130,7 +130,7 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
     const double root = now->corrected[i].root;
-    const double before = now->corrected[i].before;
+    const double previous_root = now->corrected[i].previous_root;
     relink_force(&now->force[i], i);
 #ifdef STAGE_CODES
     (void)anhyst_force_controller_init_coded_f64(&in_si[i], &now->coded[i], &codes, &now->force[i]);
@@ -138,7 +138,7 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
     (void)anhyst_force_controller_init_corrected_f64(&now->corrected_force[i], &now->corrected[i],
                                                      &corrections[i], &in_si[i]);
     now->corrected[i].root = root;
-    now->corrected[i].before = before;
+    now->corrected[i].previous_root = previous_root;
     drive[i] = &now->corrected_force[i];
   }
   run_law(&now->law, drive, sample, answer);

@@ -1,9 +1,9 @@
 """Protect the server from foreign requests, and queue rows of samples for each browser.
 
 A frame is little-endian: ``u32 rows``, ``u32 columns``, ``f64 first``, ``f64 last`` (first and last
-tick), ``f64 ticks[rows]``, ``f32 data[columns][rows]``, ``u32 thinned``. In a thinned frame, a run
-of ticks is replaced by two rows with the smallest and the largest value of every signal. Therefore,
-no spike is lost, but the values of one row can belong to different ticks.
+tick), ``f64 ticks[rows]``, ``f32 data[columns][rows]``, ``u32 thinned``. In a thinned frame, two
+rows with the smallest and the largest value of every signal replace a run of ticks. Therefore, no
+spike is lost, but the values of one row can belong to different ticks.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""The page may load only its own files, without inline scripts and styles."""
+"""Rule that the page may load only its own files, without inline scripts and styles."""
 
 _SECURITY_HEADERS = (
     (b"content-security-policy", CONTENT_SECURITY_POLICY.encode()),
@@ -40,19 +40,19 @@ _SECURITY_HEADERS = (
 
 
 def read_address(text: str, token: bool) -> tuple[str, int]:
-    """Return the host and the port of an address to listen on."""
+    """Return the host and the port of the server, from the text of an option."""
     host, colon, port = text.rpartition(":")
     host = host.strip("[]") if colon else "127.0.0.1"
     try:
         address = ipaddress.ip_address(host)
-        number = int(port)
+        port_number = int(port)
     except ValueError:
         raise InputError(
             f"--listen {text}: is no address; give it in digits, such as 127.0.0.1:{DEFAULT_PORT}",
             code="bad-address",
             key="--listen",
         ) from None
-    if not 0 <= number <= 65535:
+    if not 0 <= port_number <= 65535:
         raise InputError(
             f"--listen {text}: the port is not within 0 to 65535", code="out-of-range", key="--listen"
         )
@@ -64,7 +64,7 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
         raise InputError(
             f"--listen {text}: reaches beyond this machine; add --token", code="token-missing", key="--listen"
         )
-    return str(address), number
+    return str(address), port_number
 
 
 def allowed_host_names(host: str, port: int) -> frozenset[str]:
@@ -77,11 +77,10 @@ def allowed_host_names(host: str, port: int) -> frozenset[str]:
 
 
 class RequestGuard:
-    """Rejects requests from other sites, and adds the security headers to answers.
+    """A filter that rejects requests from other sites, and adds security headers to answers.
 
-    The header ``Host`` must be an allowed name. Therefore, DNS rebinding fails. A request from a
-    page of another site has a foreign origin and is rejected. A WebSocket without an origin is
-    rejected too.
+    The header ``Host`` must be an allowed name, so that DNS rebinding fails. A request from a page
+    of another site has a foreign origin and is rejected, as is a WebSocket without an origin.
     """
 
     def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
@@ -89,15 +88,15 @@ class RequestGuard:
         self._host_names = names
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or reject it."""
+        """Pass a request to the application, or reject it."""
         if not self._is_allowed(scope):
             await _reject_request(scope, receive, send)
         else:
             await self._app(scope, receive, _add_security_headers(send))
 
     def _is_allowed(self, scope: Scope) -> bool:
-        hosts = _header(scope, b"host")
-        origins = _header(scope, b"origin")
+        hosts = _header_values(scope, b"host")
+        origins = _header_values(scope, b"origin")
         if len(hosts) != 1 or hosts[0] not in self._host_names:
             return False
         if not origins:
@@ -106,7 +105,7 @@ class RequestGuard:
 
 
 class MessageRateLimit:
-    """A limit on the message rate that allows short bursts (token bucket)."""
+    """A limit on the rate of messages that allows short bursts (token bucket)."""
 
     def __init__(self, rate: float, max_burst: int) -> None:
         self._rate_Hz = rate
@@ -125,18 +124,18 @@ class MessageRateLimit:
         return True
 
 
-def _header(scope: Scope, name: bytes) -> list[str]:
+def _header_values(scope: Scope, name: bytes) -> list[str]:
     return [value.decode("latin-1") for key, value in scope["headers"] if key == name]
 
 
 async def _reject_request(scope: Scope, receive: Receive, send: Send) -> None:
-    """Answer 403. For a WebSocket, closing it before it opens has the same effect."""
+    """Answer with the status 403. For a WebSocket, closing it before it opens has the same effect."""
     if scope["type"] == "websocket":
         await receive()
         await send({"type": "websocket.close", "code": 1008})
         return
-    head = [(b"content-type", b"text/plain; charset=utf-8"), *_SECURITY_HEADERS]
-    await send({"type": "http.response.start", "status": 403, "headers": head})
+    response_headers = [(b"content-type", b"text/plain; charset=utf-8"), *_SECURITY_HEADERS]
+    await send({"type": "http.response.start", "status": 403, "headers": response_headers})
     await send({"type": "http.response.body", "body": b"another host or origin\n"})
 
 
@@ -150,48 +149,47 @@ def _add_security_headers(send: Send) -> Send:
 
 
 MAX_FRAME_ROWS = 4000
-"""Maximum number of rows in the queue of one page. If it is exceeded, rows are thinned to half of
-this number."""
+"""Maximum number of rows in the queue of a page; more rows are thinned to half of this number."""
 
 _MAX_QUEUED_RUNS = 64
-"""Maximum number of runs in the queue of one page; the oldest ones are dropped."""
+"""Maximum number of runs of rows in the queue of a page; the oldest runs are dropped."""
 
 _FRAME_HEADER = struct.Struct("<IIdd")
 _RUN_HEADER = struct.Struct("<I")
 
 
 class RowRun(NamedTuple):
-    """Rows of consecutive ticks."""
+    """Rows of successive ticks without a gap."""
 
     first_tick: int  # first tick of the rows
     last_tick: int
     rows: FloatArray  # column 0 is the tick; shape (n, 1 + signals)
-    is_thinned: bool  # whether the rows are smallest and largest values
+    is_thinned: bool  # whether the rows are extremes of longer intervals
 
 
 def thin_to_extremes(rows: FloatArray, max_rows: int) -> FloatArray:
-    """Return the smallest and the largest value of every column for each interval of rows."""
+    """Return, for each interval of rows, two rows: smallest and largest value of every column."""
     if len(rows) <= max_rows:
         return rows
-    stretch = -(-len(rows) // (max_rows // 2))
-    begins = np.arange(0, len(rows), stretch)
-    pairs = np.empty((2 * len(begins), rows.shape[1]))
-    np.fmin.reduceat(rows, begins, out=pairs[0::2])
-    np.fmax.reduceat(rows, begins, out=pairs[1::2])
-    return pairs
+    interval_rows = -(-len(rows) // (max_rows // 2))
+    begins = np.arange(0, len(rows), interval_rows)
+    extreme_rows = np.empty((2 * len(begins), rows.shape[1]))
+    np.fmin.reduceat(rows, begins, out=extreme_rows[0::2])
+    np.fmax.reduceat(rows, begins, out=extreme_rows[1::2])
+    return extreme_rows
 
 
 def encode_frame(run: RowRun) -> bytes:
-    """Return the frame of a run of rows."""
+    """Return the frame that transmits a run of rows."""
     rows = run.rows
-    head = _FRAME_HEADER.pack(len(rows), rows.shape[1] - 1, run.first_tick, run.last_tick)
-    ticks = rows[:, 0].astype("<f8").tobytes()
-    data = np.ascontiguousarray(rows[:, 1:].T, dtype="<f4").tobytes()
-    return head + ticks + data + _RUN_HEADER.pack(run.is_thinned)
+    frame_header = _FRAME_HEADER.pack(len(rows), rows.shape[1] - 1, run.first_tick, run.last_tick)
+    tick_bytes = rows[:, 0].astype("<f8").tobytes()
+    signal_bytes = np.ascontiguousarray(rows[:, 1:].T, dtype="<f4").tobytes()
+    return frame_header + tick_bytes + signal_bytes + _RUN_HEADER.pack(run.is_thinned)
 
 
 class RowQueue:
-    """The rows that wait for one page. Its size is limited, and adding rows never blocks."""
+    """The rows that wait for one page. The queue has a limited size, and adding rows never blocks."""
 
     def __init__(self, max_rows: int = MAX_FRAME_ROWS, ticks_per_row: int = 1) -> None:
         self._max_rows = max_rows
@@ -208,14 +206,14 @@ class RowQueue:
         """Add rows; thin the waiting rows if the queue is full."""
         if not len(rows):
             return
-        breaks = np.flatnonzero(np.diff(rows[:, 0]) != self._tick_step) + 1
+        gap_indices = np.flatnonzero(np.diff(rows[:, 0]) != self._tick_step) + 1
         with self._lock:
-            for part in np.split(rows, breaks):
-                self._append(RowRun(int(part[0, 0]), int(part[-1, 0]), part, False))
+            for run_rows in np.split(rows, gap_indices):
+                self._append_run(RowRun(int(run_rows[0, 0]), int(run_rows[-1, 0]), run_rows, False))
             if self.waiting > self._max_rows:
-                kept = list(self._runs)[-_MAX_QUEUED_RUNS:]
-                share = max(2, self._max_rows // (2 * len(kept)))
-                self._runs = deque(_thin_run(run, share) for run in kept)
+                remaining_runs = list(self._runs)[-_MAX_QUEUED_RUNS:]
+                max_run_rows = max(2, self._max_rows // (2 * len(remaining_runs)))
+                self._runs = deque(_thin_run(run, max_run_rows) for run in remaining_runs)
 
     def take_all(self) -> list[RowRun]:
         """Return all waiting rows and empty the queue."""
@@ -223,12 +221,12 @@ class RowQueue:
             runs, self._runs = list(self._runs), deque()
         return runs
 
-    def _append(self, new: RowRun) -> None:
-        if self._runs and self._runs[-1].last_tick + self._tick_step == new.first_tick:
-            old = self._runs.pop()
-            rows = np.concatenate((old.rows, new.rows))
-            new = RowRun(old.first_tick, new.last_tick, rows, old.is_thinned)
-        self._runs.append(new)
+    def _append_run(self, new_run: RowRun) -> None:
+        if self._runs and self._runs[-1].last_tick + self._tick_step == new_run.first_tick:
+            old_run = self._runs.pop()
+            rows = np.concatenate((old_run.rows, new_run.rows))
+            new_run = RowRun(old_run.first_tick, new_run.last_tick, rows, old_run.is_thinned)
+        self._runs.append(new_run)
 
 
 def _thin_run(run: RowRun, max_rows: int) -> RowRun:

@@ -1,9 +1,10 @@
 """Close connections of browsers that do not send their requests in time.
 
-A connection waits while its request is incomplete: before the first byte, within the header or the
-body, and between two requests. Arriving bytes do not extend the time limit. If too many connections
-wait, the server closes the oldest ones of the client that has most of them. Therefore, clients that
-open connections and send nothing do not block others. An open WebSocket does not wait.
+A connection is waiting while its request is incomplete: before the first byte, within the header or
+the body, and between two requests. Arriving bytes do not extend the time limit. If too many
+connections are waiting, the server closes the oldest ones of the client with most of them.
+Therefore, clients that open connections and send nothing do not block others. An open WebSocket is
+not waiting.
 """
 
 from __future__ import annotations
@@ -18,17 +19,17 @@ from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MAX_WAIT_S = 5.0
-"""Time limit for a complete request, s; the same as uvicorn's own limit between two requests."""
+"""Time limit for a complete request, s; uvicorn has the same limit between two requests."""
 
 MIN_WAIT_S = 0.5
-"""Time for which every connection may wait, s. Requests of browsers arrive within this time."""
+"""Time that every connection may wait, s. Requests of browsers arrive within this time."""
 
 MAX_WAITING = 32
-"""Maximum number of connections that wait longer than that. A browser opens six."""
+"""Maximum number of connections that have waited longer. A browser opens six connections."""
 
 
 def make_quiet_server(app: ASGIApp, **options: Any) -> uvicorn.Server:
-    """Return a server that logs nothing and does not name itself in its answers."""
+    """Return a server that logs nothing, and does not name itself in its answers."""
     config = uvicorn.Config(
         app,
         http=Connection,
@@ -42,7 +43,7 @@ def make_quiet_server(app: ASGIApp, **options: Any) -> uvicorn.Server:
 
 
 class Connection(H11Protocol):
-    """A connection of a browser that closes if its request does not arrive in time."""
+    """A connection to a browser that is closed if a request does not arrive in time."""
 
     _timer: asyncio.TimerHandle | None = None
 
@@ -52,28 +53,28 @@ class Connection(H11Protocol):
         return self.client[0] if self.client else ""
 
     def drop(self) -> None:
-        """Close the connection immediately, without waiting for pending data."""
+        """Close the connection immediately; do not wait for pending data."""
         self._stop_waiting()
         self.transport.abort()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Start waiting for the first request."""
+        """Begin to wait for the first request."""
         super().connection_made(transport)
         self._follow_request()
         self._close_oldest_waiting()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Stop waiting."""
+        """End the waiting for a request."""
         self._stop_waiting()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Continue to wait if the request is incomplete."""
+        """Continue to wait while the request is incomplete."""
         super().data_received(data)
         self._follow_request()
 
     def on_response_complete(self) -> None:
-        """Start waiting for the next request."""
+        """Begin to wait for the next request."""
         super().on_response_complete()
         self._follow_request()
 
@@ -91,11 +92,11 @@ class Connection(H11Protocol):
             self._timer = None
 
     def _close_oldest_waiting(self) -> None:
-        """Close the oldest waiting connections if there are too many of them."""
+        """Close the oldest waiting connections if too many are waiting."""
         connections: set[Any] = self.connections
         latest_start = self.loop.time() + MAX_WAIT_S - MIN_WAIT_S
         close_times = {
-            connection: until  # time of the event loop at which the connection is closed, s
+            connection: until  # time at which the connection is closed, s of the event loop
             for connection in connections
             if isinstance(connection, Connection)
             and connection._timer is not None
@@ -105,6 +106,6 @@ class Connection(H11Protocol):
             (host, _), *_ = Counter(
                 connection_of_host.host for connection_of_host in close_times
             ).most_common(1)
-            oldest = min((one for one in close_times if one.host == host), key=close_times.__getitem__)
+            oldest = min((other for other in close_times if other.host == host), key=close_times.__getitem__)
             del close_times[oldest]
             oldest.drop()

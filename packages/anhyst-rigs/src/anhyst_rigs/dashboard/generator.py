@@ -1,7 +1,7 @@
-"""Generate signals that are added to the target of a bench.
+"""Generate signals, which a bench adds to its target.
 
-:class:`PeriodicWave` repeats a shape. :class:`Chirp` and :class:`WaveTable` end.
-:class:`DrivenBench` adds the signal to the target of another bench every millisecond.
+:class:`PeriodicWave` repeats a shape. :class:`Chirp` and :class:`WaveTable` end by themselves.
+:class:`DrivenBench` adds such a signal to the target of another bench every millisecond.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ WAVE_SHAPES: Mapping[str, Callable[[float], float]] = {
     "triangle": lambda part: 1.0 - abs(4.0 * ((part + 0.25) % 1.0) - 2.0),
     "sine": lambda part: math.sin(2.0 * math.pi * part),
 }
-"""Value of each shape, -1 to 1, over a period from 0 to 1."""
+"""Function of each shape from the phase, 0 to 1, to its value, -1 to 1."""
 
 LOWEST_HZ, HIGHEST_HZ = 0.01, 50.0
 
 
 @dataclass(frozen=True, slots=True)
 class PeriodicWave:
-    """A periodic signal around the target."""
+    """A periodic signal, which a bench adds to its target."""
 
-    shape: str  # one of :data:`WAVE_SHAPES`
-    amplitude: float  # distance between target and peak, unit of the target; 0 or more
-    frequency: float  # Hz, 0.01 to 50
-    start_tick: int  # tick at which the first period starts
+    shape: str  # shape, a key of :data:`WAVE_SHAPES`
+    amplitude: float  # amplitude, in the unit of the target; 0 or more
+    frequency: float  # frequency, Hz, 0.01 to 50
+    start_tick: int  # first tick of the first period
 
     duration_s: ClassVar[float] = math.inf
 
@@ -60,11 +60,11 @@ class PeriodicWave:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest value of the signal, unit of the target."""
+        """Smallest and largest value of the signal, in the unit of the target."""
         return -self.amplitude, self.amplitude
 
     def value_at(self, tick: int, rate: float) -> float:
-        """Return the value at a tick, unit of the target."""
+        """Return the value at a tick, in the unit of the target."""
         return self.amplitude * WAVE_SHAPES[self.shape](
             ((tick - self.start_tick) * self.frequency / rate) % 1.0
         )
@@ -80,13 +80,13 @@ _MIN_TABLE_ROWS = 2
 
 @dataclass(frozen=True, slots=True)
 class Chirp:
-    """A sine around the target whose frequency changes at a constant number of octaves per second."""
+    """A sine for the target; its frequency changes by constant octaves per second."""
 
-    amplitude: float  # unit of the target; 0 or more
+    amplitude: float  # amplitude, in the unit of the target; 0 or more
     low: float  # frequencies at the start and at the end, Hz; 0.01 to 50, in any order
     high: float
-    duration_s: float  # s, up to 3600
-    start_tick: int  # tick at which the chirp starts
+    duration_s: float  # duration, s, up to 3600
+    start_tick: int  # first tick of the chirp
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
@@ -108,14 +108,14 @@ class Chirp:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest value of the signal, unit of the target."""
+        """Smallest and largest value of the signal, in the unit of the target."""
         return -self.amplitude, self.amplitude
 
     def value_at(self, tick: int, rate: float) -> float:
-        """Return the value at a tick, unit of the target."""
+        """Return the value at a tick, in the unit of the target."""
         time = (tick - self.start_tick) / rate
-        octaves = math.log(self.high / self.low) / self.duration_s
-        cycles = time if octaves == 0.0 else math.expm1(time * octaves) / octaves
+        log_ratio = math.log(self.high / self.low) / self.duration_s
+        cycles = time if log_ratio == 0.0 else math.expm1(time * log_ratio) / log_ratio
         return self.amplitude * math.sin(2.0 * math.pi * self.low * cycles)
 
     def as_dict(self) -> dict[str, float | str]:
@@ -131,11 +131,11 @@ class Chirp:
 
 @dataclass(frozen=True, slots=True)
 class WaveTable:
-    """A table of values over time that are added to the target, with linear interpolation."""
+    """A table of values over time, added to the target with linear interpolation."""
 
-    times: FloatArray  # s; ascending from 0; shape (n,)
-    values: FloatArray  # unit of the target; shape (n,)
-    start_tick: int  # tick at which the table starts
+    times: FloatArray  # time, s, ascending from 0; shape (n,)
+    values: FloatArray  # value, in the unit of the target; shape (n,)
+    start_tick: int  # first tick of the table
 
     @property
     def duration_s(self) -> float:
@@ -144,11 +144,11 @@ class WaveTable:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest value of the signal, unit of the target."""
+        """Smallest and largest value of the signal, in the unit of the target."""
         return float(self.values.min()), float(self.values.max())
 
     def value_at(self, tick: int, rate: float) -> float:
-        """Return the value at a tick, unit of the target."""
+        """Return the value at a tick, in the unit of the target."""
         return float(np.interp((tick - self.start_tick) / rate, self.times, self.values))
 
     def as_dict(self) -> dict[str, float | str]:
@@ -157,11 +157,11 @@ class WaveTable:
 
 
 Wave = PeriodicWave | Chirp | WaveTable
-"""A signal that is added to the target."""
+"""Any signal that a bench adds to its target."""
 
 
 def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
-    """Read a CSV of the user: a header ``t_s,gap_um`` with units, then rows of two numbers."""
+    """Read a CSV of the user: a header with units such as ``t_s,gap_um``, then rows of two numbers."""
     lines = [
         (number, [cell.strip() for cell in line.split(",")])
         for number, line in enumerate(text.splitlines(), 1)
@@ -169,13 +169,13 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
     ]
     if not lines:
         raise InputError("own CSV: is empty; begin it with a header such as t_s,gap_um", code="no-data")
-    number, header = lines[0]
-    units = _read_header_units(number, header, unit)
+    number, header_line = lines[0]
+    units = _read_header_units(number, header_line, unit)
     rows: list[tuple[float, float]] = []
     for number, cells in lines[1:]:
         time, value = _read_row(number, cells, units)
-        last = rows[-1][0] if rows else -1.0
-        if time <= last:
+        last_time = rows[-1][0] if rows else -1.0
+        if time <= last_time:
             raise InputError(
                 f"own CSV: line {number}: the time is not later than in the previous row",
                 code="time-not-rising",
@@ -194,46 +194,46 @@ def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
     return WaveTable(table[:, 0], table[:, 1], begin)
 
 
-def _read_header_units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
-    """Return the units of both columns."""
-    units = [unit for unit in (parse_header(cell).unit for cell in header) if unit is not None]
-    if len(header) == len(units) == 2:
+def _read_header_units(line_number: int, header_cells: list[str], unit: str) -> tuple[Unit, Unit]:
+    """Return the units of the two columns."""
+    units = [unit for unit in (parse_header(cell).unit for cell in header_cells) if unit is not None]
+    if len(header_cells) == len(units) == 2:
         time, value = units
         if time.dimension == "time" and value.dimension == require_unit(unit).dimension:
             return time, value
-    kind = require_unit(unit).dimension
+    dimension = require_unit(unit).dimension
     example = "gap_um" if unit == "m" else "F_N"
     raise InputError(
-        f"own CSV: line {number}: no header of a time and a {kind} with their units, such as t_s,{example}",
+        f"own CSV: line {line_number}: no header of a time and a {dimension} with their units, such as t_s,{example}",
         code="no-header",
     )
 
 
-def _read_row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
+def _read_row(line_number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
     if len(cells) != 2:
-        raise InputError(f"own CSV: line {number}: {len(cells)} columns, not two", code="fields-missing")
-    row = []
+        raise InputError(f"own CSV: line {line_number}: {len(cells)} columns, not two", code="fields-missing")
+    row_values = []
     for cell, unit in zip(cells, units, strict=True):
         try:
             value = unit.value_to_si(float(cell))
         except ValueError:
             raise InputError(
-                f"own CSV: line {number}: '{cell[:40]}' is not a number", code="not-a-number"
+                f"own CSV: line {line_number}: '{cell[:40]}' is not a number", code="not-a-number"
             ) from None
         if not math.isfinite(value):
-            raise InputError(f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite")
-        row.append(value)
-    return row[0], row[1]
+            raise InputError(f"own CSV: line {line_number}: '{cell[:40]}' is not finite", code="not-finite")
+        row_values.append(value)
+    return row_values[0], row_values[1]
 
 
 _CHUNK_S = 0.001
-"""Time between two updates of the target by a generator, s of the bench."""
+"""Time from one update of the target by a generator to the next, s of the bench."""
 
 
 class DrivenBench(Bench):
-    """A bench that adds a generator to another bench and remembers the target and the load."""
+    """A bench that adds a generator to another bench, and stores the target and the load."""
 
-    def __init__(self, bench: Bench, refused: Callable[[str], None], happened: Callable[[str], None]) -> None:
+    def __init__(self, bench: Bench, on_refusal: Callable[[str], None], log: Callable[[str], None]) -> None:
         self.rate, self.ticks_per_row, self.has_own_clock = (
             bench.rate,
             bench.ticks_per_row,
@@ -243,10 +243,10 @@ class DrivenBench(Bench):
         self.demand_range, self.max_load = bench.demand_range, bench.max_load
         self.body = getattr(bench, "body", None)
         self.target = bench.demand_range.value
-        self._on_refusal = refused
-        self._on_event = happened
+        self._on_refusal = on_refusal
+        self._on_event = log
         self.load_N: float | None = None
-        self.generator: Wave | None = None  # signal that is added to the target
+        self.generator: Wave | None = None  # signal that the bench adds to the target
         self._bench = bench
         self._chunk_ticks = max(1, round(_CHUNK_S * bench.rate))
 
@@ -256,18 +256,18 @@ class DrivenBench(Bench):
         return self._bench.tick
 
     def advance(self, ticks: int) -> FloatArray:
-        """Advance the bench; an active generator sets the target every millisecond."""
-        chunks, end = [], self.tick + ticks
-        while self.tick < end:
-            remaining_ticks = end - self.tick
+        """Advance the bench; an active generator changes the target every millisecond."""
+        chunks, end_tick = [], self.tick + ticks
+        while self.tick < end_tick:
+            remaining_ticks = end_tick - self.tick
             if self.generator is not None:
                 self._set_target(self.generator)
                 remaining_ticks = min(remaining_ticks, self._chunk_ticks)
             chunks.append(self._bench.advance(remaining_ticks))
-            for text in self._bench.take_messages():
+            for message in self._bench.take_messages():
                 self.generator = None
                 self.target = self._bench.demand_range.value
-                self._on_event(text)
+                self._on_event(message)
             self.loss_reason = self._bench.loss_reason
             if self.loss_reason:
                 break
@@ -285,28 +285,28 @@ class DrivenBench(Bench):
             self._on_refusal(str(refused))
 
     def generate(self, generator: Wave | None) -> None:
-        """Start a generator, or stop it and return to the target."""
+        """Start a generator, or stop it and return to the plain target."""
         if generator is not None:
-            self._check(self.target, generator)
+            self._check_generator(self.target, generator)
         elif self.generator is None:
             return
         self._bench.demand(self.target)
         self.generator = generator
 
-    def _check(self, target: float, generator: Wave) -> None:
-        aim, (lowest, highest) = self.demand_range, generator.range
-        if not aim.low <= target + lowest <= target + highest <= aim.high:
+    def _check_generator(self, target: float, generator: Wave) -> None:
+        demand, (lowest, highest) = self.demand_range, generator.range
+        if not demand.low <= target + lowest <= target + highest <= demand.high:
             raise InputError(
-                f"generator: {target + lowest:g} to {target + highest:g} {aim.unit} is not within "
-                f"{aim.low:g} to {aim.high:g} {aim.unit}; set a target in between, or take less",
+                f"generator: {target + lowest:g} to {target + highest:g} {demand.unit} is not within "
+                f"{demand.low:g} to {demand.high:g} {demand.unit}; set a target in between, or take less",
                 code="out-of-range",
                 key="generator",
             )
 
     def demand(self, value: float) -> None:
-        """Set the target, m or N; an active generator continues around it."""
+        """Set the target, m or N; an active generator still adds to the target."""
         if self.generator is not None:
-            self._check(value, self.generator)
+            self._check_generator(value, self.generator)
         self._bench.demand(value)
         self.target = value
 
@@ -328,7 +328,7 @@ class DrivenBench(Bench):
         return self._bench.parameters()
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Apply parameters at the same tick; return the first tick that uses them."""
+        """Set parameters, all at the same tick; return the first tick that uses them."""
         return self._bench.apply(values)
 
     def close(self) -> None:

@@ -36,51 +36,50 @@ from anhyst_rigs.study.improve import (
 from anhyst_rigs.study.prepared_benches import Improvable, PreparedBoard
 
 Work = Callable[..., Mapping[str, Any]]
-"""A function of a module. It is called with a :data:`anhyst.support.jobs.Progress` and its
-arguments."""
+"""Function of a module, called with a :data:`anhyst.support.jobs.Progress` and its arguments."""
 
 OnEnd = Callable[[Mapping[str, Any] | str], None]
-"""Called with the result, or with the reason why there is no result."""
+"""Function that is called with the result, or with the reason why there is none."""
 
 _PROCESS_NICENESS = 10
-"""Niceness of the process: the bench has priority."""
+"""Niceness of the separate process, which gives the bench priority."""
 
 
 class ProcessJob:
     """A computation in a separate process."""
 
-    def __init__(self, work: Work, *given: Any, ended: OnEnd) -> None:
+    def __init__(self, work: Work, *work_arguments: Any, on_end: OnEnd) -> None:
         self.share = 0.0
-        self._on_end = ended
+        self._on_end = on_end
         self._cancelled = False
         context = get_context("spawn")
         self._receiver, self._sender = context.Pipe(duplex=False)
         self._process = context.Process(
-            target=_run_in_process, args=(self._sender, work, given), name="job", daemon=True
+            target=_run_in_process, args=(self._sender, work, work_arguments), name="job", daemon=True
         )
         self._started = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="job", daemon=True)
         self._thread.start()
 
     def cancel(self) -> None:
-        """End the process without a result."""
+        """Kill the process; there is no result."""
         self._cancelled = True
         self._started.wait()
         self._process.kill()
         self._thread.join()
 
     def _listen(self) -> None:
-        self._process.start()  # takes some time; the caller does not wait for it
+        self._process.start()  # The start takes some time; the caller does not wait for it.
         self._sender.close()
         self._started.set()
         outcome: Mapping[str, Any] | str = "the work ended without a result; see the terminal"
         try:
             while True:
-                news = self._receiver.recv()
-                if isinstance(news, float):
-                    self.share = news
+                message = self._receiver.recv()
+                if isinstance(message, float):
+                    self.share = message
                 else:
-                    outcome = news
+                    outcome = message
         except EOFError:
             self._process.join()
         self._receiver.close()
@@ -89,7 +88,7 @@ class ProcessJob:
 
 
 def _run_in_process(sender: Connection, work: Work, arguments: tuple[Any, ...]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Only the server may end this process.
     if hasattr(os, "nice"):
         os.nice(_PROCESS_NICENESS)
 
@@ -103,40 +102,41 @@ def _run_in_process(sender: Connection, work: Work, arguments: tuple[Any, ...]) 
 
 
 _CANCEL_TIMEOUT_S = 5.0
-"""Maximum time to stop the controller and to restore its settings at the end of the session, s."""
+"""Longest time for stopping the controller and restoring its settings at the end of the session, s.
+"""
 
 
 class OperatorSeat(DrivenBoard, Protocol):
-    """Access to the running controller for a measurement."""
+    """Exclusive access of a measurement to the running controller."""
 
     def cancel(self) -> None:
-        """Make the next access raise an error once. The measurement then stops the controller."""
+        """Make the next access raise an error, so that the measurement stops the controller."""
 
     def close(self) -> None:
-        """Release the controller, so that the operator can use it again."""
+        """End the access, so that the operator can use the controller again."""
 
 
 class BoardJob:
-    """A measurement on the running controller."""
+    """A measurement through the running controller."""
 
     def __init__(
         self,
         work: Callable[[Progress, OperatorSeat], Mapping[str, Any]],
         seat: Callable[[], OperatorSeat],
-        ended: OnEnd,
+        on_end: OnEnd,
     ) -> None:
         self.share = 0.0
-        self._work, self._on_end = work, ended
+        self._work, self._on_end = work, on_end
         self._seat = seat()
         self._thread = threading.Thread(target=self._run, name="measuring", daemon=True)
         self._thread.start()
 
     def cancel(self) -> None:
-        """End the measurement without a result after the controller has stopped."""
+        """Cancel the measurement: the controller stops, and there is no result."""
         self._seat.cancel()
 
     def wait(self) -> None:
-        """Wait until the measurement has ended. Must not be called in the thread of the bench."""
+        """Wait until the measurement has ended; the thread of the bench must not call this."""
         self._thread.join(_CANCEL_TIMEOUT_S)
 
     def _run(self) -> None:
@@ -164,22 +164,22 @@ class BlockHolder(Protocol):
 
 
 IMPROVEMENT_STEPS = ("measure", "identify", "compile", "swap")
-"""The steps in their order."""
+"""All steps of an improvement, in their order."""
 
 _REQUIRED_STEP = {"identify": "measure", "compile": "identify", "swap": "compile", "files": "measure"}
-"""The step whose result each step requires."""
+"""For each step, the step whose result it requires."""
 
 _STEP_ORDERS = (*IMPROVEMENT_STEPS, "back", "cancel", "files", "watch")
-"""All orders of a page to the improver."""
+"""All orders that a page can send to the improver."""
 
 
 class Improver:
-    """The results of the steps for a bench, and at most one running job."""
+    """The results of all steps for a bench, and at most one running job."""
 
-    def __init__(self, prepared: Improvable, bench: BlockHolder) -> None:
-        self.known_model = make_model_with_loops(prepared.measured_loops, prepared.model)
+    def __init__(self, prepared_bench: Improvable, bench: BlockHolder) -> None:
+        self.known_model = make_model_with_loops(prepared_bench.measured_loops, prepared_bench.model)
         self.results: Mapping[str, Mapping[str, Any]] = {}
-        self._prepared = prepared
+        self._prepared = prepared_bench
         self._bench = bench
         self._folder = tempfile.TemporaryDirectory(prefix="anhyst-improve-")
         self._job: ProcessJob | BoardJob | None = None
@@ -192,11 +192,11 @@ class Improver:
 
     @property
     def folder(self) -> Path:
-        """Folder for the files of the steps."""
+        """Folder with the files that the steps write."""
         return Path(self._folder.name)
 
     def limits(self) -> Mapping[str, Any]:
-        """Return the limits that a measurement observes."""
+        """Return the limits within which loops are measured."""
         return excitation_limits(self._prepared)
 
     @property
@@ -205,47 +205,47 @@ class Improver:
         return isinstance(self._job, BoardJob)
 
     def measure(self, tighter_limits: Mapping[str, float], seat: Callable[[], OperatorSeat]) -> None:
-        """Start measuring loops, with some limits tightened."""
-        prepared, folder = self._prepared, self.folder
-        tighten_limits(prepared.specimen(), tighter_limits)
-        if not isinstance(prepared, PreparedBoard):
+        """Start to measure loops; some limits may be tighter."""
+        prepared_bench, folder = self._prepared, self.folder
+        tighten_limits(prepared_bench.specimen(), tighter_limits)
+        if not isinstance(prepared_bench, PreparedBoard):
             self._start_process_job("measure", measure_loops, dict(tighter_limits))
             return
 
         def work(progress: Progress, bench: OperatorSeat) -> Mapping[str, Any]:
-            return measure_loops(progress, prepared, folder, tighter_limits, bench)
+            return measure_loops(progress, prepared_bench, folder, tighter_limits, bench)
 
         self._start_job("measure", lambda ended: BoardJob(work, seat, ended))
 
     def identify(self) -> None:
-        """Start identifying a model from the loops."""
+        """Start to identify a model from the measured loops."""
         self._start_process_job("identify", identify_model, self.known_model.model)
 
     def compile(self) -> None:
-        """Start compiling the model for the running board."""
+        """Start to compile the identified model for the running board."""
         self._start_process_job("compile", compile_block)
 
     def swap(self) -> int:
-        """Activate the new model; return the tick. Must be called in the thread of the bench."""
-        self._check("swap")
+        """Activate the new model; return the tick. Only the thread of the bench may call this."""
+        self._check_step("swap")
         assert self._new_model is not None
         tick = self._swap_block(self._new_block, self._new_model)
         self._store_result("swap", {"tick": tick})
         return tick
 
     def swap_back(self) -> int:
-        """Activate the model before the last swap. Must be called in the thread of the bench."""
-        self._check("back")
+        """Activate the model that was replaced. Only the thread of the bench may call this."""
+        self._check_step("back")
         assert self._previous is not None
         return self._swap_block(*self._previous)
 
     def model_to_monitor(self) -> ModelWithLoops:
-        """Return the model with which the rows of the bench can be compared."""
-        self._check("watch")
+        """Return the model for a comparison with rows of the bench."""
+        self._check_step("watch")
         return self.known_model
 
     def cancel(self) -> None:
-        """End the running job without a result; a measurement first stops the rig."""
+        """Cancel the running job; there is no result. A measurement stops the rig first."""
         if isinstance(self._job, BoardJob):
             self._job.cancel()
             return
@@ -255,41 +255,41 @@ class Improver:
             self._error_text = f"{self._step}: cancelled"
 
     def files(self) -> Mapping[str, str]:
-        """Return the text of all files of the steps, by name."""
+        """Return the texts of all files that the steps wrote, by file name."""
         names = (LOOPS_FILE, str(Path(LOOPS_FILE).with_suffix(".toml")), MODEL_FILE)
         paths = [self.folder / name for name in names]
         return {path.name: path.read_text("utf-8") for path in paths if path.exists()}
 
     def status(self) -> Mapping[str, Any]:
-        """Return the state of the running step for a page."""
+        """Return the state of the running step, which a page shows."""
         job = self._job
         return {
             "step": self._step if job is not None else "",
             "share": job.share if job is not None else 0.0,
             "seconds": time.monotonic() - self._start_time if job is not None else 0.0,
             "trouble": self._error_text,
-            "refused": {step: str(why) for step in _STEP_ORDERS if (why := self._refusal_reason(step))},
+            "refused": {step: str(reason) for step in _STEP_ORDERS if (reason := self._refusal_reason(step))},
         }
 
     def _refusal_reason(self, step: str) -> InputError | None:
         """Return why a step is not possible now, or None if it is possible."""
-        needed, code, why = _REQUIRED_STEP.get(step), "step-missing", ""
+        required_step, code, reason = _REQUIRED_STEP.get(step), "step-missing", ""
         if step == "watch" and not self._prepared.has_single_magnet:
             code = "force-of-a-pair"
-            why = "for a pair of magnets, only the sum of both forces is known"
+            reason = "for a pair of magnets, only the sum of both forces is known"
         elif step in (*IMPROVEMENT_STEPS, "back") and self._job is not None:
-            code, why = "busy", f"{self._step} is still running; wait, or cancel it"
+            code, reason = "busy", f"{self._step} is still running; wait, or cancel it"
         elif step == "cancel" and self._job is None:
-            why = "nothing is under way"
+            reason = "nothing is under way"
         elif step == "back" and self._previous is None:
-            why = "no model was swapped yet"
-        elif needed is not None and needed not in self.results:
-            why = f"{needed} comes first"
-        return InputError(f"{step}: {why}", code=code, key=step) if why else None
+            reason = "no model was swapped yet"
+        elif required_step is not None and required_step not in self.results:
+            reason = f"{required_step} comes first"
+        return InputError(f"{step}: {reason}", code=code, key=step) if reason else None
 
-    def _check(self, step: str) -> None:
-        if why := self._refusal_reason(step):
-            raise why
+    def _check_step(self, step: str) -> None:
+        if reason := self._refusal_reason(step):
+            raise reason
 
     def close(self) -> None:
         """End the job and delete the files."""
@@ -300,23 +300,23 @@ class Improver:
         self._folder.cleanup()
 
     def check_after_reconnect(self) -> None:
-        """Forget the swap if a returned controller has lost the swapped block.
+        """Discard the swap if a reconnected controller has lost the swapped block.
 
-        Must be called in the thread of the bench.
+        Only the thread of the bench may call this.
         """
         if self._previous is None or self._bench.read_block() == self._active_block:
             return
         self.known_model = self._first_model
         self._previous = None
-        self.results = {name: one for name, one in self.results.items() if name != "swap"}
+        self.results = {name: result for name, result in self.results.items() if name != "swap"}
 
-    def _start_process_job(self, step: str, work: Work, *given: Any) -> None:
+    def _start_process_job(self, step: str, work: Work, *work_arguments: Any) -> None:
         self._start_job(
-            step, lambda ended: ProcessJob(work, self._prepared, self.folder, *given, ended=ended)
+            step, lambda ended: ProcessJob(work, self._prepared, self.folder, *work_arguments, on_end=ended)
         )
 
     def _start_job(self, step: str, make: Callable[[OnEnd], ProcessJob | BoardJob]) -> None:
-        self._check(step)
+        self._check_step(step)
         self._step, self._error_text, self._start_time = step, "", time.monotonic()
 
         def ended(outcome: Mapping[str, Any] | str) -> None:
@@ -331,19 +331,19 @@ class Improver:
         self._job = make(ended)
 
     def _store_result(self, step: str, result: Mapping[str, Any]) -> None:
-        """Store the result of a step and discard the results of later steps."""
+        """Store the result of a step, and discard the results of all later steps."""
         shown_values = {name: value for name, value in result.items() if name != "words"}
         if "words" in result:
             self._new_block = list(result["words"])
-        kept = IMPROVEMENT_STEPS[: IMPROVEMENT_STEPS.index(step)]
+        kept_steps = IMPROVEMENT_STEPS[: IMPROVEMENT_STEPS.index(step)]
         self.results = {
-            **{name: one for name, one in self.results.items() if name in kept},
+            **{name: old_result for name, old_result in self.results.items() if name in kept_steps},
             step: shown_values,
         }
 
-    def _swap_block(self, block: Sequence[int], model: ModelWithLoops) -> int:
+    def _swap_block(self, block_words: Sequence[int], model: ModelWithLoops) -> int:
         old_block = self._bench.read_block()
-        self._active_block = set_generation(block, (old_block[GENERATION_INDEX] + 1) & 0xFFFF)
+        self._active_block = set_generation(block_words, (old_block[GENERATION_INDEX] + 1) & 0xFFFF)
         tick = self._bench.swap_block(self._active_block)
         self._previous = old_block, self.known_model
         self.known_model = model

@@ -20,11 +20,10 @@ from anhyst_rigs.dashboard.sets import FILE_SUFFIX, changed_values
 from anhyst_rigs.rig.bench.protocol import DemandRange, Parameter, Signal
 
 _MAX_QUEUED_CHUNKS = 1000
-"""Maximum number of chunks that wait for a measurement; larger than its largest delay."""
+"""Maximum number of chunks that wait for a measurement; its delays never need as many."""
 
 _CHUNK_TIMEOUT_S = 0.1
-"""Maximum waiting time for a chunk, s. After it, the measurement checks whether the controller is
-lost."""
+"""Longest wait for a chunk, s. Then the measurement checks whether the controller is lost."""
 
 
 class SessionSeat:
@@ -48,9 +47,9 @@ class SessionSeat:
         return self._session.bench.loss_reason
 
     def advance(self, ticks: int) -> FloatArray:
-        """Return the next rows: usually the requested number, and none from a lost controller."""
-        parts = [np.empty((0, 1 + len(self.signals)))]
-        while sum(map(len, parts)) * self.ticks_per_row < ticks:
+        """Return the next rows, usually as many as requested; none if the controller is lost."""
+        row_blocks = [np.empty((0, 1 + len(self.signals)))]
+        while sum(map(len, row_blocks)) * self.ticks_per_row < ticks:
             if self._cancelled.is_set():
                 self._cancelled.clear()
                 raise InputError("cancelled", code="cancelled")
@@ -60,8 +59,8 @@ class SessionSeat:
                 break
             if chunk is None:
                 raise InputError(self._session.end_reason or "the bench is closed", code="bench-closed")
-            parts.append(chunk)
-        return np.concatenate(parts)
+            row_blocks.append(chunk)
+        return np.concatenate(row_blocks)
 
     def command(self, command: Command) -> None:
         """Send a command."""
@@ -85,11 +84,11 @@ class SessionSeat:
         return self._session.run_between_chunks(lambda: self._session.apply(values))
 
     def cancel(self) -> None:
-        """Make the next access raise an error once. The measurement then stops the controller."""
+        """Make the next access raise an error, so that the measurement stops the controller."""
         self._cancelled.set()
 
     def close(self) -> None:
-        """Release the controller, so that the operator can use it again."""
+        """End the access, so that the operator can use the controller again."""
         self._rows.close()
 
 
@@ -98,7 +97,7 @@ _StepAction = Callable[[LiveSession, Improver, str, Fields], Fields]
 
 
 def perform_improvement_step(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Execute the field ``step`` of a message."""
+    """Execute the step that the field ``step`` of a message names."""
     step = str(fields.get("step"))
     action = _STEP_ACTIONS.get(step)
     if action is None:
@@ -110,7 +109,7 @@ def perform_improvement_step(session: LiveSession, client_name: str, fields: Fie
     return action(session, session.improver, client_name, fields)
 
 
-def _measure(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
+def _execute_measure(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
     limits = fields.get("limits", {})
     if not isinstance(limits, dict):
         raise InputError("limits: name none", code="missing", key="limits")
@@ -120,9 +119,9 @@ def _measure(session: LiveSession, improver: Improver, client_name: str, fields:
     return {}
 
 
-def _run_and_log(do: Callable[[Improver], None], text: str) -> _StepAction:
+def _run_and_log(start_step: Callable[[Improver], None], text: str) -> _StepAction:
     def act(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
-        do(improver)
+        start_step(improver)
         session.log_change(client_name, text)
         return {}
 
@@ -135,17 +134,18 @@ def _swap_model_and_log(exchange: Callable[[Improver], int], text: str) -> _Step
         session.log_change(client_name, text)
         session.curves = improver.known_model.curves
         if session.monitored_model is not None:
-            session.monitor(improver.model_to_monitor())  # restart with the new model
+            # The monitoring restarts with the new model.
+            session.monitor(improver.model_to_monitor())
         return {"applied": tick}
 
     return act
 
 
-def _files(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
+def _execute_files(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
     return {"files": improver.files()}
 
 
-def _watch(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
+def _execute_watch(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
     is_on = fields.get("on") is True
     session.monitor(improver.model_to_monitor() if is_on else None)
     session.log_change(
@@ -155,25 +155,25 @@ def _watch(session: LiveSession, improver: Improver, client_name: str, fields: F
 
 
 _STEP_ACTIONS: Mapping[str, _StepAction] = {
-    "measure": _measure,
+    "measure": _execute_measure,
     "identify": _run_and_log(Improver.identify, "a model is identified"),
     "compile": _run_and_log(Improver.compile, "the model is compiled"),
     "swap": _swap_model_and_log(Improver.swap, "the new model is swapped in"),
     "back": _swap_model_and_log(Improver.swap_back, "the previous model is swapped in"),
     "cancel": _run_and_log(Improver.cancel, "work cancelled"),
-    "files": _files,
-    "watch": _watch,
+    "files": _execute_files,
+    "watch": _execute_watch,
 }
 
 
 OrderAction = Callable[[LiveSession, str, Fields], Fields]
 
 _MAX_STAGED_PARAMETERS = 200
-"""Maximum number of parameters in one message."""
+"""Largest number of parameters in one message."""
 
 
 def perform(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Execute the order in a message from a page. Must be called in the thread of the bench."""
+    """Execute the order in a message from a page; only the thread of the bench may call this."""
     action = _ORDER_ACTIONS.get(str(fields.get("do")))
     if action is None:
         raise InputError(f"no order '{str(fields.get('do'))[:40]}'", code="unknown-order", key="do")
@@ -183,7 +183,7 @@ def perform(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     return {"tick": session.bench.tick, **action(session, client_name, fields)}
 
 
-def _command(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_command(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     name = str(fields.get("name"))
     commands = {command.name.lower(): command for command in session.bench.commands}
     if name not in commands:
@@ -196,56 +196,56 @@ def _command(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     return {}
 
 
-def _target(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_target(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     value = read_finite_number(fields, "value")
     session.bench.demand(value)
     session.log_change(client_name, f"target {value:g}")
     return {}
 
 
-def _load(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_load(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     value = read_finite_number(fields, "value")
     session.bench.load(value)
     session.log_change(client_name, f"load {value:g} N")
     return {}
 
 
-def _generator(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_generator(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     if fields.get("shape") is None:
         session.generate(None)
         session.log_change(client_name, "generator off")
         return {}
-    wave = _wave(session, fields)
+    wave = _read_wave(session, fields)
     session.generate(wave)
-    (_, shape), *rest = wave.as_dict().items()
+    (_, shape), *parameters = wave.as_dict().items()
     units = {"amplitude": f" {session.bench.demand_range.unit}", "rows": "", "lasts": " s"}
-    numbers = [f"{name} {value:g}{units.get(name, ' Hz')}" for name, value in rest]
-    session.log_change(client_name, f"generator {', '.join([str(shape), *numbers])}")
+    parameter_texts = [f"{name} {value:g}{units.get(name, ' Hz')}" for name, value in parameters]
+    session.log_change(client_name, f"generator {', '.join([str(shape), *parameter_texts])}")
     return {}
 
 
-def _wave(session: LiveSession, fields: Fields) -> Wave:
-    begin, shape = session.bench.tick + 1, str(fields["shape"])
+def _read_wave(session: LiveSession, fields: Fields) -> Wave:
+    begin_tick, shape = session.bench.tick + 1, str(fields["shape"])
     if shape == "own CSV":
-        return read_wave_table(str(fields.get("text", "")), session.bench.demand_range.unit, begin)
+        return read_wave_table(str(fields.get("text", "")), session.bench.demand_range.unit, begin_tick)
     amplitude = read_finite_number(fields, "amplitude")
     if shape == "chirp":
-        low, high, lasts = (read_finite_number(fields, name) for name in ("low", "high", "lasts"))
-        return Chirp(amplitude, low, high, lasts, begin)
-    return PeriodicWave(shape, amplitude, read_finite_number(fields, "frequency"), begin)
+        low, high, duration = (read_finite_number(fields, name) for name in ("low", "high", "lasts"))
+        return Chirp(amplitude, low, high, duration, begin_tick)
+    return PeriodicWave(shape, amplitude, read_finite_number(fields, "frequency"), begin_tick)
 
 
-def _apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    staged = fields.get("values")
-    if not isinstance(staged, dict) or not 1 <= len(staged) <= _MAX_STAGED_PARAMETERS:
+def _execute_apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+    new_values = fields.get("values")
+    if not isinstance(new_values, dict) or not 1 <= len(new_values) <= _MAX_STAGED_PARAMETERS:
         raise InputError("values: names no parameter", code="missing", key="values")
-    values = {str(name): read_finite_number(staged, name) for name in staged}
+    values = {str(name): read_finite_number(new_values, name) for name in new_values}
     tick = session.apply(values)
     session.log_change(client_name, ", ".join(f"{name} = {value:g}" for name, value in values.items()))
     return {"applied": tick, "parameters": describe_parameters(session)}
 
 
-def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     if session.bench.has_own_clock:
         raise InputError(
             "time: a board runs at its own speed, which cannot be changed",
@@ -272,7 +272,7 @@ def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     return {}
 
 
-def _record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     tick, name = session.bench.tick, fields.get("file")
     if name is None:
         session.recorder.stop(tick)
@@ -282,14 +282,14 @@ def _record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
         crossing = session.recorder.make_level_crossing(
             str(fields["signal"]), read_finite_number(fields, "level"), fields.get("rising") is not False
         )
-    lasts = read_finite_number(fields, "lasts") if fields.get("lasts") is not None else math.inf
-    session.record(str(name), RecordingSpan(read_finite_number(fields, "before"), lasts, crossing))
+    duration = read_finite_number(fields, "lasts") if fields.get("lasts") is not None else math.inf
+    session.record(str(name), RecordingSpan(read_finite_number(fields, "before"), duration, crossing))
     session.log_change(client_name, f"record {name}")
     return {}
 
 
 def _learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    """Start or stop learning from the motion, or discard the estimates."""
+    """Start or stop the calibration from the motion, or discard the estimates."""
     learner = session.learner
     if learner is None:
         raise InputError(
@@ -317,21 +317,21 @@ def _read_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 
 
 ORDERS_BESIDE_BENCH: Mapping[str, OrderAction] = {"save set": _save_set, "read set": _read_set}
-"""Orders that access the disk and not the bench. The bench does not wait for them."""
+"""Orders that access only the disk. The bench does not wait for them."""
 
 _ORDER_ACTIONS: Mapping[str, OrderAction] = {
-    "command": _command,
-    "target": _target,
-    "load": _load,
-    "generator": _generator,
-    "apply": _apply,
-    "pace": _pace,
-    "record": _record,
+    "command": _execute_command,
+    "target": _execute_target,
+    "load": _execute_load,
+    "generator": _execute_generator,
+    "apply": _execute_apply,
+    "pace": _execute_pace,
+    "record": _execute_record,
     "improve": perform_improvement_step,
     "learn": _learn,
 }
 
 
 def describe_parameters(session: LiveSession) -> list[dict[str, Any]]:
-    """Return the description of the parameters for a page."""
+    """Return the descriptions of the parameters for a page."""
     return [parameter._asdict() for parameter in session.parameters]

@@ -1,7 +1,8 @@
 """Record the ticks of a bench to files.
 
-:class:`TickRecorder` buffers the last seconds and writes a recording from a given start to a given
-end, or from a level crossing. :class:`MdfRecorder` and :class:`CsvRecorder` write the files.
+:class:`TickRecorder` buffers the last seconds. It writes a recording from a given start to a given
+end, or from the tick at which a signal crosses a level. :class:`MdfRecorder` and
+:class:`CsvRecorder` write the files.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bench.protocol import Signal, Subscription
 
 _BLOCK_HEADER = struct.Struct("<4s4xQQ")
-"""Header of an MDF block: name, length, number of links."""
+"""Header of an MDF block: name, length and number of links."""
 
 _IDENTIFICATION = struct.pack("<8s8s8s4xH34x", b"MDF     ", b"4.10    ", b"anhyst  ", 410)
 _UTC_OFFSETS_VALID, _FLOAT_TYPE, _MASTER_CHANNEL, _TIME_SYNC = 2, 4, 2, 1
@@ -32,7 +33,7 @@ _MARKER_EVENT, _CAUSED_BY_USER = 6, 4
 
 
 class RecordingFile(ABC):
-    """A new file for rows and notes, which are written when they arrive."""
+    """A new file, into which rows and notes are written immediately."""
 
     def __init__(self, path: Path, rate: float) -> None:
         self.path = path
@@ -47,7 +48,7 @@ class RecordingFile(ABC):
 
     @abstractmethod
     def write_note(self, tick: int, text: str) -> None:
-        """Write a note about a change after a tick."""
+        """Write a note about a change that follows a tick."""
 
     def close(self) -> None:
         """Close the file."""
@@ -55,17 +56,17 @@ class RecordingFile(ABC):
 
 
 class MdfRecorder(RecordingFile):
-    """Writes rows and notes to an MDF 4.1 file that is readable even if the process is killed.
+    """A writer of MDF 4.1 files that are readable even if the process is killed.
 
-    Each block is written before it is linked, so that a reader always finds complete blocks. Every
-    signal is a channel of 64-bit floats. A note is a marker at its tick.
+    Each block is written before another block links to it, so that a reader finds only complete
+    blocks. Every signal is a channel of 64-bit floats. A note is a marker at its tick.
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
         super().__init__(path, rate)
         self._end = 0
         self._next_data = self._next_event = self._count = 0
-        self._data = (0, 0)  # address and length of the current data block
+        self._data = (0, 0)  # address and length of the data block that is being written
         self._write_header(signals)
 
     def write_rows(self, rows: FloatArray) -> None:
@@ -84,45 +85,45 @@ class MdfRecorder(RecordingFile):
     def write_note(self, tick: int, text: str) -> None:
         """Write a marker at a tick."""
         with self._lock:
-            name = self._write_text(" ".join(text.split()))
-            event = self._write_block(
+            text_address = self._write_text(" ".join(text.split()))
+            event_address = self._write_block(
                 b"EV",
-                (0, 0, 0, name, 0),
+                (0, 0, 0, text_address, 0),
                 struct.pack(
                     "<5B3xIHHqd", _MARKER_EVENT, 1, 0, _CAUSED_BY_USER, 0, 0, 0, 0, tick, 1 / self._rate
                 ),
             )
-            self._write_address(self._next_event, event)
-            self._next_event = event + _BLOCK_HEADER.size
+            self._write_address(self._next_event, event_address)
+            self._next_event = event_address + _BLOCK_HEADER.size
             self._data = (0, 0)
 
     def _write_header(self, signals: Sequence[Signal]) -> None:
-        """Write everything before the rows: header, history, channel group and channels."""
+        """Write all blocks before the rows: header, history, channel group and channels."""
         start_time_ns = time.time_ns()
         self._write_bytes(_IDENTIFICATION)
-        header = self._write_block(
+        header_address = self._write_block(
             b"HD", (0,) * 6, struct.pack("<Qhh4B2d", start_time_ns, 0, 0, 2, 0, 0, 0, 0, 0)
         )
-        tool = self._write_text(
+        tool_address = self._write_text(
             "<FHcomment><TX>recorded</TX><tool_id>anhyst live</tool_id>"
             "<tool_vendor>anhyst</tool_vendor><tool_version>1</tool_version></FHcomment>",
             b"MD",
         )
-        history = self._write_block(
-            b"FH", (0, tool), struct.pack("<QhhB3x", start_time_ns, 0, 0, _UTC_OFFSETS_VALID)
+        history_address = self._write_block(
+            b"FH", (0, tool_address), struct.pack("<QhhB3x", start_time_ns, 0, 0, _UTC_OFFSETS_VALID)
         )
         channels = 0
         columns = [Signal("t", "s", "time"), Signal("tick", "", "number of the tick"), *signals]
         for index in reversed(range(len(columns))):
             channels = self._write_channel(columns[index], index, channels)
-        row = struct.pack("<QQHH4xII", 0, 0, 0, 0, 8 * len(columns), 0)
-        group = self._write_block(b"CG", (0, channels, self._write_text("bench"), 0, 0, 0), row)
+        group_fields = struct.pack("<QQHH4xII", 0, 0, 0, 0, 8 * len(columns), 0)
+        group = self._write_block(b"CG", (0, channels, self._write_text("bench"), 0, 0, 0), group_fields)
         self._count = group + _BLOCK_HEADER.size + 6 * 8 + 8
         data_group = self._write_block(b"DG", (0, group, 0, 0), struct.pack("<B7x", 0))
         self._next_data = data_group + _BLOCK_HEADER.size + 2 * 8
-        self._next_event = header + _BLOCK_HEADER.size + 4 * 8
-        self._write_address(header + _BLOCK_HEADER.size, data_group)
-        self._write_address(header + _BLOCK_HEADER.size + 8, history)
+        self._next_event = header_address + _BLOCK_HEADER.size + 4 * 8
+        self._write_address(header_address + _BLOCK_HEADER.size, data_group)
+        self._write_address(header_address + _BLOCK_HEADER.size + 8, history_address)
 
     def _write_channel(self, signal: Signal, index: int, following: int) -> int:
         unit = self._write_text(signal.unit) if signal.unit else 0
@@ -131,13 +132,13 @@ class MdfRecorder(RecordingFile):
         body = struct.pack("<4B4I2BH6d", *kind, _FLOAT_TYPE, 0, 8 * index, 64, 0, 0, 0, 0, 0, *(0.0,) * 6)
         return self._write_block(b"CN", links, body)
 
-    def _open_data(self, before: int) -> None:
-        """Start a new data block at the end, with a list block that the previous list links to."""
+    def _open_data(self, earlier_address: int) -> None:
+        """Append a new data block, and a list block for it, to which the previous list links."""
         address = self._end + _BLOCK_HEADER.size + 2 * 8 + struct.calcsize("<B3xIQ")
-        listed = self._write_block(b"DL", (0, address), struct.pack("<B3xIQ", 0, 1, before))
+        list_address = self._write_block(b"DL", (0, address), struct.pack("<B3xIQ", 0, 1, earlier_address))
         self._data = self._write_block(b"DT", (), b""), _BLOCK_HEADER.size
-        self._write_address(self._next_data, listed)
-        self._next_data = listed + _BLOCK_HEADER.size
+        self._write_address(self._next_data, list_address)
+        self._next_data = list_address + _BLOCK_HEADER.size
 
     def _write_text(self, text: str, kind: bytes = b"TX") -> int:
         return self._write_block(kind, (), text.encode() + b"\0")
@@ -145,17 +146,17 @@ class MdfRecorder(RecordingFile):
     def _write_block(self, kind: bytes, links: Sequence[int], body: bytes) -> int:
         """Append a block and return its address."""
         address, size = self._end, _BLOCK_HEADER.size + 8 * len(links) + len(body)
-        head = _BLOCK_HEADER.pack(b"##" + kind, size, len(links)) + struct.pack(f"<{len(links)}Q", *links)
-        self._write_bytes(head + body + b"\0" * (-size % 8))
+        header = _BLOCK_HEADER.pack(b"##" + kind, size, len(links)) + struct.pack(f"<{len(links)}Q", *links)
+        self._write_bytes(header + body + b"\0" * (-size % 8))
         return address
 
     def _write_bytes(self, data: bytes) -> None:
-        unwritten = memoryview(data)
-        while unwritten:
+        remaining_bytes = memoryview(data)
+        while remaining_bytes:
             self._file.seek(self._end)
-            written = self._file.write(unwritten)
-            self._end += written
-            unwritten = unwritten[written:]
+            byte_count = self._file.write(remaining_bytes)
+            self._end += byte_count
+            remaining_bytes = remaining_bytes[byte_count:]
 
     def _write_address(self, address: int, value: int) -> None:
         self._file.seek(address)
@@ -163,21 +164,20 @@ class MdfRecorder(RecordingFile):
 
 
 HEADERS = {"gap": "gap_m", "force": "F_N", "current": "I_A", "load": "load_N"}
-"""Column names with which a recording can be read as a measurement; other signals keep their names.
-"""
+"""Column names that make a recording a valid measurement; other signals keep their names."""
 
 
 class CsvRecorder(RecordingFile):
-    """Writes complete lines to a CSV file that is readable even if the process is killed.
+    """A writer of complete lines to a CSV file that is readable even if the process is killed.
 
-    Numbers are read back bit for bit. Integers are written without a decimal point, and values that
-    are not finite as ``nan``.
+    Numbers are restored exactly when read. Integers are written without a decimal point, and values
+    that are not finite as ``nan``.
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
         super().__init__(path, rate)
-        heads = [column_header(signal) for signal in signals]
-        self._write((",".join(["tick", "t_s", *heads]) + "\n").encode())
+        column_titles = [column_header(signal) for signal in signals]
+        self._write((",".join(["tick", "t_s", *column_titles]) + "\n").encode())
 
     def write_rows(self, rows: FloatArray) -> None:
         """Write rows; column 0 is the tick."""
@@ -187,7 +187,7 @@ class CsvRecorder(RecordingFile):
         self.rows += len(rows)
 
     def write_note(self, tick: int, text: str) -> None:
-        """Write a comment line between the rows."""
+        """Write a note as a comment line between the rows."""
         self._write(f"# after tick {tick}, {' '.join(text.split())}\n".encode())
 
     def _write(self, lines: bytes) -> None:
@@ -201,7 +201,7 @@ _RECORDERS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {".csv": CsvRe
 
 
 def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> RecordingFile:
-    """Create the file of a recording; its suffix selects the format."""
+    """Create the file for a recording; its extension selects the format."""
     kind = _RECORDERS.get(path.suffix.lower())
     if kind is None:
         raise InputError(
@@ -216,7 +216,7 @@ def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recor
 
 
 def _format_rows(table: FloatArray) -> bytes:
-    """Return rows as lines. The JSON writer is ten times faster than formatting in Python."""
+    """Return rows as lines of text. The JSON writer is ten times faster than formatting in Python."""
     text = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2] + b"\n"
     for old, new in ((b"],[", b"\n"), (b".0,", b","), (b".0\n", b"\n"), (b"null", b"nan")):
         text = text.replace(old, new)
@@ -224,26 +224,26 @@ def _format_rows(table: FloatArray) -> bytes:
 
 
 def column_header(signal: Signal) -> str:
-    """Return the column header of a signal, with its unit."""
+    """Return the column header for a signal, including its unit."""
     unit = signal.unit.replace("/", "_per_").replace("^", "")
     return HEADERS.get(signal.name) or (f"{signal.name}_{unit}" if unit else signal.name)
 
 
 BUFFER_S = 10.0
-"""Duration of the buffer with every tick, s of the bench."""
+"""Length of the buffer that contains every tick, s of the bench."""
 
 MAX_RECORDING_S = 86400.0
 
 _BUFFER_SLACK_S = 1.0
 _ROWS_PER_WRITE = 4000
-"""Maximum number of buffered rows that are written between two chunks of the bench."""
+"""Largest number of buffered rows that are written between two chunks of the bench."""
 
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,99}")
+_NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,99}")
 _MAX_WRITE_DELAY_S = 0.1
 
 
 class RingBuffer:
-    """The last rows, with every tick."""
+    """A buffer of the last rows that contains every tick."""
 
     def __init__(self, rows: int, columns: int) -> None:
         self.total = 0
@@ -251,50 +251,50 @@ class RingBuffer:
 
     def append(self, rows: FloatArray) -> None:
         """Add rows."""
-        size = len(self._rows)
-        self.total += max(0, len(rows) - size)
-        rows = rows[-size:]
-        at = self.total % size
-        head = min(len(rows), size - at)
-        self._rows[at : at + head] = rows[:head]
-        self._rows[: len(rows) - head] = rows[head:]
+        buffer_size = len(self._rows)
+        self.total += max(0, len(rows) - buffer_size)
+        rows = rows[-buffer_size:]
+        first_index = self.total % buffer_size
+        first_count = min(len(rows), buffer_size - first_index)
+        self._rows[first_index : first_index + first_count] = rows[:first_count]
+        self._rows[: len(rows) - first_count] = rows[first_count:]
         self.total += len(rows)
 
-    def read(self, first: int, last: int) -> FloatArray:
-        """Return the rows ``first`` to ``last - 1``, numbered from the first row of the session."""
-        return self._rows[np.arange(first, last) % len(self._rows)]
+    def read(self, first_row: int, last_row: int) -> FloatArray:
+        """Return the rows ``first`` to ``last - 1``, counted from the first row of the session."""
+        return self._rows[np.arange(first_row, last_row) % len(self._rows)]
 
     def find_tick(self, tick: int) -> int:
-        """Return the number of the first buffered row at or after a tick."""
-        oldest = max(0, self.total - len(self._rows))
-        return oldest + int(np.searchsorted(self.read(oldest, self.total)[:, 0], tick))
+        """Return the number of the first buffered row at a tick or after it."""
+        oldest_row = max(0, self.total - len(self._rows))
+        return oldest_row + int(np.searchsorted(self.read(oldest_row, self.total)[:, 0], tick))
 
 
 class LevelCrossing(NamedTuple):
-    """The crossing of a level by a signal."""
+    """A condition: a signal crosses a level."""
 
-    column: int  # column of the signal
-    level: float  # unit of the signal, SI
+    column: int  # column of the signal in the rows
+    level: float  # level, in the SI unit of the signal
     is_rising: bool
 
     def find(self, values: FloatArray) -> int | None:
-        """Return the index of the first sample that crosses the level; None if no sample does."""
+        """Return the index of the first sample after a crossing; None if there is no crossing."""
         is_beyond = values >= self.level if self.is_rising else values <= self.level
-        indices = np.flatnonzero(is_beyond[1:] & ~is_beyond[:-1])
-        return int(indices[0]) + 1 if len(indices) else None
+        crossing_indices = np.flatnonzero(is_beyond[1:] & ~is_beyond[:-1])
+        return int(crossing_indices[0]) + 1 if len(crossing_indices) else None
 
 
 class RecordingSpan(NamedTuple):
-    """The start and the duration of a recording."""
+    """Start and duration of a recording."""
 
-    # time before the start or before the crossing, s; 0 to :data:`BUFFER_S`
+    # time before the start or the crossing, s; 0 to :data:`BUFFER_S`
     pretrigger_s: float = 0.0
-    duration_s: float = math.inf  # duration after the start, s; infinite until it is stopped
-    crossing: LevelCrossing | None = None  # start condition
+    duration_s: float = math.inf  # duration after the start, s; infinite if the user must stop it
+    crossing: LevelCrossing | None = None  # condition for the start; None: immediately
 
 
 class TickRecorder:
-    """Buffers the last seconds with every tick, and writes recordings to one folder."""
+    """A recorder that buffers the last seconds with every tick, and writes recordings to a folder."""
 
     def __init__(
         self, signals: Sequence[Signal], rate: float, folder: Path, notify: Callable[[str], None]
@@ -309,22 +309,23 @@ class TickRecorder:
         self._file: RecordingFile | None = None
         self._span = RecordingSpan()
         self._next_row: int | None = (
-            None  # number of the next row to write; None while waiting for a crossing
+            # number of the row that is written next; None while the recording waits for a crossing
+            None
         )
-        self._first_tick, self._last_tick = 0, math.inf  # ticks
+        self._first_tick, self._last_tick = 0, math.inf  # first and last tick of the recording
 
-    def make_level_crossing(self, signal: str, level: float, rising: bool) -> LevelCrossing:
-        """Return a start condition: a signal crosses a level."""
-        names = [one.name for one in self._signals]
+    def make_level_crossing(self, signal: str, level: float, is_rising: bool) -> LevelCrossing:
+        """Return the start condition that a signal crosses a level."""
+        names = [column_signal.name for column_signal in self._signals]
         if signal not in names:
             raise InputError(f"trigger: no signal '{signal[:40]}'", code="no-such-signal", key="trigger")
-        return LevelCrossing(1 + names.index(signal), level, rising)
+        return LevelCrossing(1 + names.index(signal), level, is_rising)
 
     def start(self, name: str, span: RecordingSpan, tick: int) -> None:
-        """Start a recording in a new file of the folder."""
-        if not _NAME.fullmatch(name):
+        """Start a recording in a new file in the folder."""
+        if not _NAME_PATTERN.fullmatch(name):
             raise InputError(
-                "record: a name is of letters, digits, blanks, points, _ and -, without a folder",
+                "record: a name may contain letters, digits, blanks, points, _ and -, but no folder",
                 code="bad-name",
                 key="record",
             )
@@ -348,7 +349,7 @@ class TickRecorder:
             self.start_in_file(start_recording(self.folder / name, self._signals, self._rate), span, tick)
 
     def start_in_file(self, file: RecordingFile, span: RecordingSpan, tick: int) -> None:
-        """Start a recording in an open file."""
+        """Start a recording in a file that is already open."""
         with self._lock:
             self.error_text = ""
             self._file, self._span, self._next_row = file, span, None
@@ -356,25 +357,26 @@ class TickRecorder:
                 self._set_limits_around(tick + 1)
 
     def stop(self, tick: int) -> None:
-        """End the recording after a tick. If it still waits for a crossing, its file is removed."""
+        """End the recording after a tick; remove its file if it still waits for a crossing."""
         with self._lock:
             if self._file is None:
                 raise InputError("record: no recording runs", code="no-recording", key="record")
             if self._next_row is None:
                 path = self._file.path
                 self._close_file("left, nothing crossed")
-                path.unlink()  # after closing: Windows cannot remove an open file
+                # This must follow the closing, because Windows cannot remove an open file.
+                path.unlink()
             else:
                 self._last_tick = min(self._last_tick, tick)
 
     def note(self, tick: int, text: str) -> None:
-        """Write a note to the running recording."""
+        """Write a note into the active recording."""
         with self._lock:
             if self._file is not None:
                 self._write_or_stop(lambda file: file.write_note(tick, text))
 
     def run(self, subscription: Subscription) -> None:
-        """Buffer and write all rows of a subscription until it ends; runs in its own thread."""
+        """Buffer and write all rows of a subscription until it ends; needs a separate thread."""
         while True:
             try:
                 rows = subscription.get(0.0 if self._has_rows_to_write() else _MAX_WRITE_DELAY_S)
@@ -393,7 +395,7 @@ class TickRecorder:
                 self._close_file("written")
 
     def status(self) -> Mapping[str, Any] | None:
-        """Return the state of the running recording for a page."""
+        """Return the state of the active recording, which a page shows."""
         with self._lock:
             file = self._file
             if file is None:
@@ -401,43 +403,43 @@ class TickRecorder:
             return {"file": file.path.name, "rows": file.rows, "waits": self._next_row is None}
 
     def _buffer_rows(self, rows: FloatArray) -> None:
-        """Add rows to the buffer and search them for the crossing."""
-        last = self._ring.total - 1
+        """Add rows to the buffer, and search them for a level crossing."""
+        last_row = self._ring.total - 1
         self._ring.append(rows)
         crossing = self._span.crossing
         if self._file is None or self._next_row is not None or crossing is None:
             return
-        searched_rows = self._ring.read(max(last, 0), self._ring.total)
-        row = crossing.find(searched_rows[:, crossing.column])
-        if row is not None:
-            self._set_limits_around(int(searched_rows[row, 0]))
-            self._notify(f"{self._file.path.name}: tick {int(searched_rows[row, 0])} crossed the level")
+        searched_rows = self._ring.read(max(last_row, 0), self._ring.total)
+        index = crossing.find(searched_rows[:, crossing.column])
+        if index is not None:
+            self._set_limits_around(int(searched_rows[index, 0]))
+            self._notify(f"{self._file.path.name}: tick {int(searched_rows[index, 0])} crossed the level")
 
     def _set_limits_around(self, tick: int) -> None:
-        """Set the first and the last tick of the recording relative to a tick."""
+        """Set the first and the last tick of the recording relative to a given tick."""
         self._first_tick = tick - round(self._span.pretrigger_s * self._rate)
         self._last_tick = tick - 1 + self._span.duration_s * self._rate
         self._next_row = self._ring.find_tick(self._first_tick)
 
     def _has_rows_to_write(self) -> bool:
-        """Whether buffered rows have not been written yet."""
+        """Whether some buffered rows have not been written yet."""
         return self._file is not None and self._next_row is not None and self._next_row < self._ring.total
 
     def _write_waiting_rows(self) -> None:
-        """Write some of the waiting rows; close the file after its last tick."""
+        """Write some of the rows that wait; close the file after its last tick."""
         if self._next_row is None or not self._ring.total:
             return
-        end = min(self._ring.total, self._next_row + _ROWS_PER_WRITE)
-        rows = self._ring.read(self._next_row, end)
-        self._next_row = end
+        end_row = min(self._ring.total, self._next_row + _ROWS_PER_WRITE)
+        rows = self._ring.read(self._next_row, end_row)
+        self._next_row = end_row
         recorded_rows = rows[(rows[:, 0] >= self._first_tick) & (rows[:, 0] <= self._last_tick)]
         if len(recorded_rows):
             self._write_or_stop(lambda file: file.write_rows(recorded_rows))
-        if self._ring.read(end - 1, end)[0, 0] >= self._last_tick:
+        if self._ring.read(end_row - 1, end_row)[0, 0] >= self._last_tick:
             self._close_file("written")
 
     def _write_or_stop(self, write: Callable[[RecordingFile], None]) -> None:
-        """Write to the file. An error of the disk ends the recording, not the bench."""
+        """Write to the file. A disk error ends the recording, but not the bench."""
         if self._file is None:
             return
         try:
@@ -446,8 +448,8 @@ class TickRecorder:
             self.error_text = f"{self._file.path.name}: {error.strerror}"
             self._close_file("broke off")
 
-    def _close_file(self, how: str) -> None:
+    def _close_file(self, end_reason: str) -> None:
         if self._file is not None:
             self._file.close()
-            self._notify(f"{self._file.path.name}: {how}, {self._file.rows} ticks")
+            self._notify(f"{self._file.path.name}: {end_reason}, {self._file.rows} ticks")
         self._file, self._next_row, self._last_tick, self._span = (None, None, math.inf, RecordingSpan())

@@ -1,4 +1,4 @@
-"""Serve the page, its files and one WebSocket for each browser."""
+"""Serve the page, its files, and one WebSocket for each browser."""
 
 from __future__ import annotations
 
@@ -30,12 +30,11 @@ from anhyst_rigs.rig.bench.protocol import Parameter
 from anhyst_rigs.study.improve import DrawnLoop
 
 HANDOVER_TIMEOUT_S = 10.0
-"""Time after which a requesting browser becomes the operator if the current operator does not
-answer, s."""
+"""Time limit of an operator's answer to a request for control, s; then the request is granted."""
 
 
 class OperatorDesk:
-    """Decides which browser operates the bench; all others watch."""
+    """The rule which browser operates the bench; all other browsers only watch."""
 
     def __init__(self) -> None:
         self.operator = 0
@@ -43,29 +42,26 @@ class OperatorDesk:
         self._request_time = 0.0
 
     def join(self, client: int) -> None:
-        """Add a browser. It becomes the operator if there is none."""
+        """Add a browser, which becomes the operator if there is none."""
         if not self.operator:
             self.operator = client
 
     def leave(self, client: int) -> None:
-        """Remove a browser. If it was the operator, the requesting browser takes over."""
+        """Remove a browser. If it was the operator, the browser that requests control takes over."""
         if self.requesting == client:
             self.requesting = 0
         if self.operator == client:
             self.operator, self.requesting = self.requesting, 0
 
     def request(self, client: int) -> None:
-        """Request control; without an operator it is granted immediately.
-
-        Only one request can wait.
-        """
+        """Request control for a browser; it is granted if nobody operates. Only one can wait."""
         if not self.operator:
             self.operator = client
         elif client != self.operator and not self.requesting:
             self.requesting, self._request_time = client, time.monotonic()
 
     def answer(self, client: int, hand_over: bool) -> None:
-        """Grant or reject the waiting request; only the operator can do this."""
+        """Grant or reject the waiting request; only the operator may answer."""
         if client == self.operator and self.requesting:
             self.operator = self.requesting if hand_over else self.operator
             self.requesting = 0
@@ -77,14 +73,14 @@ class OperatorDesk:
 
 
 def make_welcome_message(session: LiveSession, title: str, client_number: int) -> Mapping[str, Any]:
-    """Return the first message to a page."""
+    """Return the first message that a page receives."""
     bench = session.bench
     return {
         "kind": "bench",
         "title": title,
         "you": client_number,
         "rate": bench.rate,
-        "signals": [{**one._asdict(), "head": column_header(one)} for one in bench.signals],
+        "signals": [{**signal._asdict(), "head": column_header(signal)} for signal in bench.signals],
         "aim": bench.demand_range._asdict(),
         "load_most": bench.max_load,
         "body": bench.body,
@@ -106,12 +102,12 @@ def make_welcome_message(session: LiveSession, title: str, client_number: int) -
 
 
 def describe_loops(session: LiveSession) -> list[dict[str, Any]]:
-    """Return the loops that the page draws below the running one."""
+    """Return the loops that the page draws behind the running loop."""
     return [curve._asdict() for curve in session.curves]
 
 
 def _enum_names(kind: type[IntEnum]) -> dict[str, str]:
-    return {str(int(one)): one.name.lower().replace("_", " ") for one in kind}
+    return {str(int(member)): member.name.lower().replace("_", " ") for member in kind}
 
 
 ASSETS_FOLDER = Path(__file__).with_name("assets")
@@ -133,7 +129,7 @@ _Result = TypeVar("_Result")
 
 
 class Client:
-    """A connected browser and the data that wait for it."""
+    """A browser that is connected, and the data that wait for it."""
 
     def __init__(self, number: int, socket: WebSocket, ticks_per_row: int) -> None:
         self.number = number
@@ -147,15 +143,15 @@ class Client:
 
     @property
     def name(self) -> str:
-        """Name in the log."""
+        """Name of the browser in the log."""
         return f"browser {self.number}"
 
     def queue_message(self, message: Mapping[str, Any]) -> None:
-        """Queue a message; it is sent before the next frame."""
+        """Queue a message, which is sent before the next frame."""
         self._answers.append(message)
 
     async def send_waiting(self) -> None:
-        """Send all waiting data. A slow browser makes this call slow."""
+        """Send all data that wait; this takes long if the browser is slow."""
         while self._answers:
             await self.send_message(self._answers.popleft())
         for run in self.outbox.take_all():
@@ -167,7 +163,7 @@ class Client:
 
 
 class LiveServer:
-    """Connects browsers with a session."""
+    """A server that connects browsers with a session."""
 
     def __init__(self, session: LiveSession, title: str, names: frozenset[str], token: str = "") -> None:
         self.session = session
@@ -192,7 +188,7 @@ class LiveServer:
             return
 
     async def _has_token(self, socket: WebSocket) -> bool:
-        """Whether a browser sends the token, if one is required."""
+        """Whether a browser sends the token, if a token is required."""
         if not self._token:
             return True
         await socket.send_text(json.dumps({"kind": "token"}))
@@ -222,19 +218,19 @@ class LiveServer:
             del self._clients[client.number]
 
     async def _send_frames(self, client: Client) -> None:
-        """Send frames as fast as the browser accepts them, and the status periodically."""
+        """Send frames as fast as the browser accepts them, and the status at regular times."""
         clock = asyncio.get_running_loop().time
-        due = 0.0
+        due_time = 0.0
         try:
             while True:
-                if clock() >= due:
-                    due = clock() + _STATUS_PERIOD_S
+                if clock() >= due_time:
+                    due_time = clock() + _STATUS_PERIOD_S
                     self.desk.check_timeout()
                     await self._send_status(client)
                 await client.send_waiting()
                 await asyncio.sleep(1.0 / _FRAME_RATE_HZ)
         except (WebSocketDisconnect, RuntimeError):
-            return  # the browser left during a transmission; the receiver detects this too
+            return  # The browser left during a transmission, which the receiver detects too.
 
     async def _send_status(self, client: Client) -> None:
         await client.send_message(self._make_status(client))
@@ -246,7 +242,7 @@ class LiveServer:
             client.curves = self.session.curves
             await client.send_message({"kind": "loops", "loops": describe_loops(self.session)})
         learner = self.session.learner
-        laps = [one for one in tuple(learner.laps) if one.tick > client.sent_laps] if learner else ()
+        laps = [lap for lap in tuple(learner.laps) if lap.tick > client.sent_laps] if learner else ()
         if laps:
             client.sent_laps = laps[-1].tick
             await client.send_message({"kind": "learnt", "laps": [one._asdict() for one in laps]})
@@ -257,7 +253,7 @@ class LiveServer:
 
     def _make_status(self, client: Client) -> Mapping[str, Any]:
         entries = list(self.session.log)
-        new = min(self.session.log_entry_count - client.sent_log_entries, len(entries))
+        new_count = min(self.session.log_entry_count - client.sent_log_entries, len(entries))
         client.sent_log_entries = self.session.log_entry_count
         status = self.session.status()
         if self.desk.operator != client.number:
@@ -268,7 +264,7 @@ class LiveServer:
             "operator": self.desk.operator,
             "asking": self.desk.requesting,
             "browsers": len(self._clients),
-            "log": [entry._asdict() for entry in entries[len(entries) - new :]],
+            "log": [entry._asdict() for entry in entries[len(entries) - new_count :]],
         }
 
     async def _receive_messages(self, client: Client) -> None:
@@ -281,13 +277,13 @@ class LiveServer:
             await self._handle_message(client, message)
 
     async def _handle_message(self, client: Client, message: Mapping[str, Any]) -> None:
-        """Execute the order of a browser and answer it. Every browser may stop the rig."""
+        """Execute the order of a browser, and answer it. Every browser may stop the rig."""
         number = message.get("id")
         try:
-            result = await self._perform_order(client, message)
+            reply = await self._perform_order(client, message)
         except InputError as error:
-            result = {"reason": str(error)}
-        client.queue_message({"kind": "answer", "id": number if isinstance(number, int) else 0, **result})
+            reply = {"reason": str(error)}
+        client.queue_message({"kind": "answer", "id": number if isinstance(number, int) else 0, **reply})
 
     async def _perform_order(self, client: Client, message: Mapping[str, Any]) -> Mapping[str, Any]:
         order = message.get("do")
@@ -311,7 +307,7 @@ class LiveServer:
 
 
 def page_routes(name: str) -> list[BaseRoute]:
-    """Return the routes of a page and of its files."""
+    """Return the routes for a page and its files."""
 
     async def page(_request: object) -> FileResponse:
         return FileResponse(ASSETS_FOLDER / name)

@@ -1,7 +1,7 @@
 """Run a bench in real time for its pages, its recorder and its log.
 
 An order is a message from a page; the order ``command`` sends a command to the controller. The
-session also states which orders are possible in the current state, and the reason for the others.
+session also states which orders are possible at present, and why the others are not.
 """
 
 from __future__ import annotations
@@ -44,39 +44,39 @@ _OTHER_ORDERS = ("load", "pace", "record", "improve", "learn", "sets")
 
 
 def disturbs_measurement(order: str) -> bool:
-    """Whether an order or a command disturbs a running measurement. STOP does not: it ends it."""
+    """Whether an order or command disturbs a running measurement; STOP only ends it."""
     return order != "stop" and (order in _MOVING_ORDERS or order.upper() in Command.__members__)
 
 
-def refuse_all(bench: Bench, why: str) -> dict[str, str]:
-    """Return every order with the same reason."""
-    return dict.fromkeys((*_commands(bench), *_MOVING_ORDERS, *_OTHER_ORDERS), why)
+def refuse_all(bench: Bench, reason: str) -> dict[str, str]:
+    """Return every order with the given reason."""
+    return dict.fromkeys((*_commands_by_name(bench), *_MOVING_ORDERS, *_OTHER_ORDERS), reason)
 
 
 def find_refusals(
-    bench: Bench, state: ControllerStatus | None, ended: str, measured: str
+    bench: Bench, state: ControllerStatus | None, end_reason: str, measured: str
 ) -> Mapping[str, str]:
-    """Return the orders that are not possible now, with their reasons."""
-    if ended:
-        return refuse_all(bench, ended)
+    """Return the orders that are not possible now, with the reason for each."""
+    if end_reason:
+        return refuse_all(bench, end_reason)
     if bench.loss_reason or state is None:
         return dict.fromkeys(
-            (*_commands(bench), *_MOVING_ORDERS), bench.loss_reason or "no sample has come yet"
+            (*_commands_by_name(bench), *_MOVING_ORDERS), bench.loss_reason or "no sample has come yet"
         )
-    reasons = {name: refusal_reason(command, state) for name, command in _commands(bench).items()}
+    reasons = {name: refusal_reason(command, state) for name, command in _commands_by_name(bench).items()}
     if bench.demand_range.unit == "N":
         reasons |= dict.fromkeys(("target", "generator"), demand_refusal(state.state))
     if measured:
         reasons |= {name: measured for name in (*reasons, *_MOVING_ORDERS) if disturbs_measurement(name)}
-    return {name: why for name, why in reasons.items() if why}
+    return {name: reason for name, reason in reasons.items() if reason}
 
 
-def _commands(bench: Bench) -> dict[str, Command]:
+def _commands_by_name(bench: Bench) -> dict[str, Command]:
     return {command.name.lower(): command for command in bench.commands}
 
 
 _MAX_QUEUED_CHUNKS = 10_000
-"""Maximum number of chunks that wait for the estimator; larger than its largest delay."""
+"""Maximum number of chunks that wait for the estimator; its delays never need as many."""
 
 _MAX_LOG_ENTRIES = 500
 """Maximum number of entries in the log."""
@@ -86,7 +86,7 @@ _Result = TypeVar("_Result")
 
 
 class LogEntry(NamedTuple):
-    """A change by a browser or by the bench."""
+    """A change that a browser or the bench has made."""
 
     tick: int
     who: str
@@ -94,7 +94,7 @@ class LogEntry(NamedTuple):
 
 
 class LiveSession:
-    """Runs a bench until it is closed.
+    """A session that runs a bench until it is closed.
 
     Methods that access the bench must be called within :meth:`run_between_chunks`.
     """
@@ -110,7 +110,7 @@ class LiveSession:
     ) -> None:
         self.learner = learner
         self.bench = DrivenBench(
-            bench, lambda why: self.log_change("bench", f"generator off: {why}"), self._log_event
+            bench, lambda reason: self.log_change("bench", f"generator off: {reason}"), self._log_event
         )
         self.curves = tuple(curves)
         self.improver = improver
@@ -144,11 +144,11 @@ class LiveSession:
             )
 
     def start(self) -> None:
-        """Start the time of the bench."""
+        """Start the bench's time."""
         self.pacer.resume()
 
     def close(self) -> None:
-        """End the bench, the recording and the running job. Further calls have no effect."""
+        """End the bench, the recording and the running job. A further call has no effect."""
         if self._closed:
             return
         self._closed = True
@@ -167,7 +167,7 @@ class LiveSession:
 
     @property
     def end_reason(self) -> str:
-        """Why the bench or the recording has ended; empty while they run."""
+        """Why the bench or the recording has ended; empty while both run."""
         return str(self.pacer.error or self.recorder.error_text)
 
     def subscribe(self, listener: Listener) -> Callable[[], None]:
@@ -180,17 +180,17 @@ class LiveSession:
         return leave
 
     def run_between_chunks(self, act: Callable[[], _Result]) -> _Result:
-        """Call a function between two chunks of ticks and return its result."""
+        """Call a function between two chunks of ticks, and return its result."""
         return self.pacer.execute(lambda _: act())
 
     def log_change(self, who: str, text: str) -> None:
-        """Write a change to the log and to the recording."""
+        """Write a change into the log and into the recording."""
         self.log.append(LogEntry(self.bench.tick, who, text))
         self.log_entry_count += 1
         self.recorder.note(self.bench.tick, f"{who}: {text}")
 
     def record(self, name: str, span: RecordingSpan) -> None:
-        """Start a recording with the active parameters and the changes in its pretrigger time."""
+        """Start a recording that includes active parameters and changes in its pretrigger time."""
         tick = self.bench.tick
         self.recorder.start(name, span, tick)
         self._note_parameters()
@@ -199,7 +199,7 @@ class LiveSession:
                 self.recorder.note(entry.tick, f"{entry.who}: {entry.text}")
 
     def stop(self, who: str) -> None:
-        """Stop the rig, even if its time is paused. The order is logged even if it is refused."""
+        """Stop the rig, even if the bench is paused. The order is logged even if it is refused."""
         self.log_change(who, "emergency stop")
         try:
             self.bench.command(Command.STOP)
@@ -208,11 +208,11 @@ class LiveSession:
             self.pacer.resume()
 
     def generate(self, generator: Wave | None) -> None:
-        """Start a generator around the target, or stop it and return to the target."""
+        """Add a generator to the target, or stop it and return to the plain target."""
         self.bench.generate(generator)
 
     def monitor(self, model: ModelWithLoops | None) -> None:
-        """Compare the rows from now on with a model; None ends the comparison."""
+        """Compare all further rows with a model; None ends the comparison."""
         monitored_model = None
         if model is not None:
             monitored_model = BenchMonitor(model.model, self.bench.signals, self.bench.rate)
@@ -222,7 +222,7 @@ class LiveSession:
             self._stop_monitoring = self.subscribe(monitored_model.add_rows)
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Apply parameters at the same tick; return the first tick that uses them."""
+        """Set parameters, all at the same tick; return the first tick that uses them."""
         tick = self.applied = self.bench.apply(values)
         self.parameters = self.bench.parameters()
         return tick
@@ -231,7 +231,7 @@ class LiveSession:
         """Return the state that a page shows in addition to the signals."""
         pacing, generator = self.pacer.pacing(), self.bench.generator
         controller_state = controller_status(self._values) if self._values else None
-        refused = find_refusals(self.bench, controller_state, self.end_reason, self.driven_reason)
+        refusals = find_refusals(self.bench, controller_state, self.end_reason, self.driven_reason)
         return {
             "tick": pacing.tick,
             "speed": pacing.speed,
@@ -245,7 +245,7 @@ class LiveSession:
             "load": self.bench.load_N,
             "state": int(self._values.get("state", 0)),
             "fault": int(self._values.get("fault", 0)),
-            "refused": refused,
+            "refused": refusals,
             "next": self._next_step(controller_state),
             "generator": None if generator is None else generator.as_dict(),
             "recording": self.recorder.status(),
@@ -258,7 +258,7 @@ class LiveSession:
         }
 
     def _next_step(self, controller_state: ControllerStatus | None) -> str:
-        """Return the next action that is necessary to run the rig; empty while it runs."""
+        """Return the next action that leads to a running rig; empty while the rig runs."""
         if self.end_reason:
             return "start anhyst live again"
         if controller_state is None or self.bench.loss_reason or self.driven_reason:
@@ -282,7 +282,7 @@ class LiveSession:
         self.log_change("controller", text)
         self.parameters = self.bench.parameters()
         if self.improver is not None and not self.bench.loss_reason:
-            with suppress(InputError):  # lost again; the next event follows
+            with suppress(InputError):  # The controller was lost again, and the next event follows.
                 self.improver.check_after_reconnect()
                 self.curves = self.improver.known_model.curves
 
@@ -310,7 +310,7 @@ def _start_thread(
 
 
 def read_finite_number(fields: Mapping[str, Any], key: str) -> float:
-    """Return a number of a message."""
+    """Return a finite number from a message."""
     value = fields.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(f"{key}: is no number", code="not-a-number", key=key)

@@ -1,4 +1,4 @@
-"""Save the active parameters under a name in a folder, and read such parameter sets."""
+"""Save the active parameters as a named set in a folder, and read such parameter sets."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from anhyst_rigs.rig.bench.protocol import Parameter
 FILE_SUFFIX = ".parameters.json"
 
 _FORMAT = "anhyst-parameters"
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,59}")
+_NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,59}")
 _MAX_SETS = 200
 _MAX_FILE_BYTES = 1 << 20
 
 
 class ParameterSets:
-    """The parameter sets of a folder."""
+    """The parameter sets in a folder."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -31,8 +31,8 @@ class ParameterSets:
         self._list_names()
 
     def save(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """Save the active values under a new name."""
-        path = self._path(name)
+        """Save the active values as a set with a new name."""
+        path = self._set_path(name)
         self._list_names()
         if name in self.names:
             raise InputError(f"{path.name}: exists already; choose a new name", code="exists-already")
@@ -42,7 +42,7 @@ class ParameterSets:
                 code="too-many-sets",
                 key="sets",
             )
-        values = {one.name: {"value": one.value, "unit": one.unit} for one in parameters}
+        values = {entry.name: {"value": entry.value, "unit": entry.unit} for entry in parameters}
         saved = datetime.now(UTC).isoformat(timespec="seconds")
         content = {"format": _FORMAT, "version": 1, "saved": saved, "parameters": values}
         with atomic_writer(path) as file:
@@ -50,8 +50,8 @@ class ParameterSets:
         self._list_names()
 
     def read(self, name: str) -> dict[str, dict[str, Any]]:
-        """Return the value and the unit of each parameter of a set, by name."""
-        path = self._path(name)
+        """Return the value and the unit of each parameter in a set, by parameter name."""
+        path = self._set_path(name)
         try:
             with path.open(encoding="utf-8") as file:
                 content = json.loads(file.read(_MAX_FILE_BYTES))
@@ -64,12 +64,12 @@ class ParameterSets:
         values = content.get("parameters")
         if not isinstance(values, dict):
             raise InputError(f"{path.name}: parameters: are missing", code="missing", key="parameters")
-        return {str(key): _read_entry(path.name, key, one) for key, one in values.items()}
+        return {str(key): _read_entry(path.name, key, entry) for key, entry in values.items()}
 
-    def _path(self, name: str) -> Path:
-        if not _NAME.fullmatch(name):
+    def _set_path(self, name: str) -> Path:
+        if not _NAME_PATTERN.fullmatch(name):
             raise InputError(
-                "set: a name is of letters, digits, blanks, points, _ and -, without a folder",
+                "set: a name may contain letters, digits, blanks, points, _ and -, but no folder",
                 code="bad-name",
                 key="set",
             )
@@ -77,7 +77,7 @@ class ParameterSets:
 
     def _list_names(self) -> None:
         names = (path.name.removesuffix(FILE_SUFFIX) for path in self._folder.glob(f"*{FILE_SUFFIX}"))
-        self.names = tuple(sorted(name for name in names if _NAME.fullmatch(name))[:_MAX_SETS])
+        self.names = tuple(sorted(name for name in names if _NAME_PATTERN.fullmatch(name))[:_MAX_SETS])
 
 
 def _read_entry(file: str, key: object, entry: object) -> dict[str, Any]:
@@ -92,7 +92,7 @@ def _read_entry(file: str, key: object, entry: object) -> dict[str, Any]:
 def changed_values(
     parameters: Sequence[Parameter], saved: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, float]:
-    """Return the values of a set that differ from the active ones."""
+    """Return the values in a set that differ from the active ones."""
     current = {parameter.name: parameter for parameter in parameters}
     for name, saved_value in saved.items():
         if name not in current:

@@ -1,7 +1,7 @@
-"""Serve a page with the progress while a rig is built, or with the reason of its failure.
+"""Serve a page with the progress while a rig is built, or with the reason why this failed.
 
-The build runs in the main thread, so that ctrl-C stops it. A server in another thread uses the same
-port until the rig runs. The page then reloads and shows the rig.
+The build runs in the main thread, so that ctrl-C stops it. Until the rig runs, a server in another
+thread uses the same port. The page then reloads and shows the rig.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from anhyst_rigs.dashboard.connections import make_quiet_server
 from anhyst_rigs.dashboard.server import page_routes
 
 _OPEN_PAGE_AGE_S = 2.0
-"""A page is open if its last request is not older than this, s."""
+"""A page counts as open up to this age of its last request, s."""
 _REPLY_WAIT_S = 3.0
-"""Maximum time for which a failed start waits until an open page has shown the reason, s."""
+"""Longest time that a failed start waits until an open page has shown the reason, s."""
 
 
 class StartProgress:
-    """The name and the progress of a build."""
+    """Name and progress of a build."""
 
     def __init__(self, title: str, work: str) -> None:
         self.title = title
@@ -40,18 +40,18 @@ class StartProgress:
         self._is_error_delivered = Event()
 
     def update(self, completed: float, total: float) -> None:
-        """Set the progress from the completed and the total amount of work."""
+        """Set the progress from the completed and the total work."""
         if total > 0.0:
             self.share = max(self.share, min(completed / total, 1.0))
 
     def fail(self, reason: str) -> None:
-        """Show the reason of a failure, and wait until an open page has received it."""
+        """Show the reason for a failure, and wait until an open page has received it."""
         self.error = reason
         if time.monotonic() - self._last_request_time < _OPEN_PAGE_AGE_S:
             self._is_error_delivered.wait(_REPLY_WAIT_S)
 
     def app(self) -> Starlette:
-        """Return the application with the page and its data."""
+        """Return the application that serves the page and its data."""
         return Starlette(routes=[*page_routes("start.html"), Route("/start", self._reply)])
 
     async def _reply(self, _request: object) -> JSONResponse:
@@ -66,17 +66,17 @@ class StartProgress:
 @contextmanager
 def serve_start_page(listening_socket: socket.socket, title: str, work: str) -> Iterator[StartProgress]:
     """Serve the page on a listening socket until the build has ended."""
-    start = StartProgress(title, work)
-    app = RequestGuard(start.app(), allowed_host_names(*listening_socket.getsockname()[:2]))
+    progress = StartProgress(title, work)
+    app = RequestGuard(progress.app(), allowed_host_names(*listening_socket.getsockname()[:2]))
     server = make_quiet_server(app, timeout_graceful_shutdown=1)
-    # The server closes its own socket; the rig's server continues to use the port.
+    # The server closes only its own socket; the server of the rig continues to use the port.
     page_socket = listening_socket.dup()
     thread = Thread(target=server.run, args=([page_socket],), name="anhyst-start", daemon=True)
     thread.start()
     try:
-        yield start
+        yield progress
     except Exception as error:
-        start.fail(word_for_reader(str(error)))
+        progress.fail(word_for_reader(str(error)))
         raise
     finally:
         server.should_exit = True

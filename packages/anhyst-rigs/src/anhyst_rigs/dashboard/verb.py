@@ -29,12 +29,12 @@ from anhyst_rigs.study.prepared_benches import Prepared
 from anhyst_rigs.study.tracking.online_calibration import BenchCalibrator
 
 _MAX_CONNECTIONS = 512
-"""Maximum number of connections. It is half of the number of files that most systems allow a
-process."""
+"""Maximum number of connections: half of the number of files that most systems allow a process."""
 
 _PING_TIMEOUT_S = 60.0
-"""A browser that does not answer a ping within this time has left, s. A slow browser first draws
-frames."""
+"""Time limit of a browser's answer to a ping, s; later, the browser counts as gone. A slow one
+draws first.
+"""
 
 _SHUTDOWN_S = 2
 """Time for browsers to disconnect when the server ends, s."""
@@ -61,7 +61,7 @@ def listen_on(host: str, port: int) -> socket.socket:
 def make_server(
     session: LiveSession, title: str, address: tuple[str, int], token: str = ""
 ) -> uvicorn.Server:
-    """Return the server of a session's page."""
+    """Return the server for the page of a session."""
     return make_quiet_server(
         LiveServer(session, title, allowed_host_names(*address), token).app,
         ws="websockets-sansio",
@@ -74,11 +74,11 @@ def make_server(
 
 
 _SWITCH_INTERVAL_S = 0.5e-3
-"""Time after which a thread yields to the pacer, s. Python's default of 5 ms is several chunks."""
+"""Time after which a thread must yield to the pacer, s; Python's 5 ms would be several chunks."""
 
 
 def reduce_latency() -> None:
-    """Reduce the delays that other threads and the garbage collection cause in the pacer."""
+    """Reduce the delays of the pacer that other threads and the garbage collection cause."""
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     gc.collect()
     gc.freeze()
@@ -102,7 +102,7 @@ def serve(
         with raised_priority():
             server.run(sockets=[listening_socket])
     except KeyboardInterrupt:
-        pass  # the normal way to end the server
+        pass  # Ctrl-C is the normal end of the server.
     finally:
         session.close()
         listening_socket.close()
@@ -145,12 +145,12 @@ def live(
     token_text = secrets.token_urlsafe(16) if token else ""
     name = rig.resolve().parent.name if url is None else rig.resolve().name
     title = name if url is None else f"{name} at {url}"
-    work = f"building model and controller of {name}" if url is None else f"connecting to {url}"
+    build_title = f"building model and controller of {name}" if url is None else f"connecting to {url}"
     with listen_on(*read_address(listen, token)) as listening_socket:
-        with serve_start_page(listening_socket, title, work) as start:
+        with serve_start_page(listening_socket, title, build_title) as start_progress:
 
             def report_progress(completed: float, total: float) -> None:
-                start.update(completed, total)
+                start_progress.update(completed, total)
                 if progress is not None:
                     progress(completed, total)
 
@@ -185,13 +185,13 @@ def live(
 def _open_bench(
     rig: Path, controller: PathLike | None, url: str | None, known: PathLike | None, progress: Progress | None
 ) -> tuple[Bench, Improver | None, BenchCalibrator | None]:
-    """Open a virtual rig with its improver and estimator, or a running controller."""
+    """Open a virtual rig or a running controller, with an improver and an estimator if possible."""
     if url is not None:
         on_board = None if known is None else prepare_board(known, rig)
-        board = open_board(rig, url)
-        return board, None if on_board is None else Improver(on_board, board), None
+        board_bench = open_board(rig, url)
+        return board_bench, None if on_board is None else Improver(on_board, board_bench), None
     with prepare_cached(rig, controller, progress) as prepared:
-        return open_prepared(prepared)  # the firmware continues without the folder
+        return open_prepared(prepared)  # The firmware does not need the folder any more.
 
 
 def open_prepared(prepared: Prepared) -> tuple[Bench, Improver | None, BenchCalibrator | None]:

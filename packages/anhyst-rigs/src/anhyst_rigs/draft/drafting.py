@@ -1,4 +1,4 @@
-"""Write a folder with a runnable rig from measured loops, as ``anhyst init`` does."""
+"""Write a folder with a rig that is ready to run, from measured loops: the command ``anhyst init``."""
 
 from __future__ import annotations
 
@@ -32,38 +32,38 @@ BEARING_COMMANDS = (
     "anhyst simulate {out}/rig.toml --out {out}/run.csv",
     "anhyst tune {out}/rig.toml --out {out}/tuned",
 )
-"""Commands to run in a drafted bearing."""
+"""Commands that can be run next with a drafted bearing."""
 FORCE_COMMANDS = ("anhyst force-control {out}/rig.toml --out {out}/run",)
-"""Commands to run in a drafted force rig."""
+"""Commands that can be run next with a drafted force rig."""
 STAGE_COMMANDS = ("anhyst simulate {out}/rig.toml --out {out}/run.csv",)
-"""Commands to run in a drafted stage."""
+"""Commands that can be run next with a drafted stage."""
 PIEZO_COMMANDS = (
     "anhyst simulate {out}/rig.toml --out {out}/run.csv",
     "anhyst tune {out}/rig.toml --out {out}/tuned",
     "anhyst excite {out}/rig.toml --out {out}/own.csv",
 )
-"""Commands to run in a drafted piezo stage."""
+"""Commands that can be run next with a drafted piezo stage."""
 
 RIG_FILE = "rig.toml"
 """Name of the rig file."""
 CONTROLLER_FILE = "controller.toml"
 """Name of the controller file."""
 LOOPS_FOLDER = "loops"
-"""Folder for copies of the loops, so that their names cannot collide with other files."""
+"""Folder for copies of the loops, so that their names cannot collide with names of other files."""
 
 
 @dataclass(frozen=True)
 class Drafted:
-    """Files of a draft.
+    """The files of a draft.
 
     Parameters
     ----------
     out : Path
         The folder.
     files : tuple of str
-        In the folder.
+        Names of the files in the folder.
     run : tuple of str
-        Next commands.
+        Commands that can be run next.
     found : tuple of str, optional
         Properties of the loops, one for each line.
     guessed : mapping of str to str, optional
@@ -97,7 +97,7 @@ def init_bearing(
     options: ReadOptions | None = None,
     progress: Progress | None = None,
 ) -> Drafted:
-    """Write rig and controller file of a bearing, and a copy of the loops."""
+    """Write the rig file and the controller file of a bearing, and a copy of the loops."""
     check_new(out, [RIG_FILE, CONTROLLER_FILE, LOOPS_FOLDER])
     options = options or ReadOptions()
     source = _LoopSource(paths, options)
@@ -111,17 +111,17 @@ def init_bearing(
     except InputError as error:
         raise error.with_location(source.text) from error
     values = {**source.values, "reach": magnet, "machine": machine, "numbers": design}
-    files = {
+    drafts = {
         RIG_FILE: render_draft("bearing", **values),
         CONTROLLER_FILE: render_draft("controller", **values),
     }
     return _write_draft(
-        out, files, source, BEARING_COMMANDS, _describe_bearing(magnet, machine, design), machine
+        out, drafts, source, BEARING_COMMANDS, _describe_bearing(magnet, machine, design), machine
     )
 
 
-def _init_piezo(loops: Loops, source: _LoopSource, out: PathLike, request: MachineRequest) -> Drafted:
-    """Write the rig file of a piezo stage, and a copy of the loops to which its stack is fitted."""
+def _init_piezo(loops: Loops, loop_source: _LoopSource, out: PathLike, request: MachineRequest) -> Drafted:
+    """Write the rig file of a piezo stage, and a copy of the fitted loops."""
     if request != MachineRequest():
         raise InputError(
             "--mass, --load and --gap are for magnets, but loops over a voltage belong to a piezo "
@@ -135,14 +135,14 @@ def _init_piezo(loops: Loops, source: _LoopSource, out: PathLike, request: Machi
             raise InputError(text, code="columns-missing")
         stack = fit_stack(loops)
     except InputError as error:
-        raise error.with_location(source.text) from error
-    files = {RIG_FILE: draft_piezo(source.name, loops, stack)}
-    found = (
+        raise error.with_location(loop_source.text) from error
+    drafts = {RIG_FILE: draft_piezo(loop_source.name, loops, stack)}
+    found_texts = (
         f"stack of {1e6 * stack.stroke:.4g} um from {stack.low:.4g} to {stack.high:.4g} V",
         f"residual of the Bouc-Wen model: {stack.fit_text}",
         f"creep: {stack.creep_text}",
     )
-    return _write_draft(out, files, source, PIEZO_COMMANDS, found)
+    return _write_draft(out, drafts, loop_source, PIEZO_COMMANDS, found_texts)
 
 
 def init_rig(
@@ -154,21 +154,21 @@ def init_rig(
 ) -> Drafted:
     """Write the rig file of a stage between two magnets, or of a magnet with force control."""
     check_new(out, [RIG_FILE, LOOPS_FOLDER])
-    source = _LoopSource(paths, options)
+    loop_source = _LoopSource(paths, options)
     loops = options.read(paths, progress)
     try:
         magnet = evaluate_loops(loops)
-        arguments = magnet, source.values
+        arguments = magnet, loop_source.values
         rig = draft_force_control(*arguments) if stage is None else draft_stage(*arguments, stage)
     except InputError as error:
-        raise error.with_location(source.text) from error
+        raise error.with_location(loop_source.text) from error
     lines = [line] if (line := describe_rate(loops)) else []
     run = FORCE_COMMANDS if stage is None else STAGE_COMMANDS
-    return _write_draft(out, {RIG_FILE: rig}, source, run, (_describe_magnet(magnet), *lines))
+    return _write_draft(out, {RIG_FILE: rig}, loop_source, run, (_describe_magnet(magnet), *lines))
 
 
 class _LoopSource:
-    """The loops of a draft: names and copies."""
+    """The loops of a draft, their names, and the copies of their files."""
 
     def __init__(self, paths: Sequence[PathLike], options: ReadOptions) -> None:
         self.name = Path(paths[0]).resolve().name
@@ -182,31 +182,31 @@ class _LoopSource:
                         f"{path}: {copied} has the same name; rename one of them", code="name-twice"
                     )
             self.copies[f"{LOOPS_FOLDER}/{path.name}"] = path
-        tables = [name for name in self.copies if not name.endswith(".toml")]
-        reading = {name.removeprefix("read_"): value for name, value in options.as_settings().items()}
+        table_names = [name for name in self.copies if not name.endswith(".toml")]
+        read_options = {name.removeprefix("read_"): value for name, value in options.as_settings().items()}
         if options.sidecar is not None:
-            reading["sidecar"] = f"{LOOPS_FOLDER}/{Path(options.sidecar).name}"
-        files = tables[0] if len(tables) == 1 else tables
-        self.values: dict[str, Any] = {"name": self.name, "files": files, "reading": reading}
+            read_options["sidecar"] = f"{LOOPS_FOLDER}/{Path(options.sidecar).name}"
+        file_names = table_names[0] if len(table_names) == 1 else table_names
+        self.values: dict[str, Any] = {"name": self.name, "files": file_names, "reading": read_options}
 
 
 def _write_draft(
     out: PathLike,
-    files: Mapping[str, Draft],
-    source: _LoopSource,
+    drafts: Mapping[str, Draft],
+    loop_source: _LoopSource,
     run: Sequence[str],
-    found: tuple[str, ...],
+    found_texts: tuple[str, ...],
     machine: Machine | None = None,
 ) -> Drafted:
-    """Write the files and describe the draft."""
-    add_files(out, {name: draft.text for name, draft in files.items()}, source.copies)
+    """Write the files, and return a description of the draft."""
+    add_files(out, {name: draft.text for name, draft in drafts.items()}, loop_source.copies)
     return Drafted(
         Path(out),
-        (*files, *source.copies),
+        (*drafts, *loop_source.copies),
         tuple(command.format(out=Path(out)) for command in run),
-        found,
+        found_texts,
         {} if machine is None else machine.list_guesses(),
-        {name: draft.guesses for name, draft in files.items()},
+        {name: draft.guesses for name, draft in drafts.items()},
     )
 
 

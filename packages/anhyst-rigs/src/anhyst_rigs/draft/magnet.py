@@ -1,4 +1,4 @@
-"""Evaluate the loops of a magnet for a draft, and complete the data of its machine by guesses."""
+"""Evaluate the loops of a magnet for a draft, and guess the missing data of its machine."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import round_down, round_nearest
 
 TOP_CURRENT_RATIO = 0.95
-"""Fraction of the largest current above which samples determine its force."""
+"""Fraction of the largest current, above which samples determine the force at this current."""
 
 USABLE_FORCE_RATIO = 0.95
 """Fraction of the measured force that a controller may demand."""
 
 MAX_DEMAND_TO_SMALLEST_FORCE = 4.0
-"""Largest ratio of the demanded force to the force at the gap where the magnet is weakest."""
+"""Largest ratio of a demanded force to the smallest force over all gaps at the largest current."""
 
 MIN_LOAD_RATIO = 0.01
-"""Smallest load, as a fraction of the usable force at the operating gap. A smaller load is within
-the uncertainty of the loops."""
+"""Smallest load, as a fraction of the usable force at the operating gap. The loops are too
+uncertain for a smaller load."""
 
 MIN_BRANCH_SAMPLES = 12
-"""Smallest number of samples of a branch for an estimate of its noise."""
+"""Smallest number of samples in a branch for an estimate of its noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMagnet:
-    """A magnet as described by its loops."""
+    """A magnet, described by its loops."""
 
-    loops: Loops  # force over current at one or several gaps; slow loops only
+    loops: Loops  # only slow loops of force over current, at one or several gaps
     gaps: FloatArray  # measured gaps, m, ascending; shape (g,)
     current_high: float  # largest current that was measured at every gap, A
-    forces: FloatArray  # force at that current, N; shape (g,)
-    # rates of the fastest loops, Hz and A/s, or None if the rate does not matter
+    forces: FloatArray  # force at this current, N; shape (g,)
+    # cycle rate, Hz, and current rate, A/s, of the fastest loops; None if rates do not matter
     fastest: tuple[float, float] | None = None
 
     def usable_force(self, gap: float) -> float:
         """Return the largest force that a controller may demand at a gap, N.
 
-        It is a little below the loops at this gap. It is also limited relative to the force at the
-        gap where the magnet is weakest. Beyond this limit, the fitted model would extrapolate.
+        It is slightly below the force of the loops at this gap. It is also limited relative to the
+        smallest force over all gaps, because the fitted model would otherwise extrapolate.
         """
-        # The reciprocal root of the force is nearly linear in the gap.
+        # The reciprocal root of the force is almost linear in the gap.
         force = float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
         return min(USABLE_FORCE_RATIO * force, MAX_DEMAND_TO_SMALLEST_FORCE * float(self.forces.min()))
 
     def slopes(self, force: float, gap: float) -> Tangent:
-        """Return the slopes of the force with respect to current and gap at an operating point."""
+        """Return the slopes of the force over current and over gap at an operating point."""
         force_high = self.usable_force(gap)
         if force < MIN_LOAD_RATIO * force_high:
             raise InputError(
@@ -67,8 +67,8 @@ class MeasuredMagnet:
                 code="load-too-small",
                 key="load",
             )
-        ends = float(self.gaps[0]), float(self.gaps[-1])
-        tangent = fit_plane(fit_surface(self.loops, (0.0, force_high), ends), force, gap, force_high)
+        end_gaps = float(self.gaps[0]), float(self.gaps[-1])
+        tangent = fit_plane(fit_surface(self.loops, (0.0, force_high), end_gaps), force, gap, force_high)
         if not tangent.current_per_force > 0.0:
             raise InputError(
                 f"at {force:.4g} N and a gap of {gap:g} m the force does not rise with the "
@@ -93,7 +93,7 @@ class MeasuredMagnet:
 
     @property
     def pace(self) -> tuple[float, float] | None:
-        """Time between rows, s, and rate of the current, A/s; None without times."""
+        """Sample interval, s, and rate of the current, A/s; None if the loops have no times."""
         steps, sweeps = [], []
         for loop in self.loops.loops:
             if loop.time is None:
@@ -102,31 +102,31 @@ class MeasuredMagnet:
             moving = dt > 0.0
             steps.append(float(np.median(dt[moving])) if moving.any() else math.nan)
             sweeps.append(float(np.abs(np.diff(loop.input)[moving]).sum() / dt[moving].sum()))
-        step, sweep = float(np.median(steps)), float(np.median(sweeps))
-        return (step, sweep) if step > 0.0 and sweep > 0.0 else None
+        time_step, sweep_time = float(np.median(steps)), float(np.median(sweeps))
+        return (time_step, sweep_time) if time_step > 0.0 and sweep_time > 0.0 else None
 
 
 def evaluate_loops(loops: Loops) -> MeasuredMagnet:
-    """Evaluate the loops of a magnet."""
+    """Evaluate the loops of a magnet, and return the result."""
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
     fastest, loops = _fastest_rate(loops), select_slow_loops(loops)
-    groups = loops.by_schedule()
-    current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
-    current_high = round_nearest(current_high, 3)  # readings are noisy
+    loops_by_gap = loops.by_schedule()
+    current_high = min(max(float(loop.input.max()) for loop in group) for group in loops_by_gap.values())
+    current_high = round_nearest(current_high, 3)  # because readings are noisy
     if not current_high > 0.0:
         text = "at one gap no current above 0 A was measured; invert the sign of the current"
         raise InputError(text, code="current-negative")
-    forces = np.array([_force_at_top(group, current_high) for group in groups.values()])
+    forces = np.array([_force_at_top(group, current_high) for group in loops_by_gap.values()])
     if not forces.min() > 0.0:
         text = "the largest current does not pull at every gap; invert the sign of the force"
         raise InputError(text, code="force-negative")
-    gaps = np.array(list(groups), dtype=np.float64)
+    gaps = np.array(list(loops_by_gap), dtype=np.float64)
     return MeasuredMagnet(loops, gaps, current_high, forces, fastest)
 
 
 def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
-    """Return the rates of the fastest loops, Hz and A/s, or None if the rate does not matter."""
+    """Return cycle rate, Hz, and current rate, A/s, of the fastest loops; None if irrelevant."""
     speeds = group_by_speed(loops)
     if speeds is None or find_rate_effect(loops, speeds) is None:
         return None
@@ -134,12 +134,12 @@ def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
     return speeds.fastest_rate, float(np.median(np.abs(np.concatenate(steps))))
 
 
-def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
+def _force_at_top(loops: Sequence[Loop], current_high: float) -> float:
     """Return the force at the largest current, N, from a line through the samples near it."""
-    current = np.concatenate([loop.input for loop in group])
-    force = np.concatenate([loop.output for loop in group])
-    top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_RATIO) * current_high
-    current, force = current[top], force[top]
+    current = np.concatenate([loop.input for loop in loops])
+    force = np.concatenate([loop.output for loop in loops])
+    is_at_top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_RATIO) * current_high
+    current, force = current[is_at_top], force[is_at_top]
     if np.ptp(current) < 0.1 * (1.0 - TOP_CURRENT_RATIO) * current_high:
         return float(np.mean(force))
     _, level = np.polyfit(current - current_high, force, 1)
@@ -150,18 +150,18 @@ GRAVITY_M_PER_S2 = 9.81
 """Acceleration of gravity, m/s^2."""
 
 MIN_LIFT_RATIO = 1.1
-"""Smallest ratio of the magnet's force to the load, at every gap, for a reliable lift-off."""
+"""Smallest ratio of the magnet's force to the load at any gap, for a reliable lift-off."""
 
 DEFAULT_LOAD_RATIO = 0.5
-"""Default load, as a fraction of the force at the gap where the magnet is weakest."""
+"""Default load, as a fraction of the smallest force over all gaps at the largest current."""
 
 STOP_CLEARANCE_RATIO = 0.05
-"""Smallest distance between the operating gap and a stop, as a fraction of the travel."""
+"""Smallest distance of the operating gap from a stop, as a fraction of the travel."""
 
 
 @dataclass(frozen=True, slots=True)
 class MachineRequest:
-    """Data of a machine that a user gives, or None for values to guess."""
+    """Data of a machine that the user gives; None for values that are to be guessed."""
 
     mass: float | None = None  # moving mass, kg
     load: float | None = None  # load that opens the gap, N
@@ -170,7 +170,7 @@ class MachineRequest:
 
 @dataclass(frozen=True, slots=True)
 class GuessedValue:
-    """A value, and the source of its guess; empty if it was given."""
+    """A value, and the source of its guess, which is empty if the user gave the value."""
 
     number: float
     guess: str = ""
@@ -180,7 +180,7 @@ class GuessedValue:
 class Machine:
     """Moving mass, load and operating gap of a machine."""
 
-    mass: GuessedValue  # kg, N, m
+    mass: GuessedValue  # mass, kg; load, N; gap, m
     load: GuessedValue
     gap: GuessedValue
     stops: tuple[float, float]  # smallest and largest gap, m
@@ -192,7 +192,7 @@ class Machine:
         return min(gap - self.stops[0], self.stops[1] - gap)
 
     def list_guesses(self) -> dict[str, str]:
-        """Return guessed options with their values, and the sources of the guesses."""
+        """Return the options that were guessed, with their values and the sources of the guesses."""
         return {
             f"--{name} {value.number:g}": value.guess
             for name, value in {"mass": self.mass, "load": self.load, "gap": self.gap}.items()
@@ -201,7 +201,7 @@ class Machine:
 
 
 def guess_missing_machine_data(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
-    """Return the data of a machine; values that the user did not give are guessed."""
+    """Return the data of a machine, and guess values that the user did not give."""
     for name, number, unit in (
         ("mass", request.mass, "kg"),
         ("load", request.load, "N"),
@@ -246,8 +246,8 @@ def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue
 
 
 def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue:
-    weakest = int(magnet.forces.argmin())  # the largest gap, except for a solenoid with a cone
-    weakest_force, weakest_gap = float(magnet.forces[weakest]), float(magnet.gaps[weakest])
+    weakest_index = int(magnet.forces.argmin())  # the largest gap, unless a solenoid has a cone
+    weakest_force, weakest_gap = float(magnet.forces[weakest_index]), float(magnet.gaps[weakest_index])
     if request.load is not None:
         load = GuessedValue(request.load)
     elif request.mass is not None:

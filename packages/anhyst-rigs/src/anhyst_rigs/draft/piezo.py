@@ -1,7 +1,7 @@
 """Fit a piezo stack with Bouc-Wen hysteresis and creep to loops of displacement against voltage.
 
 The displacement of a free stack is ``d*u + b*u^2 - h`` plus creep, with the voltage u and ``dh =
-a*du - beta*|du|*h - gamma*du*|h|``. Because ``h`` is proportional to ``a``, one least-squares
+a*du - beta*|du|*h - gamma*du*|h|``. Because ``h`` is proportional to ``a``, a single least-squares
 problem gives d, b and a, with d and a not negative. An outer search varies beta, gamma, the lag of
 the measurement and the fractions of the creep.
 """
@@ -24,110 +24,110 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import Draft, render_draft
 
 CREEP_TIME_RATIOS = (1 / 100, 1 / 10, 1.0)
-"""Time constants of creep, as fractions of the longest record. The record contains only the
-beginning of slower creep."""
+"""Time constants of creep, as fractions of the longest record, which shows slower creep
+incompletely."""
 MIN_CREEP_CYCLES = 2.0
-"""Shortest time constant of creep in cycles, if all loops have one rate; shorter creep looks like a
-wider loop."""
+"""Shortest time constant of creep in cycles, if all loops have one rate; shorter creep looks like
+width."""
 MAX_LAG_SAMPLES = 3.0
-"""Longest lag in samples if loops have several rates; with one rate the limit is one sample."""
+"""Longest lag if the loops have several rates, in samples; for a single rate, it is one sample."""
 MIN_RATE_RATIO = 3.0
-"""Smallest ratio of rates that counts as several rates."""
+"""Smallest ratio of the fastest to the slowest rate that counts as several rates."""
 MAX_CREEP_RESIDUAL_RATIO = 0.97
-"""Largest ratio of the residuals with and without creep that justifies creep."""
+"""Creep is included up to this ratio of the residual with creep to the residual without creep."""
 OUTLIER_RATIO = 10.0
-"""Residual of an outlier, relative to the median residual."""
+"""Ratio to the median residual, above which a residual counts as an outlier."""
 MAX_OUTLIER_SHARE = 0.02
 """Largest fraction of outliers that are excluded. If there are more, all samples are used."""
 MAX_RESIDUAL_RATIO = 0.05
 """Largest rms residual of loops that count as loops of a stack, as a fraction of the stroke."""
 MAX_FIT_SAMPLES = 6_000
-"""Largest number of fitted samples."""
+"""Largest number of samples in the fit."""
 INITIAL_LOG_BETAS = (0.5, 2.5)
-"""Initial guesses of the logarithm of beta times the range of the voltage."""
+"""Initial guesses of the logarithm of beta times the voltage range."""
 _TINY = 1e-12
 
 
 @dataclass(frozen=True)
 class FittedStack:
-    """A stack fitted to loops, with the keys of ``[[stack]]``."""
+    """A stack that was fitted to loops, with the keys of ``[[stack]]``."""
 
     numbers: dict[str, float]
-    creep_times: tuple[float, ...]  # s
+    creep_times: tuple[float, ...]  # time constants of the creep, s
     creep_shares: tuple[float, ...]
-    low: float  # range of the voltage, V
+    low: float  # ends of the voltage range, V
     high: float
     stroke: float  # range of the displacement, m
-    remains: float  # displacement at the lowest voltage after the highest, the lower limit of a stage, m
-    rms: float  # residual, m
-    rms_without_creep: float  # residual without creep, m
-    has_times: bool  # without times creep is unknown
+    remains: float  # displacement at the lowest voltage after the highest, the lower limit, m
+    rms: float  # rms residual, m
+    rms_without_creep: float  # rms residual without creep, m
+    has_times: bool  # whether the loops have times, without which creep is unknown
 
     @property
     def fit_text(self) -> str:
-        """Residual of the fit, in words."""
+        """Residual of the fit as text."""
         size, stroke = f"{1e6 * self.rms:.3g}", f"{1e6 * self.stroke:.3g}"
         return f"{size} um rms, {100.0 * self.rms / self.stroke:.2g} % of the stroke of {stroke} um"
 
     @property
     def creep_text(self) -> str:
-        """Fitted creep, or the reason why there is none."""
+        """Creep that was fitted, or the reason why there is none, as text."""
         if not self.has_times:
             return "the loops have no times"
         if not self.creep_times:
             return "the loops show none: it barely reduces the residual"
-        shares = zip(self.creep_shares, self.creep_times, strict=True)
-        listed = ", ".join(f"{100 * share:.2g} % in {time:.2g} s" for share, time in shares)
-        return f"{listed}; without creep the residual is {1e6 * self.rms_without_creep:.3g} um"
+        share_and_time = zip(self.creep_shares, self.creep_times, strict=True)
+        texts = ", ".join(f"{100 * ratio:.2g} % in {time:.2g} s" for ratio, time in share_and_time)
+        return f"{texts}; without creep the residual is {1e6 * self.rms_without_creep:.3g} um"
 
 
 def fit_stack(loopset: Loops) -> FittedStack:
-    """Fit a stack to loops; raise an InputError if the loops are not those of a stack."""
-    problem = _FitProblem(loopset)
-    problem.exclude_outliers(problem.fit(()))
-    fit = without_creep = problem.fit(())
+    """Fit a stack to loops; raise an InputError if the loops do not belong to a stack."""
+    fit_problem = _FitProblem(loopset)
+    fit_problem.exclude_outliers(fit_problem.fit(()))
+    fit = without_creep = fit_problem.fit(())
     if (
-        problem.creep_times
-        and (with_creep := problem.fit(problem.creep_times, without_creep)).rms
+        fit_problem.creep_times
+        and (with_creep := fit_problem.fit(fit_problem.creep_times, without_creep)).rms
         < MAX_CREEP_RESIDUAL_RATIO * without_creep.rms
     ):
         fit = with_creep
-    stroke, bend, slope, _ = fit.weights * problem.stroke
-    is_poor = fit.rms > MAX_RESIDUAL_RATIO * problem.stroke or not stroke
+    stroke, curvature, slope, _ = fit.weights * fit_problem.stroke
+    is_poor = fit.rms > MAX_RESIDUAL_RATIO * fit_problem.stroke or not stroke
     if is_poor or not slope:
         reason = "are not those of a stack" if is_poor else "show no hysteresis"
         raise InputError(
             f"the loops {reason}: the residual of the Bouc-Wen model is "
-            f"{100 * fit.rms / problem.stroke:.2g} % of the stroke; check them with anhyst inspect",
+            f"{100 * fit.rms / fit_problem.stroke:.2g} % of the stroke; check them with anhyst inspect",
             code="no-piezo",
         )
-    span, low = problem.span, problem.low / problem.span
+    span, low = fit_problem.span, fit_problem.low / fit_problem.span
     beta, ratio = math.exp(fit.shape[0]), float(fit.shape[1])
-    remaining = bouc_wen_state(np.array([0.0, problem.high / span, low]), beta, ratio)[-1]
-    numbers = {
+    remaining_state = bouc_wen_state(np.array([0.0, fit_problem.high / span, low]), beta, ratio)[-1]
+    parameters = {
         "stroke_m_per_V": stroke / span,
-        "bend_m_per_V2": bend / span**2,
+        "bend_m_per_V2": curvature / span**2,
         "slope_m_per_V": slope / span,
         "beta_per_V": beta / span,
         "gamma_per_V": ratio * beta / span,
     }
     return FittedStack(
-        numbers={key: float(value) for key, value in numbers.items()},
+        numbers={key: float(value) for key, value in parameters.items()},
         creep_times=fit.creep_times,
         creep_shares=tuple(fit.shape[3:].tolist()),
-        low=problem.low,
-        high=problem.high,
-        stroke=max(float(np.ptp(answer)) for answer in problem.displacements()),
-        remains=float(stroke * low + bend * low**2 - slope * remaining),
+        low=fit_problem.low,
+        high=fit_problem.high,
+        stroke=max(float(np.ptp(displacement)) for displacement in fit_problem.displacements()),
+        remains=float(stroke * low + curvature * low**2 - slope * remaining_state),
         rms=fit.rms,
         rms_without_creep=without_creep.rms,
-        has_times=problem.sample_s > 0.0,
+        has_times=fit_problem.sample_s > 0.0,
     )
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """Result of a fit.
+    """The result of a fit.
 
     ``shape`` contains the logarithm of beta times the voltage range, the ratio of gamma to beta,
     the lag in samples, and the fractions of the creep.
@@ -136,12 +136,12 @@ class _Fit:
     shape: FloatArray
     creep_times: tuple[float, ...]
     weights: FloatArray  # stroke, bend, slope and offset, relative to the ranges
-    deviation: FloatArray  # m
-    rms: float  # m
+    deviation: FloatArray  # residuals, m
+    rms: float  # rms residual, m
 
 
 class _FitProblem:
-    """Loops and the least-squares problem; voltages are fractions of their range."""
+    """The loops and the least-squares problem; its voltages are fractions of their range."""
 
     def __init__(self, loopset: Loops) -> None:
         stride = 1 + sum(loop.n for loop in loopset.loops) // MAX_FIT_SAMPLES
@@ -159,12 +159,12 @@ class _FitProblem:
                 code="output-falls",
             )
         self.span = self.high - self.low
-        times = [loop.time for loop in self.loops if loop.time is not None]
-        has_times = len(times) == len(self.loops)
-        self.sample_s = min(float(np.median(np.diff(time))) for time in times) if has_times else 0.0
+        loop_times = [loop.time for loop in self.loops if loop.time is not None]
+        has_times = len(loop_times) == len(self.loops)
+        self.sample_s = min(float(np.median(np.diff(time))) for time in loop_times) if has_times else 0.0
         rates = [cycle_rate(loop.input, loop.time) for loop in self.loops]
         has_several_rates = max(rates) >= MIN_RATE_RATIO * min(rates) > 0.0
-        longest = max(float(time[-1] - time[0]) for time in times) if has_times else 0.0
+        longest = max(float(time[-1] - time[0]) for time in loop_times) if has_times else 0.0
         min_time = (
             0.0
             if has_several_rates or not max(rates)
@@ -172,137 +172,137 @@ class _FitProblem:
         )
         self.max_lag = (MAX_LAG_SAMPLES if has_several_rates else 1.0) if self.sample_s else 0.0
         self.creep_times = tuple(
-            part * longest
-            for part in CREEP_TIME_RATIOS
-            if part * longest >= max(min_time, 10.0 * self.sample_s, 1e-9)
+            time_ratio * longest
+            for time_ratio in CREEP_TIME_RATIOS
+            if time_ratio * longest >= max(min_time, 10.0 * self.sample_s, 1e-9)
         )
         self.masks = [np.ones(loop.input[self.selection].size, dtype=np.bool_) for loop in self.loops]
 
     def displacements(self) -> list[FloatArray]:
-        """Return the displacements that are fitted, m."""
-        pairs = zip(self.loops, self.masks, strict=True)
-        return [loop.output[self.selection][mask] for loop, mask in pairs]
+        """Return the displacements that the fit uses, m."""
+        loops_and_masks = zip(self.loops, self.masks, strict=True)
+        return [loop.output[self.selection][mask] for loop, mask in loops_and_masks]
 
     def fit(self, creep_times: tuple[float, ...], initial: _Fit | None = None) -> _Fit:
-        """Find the shape with the smallest residual."""
+        """Return the fit with the smallest residual."""
         from scipy.optimize import least_squares
 
         min_creep_shares = [0.0] * len(creep_times)
         low = [-3.0, 0.0, 0.0, *min_creep_shares]
         high = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
-        shapes = [[start, 0.3, 0.0] for start in INITIAL_LOG_BETAS] if initial is None else [initial.shape]
-        fits = []
+        shapes = [[guess, 0.3, 0.0] for guess in INITIAL_LOG_BETAS] if initial is None else [initial.shape]
+        results = []
         for shape in shapes:
             result = least_squares(
-                lambda point: self._solve(point, creep_times)[1],
+                lambda point: self._weights_of(point, creep_times)[1],
                 np.clip([*shape[:3], *(0.005 for _ in creep_times)], low, high),
                 bounds=(low, high),
                 x_scale=[1.0, 1.0, 0.3, *(0.01 for _ in creep_times)],
                 diff_step=1e-4,
                 max_nfev=50,
             )
-            weights, deviation = self._solve(result.x, creep_times)
+            weights, deviation = self._weights_of(result.x, creep_times)
             rms = float(np.sqrt(np.mean(deviation**2)))
-            fits.append(_Fit(result.x, creep_times, weights, deviation * self.stroke, rms * self.stroke))
-        return min(fits, key=lambda fit: fit.rms)
+            results.append(_Fit(result.x, creep_times, weights, deviation * self.stroke, rms * self.stroke))
+        return min(results, key=lambda fit: fit.rms)
 
     def exclude_outliers(self, fit: _Fit) -> None:
-        """Exclude a few samples with a large residual, such as those while an amplifier starts."""
+        """Exclude samples with a large residual if they are few, as while an amplifier starts."""
         is_close = np.abs(fit.deviation) <= OUTLIER_RATIO * np.median(np.abs(fit.deviation))
         if np.count_nonzero(~is_close) <= MAX_OUTLIER_SHARE * is_close.size:
-            ends = np.cumsum([mask.size for mask in self.masks])[:-1]
-            self.masks = np.split(is_close, ends)
+            loop_ends = np.cumsum([mask.size for mask in self.masks])[:-1]
+            self.masks = np.split(is_close, loop_ends)
 
-    def _solve(self, shape: FloatArray, creep_times: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    def _weights_of(self, shape: FloatArray, creep_times: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
         """Return the weights of voltage, its square, hysteresis and offset, and the residual."""
         from scipy.optimize import nnls
 
         rows = [
-            self._regressors(loop, shape, creep_times)[self.selection][mask]
+            self._regressor_matrix(loop, shape, creep_times)[self.selection][mask]
             for loop, mask in zip(self.loops, self.masks, strict=True)
         ]
-        matrix, target = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
+        matrix, output = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
         signed_columns = np.hstack([matrix, -matrix[:, 1::2]])  # two columns may have either sign
         normal = signed_columns.T @ signed_columns
-        factor = np.linalg.cholesky(normal + 1e-12 * np.trace(normal) * np.eye(normal.shape[0]))
-        weights, _ = nnls(factor.T, np.linalg.solve(factor, signed_columns.T @ target), maxiter=1000)
+        cholesky = np.linalg.cholesky(normal + 1e-12 * np.trace(normal) * np.eye(normal.shape[0]))
+        weights, _ = nnls(cholesky.T, np.linalg.solve(cholesky, signed_columns.T @ output), maxiter=1000)
         weights[1:4:2] -= weights[4:]
         weights = weights[:4]
-        return weights, matrix @ weights - target
+        return weights, matrix @ weights - output
 
-    def _regressors(self, loop: Loop, shape: FloatArray, creep_times: tuple[float, ...]) -> FloatArray:
+    def _regressor_matrix(self, loop: Loop, shape: FloatArray, creep_times: tuple[float, ...]) -> FloatArray:
         drive = loop.input / self.span
         if shape[2] and loop.time is not None:
             drive = np.interp(loop.time - shape[2] * self.sample_s, loop.time, drive)
         turning_points = [0.0, *(point / self.span for point in loop.history.turning_points)]
-        lead = np.array(turning_points)
+        earlier_voltages = np.array(turning_points)
         if loop.history.kind == "settled":
-            lead = np.concatenate([lead, drive])
-        full_drive = np.concatenate([lead, drive])
-        hysteretic = bouc_wen_state(full_drive, math.exp(shape[0]), float(shape[1]))[lead.size :]
-        columns = np.stack([drive, drive**2, -hysteretic, np.ones(drive.size)], axis=1)
+            earlier_voltages = np.concatenate([earlier_voltages, drive])
+        full_drive = np.concatenate([earlier_voltages, drive])
+        hysteresis = bouc_wen_state(full_drive, math.exp(shape[0]), float(shape[1]))[earlier_voltages.size :]
+        columns = np.stack([drive, drive**2, -hysteresis, np.ones(drive.size)], axis=1)
         if creep_times and loop.time is not None:
-            columns[:, :3] += self._creep(loop, columns[:, :3], shape[3:], creep_times)
+            columns[:, :3] += self._creep_columns(loop, columns[:, :3], shape[3:], creep_times)
         return columns
 
-    def _creep(
+    def _creep_columns(
         self, loop: Loop, columns: FloatArray, creep_shares: FloatArray, creep_times: Sequence[float]
     ) -> FloatArray:
-        """Return the creep of some columns.
+        """Return the creep of given columns.
 
-        It starts at rest at the first sample. For a steady-state loop, it starts about the mean.
+        It begins at rest at the first sample; for a steady-state loop, it begins about the mean.
         """
         from scipy.signal import lfilter
 
         is_settled = loop.history.kind == "settled"
         initial = columns.mean(axis=0) if is_settled else columns[0]
         creep = np.zeros_like(columns)
-        for time, share in zip(creep_times, creep_shares, strict=True):
+        for time, creep_share in zip(creep_times, creep_shares, strict=True):
             decay = math.exp(-self.sample_s / time)
-            start = decay * initial[None]
-            creep += share * lfilter([1.0 - decay], [1.0, -decay], columns, axis=0, zi=start)[0]
+            initial_creep = decay * initial[None]
+            creep += creep_share * lfilter([1.0 - decay], [1.0, -decay], columns, axis=0, zi=initial_creep)[0]
         return creep
 
 
 def bouc_wen_state(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
     """Return h of the Bouc-Wen model for a = 1 along a drive that begins without hysteresis.
 
-    The solution is exact between reversal points. With the travel v and g = h in its direction,
-    dg/dv = 1 - beta*g - gamma*|g|, where gamma is ``ratio`` times beta.
+    The solution is exact between reversal points. With the travel v and with g = h in its
+    direction, dg/dv = 1 - beta*g - gamma*|g|, where gamma is ``ratio`` times beta.
     """
     step = np.diff(drive)
     moving = np.flatnonzero(step)
     state = np.zeros(drive.size)
     if not moving.size:
         return state
-    signs = np.sign(step[moving])
-    reversals = moving[1:][signs[1:] != signs[:-1]]
+    step_signs = np.sign(step[moving])
+    reversals = moving[1:][step_signs[1:] != step_signs[:-1]]
     last_state = 0.0
     for begin, end in pairwise([0, *reversals.tolist(), drive.size - 1]):
         travel = np.abs(drive[begin : end + 1] - drive[begin])
-        sign = 1.0 if drive[end] > drive[begin] else -1.0
-        branch = _branch(travel, sign * last_state, beta, ratio)
-        state[begin : end + 1] = sign * branch
+        direction = 1.0 if drive[end] > drive[begin] else -1.0
+        branch = _branch_state(travel, direction * last_state, beta, ratio)
+        state[begin : end + 1] = direction * branch
         last_state = float(state[end])
     return state
 
 
-def _branch(travel: FloatArray, start: float, beta: float, ratio: float) -> FloatArray:
+def _branch_state(travel: FloatArray, start_state: float, beta: float, ratio: float) -> FloatArray:
     """Solve dg/dv = 1 - beta*g - gamma*|g| from an initial value; the sign of g sets the rate."""
     rate_above, rate_below = beta * (1.0 + ratio), beta * (1.0 - ratio) or _TINY
-    start = min(start, (1.0 - _TINY) / rate_above)  # g approaches 1/above from below
-    initial_rate = rate_above if start >= 0.0 else rate_below
+    start_state = min(start_state, (1.0 - _TINY) / rate_above)  # g approaches 1/above from below
+    initial_rate = rate_above if start_state >= 0.0 else rate_below
     # travel, counted from the point at which g is zero
-    travel_from_zero = travel - math.log1p(-start * initial_rate) / initial_rate
-    rate = np.where(travel_from_zero < 0.0, rate_below, rate_above)
-    return np.asarray(-np.expm1(-rate * travel_from_zero) / rate)
+    travel_from_zero = travel - math.log1p(-start_state * initial_rate) / initial_rate
+    decay_rate = np.where(travel_from_zero < 0.0, rate_below, rate_above)
+    return np.asarray(-np.expm1(-decay_rate * travel_from_zero) / decay_rate)
 
 
 EXAMPLE_RESONANCE_HZ = 480.0
-"""Resonance of the example, Hz; loops do not show it."""
+"""Resonance of the example, Hz, because loops do not show a resonance."""
 
 DEFAULT_NOISE_RATIO = 1e-4
-"""Default noise, as a fraction of the stroke, if the loops show none."""
+"""Noise as a fraction of the stroke, if the loops contain no noise."""
 
 
 def draft_piezo(name: str, loops: Loops, stack: FittedStack) -> Draft:

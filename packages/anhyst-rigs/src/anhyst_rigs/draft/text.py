@@ -1,4 +1,4 @@
-"""Render drafts as commented TOML with rounded numbers, and collect the guesses."""
+"""Render drafts as TOML with comments and rounded numbers, and collect the guesses."""
 
 from __future__ import annotations
 
@@ -14,44 +14,44 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from anhyst.support.toml_text import toml_key, toml_value, with_comment
 
 MAX_PREFIXED_VALUE = 1e-2
-"""Values below this limit are written with exponents of milli, micro and nano."""
+"""Limit below which values are written with exponents of milli, micro or nano."""
 
 
 class Draft(NamedTuple):
-    """A drafted file."""
+    """The text of a drafted file, and its guesses."""
 
     text: str
-    guesses: dict[str, str]  # key with its table and value, and the source of the guess
+    guesses: dict[str, str]  # guesses: key with table and value, and the source of the guess
 
 
 _TABLE_NAMES = {("sensor", "of"): "{}_sensor.", ("case", "kind"): "{}."}
-"""Name of a table in a list in :attr:`Draft.guesses`, by the key that identifies it."""
+"""Name of a table of a list in :attr:`Draft.guesses`, by the key that distinguishes the tables."""
 _COMMENT_MARK = "  # "
 _GUESS_MARK = "; guess: "
 
 
 def render_draft(template: str, **values: Any) -> Draft:
-    """Render a template; align its comments and collect those that mark a guess."""
-    rendered = _templates().get_template(f"{template}.toml.j2").render(values)
+    """Render a template; align its comments, and collect the comments with a guess."""
+    rendered_text = _templates().get_template(f"{template}.toml.j2").render(values)
     lines, guesses, section, table = [], {}, "", ""
-    for line in rendered.removesuffix("\n").split("\n"):
-        text, mark, note = ("", "", line) if line.startswith("#") else line.rpartition(_COMMENT_MARK)
-        lines.append(with_comment(text, note) if mark else line)
+    for line in rendered_text.removesuffix("\n").split("\n"):
+        text, mark, comment = ("", "", line) if line.startswith("#") else line.rpartition(_COMMENT_MARK)
+        lines.append(with_comment(text, comment) if mark else line)
         key, _, value = text.partition(" = ")
         if text.startswith("["):
             section = text.strip("[]")
             table = f"{section}."
         elif (section, key) in _TABLE_NAMES:
             table = _TABLE_NAMES[section, key].format(tomllib.loads(text)[key])
-        if _GUESS_MARK in note and mark:
-            rows = format_toml(tomllib.loads(rendered)[section][key]) if value == "[" else value
-            guesses[f"{table}{key} = {rows}"] = note.rpartition(_GUESS_MARK)[2]
+        if _GUESS_MARK in comment and mark:
+            rows = format_toml(tomllib.loads(rendered_text)[section][key]) if value == "[" else value
+            guesses[f"{table}{key} = {rows}"] = comment.rpartition(_GUESS_MARK)[2]
     return Draft("\n".join(lines) + "\n", guesses)
 
 
 @cache
 def _templates() -> Environment:
-    """Return the template environment: numbers are written as TOML, texts unchanged."""
+    """Return the environment for templates: numbers are written as TOML, texts unchanged."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
         undefined=StrictUndefined,
@@ -71,7 +71,7 @@ def _templates() -> Environment:
 
 
 def format_toml(value: object) -> str:
-    """Write a value as TOML; small numbers get exponents of milli, micro and nano, without loss.
+    """Write a value as TOML; small numbers get exponents of milli, micro or nano, without loss.
 
     >>> format_toml([0.45e-3, 50e-9, 20.0])
     '[0.45e-3, 50e-9, 20.0]'
@@ -84,8 +84,8 @@ def format_toml(value: object) -> str:
         case list():
             return f"[{', '.join(map(format_toml, value))}]"
         case Mapping():
-            inside = ", ".join(f"{toml_key(key)} = {format_toml(item)}" for key, item in value.items())
-            return f"{{ {inside} }}"
+            table_text = ", ".join(f"{toml_key(key)} = {format_toml(entry)}" for key, entry in value.items())
+            return f"{{ {table_text} }}"
     return toml_value(value)
 
 
@@ -94,7 +94,7 @@ _SLACK = 1e-9
 
 
 def round_nearest(value: float, digits: int = 2) -> float:
-    """Round to a number of significant digits."""
+    """Round a value to a number of significant digits."""
     return float(f"{value:.{digits - 1}e}")
 
 
@@ -118,8 +118,8 @@ def step_up(value: float, steps: Sequence[float] = ONE_TWO_FIVE) -> float:
 def step_down(value: float) -> float:
     """Round a positive value down to 1, 2, 5, 10, 20, ..."""
     decade = math.floor(math.log10(value) + _SLACK)
-    share = value / 10.0**decade * (1.0 + _SLACK)
-    return float(f"{max(step for step in ONE_TWO_FIVE if step <= share):g}e{decade}")
+    mantissa = value / 10.0**decade * (1.0 + _SLACK)
+    return float(f"{max(step for step in ONE_TWO_FIVE if step <= mantissa):g}e{decade}")
 
 
 def _round_in_decade(value: float, digits: int, round_whole: Callable[[float], int], slack: float) -> float:

@@ -1,1 +1,1 @@
-"""The kinds of rigs: one module each, with the record of all commands for such a rig."""
+"""Define the kinds of rigs; each kind has a module with the record of its commands."""

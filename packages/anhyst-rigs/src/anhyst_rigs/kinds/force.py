@@ -1,4 +1,4 @@
-"""A rig for force control: the force on a fixed armature is controlled in open loop."""
+"""A rig for force control: the force on a held armature is controlled in open loop."""
 
 from anhyst_rigs.kinds.rig_kind import RigKind
 

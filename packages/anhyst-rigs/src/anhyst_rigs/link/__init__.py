@@ -1,1 +1,1 @@
-"""Communicate with a controller: frames, client, XCP, and the bus of a virtual plant."""
+"""Communicate with a controller over a link or XCP, and with a virtual plant over its bus."""

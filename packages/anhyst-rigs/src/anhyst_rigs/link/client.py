@@ -1,8 +1,7 @@
-"""Operate a controller over the serial link: queries, commands, demands, blocks.
+"""Operate a controller over the serial link: queries, commands, demands and parameter blocks.
 
-Every request has a sequence number and is repeated until it is answered. The controller executes a
-repeated request only once. Therefore, a disturbed line cannot lose or duplicate a request
-unnoticed.
+Every request has a sequence number and is repeated until an answer arrives. The controller executes
+repeated requests only once. Therefore, a disturbed line cannot lose or duplicate one unnoticed.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from anhyst_rigs.link.wire import BAUD, Frame, LinkPort, Port, Receiver, Status,
 _Answer = TypeVar("_Answer", bound=Message)
 
 _MAX_FRAME_WORDS = 118
-"""Maximum number of block words in one frame, in both directions."""
+"""Maximum number of block words in one frame, in each direction."""
 
 _REASON_TEXTS = {
     Reason.VERSION: "the protocol version differs",
@@ -47,7 +46,7 @@ _REASON_TEXTS = {
 
 
 class RequestRefusedError(InputError):
-    """The controller refused a request and gave a reason. Its state did not change."""
+    """Error: the controller refused a request and gave a reason. Its state did not change."""
 
     def __init__(self, url: str, request: Message, nak: NakAnswer) -> None:
         name = type(request).__name__.removesuffix("Request")
@@ -71,10 +70,9 @@ class RequestRefusedError(InputError):
 
 
 class ControllerLink:
-    """A controller behind a port.
+    """The link to a controller through a port.
 
-    The constructor opens the port and a session, and checks that both sides use the same protocol
-    version.
+    The constructor opens the port and a session, and checks that both protocol versions are equal.
     """
 
     def __init__(
@@ -89,9 +87,9 @@ class ControllerLink:
         self._sequence = 0
         self._lock = threading.RLock()
         try:
-            self._port.write(b"\0")  # ends an incomplete frame of a former session
-            hello = frames.HelloRequest(frames.VERSION, secrets.randbits(32))
-            self.info = self.request(hello, frames.InfoAnswer)
+            self._port.write(b"\0")  # ends an incomplete frame of a previous session
+            hello_request = frames.HelloRequest(frames.VERSION, secrets.randbits(32))
+            self.info = self.request(hello_request, frames.InfoAnswer)
         except BaseException:
             self._port.close()
             raise
@@ -107,33 +105,33 @@ class ControllerLink:
         self._port.close()
 
     def status(self) -> Status:
-        """Return the status of the last tick. The request is also a heartbeat."""
+        """Return the status of the last tick; this request is also a heartbeat."""
         return self._request_status(frames.HeartbeatRequest())
 
     def demand(self, force: int) -> Status:
-        """Demand a force from the next tick on, q31 of the full-scale force."""
+        """Demand a force from the next tick on, as q31 of the full-scale force."""
         return self._request_status(demand_request(force))
 
     def stream(self, forces: Iterable[int], window: int = 24) -> Iterator[Status]:
-        """Send many demands, of which several can wait for their answers at the same time.
+        """Send many demands, several of which may be unanswered at the same time.
 
         All demands reach the controller in order. A lost demand is repeated. If the controller has
-        already accepted newer demands, these are repeated after it. Therefore, the controller may
-        receive a demand twice, but an old demand never remains in force after a newer one.
+        already accepted newer demands, they are repeated after it. Therefore, the controller may
+        receive a demand twice, but an old demand never remains active after a newer one.
         """
         if not 1 <= window <= MAX_WINDOW:
             raise InputError(f"window {window}: choose 1 to {MAX_WINDOW}", code="out-of-range", key="window")
-        flow, remaining = _DemandFlow(self), iter(forces)
+        demand_flow, remaining_forces = _DemandFlow(self), iter(forces)
         with self._lock:
             while True:
-                flow.send(islice(remaining, window - len(flow.waiting)))
-                if not flow.waiting:
+                demand_flow.send(islice(remaining_forces, window - len(demand_flow.waiting)))
+                if not demand_flow.waiting:
                     return
-                flow.receive()
-                yield from flow.take_answered()
+                demand_flow.receive()
+                yield from demand_flow.take_answered()
 
     def command(self, command: Command) -> State:
-        """Change the state of the controller; returns the new state."""
+        """Send a command that changes the state of the controller; return the new state."""
         return State(self.request(frames.CommandRequest(command), frames.AckAnswer).detail)
 
     def read_setting(self, setting: Setting) -> int:
@@ -141,12 +139,12 @@ class ControllerLink:
         return self.request(frames.SettingReadRequest(setting), frames.SettingAnswer).value
 
     def write_setting(self, setting: Setting, value: int) -> int:
-        """Write a setting from the next tick on; returns the value in the controller."""
+        """Write a setting from the next tick on; return the value that the controller stores."""
         return self.request(frames.SettingWriteRequest(setting, value), frames.SettingAnswer).value
 
     def write_block(self, words: Sequence[int]) -> int:
-        """Send a parameter block and activate it between two ticks; returns the active generation."""
-        all_words = [int(word) for word in words]
+        """Send a parameter block and activate it between two ticks; return the active generation."""
+        all_words = [int(code) for code in words]
         if len(all_words) <= GENERATION_INDEX:
             text = f"a block of {len(all_words)} words: is too short; send a complete block"
             raise InputError(text, code="block-too-short")
@@ -162,13 +160,13 @@ class ControllerLink:
             except RequestRefusedError as error:
                 if error.reason is Reason.SCALE:
                     active_words: list[int] = []
-                    with suppress(RequestRefusedError):  # no active block
+                    with suppress(RequestRefusedError):  # There is no active block.
                         active_words = self.read_block()
                     error.args = (f"{self.url}: {describe_scale_mismatch(all_words, active_words)}",)
                 raise
 
     def keep_block(self) -> int:
-        """Store the active parameter block for the next start of the board; returns its generation."""
+        """Store the active parameter block for the next start of the board; return its generation."""
         return self.request(frames.KeepRequest(), frames.AckAnswer).detail
 
     def read_block(self) -> list[int]:
@@ -189,12 +187,12 @@ class ControllerLink:
             return Status(tick, _check_answer(self.url, request, answer, frames.StatusAnswer))
 
     def request(self, request: Message, kind: type[_Answer]) -> _Answer:
-        """Send a request and return its answer."""
+        """Send a request and return the answer to it."""
         with self._lock:
             return _check_answer(self.url, request, self._exchange(request)[0], kind)
 
     def _exchange(self, request: Message) -> tuple[Message, int]:
-        """Send a request until it is answered; returns the answer and its tick."""
+        """Send a request until it is answered; return the answer and its tick."""
         sequence = self.next_sequence()
         frame_bytes = encode(request, sequence)
         for attempt in range(self.attempts):
@@ -223,7 +221,7 @@ class ControllerLink:
         return self._receiver.feed(self._port.read(timeout))
 
     def read_answer(self, frame: Frame) -> Message:
-        """Decode an answer; raises InputError for another protocol version or an unknown answer."""
+        """Decode an answer; raise InputError if its version or its type is unknown."""
         kind = frames.ANSWERS.get(frame.type)
         if frame.version != frames.VERSION:
             raise self._make_version_error(frame.version)
@@ -251,7 +249,7 @@ class ControllerLink:
         )
 
     def make_timeout_error(self) -> InputError:
-        """Return the error of a controller that does not answer."""
+        """Return the error for a controller that does not answer."""
         return InputError(
             f"{self.url}: no answer within {self.timeout * self.attempts:.1f} s; check that "
             "the controller runs, that cable and baud rate are correct, and that no other program "
@@ -261,7 +259,7 @@ class ControllerLink:
 
 
 def _is_answer_to(answer: Message, request: Message) -> bool:
-    """Whether an answer belongs to this request and not to a former session."""
+    """Whether an answer belongs to this request, and not to a previous session."""
     if isinstance(answer, NakAnswer | frames.AckAnswer):
         return answer.request == request.TYPE
     return request.ANSWER == answer.TYPE
@@ -281,18 +279,16 @@ def _split_words(name: str) -> str:
 
 
 MAX_WINDOW = 32
-"""Maximum number of unanswered requests. The controller remembers this number of answered requests.
-"""
+"""Maximum number of unanswered requests. The controller remembers as many answered requests."""
 
 
 _READ_PAUSE_S = 0.2e-3
-"""Pause between two reads of the line, s. An emulated board sends single bytes, and every read has
-a cost."""
+"""Pause between two reads, s: an emulated board sends single bytes, and every read takes time."""
 
 
 @dataclass(slots=True)
 class _SentDemand:
-    """A demand that waits for its answer."""
+    """A demand that was sent, with its status if it was answered."""
 
     force: int
     sequence: int
@@ -302,7 +298,7 @@ class _SentDemand:
 
 
 def demand_request(force: int) -> frames.DemandRequest:
-    """Return the request that sets a demanded force, given as q31 of the full-scale force."""
+    """Return the request for a force that is given as q31 of the full-scale force."""
     if not -(1 << 31) <= force < 1 << 31:
         text = f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1"
         raise InputError(text, code="beyond-full-scale", key="demand")
@@ -310,7 +306,7 @@ def demand_request(force: int) -> frames.DemandRequest:
 
 
 class _DemandFlow:
-    """A sequence of demands with several unanswered ones; none is lost or reordered."""
+    """Several demands without answer at the same time; none is lost or reordered."""
 
     def __init__(self, controller: ControllerLink) -> None:
         self.controller = controller
@@ -318,7 +314,7 @@ class _DemandFlow:
         self._deadline = 0.0
 
     def send(self, forces: Iterable[int]) -> None:
-        """Send demands in one write."""
+        """Send several demands in one write."""
         new_demands = [self._make_demand(force) for force in forces]
         if new_demands:
             self.waiting.extend(new_demands)
@@ -333,7 +329,7 @@ class _DemandFlow:
         self._deadline = time.monotonic() + self.controller.timeout
 
     def receive(self) -> None:
-        """Process the answers that arrive; repeat lost demands."""
+        """Process the answers that arrive, and repeat lost demands."""
         if len(self.waiting) > 1:
             time.sleep(_READ_PAUSE_S)
         answers = self.controller.receive(max(self._deadline - time.monotonic(), 0.0))
@@ -346,12 +342,12 @@ class _DemandFlow:
         if oldest_demand.status is not None:
             return
         if time.monotonic() >= self._deadline:
-            self._repeat([demand for demand in self.waiting if demand.status is None])
+            self._repeat_demands([demand for demand in self.waiting if demand.status is None])
         elif oldest_demand.attempts == 1 and any(demand.status for demand in self.waiting):
-            self._repeat([oldest_demand])  # a newer demand was answered, so this one was lost
+            self._repeat_demands([oldest_demand])  # A newer demand was answered, so this one was lost.
 
     def _store_answer(self, demand: _SentDemand, frame: Frame) -> bool:
-        """Store an answer; returns False if this demand and all later ones were sent again."""
+        """Store an answer; return False if this demand and all later ones had to be sent again."""
         answer = self.controller.read_answer(frame)
         if isinstance(answer, frames.StatusAnswer):
             demand.status = Status(frame.tick, answer)
@@ -361,7 +357,7 @@ class _DemandFlow:
             return False
         raise InputError(f"{self.controller.url}: {answer} in answer to a demand", code="unexpected-answer")
 
-    def _repeat(self, demands: list[_SentDemand]) -> None:
+    def _repeat_demands(self, demands: list[_SentDemand]) -> None:
         if demands[0].attempts >= self.controller.attempts:
             raise self.controller.make_timeout_error()
         for demand in demands:
@@ -370,7 +366,7 @@ class _DemandFlow:
         self._send_demands(demands)
 
     def _renumber_from(self, oldest_lost: _SentDemand) -> None:
-        """Send a demand and all later ones with new numbers, because newer ones had overtaken it."""
+        """Send a demand and all later ones with new numbers, as a newer one was accepted before."""
         demands = list(self.waiting)
         index = demands.index(oldest_lost)
         renumbered = [self._make_demand(demand.force) for demand in demands[index:]]
@@ -379,7 +375,7 @@ class _DemandFlow:
         self._send_demands(renumbered)
 
     def take_answered(self) -> Iterator[Status]:
-        """Remove and yield the available statuses, in order."""
+        """Remove the statuses that are available, and yield them in order."""
         while self.waiting and self.waiting[0].status is not None:
             status = self.waiting.popleft().status
             if status is not None:

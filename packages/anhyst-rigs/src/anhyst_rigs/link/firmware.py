@@ -1,4 +1,4 @@
-"""Build the firmware of a board from its sources and a compiled compensator."""
+"""Build the firmware of a board from its sources and from a compiled compensator."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _COMPILE_TIME_LIMIT_S = 300.0
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """The properties of a board."""
+    """How the firmware of a board is built."""
 
-    folders: tuple[str, ...]  # folders of ``firmware/boards`` with its sources
-    cpu: str = ""  # processor name of zig; empty for this PC
-    # header with instructions of the processor, from the folder ``port`` of a compiled folder
+    folders: tuple[str, ...]  # folders in ``firmware/boards`` that contain its sources
+    cpu: str = ""  # name of the processor in zig; empty for this PC
+    # header with processor instructions, from the folder ``port`` of a compiled folder
     port_header: str = ""
     options: tuple[str, ...] = ()  # further compiler options
 
@@ -56,8 +56,8 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
         raise InputError(text, code="unknown-board", key="board")
     folder = Path(parameters).resolve()
     actuator = _read_actuator_name(folder)
-    with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
-        program = Path(scratch, "firmware")
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as temporary_folder:
+        program = Path(temporary_folder, "firmware")
         _compile(board, folder, actuator, program)
         write_bytes(out, program.read_bytes())
     target = Path(out)
@@ -66,19 +66,19 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
 
 
 def check_compiler(board: str) -> None:
-    """Check that the compiler for a board is installed."""
+    """Raise an error if the compiler for a board is not installed."""
     _compiler_command(board)
 
 
 def firmware_folder() -> Path:
-    """Return the folder of the firmware sources."""
+    """Return the folder that contains the sources of the firmware."""
     return shipped_folder("anhyst_rigs", "firmware", "_firmware", "boards")
 
 
 def _read_actuator_name(folder: Path) -> str:
     """Return the C name of the actuator of a compiled folder.
 
-    Refuses a rate that is not a whole number of 10 to 1,000,000 ticks per second.
+    Raise an error if the rate is not a whole number of 10 to 1,000,000 ticks per second.
     """
     require_kind(folder, [COMPILED_FOLDER])
     path = folder / _MANIFEST
@@ -100,14 +100,14 @@ def _read_actuator_name(folder: Path) -> str:
 def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     board = BOARDS[name]
     root = firmware_folder()
-    board_folders = [root / "boards" / part for part in board.folders]
+    board_folders = [root / "boards" / board_folder for board_folder in board.folders]
     controller_kind = "position" if (folder / f"{actuator}_controller.c").is_file() else "force"
     sources = [*sorted(folder.glob("src/*/*.c")), folder / f"{actuator}_parameters.c"]
     include = [root, folder / "include", folder, *board_folders]
     if controller_kind == "position":
         sources.append(folder / f"{actuator}_controller.c")
     else:
-        # A compensator without controller has no states, but the firmware has.
+        # A folder without a position controller lacks this source, which the firmware needs.
         sources.append(core_folder() / "src" / "control" / "supervisor.c")
     include.append(core_folder() / "include")
     for part in ("app", "link", "services", "xcp", controller_kind):
@@ -144,12 +144,12 @@ def _compiler_command(name: str) -> list[str]:
         if importlib.util.find_spec("ziglang") is None:
             text = f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'"
             raise InputError(text, code="not-installed", key="ziglang")
-        zig = [sys.executable, "-m", "ziglang", "cc"]
-        return [*zig, *_THUMB_OPTIONS, f"-mcpu={board.cpu}", *_FREESTANDING_OPTIONS, *_SIZE_OPTIONS]
+        zig_command = [sys.executable, "-m", "ziglang", "cc"]
+        return [*zig_command, *_THUMB_OPTIONS, f"-mcpu={board.cpu}", *_FREESTANDING_OPTIONS, *_SIZE_OPTIONS]
     check_runs_here(name)
-    for candidate in ("cc", "gcc", "clang"):
-        if shutil.which(candidate):
-            return [candidate, "-O2"]
+    for compiler_name in ("cc", "gcc", "clang"):
+        if shutil.which(compiler_name):
+            return [compiler_name, "-O2"]
     text = f"board {name}: a C compiler is not installed: apt install gcc libc6-dev"
     raise InputError(text, code="not-installed", key="gcc")
 
@@ -162,7 +162,8 @@ def _run_compiler(command: Sequence[str], board: str) -> str:
             text=True,
             timeout=_COMPILE_TIME_LIMIT_S,
             check=False,
-            cwd=firmware_folder() / "boards" / "cortex-m",  # linker scripts are included from here
+            # The compiler finds linker scripts from this folder.
+            cwd=firmware_folder() / "boards" / "cortex-m",
         )
     except subprocess.TimeoutExpired:
         raise NegativeResult(

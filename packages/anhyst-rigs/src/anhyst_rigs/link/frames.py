@@ -38,10 +38,10 @@ class Reason(IntEnum):
 
 
 class Body(IntEnum):
-    """The controlled quantity."""
+    """Controlled quantity."""
 
-    FORCE = 0  # the force of a magnet
-    POSITION = 1  # the position of a levitating armature
+    FORCE = 0  # force of a magnet
+    POSITION = 1  # position of a levitated armature
 
 
 class Setting(IntEnum):
@@ -98,7 +98,7 @@ SETTINGS = {
 
 @dataclass(frozen=True)
 class Message:
-    """A payload: fixed fields, followed in some types by an array of numbers."""
+    """A payload of fixed fields; some types of message end with an array of numbers."""
 
     TYPE: ClassVar[int]
     ANSWER: ClassVar[int]  # type of the answer to a request; 0: the message is an answer
@@ -133,7 +133,7 @@ class Message:
 
 @dataclass(frozen=True)
 class PlantRecord:
-    """A record of the plant's bus: 32-bit words, the last one a check word."""
+    """A record of the plant's bus: 32-bit words, of which the last one is a check word."""
 
     FIXED: ClassVar[struct.Struct]
 
@@ -214,9 +214,9 @@ class SettingWriteRequest(Message, code=0x06, answer=0x85, form="<Hi"):
 
 @dataclass(frozen=True)
 class BlockBeginRequest(Message, code=0x07, answer=0x83, form="<HHI"):
-    """Announces a parameter block and discards words of an incomplete one."""
+    """Announces a parameter block, and discards the words of an incomplete block."""
 
-    words: int  # length of the block
+    words: int  # number of words of the block
     generation: int  # generation of the block
     checksum: int  # CRC-32 of all words of the block, low byte first
 
@@ -247,8 +247,8 @@ class BlockSwapRequest(Message, code=0x09, answer=0x83, form="<H"):
 class BlockReadRequest(Message, code=0x0A, answer=0x86, form="<HH"):
     """Requests words of the active block."""
 
-    offset: int  # first requested word
-    words: int  # number of words, 1..118
+    offset: int  # index of the first requested word
+    words: int  # number of requested words, 1..118
 
 
 @dataclass(frozen=True)
@@ -381,7 +381,7 @@ class PlantSample(PlantRecord, form="<IiiiiiI"):
 class PlantDrive(PlantRecord, form="<IiiIIiiii"):
     """Controller to plant: the currents for the next tick, and signals for recordings."""
 
-    tick: int  # tick of the sample from which the record was computed
+    tick: int  # tick of the sample from which these currents were computed
     drive: int  # commanded current of the first magnet, q31 of full scale
     drive_2: int  # commanded current of the second magnet, q31 of full scale
     state: int  # number of the state + 256*(reason of the fault)

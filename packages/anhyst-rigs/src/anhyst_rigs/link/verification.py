@@ -1,4 +1,4 @@
-"""Verify a firmware on an emulated board against this machine (``anhyst verify``)."""
+"""Verify a firmware on an emulated board against the same firmware on this PC (``anhyst verify``)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from anhyst_rigs.link.firmware import build
 from anhyst_rigs.link.virtual_boards import Plant, Reading, RunningFirmware, run_host, run_qemu
 
 TARGET = "cortex-m3-qemu"
-"""Name of the entry point in the group ``anhyst.targets``."""
+"""Name of this target's entry point in the group ``anhyst.targets``."""
 QEMU = "qemu-system-arm"
 Q31_ONE = 1 << 31
 SELF_TEST_TICKS = 40
@@ -32,7 +32,7 @@ Runner = Callable[[Path, Plant], AbstractContextManager[RunningFirmware]]
 
 
 class WalkingPlant:
-    """An actuator with a force proportional to its current, a slowly moving gap and noisy sensors."""
+    """An actuator with a force proportional to its current, a slow gap change and noisy sensors."""
 
     def __init__(self, seed: int) -> None:
         self.drives: list[int] = []
@@ -41,7 +41,7 @@ class WalkingPlant:
         self._random = Random(seed)
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Apply the current of the tick before, and return the readings."""
+        """Apply the current of the previous tick, and return the sensor readings."""
         current = currents[0]
         self.drives.append(round(current * Q31_ONE))
         self._current, self._next_current = self._next_current, current
@@ -55,17 +55,17 @@ class WalkingPlant:
 
 @dataclass(frozen=True, slots=True)
 class FirmwareRun:
-    """The run of a firmware: currents by tick, and statuses after each demand."""
+    """A run of a firmware: the current of each tick, and the status after each demand."""
 
     drives: list[int]
     statuses: list[dict[str, int]]
 
 
 class FirmwareTarget:
-    """A target of ``anhyst verify``: a complete firmware, emulated and on this machine."""
+    """A target of ``anhyst verify``: a complete firmware, once emulated and once on this PC."""
 
     def missing_tools(self) -> tuple[MissingTool, ...]:
-        """Return the missing tools: emulator, compiler, or modules of the link."""
+        """Return the tools that are not installed: emulator, compiler, or modules of the link."""
         return (
             *missing_programs(TARGET, {QEMU: QEMU}),
             *missing_modules(TARGET, ["ziglang"]),
@@ -78,7 +78,7 @@ class FirmwareTarget:
         identification = (TARGET, "firmware", "mps2-an385 in QEMU", "zig cc -Os")
         try:
             host, board = (
-                _run(runner, build(name, bundle.folder, folder / f"firmware-{name}"), steps, seed)
+                _run_program(runner, build(name, bundle.folder, folder / f"firmware-{name}"), steps, seed)
                 for name, runner in (("host", run_host), ("qemu-mps2", run_qemu))
             )
         except (InputError, NegativeResult) as error:
@@ -95,7 +95,7 @@ class FirmwareTarget:
 FIRMWARE = FirmwareTarget()
 
 
-def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
+def _run_program(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
     random = Random(seed)
     plant = WalkingPlant(seed)
     statuses = []
@@ -118,12 +118,12 @@ def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
 
 
 def compare_runs(host: FirmwareRun, board: FirmwareRun) -> Difference | None:
-    """Return the first difference between a board and the host, or None."""
+    """Return the first difference between the run of a board and that of this PC, or None."""
     for tick, (value, answer) in enumerate(zip(host.drives, board.drives, strict=True)):
         if value != answer:
             return Difference("firmware", tick, "drive", value, answer)
-    for index, (expected, answered) in enumerate(zip(host.statuses, board.statuses, strict=True)):
+    for index, (expected, board_status) in enumerate(zip(host.statuses, board.statuses, strict=True)):
         for name, value in expected.items():
-            if value != answered[name]:
-                return Difference("status", index, name, value, answered[name])
+            if value != board_status[name]:
+                return Difference("status", index, name, value, board_status[name])
     return None

@@ -1,8 +1,8 @@
 """Run controllers on boards without hardware, in lock-step with a virtual plant.
 
-In every tick the plant sends its sensor readings, and the controller answers with the currents from
-the next tick on. Each side waits for the other, so that virtual time stops while either computes. A
-board runs in this process, in a process of its own, or in an emulator.
+In every tick, the plant sends its sensor readings, and the controller answers with the currents for
+the next tick. Each side waits for the other. Therefore, virtual time stops while either of them
+computes. A board runs in this process, in a separate process, or in an emulator.
 """
 
 from __future__ import annotations
@@ -32,38 +32,38 @@ _MIN_CODE = _ERROR_CODE + 1
 _MAX_CODE = (1 << 31) - 1
 _DRIVE_BYTES = PlantDrive.FIXED.size + 4
 _CURRENT_FIELDS = [field.name for field in fields(PlantSample) if field.name.startswith("current")]
-"""Current readings of the magnets, the first to the last."""
+"""Names of the fields with the current readings of the magnets, in order of the magnets."""
 _DRIVE_FIELDS = [field.name for field in fields(PlantDrive) if field.name.startswith("drive")]
-"""Commanded currents of the magnets, the first to the last."""
+"""Names of the fields with the commanded currents of the magnets, in order of the magnets."""
 
 
 class Reading(NamedTuple):
-    """Sensor readings at the beginning of a tick. NaN is encoded as the sensor's error code."""
+    """Sensor readings at the beginning of a tick. NaN is encoded as the error code of the sensor."""
 
-    gap: float  # 0 at the low end of the model's gap range, 1 at the high end
-    force: float  # fraction of full scale
-    current: float  # of the first magnet, fraction of full scale
-    # bits of ``PORT_...`` in ``firmware/port/port.h``; 1: no sample
+    gap: float  # gap relative to the model's range: 0 at the low end, 1 at the high end
+    force: float  # force, fraction of full scale
+    current: float  # current of the first magnet, fraction of full scale
+    # status bits, see ``PORT_...`` in ``firmware/port/port.h``; 1: no sample
     status: int = 0
-    # of a position controller, fraction of full scale
+    # position for a position controller, fraction of full scale
     position: float = 0.0
     further_currents: tuple[float, ...] = ()  # currents of further magnets
 
 
 class Plant(Protocol):
-    """The virtual plant at the other end of the bus."""
+    """A virtual plant at the other end of the bus."""
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Advance by one tick, to the beginning of tick number `tick`."""
+        """Advance by one tick, to the beginning of the tick with the number `tick`."""
 
 
 Exchange = Callable[[PlantSample], PlantDrive]
-"""Sends a sample to the controller and returns its drive."""
+"""Function that sends sensor readings to the controller and returns the resulting currents."""
 
 
 def exchange_over_socket(connection: socket.socket, timeout_s: float = 10.0) -> Exchange:
-    """Return a function that exchanges records with a process over a socket."""
-    # The operating system handles the time limit, because an emulated board sends single bytes.
+    """Return a function that exchanges records with another process over a socket."""
+    # The operating system enforces the time limit, because an emulated board sends single bytes.
     connection.settimeout(None)
     time_limit = struct.pack("@ll", int(timeout_s), int(timeout_s % 1.0 * 1e6))
     for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
@@ -80,7 +80,7 @@ def exchange_over_socket(connection: socket.socket, timeout_s: float = 10.0) -> 
 
 
 class PlantBus:
-    """The plant's end of the bus."""
+    """The end of the bus at the plant."""
 
     def __init__(self, plant: Plant, exchange: Exchange) -> None:
         self.plant = plant
@@ -97,7 +97,7 @@ class PlantBus:
             self._step(self.tick + 1)
 
     def skip(self, ticks: int) -> None:
-        """Advance the plant while the controller does not run and misses these ticks."""
+        """Advance the plant by ticks that the controller misses because it does not run."""
         for _ in range(ticks):
             self.tick += 1
             self.plant.step(self.tick, self.drives)
@@ -119,7 +119,7 @@ class PlantBus:
 
     @property
     def drive(self) -> float:
-        """The commanded current of the first magnet."""
+        """Commanded current of the first magnet."""
         return self.drives[0]
 
 
@@ -136,9 +136,9 @@ def _encode(tick: int, reading: Reading) -> PlantSample:
 
 
 def _to_code(value: float, unit: float) -> int:
-    """Return the nearest code, halves up as in the simulated loop; NaN: the error code.
+    """Return the nearest code of a value, rounded half up as in the simulated loop.
 
-    Values out of range are limited.
+    NaN becomes the error code, and values out of range are limited.
     """
     if math.isnan(value):
         return _ERROR_CODE
@@ -147,14 +147,14 @@ def _to_code(value: float, unit: float) -> int:
 
 _QEMU = "qemu-system-arm"
 _NO_ESCAPE = "0x1ff"
-_MAX_LINK_BYTES = 16384  # maximum number of bytes from a library per call
+_MAX_LINK_BYTES = 16384  # maximum number of bytes that a library returns per call
 
 HOST_LINK = "pty" if sys.platform == "linux" else "tcp:0"
-"""On other systems, a pseudo-terminal refuses the bit rates of a serial port."""
+"""Default link: a pseudo-terminal on Linux, else TCP, as others refuse serial bit rates."""
 
 
 def check_runs_here(board: str) -> None:
-    """Refuse a virtual board on a system whose processes cannot inherit sockets."""
+    """Raise an error if processes cannot inherit sockets on this operating system."""
     if sys.platform == "win32":
         raise InputError(
             f"board {board}: runs on Linux and macOS, not on Windows; run anhyst in WSL, or connect "
@@ -165,27 +165,27 @@ def check_runs_here(board: str) -> None:
 
 @dataclass(frozen=True)
 class RunningFirmware:
-    """A running firmware."""
+    """A firmware that runs, and its connections."""
 
-    link: str | LinkPort  # for :class:`anhyst_rigs.link.client.ControllerLink`
+    link: str | LinkPort  # port for :class:`anhyst_rigs.link.client.ControllerLink`
     bus: PlantBus  # bus to the plant of this firmware; time passes only in :meth:`PlantBus.step`
     xcp_port: int = 0  # local TCP port for an XCP master; 0: none
     bus_socket: socket.socket | None = None  # socket of the bus; None for a library in this process
 
     @property
     def url(self) -> str:
-        """The URL of its link, or the name of a library in this process."""
+        """URL of the link, or the name of a library in this process."""
         return self.link if isinstance(self.link, str) else self.link.url
 
 
 class LibraryBoard:
-    """A controller of a firmware library in this process, until it is switched off.
+    """A controller in a firmware library of this process, until it is switched off.
 
     It is both the port of the link and the exchange with the plant.
     """
 
     def __init__(self, program: Path) -> None:
-        from _ctypes import dlclose  # not available on Windows
+        from _ctypes import dlclose  # does not exist on Windows
 
         self.url = str(program)
         try:
@@ -202,29 +202,29 @@ class LibraryBoard:
         self._firmware.library_start(self._memory)
 
     def exchange(self, sample: PlantSample) -> PlantDrive:
-        """Run a tick."""
+        """Run one tick."""
         if self._is_off:
             raise ValueError("the board is switched off")
-        words = sample.FIXED.pack(*vars(sample).values())
-        self._firmware.library_tick(self._memory, words, self._drive_buffer)
+        sample_bytes = sample.FIXED.pack(*vars(sample).values())
+        self._firmware.library_tick(self._memory, sample_bytes, self._drive_buffer)
         return PlantDrive(*PlantDrive.FIXED.unpack(self._drive_buffer.raw))
 
     def write(self, data: bytes) -> None:
-        """Send bytes over the link; the answer is stored for :meth:`read`."""
-        count = self._firmware.library_link(
+        """Send bytes over the link; :meth:`read` will return the answer."""
+        answer_length = self._firmware.library_link(
             self._memory, data, len(data), self._answer_buffer, _MAX_LINK_BYTES
         )
-        self._unread += ctypes.string_at(self._answer_buffer, count)
+        self._unread += ctypes.string_at(self._answer_buffer, answer_length)
 
     def read(self, timeout: float) -> bytes:
-        """Return the answers of the firmware. The time limit is ignored, because no time passes."""
+        """Return the answers of the firmware at once; the time limit has no effect."""
         del timeout
         self.write(b"")
         data, self._unread = self._unread, b""
         return data
 
     def close(self) -> None:
-        """Close the link; the controller stays on."""
+        """Close the link; the controller remains switched on."""
 
     @property
     def tick(self) -> tuple[int, int]:
@@ -233,14 +233,14 @@ class LibraryBoard:
         return function, ctypes.addressof(self._memory)
 
     def switch_off(self) -> None:
-        """Switch the controller off; the last one unloads the library."""
+        """Switch the controller off; after the last controller, the library is unloaded."""
         self._is_off = True
         self._unload(self._firmware._handle)
 
 
 @contextmanager
 def run_library(program: Path, plant: Plant) -> Iterator[RunningFirmware]:
-    """Run a firmware built for the board ``library``."""
+    """Run a firmware that was built for the board ``library``."""
     board = LibraryBoard(program)
     try:
         yield RunningFirmware(board, PlantBus(plant, board.exchange))
@@ -252,23 +252,23 @@ def run_library(program: Path, plant: Plant) -> Iterator[RunningFirmware]:
 def run_host(
     program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
 ) -> Iterator[RunningFirmware]:
-    """Run a firmware built for the board ``host``."""
-    our_socket, board_socket = socket.socketpair()
+    """Run a firmware that was built for the board ``host``."""
+    host_socket, board_socket = socket.socketpair()
     command = [str(Path(program).resolve()), link, f"fd:{board_socket.fileno()}"]
     command += [] if xcp is None else ["--xcp", str(xcp)]
-    with our_socket, _start_process(command, [board_socket], stdout=subprocess.PIPE) as process:
+    with host_socket, _start_process(command, [board_socket], stdout=subprocess.PIPE) as process:
         url = link
         if link == "pty" or link.startswith("tcp:"):
             address = _read_printed_line(process, program)
             url = address if link == "pty" else f"socket://127.0.0.1:{address}"
         offered_port = 0 if xcp is None else int(_read_printed_line(process, program))
         yield RunningFirmware(
-            url, PlantBus(plant, exchange_over_socket(our_socket)), offered_port, our_socket
+            url, PlantBus(plant, exchange_over_socket(host_socket)), offered_port, host_socket
         )
 
 
 def _read_printed_line(process: subprocess.Popen[bytes], program: Path) -> str:
-    """Return the next line that a firmware prints, an address."""
+    """Return the next line that a firmware prints, which contains an address."""
     assert process.stdout is not None
     line = process.stdout.readline().decode().strip()
     if not line:
@@ -278,16 +278,16 @@ def _read_printed_line(process: subprocess.Popen[bytes], program: Path) -> str:
 
 @contextmanager
 def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[RunningFirmware]:
-    """Run a firmware built for the board ``qemu-mps2``, in QEMU.
+    """Run a firmware that was built for the board ``qemu-mps2``, in QEMU.
 
-    The sockets are opened here and inherited by QEMU, so that no other program can take a port.
-    Each socket uses QEMU's multiplexer for its buffer. Without the buffer every byte waits for a
-    change between two threads of QEMU, which takes several times as long.
+    QEMU inherits sockets that are opened here, so that no other program can occupy a port. Each
+    socket uses QEMU's multiplexer because of its buffer. Without a buffer, every byte waits until
+    QEMU changes between two threads, which takes several times as long.
     """
     qemu = find_qemu()
     listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(1 + xcp)]
     ports = [listener.getsockname()[1] for listener in listeners]
-    our_socket, board_socket = socket.socketpair()
+    host_socket, board_socket = socket.socketpair()
     command = [qemu, "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
     server_options = [f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners]
     command += _serial_options("link", server_options[0])
@@ -295,10 +295,10 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     if xcp:
         command += _serial_options("xcp", server_options[1])
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
-    with our_socket, _start_process(command, [*listeners, board_socket]):
+    with host_socket, _start_process(command, [*listeners, board_socket]):
         url = f"socket://127.0.0.1:{ports[0]}"
         yield RunningFirmware(
-            url, PlantBus(plant, exchange_over_socket(our_socket)), ports[1] if xcp else 0, our_socket
+            url, PlantBus(plant, exchange_over_socket(host_socket)), ports[1] if xcp else 0, host_socket
         )
 
 
@@ -320,9 +320,9 @@ def _serial_options(name: str, address: str) -> list[str]:
 def _start_process(
     command: Sequence[str], handed_over: Sequence[socket.socket], stdout: int | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
-    descriptors = [handed_socket.fileno() for handed_socket in handed_over]
+    file_descriptors = [handed_socket.fileno() for handed_socket in handed_over]
     try:
-        process = subprocess.Popen(command, pass_fds=descriptors, stdout=stdout)
+        process = subprocess.Popen(command, pass_fds=file_descriptors, stdout=stdout)
     except OSError as error:
         raise InputError(f"{command[0]}: cannot be run: {error.strerror}", code="cannot-be-run") from error
     finally:
@@ -342,4 +342,4 @@ VIRTUAL_BOARDS: dict[str, Callable[[Path, Plant], AbstractContextManager[Running
     "host": run_host,
     "qemu-mps2": run_qemu,
 }
-"""Boards that run on this machine with a virtual plant."""
+"""Boards that run on this PC with a virtual plant."""

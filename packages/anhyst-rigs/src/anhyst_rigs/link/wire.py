@@ -1,8 +1,8 @@
 """Encode and decode frames, and open the ports that carry them.
 
-Link frames contain a checksum, are encoded with COBS, and end with a zero byte
+Frames of the link contain a checksum, are encoded with COBS, and end with a zero byte
 (``firmware/link/frame.c``). An XCP packet begins with a length and a counter of 16 bits each. On a
-serial port it is padded to whole words, and the sum of all words follows as a checksum
+serial port, it is padded to whole words, followed by the sum of all words as a checksum
 (``firmware/xcp/line.h``). A port is a serial port, a pseudo-terminal or a TCP socket.
 """
 
@@ -23,14 +23,14 @@ from anhyst.support.states import Fault, State
 from anhyst.support.xcp_map import MAX_PACKET_BYTES, SEED_SECRET
 from anhyst_rigs.link.frames import VERSION, Message, StatusAnswer
 
-_HEAD = struct.Struct("<BBBBI")
-_CHECK = struct.Struct("<I")
+_FRAME_HEAD = struct.Struct("<BBBBI")
+_CHECKSUM = struct.Struct("<I")
 _MAX_FRAME_BYTES = 254
-"""Largest number of bytes of an incomplete frame; every frame is shorter."""
+"""Number of stored bytes of an incomplete frame; every frame is shorter."""
 
 
 class Frame(NamedTuple):
-    """A frame that arrived without damage."""
+    """A frame that arrived without errors."""
 
     version: int
     type: int
@@ -41,82 +41,82 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """The status of a controller in one tick."""
+    """The status of a controller at one tick."""
 
-    tick: int  # number of the tick
-    codes: StatusAnswer  # received codes
+    tick: int  # number of the tick to which the frame belongs
+    codes: StatusAnswer  # codes that were received
 
     @property
     def state(self) -> State:
-        """The state of the controller."""
+        """State of the controller."""
         return State(self.codes.state)
 
     @property
     def fault(self) -> Fault:
-        """The latched reason of a fault."""
+        """Fault that the controller has latched."""
         return Fault(self.codes.fault)
 
     @property
     def drive(self) -> float:
-        """The driven current, as a fraction of the full-scale current."""
+        """Driven current, as a fraction of the full-scale current."""
         return self.codes.drive / (1 << 31)
 
 
 def encode(message: Message, sequence: int, tick: int = 0, version: int = VERSION) -> bytes:
-    """Return a message as a frame, including the zero byte at its end."""
+    """Return a message as a frame that ends with a zero byte."""
     payload = message.pack()
-    body = _HEAD.pack(version, message.TYPE, sequence, len(payload), tick) + payload
-    return cobs_encode(body + _CHECK.pack(zlib.crc32(body))) + b"\0"
+    body = _FRAME_HEAD.pack(version, message.TYPE, sequence, len(payload), tick) + payload
+    return cobs_encode(body + _CHECKSUM.pack(zlib.crc32(body))) + b"\0"
 
 
 def cobs_encode(body: bytes) -> bytes:
-    """Encode up to 253 bytes without zero bytes (COBS)."""
+    """Encode up to 253 bytes by COBS, so that they contain no zero bytes."""
     return b"".join(bytes((len(block) + 1,)) + block for block in body.split(b"\0"))
 
 
-def cobs_decode(stuffed: bytes) -> bytes | None:
-    """Undo :func:`cobs_encode`; None for bytes that cannot be its result."""
-    body = bytearray(stuffed)
+def cobs_decode(encoded: bytes) -> bytes | None:
+    """Decode the result of :func:`cobs_encode`; return None for bytes that are not such a result."""
+    body = bytearray(encoded)
     index = 0
-    while index < len(stuffed):
-        block_length, body[index] = stuffed[index], 0
+    while index < len(encoded):
+        block_length, body[index] = encoded[index], 0
         if block_length == 0:
             return None
         index += block_length
-    return bytes(body[1:]) if index == len(stuffed) else None
+    return bytes(body[1:]) if index == len(encoded) else None
 
 
 class Receiver:
-    """Finds frames in a stream of bytes. After garbage it is synchronised by the next zero byte."""
+    """A search for frames in a stream of bytes; after invalid bytes, a zero byte synchronises it."""
 
     def __init__(self) -> None:
         self.bad_count = 0
         self._incomplete = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Add received bytes; returns the frames that they complete."""
+        """Add received bytes; return the frames that are then complete."""
         if not data:
             return []
-        *pieces, incomplete = (self._incomplete + data).split(b"\0")
+        *packets, incomplete = (self._incomplete + data).split(b"\0")
         frames = []
-        for piece in pieces:
-            frame = _parse_frame(piece)
+        for packet in packets:
+            frame = _parse_frame(packet)
             if frame is not None:
                 frames.append(frame)
-            elif piece:
+            elif packet:
                 self.bad_count += 1
         self._incomplete = incomplete[-_MAX_FRAME_BYTES:]
         return frames
 
 
-def _parse_frame(stuffed: bytes) -> Frame | None:
-    body = cobs_decode(stuffed)
-    if body is None or len(body) < _HEAD.size + _CHECK.size:
+def _parse_frame(encoded: bytes) -> Frame | None:
+    body = cobs_decode(encoded)
+    if body is None or len(body) < _FRAME_HEAD.size + _CHECKSUM.size:
         return None
-    frame = body[: -_CHECK.size]
-    version, kind, sequence, length, tick = _HEAD.unpack_from(frame)
-    payload = frame[_HEAD.size :]
-    if length != len(payload) or body[-_CHECK.size :] != _CHECK.pack(zlib.crc32(frame)):
+    frame = body[: -_CHECKSUM.size]
+    version, kind, sequence, length, tick = _FRAME_HEAD.unpack_from(frame)
+    payload = frame[_FRAME_HEAD.size :]
+    if length != len(payload) or body[-_CHECKSUM.size :] != _CHECKSUM.pack(zlib.crc32(frame)):
         return None
     return Frame(version, kind, sequence, tick, payload)
 
@@ -129,13 +129,13 @@ class SplitResult(NamedTuple):
     """Received bytes, divided into packets."""
 
     packets: list[bytes]  # complete packets
-    rest: bytes  # beginning of an incomplete packet
-    skipped_bytes: int  # bytes of a serial port that belong to no complete packet
-    is_broken: bool  # whether the rest cannot be a packet (TCP only)
+    rest: bytes  # beginning of a packet that is incomplete
+    skipped_bytes: int  # number of serial bytes that do not belong to a complete packet
+    is_broken: bool  # whether the remaining bytes cannot be a packet (only TCP)
 
 
 def frame_packet(packet: bytes, counter: int = 0, serial: bool = False) -> bytes:
-    """Return an XCP packet with its head and, on a serial port, its checksum."""
+    """Return an XCP packet with its head, and on a serial port with its checksum."""
     line_bytes = _XCP_HEAD.pack(len(packet), counter & 0xFFFF) + packet
     if not serial:
         return line_bytes
@@ -144,7 +144,7 @@ def frame_packet(packet: bytes, counter: int = 0, serial: bool = False) -> bytes
 
 
 def split_packets(data: bytes, serial: bool = False) -> SplitResult:
-    """Split received bytes into packets; on a serial port, search for the next valid packet."""
+    """Split received bytes into packets; on a serial port, invalid bytes are skipped."""
     position, skipped_bytes = 0, 0
     packets: list[bytes] = []
     while position + _XCP_HEAD.size <= len(data):
@@ -167,15 +167,15 @@ def split_packets(data: bytes, serial: bool = False) -> SplitResult:
 
 
 def _checksum(data: bytes) -> bytes:
-    """Return the sum of all words, low byte first."""
+    """Return the sum of all words, with the low byte first."""
     total: int = sum(struct.unpack(f"<{len(data) // 2}H", data))
     return (total & 0xFFFF).to_bytes(_CHECKSUM_BYTES, "little")
 
 
 def compute_key(seed: bytes, secret: int = SEED_SECRET) -> bytes:
-    """Return the key to a seed.
+    """Return the key that belongs to a seed.
 
-    The key prevents accidental writes by a tool that only measures. It is not secret.
+    The key prevents accidental writes by tools that should only measure. It is not secret.
     """
     return zlib.crc32(seed, secret).to_bytes(4, "little")
 
@@ -183,7 +183,7 @@ def compute_key(seed: bytes, secret: int = SEED_SECRET) -> bytes:
 BAUD = 921600
 
 _WRITE_TIMEOUT_S = 5.0
-"""Longest time without a byte accepted by a port, s."""
+"""Longest time in which a port accepts no byte, s."""
 
 _ERROR_TEXTS = {
     errno.ENOENT: "is missing; connect the controller, or enter another port",
@@ -204,14 +204,14 @@ class LinkPort(Protocol):
         """Send bytes."""
 
     def read(self, timeout: float) -> bytes:
-        """Return the received bytes, after up to `timeout` seconds."""
+        """Return the received bytes after at most `timeout`, s."""
 
     def close(self) -> None:
         """Close the port."""
 
 
 class Port:
-    """An open port of the operating system."""
+    """A port that the operating system has opened."""
 
     def __init__(self, url: str, baud: int = BAUD) -> None:
         self.url = url
@@ -226,10 +226,10 @@ class Port:
         connection = getattr(self._serial, "_socket", None)
         self._serial.close()
         if connection is not None:
-            connection.close()  # pyserial leaves it open if the other end closed first
+            connection.close()  # pyserial does not close it if the other end was closed first
 
     def write(self, data: bytes) -> None:
-        """Send bytes; returns when all are accepted by the system."""
+        """Send bytes, and return when the operating system has accepted all of them."""
         import serial
 
         try:
@@ -245,7 +245,7 @@ class Port:
             raise self._make_gone_error() from error
 
     def read(self, timeout: float) -> bytes:
-        """Return the received bytes; waits up to `timeout` seconds for the first byte."""
+        """Return the received bytes; wait at most `timeout`, s, for the first byte."""
         import serial
 
         try:
@@ -306,7 +306,7 @@ def _explain_error(error: Exception) -> str:
 
 
 def _file_descriptor(port: Any) -> int | None:
-    """Return the file descriptor on POSIX systems, for faster reads than those of pyserial."""
+    """Return the file descriptor on POSIX systems for faster reads than those of pyserial."""
     try:
         return int(port.fileno()) if os.name == "posix" else None
     except (AttributeError, OSError):

@@ -2,7 +2,7 @@
 
 The master supports exactly the functions of ``firmware/xcp``: one list of samples with one packet
 per sample, and the addresses of :mod:`anhyst.support.xcp_map`. The bridge is a local port for a
-controller that carries XCP in the frames of its own link.
+controller that transfers XCP in the frames of its own link.
 """
 
 from __future__ import annotations
@@ -39,21 +39,21 @@ _RESET_SILENCE_S = 0.12
 """Time without bytes after which a controller discards an incomplete packet, s."""
 
 _BATCH_S = 0.001
-"""Pause between two reads, s. Packets that arrive in it are read together, which saves wake-ups."""
+"""Pause between two reads, s. Packets that arrive meanwhile are read together to save wake-ups."""
 
 _ANSWER_TIMEOUT_S = 1.0
-"""Time limit of an answer on a serial port, which can lose it, s."""
+"""Time limit for an answer on a serial port, which can lose an answer, s."""
 
 _MAX_WAITING_SAMPLES = 1 << 19
-"""Maximum number of waiting samples. Beyond it, the oldest are lost."""
+"""Maximum number of samples that wait to be read; if there are more, the oldest are discarded."""
 
 
 class AnswerLostError(InputError):
-    """An answer was lost and the line is synchronised; the command may have been executed."""
+    """Error: an answer was lost, so the command may have been executed; the line is synchronised."""
 
 
 class XcpLine:
-    """An open XCP line. It sends one command at a time, and a thread receives all packets."""
+    """An open XCP line that sends one command at a time; a thread receives all packets."""
 
     def __init__(self, url: str, timeout: float) -> None:
         self.url = url
@@ -84,7 +84,8 @@ class XcpLine:
             self._port.write(frame_packet(command, serial=self.serial))
             answer = self._next_answer()
             if answer is None and self.serial and not self._closed.is_set():
-                self._synchronise()  # a late answer would be assigned to the next command
+                # A late answer would be taken for the answer to the next command.
+                self._synchronise()
                 raise AnswerLostError(
                     f"{self.url}: an answer was lost; check whether the command was executed",
                     code="answer-lost",
@@ -95,7 +96,7 @@ class XcpLine:
             return answer
 
     def take_samples(self) -> bytes:
-        """Return all received samples, concatenated; waits for the first."""
+        """Wait for the first sample; return all samples that were received, concatenated."""
         with self._arrival:
             self._arrival.wait_for(lambda: self._samples or self._closed.is_set(), self.timeout)
             if not self._samples and self._closed.is_set():
@@ -108,7 +109,7 @@ class XcpLine:
         return packets
 
     def make_lost_error(self) -> InputError:
-        """Return the error of a controller that closed the line or does not answer."""
+        """Return the error for a controller that closed the line or does not answer."""
         return InputError(
             f"{self.url}: the controller is gone; check its power and the line", code="port-gone"
         )
@@ -123,7 +124,7 @@ class XcpLine:
         return None
 
     def _synchronise(self) -> None:
-        """Synchronise with the controller after a lost answer."""
+        """Synchronise with the controller after an answer was lost."""
         for _ in range(3):
             self._port.write(frame_packet(_SYNCH, serial=self.serial))
             while (answer := self._next_answer()) is not None:
@@ -144,7 +145,7 @@ class XcpLine:
                 self._dispatch(result.packets)
                 time.sleep(_BATCH_S)
         except InputError:
-            pass  # waiting callers are notified below
+            pass  # Waiting callers are notified below.
         with self._arrival:
             self._closed.set()
             self._arrival.notify_all()
@@ -162,7 +163,7 @@ class XcpLine:
                 self._arrival.notify_all()
 
 
-# Codes of XCP commands.
+# These are codes of XCP commands.
 _CONNECT = 0xFF
 _DISCONNECT = 0xFE
 _GET_STATUS = 0xFD
@@ -177,7 +178,7 @@ _SET_PAGE = 0xEB
 _GET_CLOCK = 0xDC
 _GET_RESOLUTION = 0xD9
 
-# Calibration page to select: that of the controller, or that of its master.
+# The calibration page is that of the controller or that of its master.
 _CONTROLLER_PAGE = 0x01
 _MASTER_PAGE = 0x02
 
@@ -188,16 +189,16 @@ _ANSWER_PID = 0xFF
 _ERROR_PID = 0xFE
 _TIMESTAMP_MODE = 0x10
 _MAX_ATTEMPTS = 3
-"""Number of attempts of a query whose answer a serial port loses."""
+"""Number of attempts for a query if a serial port loses its answer."""
 
 _MAX_CLOCK_READS = 1000
-"""Number of clock reads within which a tick must pass."""
+"""Number of reads of the clock within which the tick number must increase."""
 
 _MAX_SAMPLE_BYTES_PER_S = 0.8 * BAUD / 10.0
-"""Part of the data rate of a serial port that samples may use."""
+"""Fraction of the data rate of a serial port that samples may use."""
 
 _SAMPLE_OVERHEAD_BYTES = 12
-"""Bytes of a sample on a serial port without its signals: head, list, time stamp, checksum."""
+"""Bytes of a sample on a serial port besides its signals: head, list, time stamp, checksum."""
 
 _INPUT_ADDRESSES = {value.name: AREA_ADDRESSES["input"] + 4 * n for n, value in enumerate(INPUTS)}
 _STATE_ADDRESS = AREA_ADDRESSES["signal"] + 4 * [value.name for value in SIGNALS].index("state")
@@ -209,7 +210,7 @@ class XcpMaster:
     """A controller that is measured and operated over XCP.
 
     The constructor connects, sends the key, and samples all signals from then on: in every tick, or
-    in as many ticks as a serial port can carry.
+    in as many ticks as a serial port can transfer.
     """
 
     def __init__(self, url: str, timeout: float = 2.0) -> None:
@@ -244,7 +245,8 @@ class XcpMaster:
     def close(self) -> None:
         """Disconnect. A controller that drives current then enters its safe state."""
         with suppress(InputError):
-            self._send(bytes((_DISCONNECT,)))  # the end of a serial line is not detected otherwise
+            # Otherwise, the end of a serial line would not be detected.
+            self._send(bytes((_DISCONNECT,)))
         self._line.close()
 
     def send_heartbeat(self) -> None:
@@ -256,7 +258,7 @@ class XcpMaster:
         return self._query(struct.pack("<BBBBI", _SHORT_UPLOAD, count, 0, 0, address))[1:]
 
     def read_words(self, first_index: int, count: int) -> list[int]:
-        """Return words of the active parameter block, at most 67."""
+        """Return at most 67 words of the active parameter block."""
         return list(
             struct.unpack(f"<{count}h", self.read(AREA_ADDRESSES["block"] + 2 * first_index, 2 * count))
         )
@@ -270,8 +272,8 @@ class XcpMaster:
         return words
 
     def swap_block(self, words: Sequence[int]) -> None:
-        """Download another parameter block and activate it between two ticks."""
-        block_words = [int(word) for word in words]
+        """Download another parameter block, and activate it between two ticks."""
+        block_words = [int(code) for code in words]
         with self._line.lock:
             self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 1)))
             try:
@@ -300,7 +302,7 @@ class XcpMaster:
         return value
 
     def command(self, command: Command) -> State:
-        """Change the state of the controller; returns the state at the next tick."""
+        """Send a command that changes the controller's state; return the state at the next tick."""
         with self._line.lock:
             self._write_value(_INPUT_ADDRESSES["command"], int(command), frames.CommandRequest(command))
             written_tick = self.read_clock()
@@ -310,17 +312,17 @@ class XcpMaster:
         raise InputError(f"{self.url}: no tick passes; the controller does not run", code="no-tick")
 
     def write_demand(self, code: int) -> None:
-        """Demand a force or a position, q31 of full scale."""
+        """Demand a force or a position, as q31 of full scale."""
         request = frames.DemandRequest(code) if self.body is Body.FORCE else frames.TargetRequest(code)
         self._write_value(self._demand_address, code, request)
 
     def read_demand(self) -> int:
-        """Return the last demanded force or position, q31 of full scale."""
+        """Return the last demand of a force or a position, as q31 of full scale."""
         return self._read_value(self._demand_address)
 
     @property
     def _demand_address(self) -> int:
-        """Address of the demanded force or position."""
+        """Address of the demand of a force or a position."""
         return _INPUT_ADDRESSES["set_demand" if self.body is Body.FORCE else "set_target"]
 
     def read_clock(self) -> int:
@@ -328,16 +330,16 @@ class XcpMaster:
         return int.from_bytes(self._query(bytes((_GET_CLOCK,)))[4:8], "little")
 
     def take_samples(self, tick: int) -> Samples:
-        """Wait for the last sample up to a tick, and return all received samples."""
+        """Wait for the last sample up to a tick, and return all samples that were received."""
         rows = np.empty((0, 1 + len(self.signals)), dtype=np.int64)
         while not len(rows) or rows[-1, 0] + self.tick_interval <= tick:
             rows = np.concatenate((rows, self._decode(self._line.take_samples())))
         return rows
 
     def _decode(self, packets: bytes) -> Samples:
-        """Return decoded samples; the ticks continue beyond the 32 bits of the time stamps."""
-        form = [("head", "<u2"), ("tick", "<u4"), ("values", "<i4", len(self.signals))]
-        samples = np.frombuffer(packets, dtype=form)
+        """Return decoded samples, whose tick numbers continue beyond the 32 bits of time stamps."""
+        row_type = [("head", "<u2"), ("tick", "<u4"), ("values", "<i4", len(self.signals))]
+        samples = np.frombuffer(packets, dtype=row_type)
         stamps = samples["tick"].astype(np.int64)
         last_tick = self._last_tick if self._last_tick >= 0 else int(stamps[0]) - 1
         ticks = last_tick + np.cumsum(np.diff(stamps, prepend=last_tick & 0xFFFFFFFF) & 0xFFFFFFFF)
@@ -345,7 +347,7 @@ class XcpMaster:
         return np.column_stack((ticks, samples["values"].astype(np.int64)))
 
     def _read_rate(self) -> float:
-        """Return the ticks per second, with the resolution of the time stamp period."""
+        """Return the ticks per second, with the resolution of the time stamp's period."""
         mode, count = struct.unpack("<BH", self._query(bytes((_GET_RESOLUTION,)))[5:8])
         return 1e9 / float(count * 10 ** (mode >> 4))
 
@@ -366,7 +368,7 @@ class XcpMaster:
         return int.from_bytes(self.read(address, 4), "little", signed=True)
 
     def _write_value(self, address: int, value: int, request: Message) -> None:
-        """Write four bytes; `request` is the equivalent request of the link, for error messages."""
+        """Write four bytes; `request` is the equivalent link request for error messages."""
         self._download(address, struct.pack("<i", value), request)
 
     def _download(self, address: int, data: bytes, request: Message) -> None:
@@ -375,7 +377,7 @@ class XcpMaster:
             self._send_checked(bytes((_DOWNLOAD, len(data))) + data, request)
 
     def _send_checked(self, command: bytes, request: Message) -> None:
-        """Send a command with side effects; raises RequestRefusedError if it is refused."""
+        """Send a command with side effects; raise RequestRefusedError if it is refused."""
         with self._line.lock:
             answer = self._line.send_command(command)
             if answer[0] == _ERROR_PID and len(answer) >= 4:
@@ -388,7 +390,7 @@ class XcpMaster:
         return self._check_answer(self._line.send_command(command), command[0])
 
     def _query(self, command: bytes) -> bytes:
-        """Send a command without side effects, and repeat it if the answer is lost."""
+        """Send a command without side effects, and repeat it if its answer is lost."""
         for _ in range(_MAX_ATTEMPTS - 1 if self._line.serial else 0):
             with suppress(AnswerLostError):
                 return self._send(command)
@@ -405,17 +407,17 @@ class XcpMaster:
 
 
 _POLL_INTERVAL_S = 0.002
-"""Interval of requests for samples while none arrive, s."""
+"""Interval at which samples are requested while none arrive, s."""
 
 _MASTER_TIMEOUT_S = 5.0
-"""Longest time without a byte accepted by a master, s."""
+"""Longest time in which a master accepts no byte, s."""
 
 
 class XcpBridge:
-    """A local port on which an XCP master reaches the controller behind a link.
+    """A local port through which an XCP master reaches the controller at the end of a link.
 
     It serves one master at a time. Commands are forwarded unchanged, so that all rules of the
-    firmware apply: key, limits and heartbeat. The bridge sends no heartbeat of its own.
+    firmware apply: key, limits and heartbeat. The bridge itself sends no heartbeat.
     """
 
     def __init__(self, controller: ControllerLink, port: int) -> None:
@@ -433,26 +435,26 @@ class XcpBridge:
         self._listener.close()
 
     def serve_one(self) -> None:
-        """Wait for a master and serve it until it disconnects."""
-        master, _ = self._listener.accept()
-        with master:
-            master.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            master.settimeout(_MASTER_TIMEOUT_S)
+        """Wait for a master, and serve this master until it disconnects."""
+        master_socket, _ = self._listener.accept()
+        with master_socket:
+            master_socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            master_socket.settimeout(_MASTER_TIMEOUT_S)
             try:
-                self._serve(master)
+                self._serve(master_socket)
             except OSError:
-                pass  # the master disconnected or stopped reading
+                pass  # The master has disconnected, or has stopped reading.
             finally:
                 self._disconnect()
 
-    def _serve(self, master: socket.socket) -> None:
+    def _serve(self, master_socket: socket.socket) -> None:
         incomplete = b""
         counter = 0
         wait_s = _POLL_INTERVAL_S
         while True:
             commands: list[bytes] = []
-            if select.select([master], [], [], wait_s)[0]:
-                data = master.recv(4096)
+            if select.select([master_socket], [], [], wait_s)[0]:
+                data = master_socket.recv(4096)
                 if not data:
                     return
                 commands, incomplete, _, is_broken = split_packets(incomplete + data)
@@ -461,23 +463,23 @@ class XcpBridge:
             packets = [packet for command in commands or [b""] for packet in self._forward(command)]
             wait_s = 0.0 if packets else _POLL_INTERVAL_S
             if packets:
-                master.sendall(
+                master_socket.sendall(
                     b"".join(frame_packet(packet, counter + index) for index, packet in enumerate(packets))
                 )
                 counter += len(packets)
 
     def _forward(self, command: bytes) -> list[bytes]:
-        """Return the packets with which the slave answers a command, or an empty command."""
+        """Return the packets with which the controller answers a command, or an empty command."""
         answer = self._controller.request(frames.XcpRequest(tuple(command)), frames.XcpPacketsAnswer)
-        remaining, packets = bytes(answer.packets), []
-        while remaining:
-            end = 1 + remaining[0]
-            packets.append(remaining[1:end])
-            remaining = remaining[end:]
+        remaining_bytes, packets = bytes(answer.packets), []
+        while remaining_bytes:
+            end = 1 + remaining_bytes[0]
+            packets.append(remaining_bytes[1:end])
+            remaining_bytes = remaining_bytes[end:]
         return packets
 
     def _disconnect(self) -> None:
-        """Disconnect the slave, so that the next master finds neither key nor samples of the last."""
+        """Disconnect the controller; the next master then gets neither key nor samples of this one."""
         try:
             self._forward(bytes((_DISCONNECT,)))
             while self._forward(b""):

@@ -1,1 +1,1 @@
-"""Reports of studies: a self-contained HTML page each, its figures, and the terminal output."""
+"""Report studies: each has a self-contained HTML page, figures, and terminal output."""

@@ -1,7 +1,7 @@
 """Draw the map of the benefit of compensation for different irons, and write its page.
 
-Each cell of the map is an iron with a certain loop width and reversible fraction. Its value is a
-metric of the run with compensation, divided by the same metric of a run without.
+Each cell of the map is an iron with a certain loop width and a certain reversible fraction. Its
+value is the ratio of a metric with compensation to the same metric without compensation.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ from anhyst_rigs.study.benefit import (
 from anhyst_rigs.study.engine.table import Metric
 
 STRONGEST_BASELINE = "the strongest baseline"
-_DARK_RATIO = 0.45  # ratio below which the text is white on a dark colour
-_SHORT_NAMES = {"linearised": "lin.", "single-valued": "single"}  # for narrow squares
-_HATCHES: Mapping[str, dict[str, Any]] = {
+_MAX_DARK_RATIO = 0.45  # ratio below which the colour is so dark that the text is white
+_SHORT_NAMES = {"linearised": "lin.", "single-valued": "single"}  # names for narrow squares
+_OUTCOME_HATCHES: Mapping[str, dict[str, Any]] = {
     "loss": {"ec": ALARM_COLOUR, "hatch": "xxxx"},
     "no gain": {"ec": SHADE_COLOUR, "hatch": "////"},
     "nothing to gain": {"ec": SHADE_COLOUR, "hatch": "...."},
@@ -65,14 +65,14 @@ ComparedCells = Sequence[tuple[MapCell, MethodComparison]]
 
 
 def _case_text(case: float | str) -> str:
-    """Return a case as text: the height of a step, or its description."""
+    """Return a case as text: the height of its step, or its name."""
     return f"{1e6 * case:g} µm" if isinstance(case, float) else case
 
 
 def compare_with_baselines(gains: Benefit, key: str) -> dict[str, ComparedCells]:
-    """Return, for each baseline, the comparison of every cell of the map with this baseline."""
+    """Return, for each baseline, the comparison of every map cell with this baseline."""
     by_baseline = {
-        "ratio": [cell.ratio for cell in gains.cells],
+        "ratio": [map_cell.ratio for map_cell in gains.cells],
         STRONGEST_BASELINE: [cell.strongest for cell in gains.cells],
         "flux": [cell.flux for cell in gains.cells],
     }
@@ -85,24 +85,24 @@ def compare_with_baselines(gains: Benefit, key: str) -> dict[str, ComparedCells]
 
 @use_report_style
 def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
-    """Draw ratios for all irons: one row of maps per baseline, and one column per case."""
+    """Draw the ratios for all irons: one row of maps per baseline, and one column per case."""
     baselines = compare_with_baselines(gains, metric.key)
-    cases = list(dict.fromkeys(cell.case for cell in gains.cells))
+    cases = list(dict.fromkeys(map_cell.case for map_cell in gains.cells))
     figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(cases)))
     axes = figure.subplots(len(baselines), len(cases), squeeze=False, sharex=True, sharey=True)
     mesh: QuadMesh | None = None
-    for row, (against, cells) in zip(axes, baselines.items(), strict=True):
-        for ax, case in zip(row, cases, strict=True):
+    for axes_row, (against, cells) in zip(axes, baselines.items(), strict=True):
+        for ax, case in zip(axes_row, cases, strict=True):
             mesh = _draw_map(ax, gains, against, [pair for pair in cells if pair[0].case == case])
             ax.set_title(f"{_case_text(case)}, against {against}", fontsize=8.0)
-        row[0].set_ylabel("loop width (% of largest drive)")
+        axes_row[0].set_ylabel("loop width (% of largest drive)")
     for ax in axes[-1]:
         ax.set_xlabel("reversible fraction")
     assert mesh is not None
     bar = figure.colorbar(mesh, ax=axes, shrink=0.8, extend="max")
     bar.set_label(f"{metric.title} of full / that of the baseline")
     figure.legend(
-        [Rectangle((0, 0), 1, 1, fc="none", lw=0.8, **style) for style in _HATCHES.values()],
+        [Rectangle((0, 0), 1, 1, fc="none", lw=0.8, **style) for style in _OUTCOME_HATCHES.values()],
         ["significant loss", "not significant", "nothing to gain: both are small"],
         loc="outside lower center",
         ncols=3,
@@ -111,42 +111,42 @@ def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
 
 
 def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> QuadMesh:
-    widths = sorted({gains.mean_loop_width(cell.iron.pinning_scale) for cell in gains.cells})
-    shares = list(dict.fromkeys(cell.iron.reversible_fraction for cell in gains.cells))
-    ratios = np.full((len(widths), len(shares)), np.nan)
+    widths = sorted({gains.mean_loop_width(map_cell.iron.pinning_scale) for map_cell in gains.cells})
+    levels = list(dict.fromkeys(cell.iron.reversible_fraction for cell in gains.cells))
+    ratios = np.full((len(widths), len(levels)), np.nan)
     for cell, comparison in cells:
         y = widths.index(gains.mean_loop_width(cell.iron.pinning_scale))
-        x = shares.index(cell.iron.reversible_fraction)
+        x = levels.index(cell.iron.reversible_fraction)
         ratios[y, x] = _ratio_or_nan(comparison)
         _label_cell(ax, (x, y), baseline, cell, comparison)
-    # Squares instead of an image, because identifiers must be unique on a page.
+    # A mesh of squares replaces an image, because identifiers must be unique on a page.
     mesh = ax.pcolormesh(
-        np.arange(len(shares) + 1) - 0.5,
+        np.arange(len(levels) + 1) - 0.5,
         np.arange(len(widths) + 1) - 0.5,
         np.ma.masked_invalid(np.minimum(ratios, 2.0)),
         cmap="PuOr_r",
         norm=TwoSlopeNorm(1.0, 0.0, 2.0),
-        zorder=0.5,  # below the hatching
+        zorder=0.5,  # The mesh is drawn below the hatching.
     )
     ax.grid(visible=False)
-    ax.set_xticks(range(len(shares)), ["unchanged" if share is None else f"{share:g}" for share in shares])
+    ax.set_xticks(range(len(levels)), ["unchanged" if level is None else f"{level:g}" for level in levels])
     ax.set_yticks(range(len(widths)), [f"{100.0 * width:.2g}" for width in widths])
     return mesh
 
 
 def _ratio_or_nan(comparison: MethodComparison) -> float:
-    """Return the ratio of a metric with and without compensation; NaN if a run was lost."""
+    """Return the ratio of a metric with and without compensation; NaN if a run lost control."""
     return math.nan if comparison.quotient is None else comparison.quotient.value
 
 
 def _label_cell(
-    ax: Axes, position: tuple[int, int], map_baseline: str, cell: MapCell, comparison: MethodComparison
+    ax: Axes, position: tuple[int, int], map_baseline: str, map_cell: MapCell, comparison: MethodComparison
 ) -> None:
-    """Write the ratio into its square, and hatch the square if a benefit is not certain."""
+    """Write the ratio into its square, and hatch the square if there is no significant gain."""
     x, y = position
     ratio, baseline = _ratio_or_nan(comparison), comparison.baseline
     text = "lost" if math.isnan(ratio) else f"{ratio:.2f}"
-    if cell.iron.label == "pathological":
+    if map_cell.iron.label == "pathological":
         text += "†"
     if baseline and baseline != map_baseline:
         text += f"\n{_SHORT_NAMES.get(baseline, baseline)}"
@@ -158,12 +158,12 @@ def _label_cell(
         ha="center",
         va="center",
         fontsize=7.0,
-        color="#FFFFFF" if is_gain and ratio < _DARK_RATIO else INK_COLOUR,
+        color="#FFFFFF" if is_gain and ratio < _MAX_DARK_RATIO else INK_COLOUR,
         bbox=None if is_gain else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
     )
     if not is_gain:
-        corner, style = (x - 0.48, y - 0.48), _HATCHES[comparison.outcome]
-        ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, lw=0.8, **style))
+        lower_left, style = (x - 0.48, y - 0.48), _OUTCOME_HATCHES[comparison.outcome]
+        ax.add_patch(Rectangle(lower_left, 0.96, 0.96, fill=False, lw=0.8, **style))
 
 
 _COMPARISON_TEXT = (
@@ -201,28 +201,28 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
         _benefit_section(gains),
         origin_section(file_hashes([rig.path, controller.path]), command, rig.settings.seed),
     )
-    head = _headline(gains, rig.settings.name, description, runs)
-    return page_text("Magnetic bearing", head, sections)
+    headline = _headline(gains, rig.settings.name, description, runs)
+    return page_text("Magnetic bearing", headline, sections)
 
 
 def map_bearing(rig: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
     """Return the benefit map of a bearing for loop widths and reversible fractions, and its page."""
-    ready = check_inputs(rig, read_bearing_controller(rig, task.controller))
-    gains = map_bearing_benefit(ready.rig, ready.controller, progress=task.progress)
+    inputs = check_inputs(rig, read_bearing_controller(rig, task.controller))
+    gains = map_bearing_benefit(inputs.rig, inputs.controller, progress=task.progress)
     command = task.command(" --benefit")
-    return gains, render_bearing(ready.rig, ready.controller, gains, command)
+    return gains, render_bearing(inputs.rig, inputs.controller, gains, command)
 
 
 def map_plants(rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
     """Return the benefit map of a rig with other irons, and its page."""
     gains, command = map_plant_benefit(rig, progress=task.progress), task.command(" --benefit")
     kind = rig.settings.kind.title
-    cases = ", ".join(dict.fromkeys(_case_text(cell.case) for cell in gains.cells))
+    cases = ", ".join(dict.fromkeys(_case_text(map_cell.case) for map_cell in gains.cells))
     description = f"{kind.capitalize()}, judged in: {cases}."
     runs = f"each with its own gains, if it has any, {gains.seeds} noise seeds each."
-    head = _headline(gains, rig.settings.name, description, runs)
+    headline = _headline(gains, rig.settings.name, description, runs)
     sections = (_benefit_section(gains), origin_section(file_hashes([rig.path]), command, rig.settings.seed))
-    return gains, page_text(kind.capitalize(), head, sections)
+    return gains, page_text(kind.capitalize(), headline, sections)
 
 
 def _benefit_section(gains: Benefit) -> Section:
@@ -249,7 +249,7 @@ def _benefit_section(gains: Benefit) -> Section:
 
 
 def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) -> str:
-    """Return a sentence with the number of irons with a gain and a loss, and the largest gain."""
+    """Return a sentence with the numbers of gains and losses, and with the largest gain."""
     gain_cells = [pair for pair in cells if pair[1].outcome == "gain"]
     loss_count, no_potential_count = (
         sum(comparison.outcome == outcome for _, comparison in cells)
@@ -262,10 +262,10 @@ def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) 
     if gain_cells:
         cell, largest_gain = min(gain_cells, key=lambda pair: _ratio_or_nan(pair[1]))
         width, fraction = (gains.mean_loop_width(cell.iron.pinning_scale), cell.iron.reversible_fraction)
-        share = "" if fraction is None else f"reversible fraction {fraction:g}, "
+        fraction_text = "" if fraction is None else f"reversible fraction {fraction:g}, "
         text += (
             f"; at best {100.0 * (1.0 - _ratio_or_nan(largest_gain)):.0f}{NBSP}% less than {largest_gain.baseline} ("
-            f"{'step of ' * isinstance(cell.case, float)}{_case_text(cell.case)}, {share}loop width "
+            f"{'step of ' * isinstance(cell.case, float)}{_case_text(cell.case)}, {fraction_text}loop width "
             f"{100.0 * width:.2g}{NBSP}%)"
         )
     return f"{text}."
@@ -284,7 +284,7 @@ def _iron_table(gains: Benefit) -> PageTable:
             UNKNOWN_TEXT if iron.after_reversal_true is None else format_number(iron.after_reversal_true, 2),
             iron.label or UNKNOWN_TEXT,
         ]
-        for iron in dict.fromkeys(cell.iron for cell in gains.cells)
+        for iron in dict.fromkeys(map_cell.iron for map_cell in gains.cells)
     ]
     return make_table(
         "Irons",
@@ -297,7 +297,7 @@ def _iron_table(gains: Benefit) -> PageTable:
             "label",
         ),
         rows,
-        "Loop width: of the largest drive. Ratio of the slope just after a reversal to the static slope: "
+        "Loop width: at the largest drive. Ratio of the slope just after a reversal to the static slope: "
         "below a quarter an iron is pathological.",
         texts=0,
     )

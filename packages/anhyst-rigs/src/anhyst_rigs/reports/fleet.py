@@ -1,4 +1,4 @@
-"""The page of a fleet of magnets: good magnets, outliers, and the scatter of the parameters."""
+"""Write the page of a fleet of magnets: good magnets, outliers, and the scatter of the parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def write_fleet_report(path: PathLike, fleet: Fleet) -> None:
 
 
 def _headline(fleet: Fleet) -> Headline:
-    count, good_count, shared = len(fleet.results), sum(fleet.is_good), sum(fleet.is_good_shared)
+    count, good_count, good_shared_count = len(fleet.results), sum(fleet.is_good), sum(fleet.is_good_shared)
     notes = [Note("warn", "Doubtful", f"{text}.") for text in fleet.warnings]
     if fleet.failed:
         notes.append(Note("bad", "Not evaluated", f"{', '.join(fleet.failed)}: see below."))
@@ -31,11 +31,11 @@ def _headline(fleet: Fleet) -> Headline:
                 "warn", "Outliers", f"{', '.join(fleet.outliers)}: their parameters are far from the others."
             )
         )
-    if shared >= good_count:
+    if good_shared_count >= good_count:
         text = f"as many magnets keep the tolerance with the model of '{fleet.typical}' as with their own"
         notes.append(Note("good", "One model is enough", f"{text}."))
     else:
-        text = f"{good_count} keep the tolerance with their own model, {shared} with one for all"
+        text = f"{good_count} keep the tolerance with their own model, {good_shared_count} with one for all"
         notes.append(Note("info", "Individual models help", f"{text}."))
     return Headline(
         title="Fleet of magnets",
@@ -46,7 +46,7 @@ def _headline(fleet: Fleet) -> Headline:
         notes=tuple(notes),
         tiles=(
             Tile(f"{good_count} of {count}", "good", "each with its own controller"),
-            Tile(f"{shared} of {count}", "good", f"all with the model of '{fleet.typical}'"),
+            Tile(f"{good_shared_count} of {count}", "good", f"all with the model of '{fleet.typical}'"),
             Tile(str(len(fleet.outliers)), "outliers", "by their parameters"),
             Tile(str(len(fleet.failed)), "not evaluated", "bad files"),
         ),
@@ -77,12 +77,12 @@ def _scatter_section(fleet: Fleet) -> Section:
     ax = figure.add_subplot()
     columns = fleet.to_columns()
     values = np.array([columns[name] for name in fleet.quantities]).T
-    size = np.where(spread.mean != 0.0, np.abs(spread.mean), 1.0)
+    scale = np.where(spread.mean != 0.0, np.abs(spread.mean), 1.0)
     for index in range(len(fleet.quantities)):
-        share = 100.0 * (values[:, index] - spread.mean[index]) / size[index]
+        percent_deviation = 100.0 * (values[:, index] - spread.mean[index]) / scale[index]
         is_outlier = spread.outlier
-        ax.plot(share[~is_outlier], np.full((~is_outlier).sum(), index), "|", ms=9, color="C0")
-        ax.plot(share[is_outlier], np.full(is_outlier.sum(), index), "x", ms=6, color="C3")
+        ax.plot(percent_deviation[~is_outlier], np.full((~is_outlier).sum(), index), "|", ms=9, color="C0")
+        ax.plot(percent_deviation[is_outlier], np.full(is_outlier.sum(), index), "x", ms=6, color="C3")
     ax.set_yticks(range(len(fleet.quantities)), fleet.quantities, fontsize="small")
     ax.set_xlabel("deviation from the mean [%]")
     ax.set_xscale("symlog", linthresh=10.0)
@@ -96,31 +96,31 @@ def _scatter_section(fleet: Fleet) -> Section:
 
 
 def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
-    """Return a table of the mean and the scatter of each quantity."""
+    """Return a table with the mean and the scatter of each quantity."""
     rows = [
         (name, f"{mean:.4g}", f"{scatter:.2g}", f"{100.0 * scatter / abs(mean):.2g}" if mean else "")
         for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)
     ]
-    head = ("quantity", "mean", "scatter", "%")
-    return make_table("Mean and scatter over the fleet", head, rows)
+    table_header = ("quantity", "mean", "scatter", "%")
+    return make_table("Mean and scatter over the fleet", table_header, rows)
 
 
 def _magnet_section(fleet: Fleet) -> Section:
     columns = fleet.to_columns()
     rows = [
-        (name, "yes" if good else "no", f"{own_error:.2f}", f"{shared:.2f}", f"{distance:.1f}")
-        for name, good, own_error, shared, distance in zip(
+        (name, "yes" if is_good else "no", f"{own_error:.2f}", f"{shared_error:.2f}", f"{distance:.1f}")
+        for name, is_good, own_error, shared_error, distance in zip(
             *(columns[key] for key in ("magnet", "good", "own_percent", "shared_percent", "distance")),
             strict=True,
         )
     ]
     rows.sort(key=lambda row: -float(row[2]))
-    head = ("magnet", "good", "own, %", "shared, %", "distance")
+    table_header = ("magnet", "good", "own, %", "shared, %", "distance")
     caption = (
         "The magnets with the largest errors come first. Rms errors in % of the largest output; "
         "distance from the mean in standard deviations."
     )
-    blocks: list[Block] = [make_table("Magnets", head, rows[:_MAX_ROWS], caption, texts=2)]
+    blocks: list[Block] = [make_table("Magnets", table_header, rows[:_MAX_ROWS], caption, texts=2)]
     if len(rows) > _MAX_ROWS:
         blocks.append(Text(f"The other {len(rows) - _MAX_ROWS} are in fleet.csv."))
     if fleet.failed:

@@ -1,4 +1,4 @@
-"""Figures and page of open-loop force control (section III of the paper), from recordings."""
+"""Draw the figures of open-loop force control (section III of the paper), and write the page."""
 
 from __future__ import annotations
 
@@ -65,9 +65,9 @@ from anhyst_rigs.study.force_trials import (
 def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
     """Draw a block diagram of the hardware: PC, controller, amplifier, actuator and sensors."""
     settings = rig.settings
-    amplifier, force = settings.amplifier, settings.force_sensor
+    amplifier, force_sensor = settings.amplifier, settings.force_sensor
     gap = settings.gap_sensor
-    actuator, turns = rig.actuator_name_and_turns
+    actuator, turn_count = rig.actuator_name_and_turns
     held_gaps = settings.held_case.gaps_m
     left, middle, right, above, below = 1.3, 4.8, 8.3, 3.2, 1.2
     boxes = {
@@ -84,7 +84,7 @@ def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
         ),
         (right, below): (
             actuator,
-            f"{turns} turns, {settings.force.force_max_N:g} N",
+            f"{turn_count} turns, {settings.force.force_max_N:g} N",
             f"gap {1e3 * min(held_gaps):g} to {1e3 * max(held_gaps):g} mm",
         ),
         (middle, below): (
@@ -94,8 +94,8 @@ def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
         ),
         (left, below): (
             "force sensor",
-            f"{force.adc_bits} bits over {force.high_N - force.low_N:g} N",
-            f"{force.noise_N:g} N rms, {force.bandwidth_Hz:g} Hz",
+            f"{force_sensor.adc_bits} bits over {force_sensor.high_N - force_sensor.low_N:g} N",
+            f"{force_sensor.noise_N:g} N rms, {force_sensor.bandwidth_Hz:g} Hz",
         ),
     }
     figure, ax = new_diagram(9.6, 4.1)
@@ -114,8 +114,8 @@ def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
         (middle - 0.7 * half_width, above - half_height),
     )
     draw_arrow(ax, corner, linestyle=(0, (4, 2)))
-    floor = below - half_height
-    draw_arrow(ax, [(right, floor), (right, 0.2), (left, 0.2), (left, floor)], FALLING_COLOUR)
+    box_bottom = below - half_height
+    draw_arrow(ax, [(right, box_bottom), (right, 0.2), (left, 0.2), (left, box_bottom)], FALLING_COLOUR)
     for x, y, text in (
         (0.5 * (box_edges[0] + box_edges[1]), above + 0.08, "serial link\nforce out, status back"),
         (0.5 * (box_edges[2] + box_edges[3]), above + 0.08, "current"),
@@ -135,12 +135,13 @@ _DRAWN_ERRORS: Mapping[str, MethodName] = {
     "simplified": "simplified",
     "single": "single-valued",
 }
-"""Controllers whose errors are drawn if they ran: the models, and the best single-valued curve."""
+"""Controllers whose errors are drawn if they ran: those with a model, and the single-valued curve.
+"""
 MAX_TITLE_LETTERS = 62
-"""Maximum length of a line above a panel, in letters."""
+"""Largest number of letters of a line above a panel."""
 
 MIN_THINNED_POINTS = 1500
-"""A thinned curve has at least this number of points, and less than twice this number."""
+"""Smallest number of points of a thinned curve, which has less than twice this number."""
 
 
 CAPTIONS: Mapping[str, str] = {
@@ -149,25 +150,25 @@ CAPTIONS: Mapping[str, str] = {
     "moving": "With the armature moving over its stroke.",
     "fig6": "Hardware.",
 }
-"""Captions of the figures on the page, in their order."""
+"""Captions of the figures, in the order of the page."""
 
 
 def simulate(task: SimulationTask) -> ForceControl:
-    """Run the firmware in this process on the demands of a rig."""
+    """Run the firmware in this process with the demands of a rig."""
     if not task.writes_files:
         raise InputError("force control: needs an output folder", code="missing", key="--out")
     return run_firmware(task, "library")
 
 
 def run_firmware(task: SimulationTask, board: str) -> ForceControl:
-    """Run the firmware on a board on the demands of a rig."""
+    """Run the firmware on a board with the demands of a rig."""
     controlled = force_control(task.rig, task.out, board=board, progress=task.progress)
     draw_all(controlled)
     return controlled
 
 
 def map_benefit(rig: ForceControlRig, task: SimulationTask) -> tuple[Benefit, str]:
-    """Return the benefit map of an actuator with other irons, and its page."""
+    """Return the benefit map of an actuator with other irons, and the page with this map."""
     return map_plants(complete_rig(rig, read_rig_loops(rig)), task)
 
 
@@ -189,11 +190,11 @@ def terminal_summary(result: ForceControl) -> TerminalSummary:
     return TerminalSummary([comparison_table(result)], [*result.plant.report_lines, agreement])
 
 
-def draw_all(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
-    """Write all figures as PNG and SVG into the folder of a run, and the page with them."""
+def draw_all(result: ForceControl, verification_tables: Sequence[PageTable] = ()) -> None:
+    """Write all figures as PNG and SVG into the folder of a run, and a page that contains them."""
     stages: dict[str, list[ForceOutcome]] = {}
     for outcome in result.outcomes:
-        stages.setdefault(outcome.trial.stage, []).append(outcome)
+        stages.setdefault(outcome.trial.trial_stage, []).append(outcome)
     rig = result.rig
     pages = {
         "fig6": figure_hardware(rig, str(result.figures["board"])),
@@ -212,18 +213,18 @@ def draw_all(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
     )
     sections = [
         Section("forces", "Forces", tuple(pictures)),
-        Section("controller", "Controller", (compiled, *verified)),
+        Section("controller", "Controller", (compiled, *verification_tables)),
         origin_section(file_hashes([rig.path, *rig.measured_loops.files])),
     ]
-    text = page_text("Force control", _headline(result, bool(verified)), sections)
+    text = page_text("Force control", _headline(result, bool(verification_tables)), sections)
     write_page(result.out / REPORT_NAME, text)
 
 
-def _headline(result: ForceControl, verified: bool) -> Headline:
+def _headline(result: ForceControl, has_verification: bool) -> Headline:
     rig, figures = result.rig, result.figures
     loss_notes = [Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")]
     notes = loss_notes if result.lost_in else [verdict_note(result.verdict)]
-    if verified:
+    if has_verification:
         notes.append(
             Note("good", "C verified", "The same bits on all targets that ran; see the tables below.")
         )
@@ -244,7 +245,7 @@ def _headline(result: ForceControl, verified: bool) -> Headline:
 
 
 def _tiles(result: ForceControl) -> tuple[Tile, ...]:
-    """Return the largest errors of the fastest demand with a fixed armature."""
+    """Return the largest errors for the fastest demand with a fixed armature."""
     demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
     fastest_demand = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
     fixed_trials = (
@@ -262,7 +263,7 @@ def _tiles(result: ForceControl) -> tuple[Tile, ...]:
 
 
 def comparison_table(result: ForceControl) -> PageTable:
-    """Return the largest and rms errors of each controller, by group of trials and demand."""
+    """Return the largest and the rms error of each controller, by group of trials and demand."""
     groups = worst_errors(
         result.figures["trials"], lambda trial: f"{STAGE_TITLES[stage_key(trial)]}, {trial['demand']}"
     )
@@ -278,14 +279,14 @@ def comparison_table(result: ForceControl) -> PageTable:
 
 @use_report_style
 def figure_constant_gap(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw forces and errors at the end of the stroke, one column per demand (paper, Fig. 7)."""
+    """Draw forces and errors at the end of the stroke: one column per demand (paper, Fig. 7)."""
     unknown_starts = [outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"]
     return _draw_columns(rig, unknown_starts, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0)
 
 
 @use_report_style
 def figure_moving(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw forces, errors and position with a moving armature, one column per demand."""
+    """Draw forces, errors and position with a moving armature: one column per demand."""
     rows = {"force (N)": 3.0, "true force - demand (N)": 2.0, "gap (mm)": 1.2}
     return _draw_columns(rig, outcomes, rows, 7.0)
 
@@ -293,7 +294,7 @@ def figure_moving(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Fig
 def _draw_columns(
     rig: ForceControlRig, outcomes: Sequence[ForceOutcome], rows: Mapping[str, float], height: float
 ) -> Figure:
-    """Draw forces and errors, and the gap if it has a row, one column per demand."""
+    """Draw forces and errors, and the gap if it has a row: one column per demand."""
     figure = new_figure(height, width=4.8 * len(outcomes))
     axes = figure.subplots(
         len(rows), len(outcomes), squeeze=False, sharex="col", height_ratios=[*rows.values()]
@@ -314,7 +315,7 @@ def _draw_columns(
 
 @use_report_style
 def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw forces and errors at several positions: a row of forces and a row of errors per demand.
+    """Draw forces and errors at several positions: one row of each per demand.
 
     Fig. 8 of the paper shows only the forces, in which good compensation is not visible.
     """
@@ -324,29 +325,29 @@ def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> 
     axes = figure.subplots(
         2 * len(names), columns, squeeze=False, sharey="row", height_ratios=(3, 2) * len(names)
     )
-    for name, row, errors in zip(names, axes[::2], axes[1::2], strict=True):
+    for name, error_axes, errors in zip(names, axes[::2], axes[1::2], strict=True):
         members = [outcome for outcome in outcomes if outcome.trial.demand.name == name]
-        for ax, below, outcome in zip(row, errors, members, strict=False):
+        for ax, error_ax, outcome in zip(error_axes, errors, members, strict=False):
             _draw_forces(ax, rig, outcome)
             ax.set_title(f"{_position_text(outcome)}\n{name}")
             ax.tick_params(labelbottom=False)
-            _draw_deviations(below, rig, outcome, title=False)
-            worst = (
+            _draw_deviations(error_ax, rig, outcome, title=False)
+            worst_error = (
                 f"{controller} {_worst_percent(rig, outcome, controller):.1f}"
                 for controller in ("full", "single")
             )
-            below.set_title(f"{'; '.join(worst)} %", fontsize=8.0, weight="normal")
-            below.set_xlabel("time (s)")
-        for empty in (*row[len(members) :], *errors[len(members) :]):
+            error_ax.set_title(f"{'; '.join(worst_error)} %", fontsize=8.0, weight="normal")
+            error_ax.set_xlabel("time (s)")
+        for empty in (*error_axes[len(members) :], *errors[len(members) :]):
             empty.remove()
-        row[0].set_ylabel("force (N)")
+        error_axes[0].set_ylabel("force (N)")
         errors[0].set_ylabel("true force - demand (N)")
     legend_below(figure, axes[0, 0], axes[1, 0], columns=int(figure.get_figwidth() / 2.4))
     return figure
 
 
 def _draw_forces(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome) -> None:
-    """Draw four forces: demanded, measured, of the simulated program, and with the constant ratio."""
+    """Draw demanded, measured and simulated force, and the force with the constant ratio."""
     curves = (
         ("demand", outcome.trial.demand.force, DEMAND_COLOUR, 4.0, "-"),
         ("constant ratio", outcome.recordings["ratio"]["force_read_N"], FALLING_COLOUR, 0.9, "-"),

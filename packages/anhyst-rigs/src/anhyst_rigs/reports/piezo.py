@@ -1,4 +1,4 @@
-"""The page and the figure of a piezo stage that follows a triangle."""
+"""Write the page of a piezo stage that follows a triangle, and draw its figure."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ COLOURS = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 
 @use_report_style
 def figure_tracking(tracked: PiezoTracking) -> Figure:
-    """Draw the reference and the deviation of each controller in the evaluated cycles."""
+    """Draw the reference, and the deviation of each controller, in the evaluated cycles."""
     figure = new_figure(6.5)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
-    judged = slice(tracked.first_evaluated_tick, None)
-    full = tracked.runs["full"]
-    time = full["t_s"][judged]
-    upper.plot(time, 1e6 * full["reference_m"][judged], color="0.3")
-    upper.set_ylabel("reference (µm)")
+    position_ax, error_ax = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
+    evaluated_ticks = slice(tracked.first_evaluated_tick, None)
+    full_run = tracked.runs["full"]
+    time = full_run["t_s"][evaluated_ticks]
+    position_ax.plot(time, 1e6 * full_run["reference_m"][evaluated_ticks], color="0.3")
+    position_ax.set_ylabel("reference (µm)")
     for name, run in tracked.runs.items():
         label = f"{COMPENSATION_TITLES[name]}: {1e9 * tracked.errors[name]['rms_m']:.0f} nm rms"
-        lower.plot(time, 1e9 * run["error_m"][judged], color=COLOURS[name], lw=1.0, label=label)
-    lower.set(xlabel="time (s)", ylabel="deviation (nm)")
-    legend_below(figure, lower, columns=3)
+        error_ax.plot(time, 1e9 * run["error_m"][evaluated_ticks], color=COLOURS[name], lw=1.0, label=label)
+    error_ax.set(xlabel="time (s)", ylabel="deviation (nm)")
+    legend_below(figure, error_ax, columns=3)
     return figure
 
 
 def comparison_table(tracked: PiezoTracking) -> PageTable:
-    """Return the deviations of each controller from the triangle."""
+    """Return the deviations from the triangle for each controller."""
     errors = {COMPENSATION_TITLES[name]: figures for name, figures in tracked.errors.items()}
     return method_table(
         "Deviation from the triangle",
@@ -57,7 +57,7 @@ def comparison_table(tracked: PiezoTracking) -> PageTable:
 
 
 def terminal_summary(tracked: PiezoTracking) -> TerminalSummary:
-    """Return the terminal output of a piezo stage."""
+    """Return the terminal output for a piezo stage."""
     return TerminalSummary(
         [comparison_table(tracked)], [f"rms with compensation over without: {tracked.deviation_ratio():.2f}"]
     )
@@ -66,11 +66,11 @@ def terminal_summary(tracked: PiezoTracking) -> TerminalSummary:
 def render(tracked: PiezoTracking, command: str) -> str:
     """Return the page of a piezo stage."""
     file = tracked.rig.settings
-    moved, baseline = file.displacement_case, tracked.errors["none"]
-    head = Headline(
+    displacement_case, baseline = file.displacement_case, tracked.errors["none"]
+    headline = Headline(
         title=file.name,
-        description=f"A piezo stage that follows a triangle of {1e6 * moved.stroke_m:g}{NBSP}µm, "
-        f"{moved.frequency_Hz:g} times a second, at {file.timing.rate_Hz:g} ticks a second.",
+        description=f"A piezo stage that follows a triangle of {1e6 * displacement_case.stroke_m:g}{NBSP}µm, "
+        f"{displacement_case.frequency_Hz:g} times a second, at {file.timing.rate_Hz:g} ticks a second.",
         basis="Simulated. The inverse model is identified from loops of the simulated stage, with "
         "the noise of its sensor.",
         notes=(verdict_note(tracked.verdict),),
@@ -91,7 +91,7 @@ def render(tracked: PiezoTracking, command: str) -> str:
         Section("tracking", "Following the triangle", (tracking_picture,)),
         origin_section(file_hashes([tracked.rig.path]), command, file.seed),
     ]
-    return page_text("Piezo stage", head, sections)
+    return page_text("Piezo stage", headline, sections)
 
 
 def simulate(task: SimulationTask) -> PiezoTracking:

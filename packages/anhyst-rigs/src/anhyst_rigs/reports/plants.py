@@ -1,4 +1,4 @@
-"""The page and the figure of a Monte Carlo study: plants of any kind of rig with random drift."""
+"""Write the page of a Monte Carlo study, and draw its figure: plants of any kind with random drift."""
 
 from __future__ import annotations
 
@@ -103,17 +103,17 @@ def _drift_section(runs: MonteCarlo) -> Section:
 
 
 def percentile_table(runs: MonteCarlo) -> PageTable:
-    """Return a table of percentiles of all plants, for each metric and variant."""
+    """Return a table with percentiles over all plants, for each metric and variant."""
     rows = [
         [_figure_title(figure, case), name, *(format_number(value, 3) for value in percentiles)]
         for figure in runs.plants.figures
         for case_index, case in enumerate(figure.case_names)
         for name in in_report_order(runs.runs)
         for values in (runs.values(name, figure.key, case_index),)
-        for percentiles in ([figure.factor * percentile(values, p) for p in PERCENTILES],)
+        for percentiles in ([figure.factor * percentile(values, percentage) for percentage in PERCENTILES],)
     ]
-    head = ["figure", "variant", *(f"{percent:g} %" for percent in PERCENTILES)]
-    return make_table("Percentiles", head, rows, texts=2)
+    table_header = ["figure", "variant", *(f"{percent:g} %" for percent in PERCENTILES)]
+    return make_table("Percentiles", table_header, rows, texts=2)
 
 
 def _figure_title(figure: PlantMetric, case: str) -> str:
@@ -121,17 +121,17 @@ def _figure_title(figure: PlantMetric, case: str) -> str:
 
 
 def _worst_plants(runs: MonteCarlo) -> Items:
-    """Return the worst plant of each case of the first metric, with its drift."""
+    """Return the worst plant for each case of the first metric, with the drift of this plant."""
     figure, own_method = runs.plants.figures[0], runs.plants.own_method
     rows = []
     for case, name in enumerate(figure.case_names):
         values = runs.values(own_method, figure.key, case)
-        worst = int(np.argmax(values))
+        number = int(np.argmax(values))
         value_text = "lost"
-        if math.isfinite(values[worst]):
-            value_text = f"{format_number(figure.factor * values[worst], 2)}{NBSP}{figure.unit}"
+        if math.isfinite(values[number]):
+            value_text = f"{format_number(figure.factor * values[number], 2)}{NBSP}{figure.unit}"
         text = (
-            f"{_figure_title(figure, name)}, {value_text}: plant {worst}, {_drift_text(runs.drifts[worst])}"
+            f"{_figure_title(figure, name)}, {value_text}: plant {number}, {_drift_text(runs.drifts[number])}"
         )
         rows.append(text)
     return Items(f"Worst plants of {own_method}", tuple(rows))
@@ -148,20 +148,20 @@ def _drift_text(drift: Drift) -> str:
 
 @use_report_style
 def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figure:
-    """Draw the distribution of metrics among the plants, with percentiles marked.
+    """Draw the distribution of metrics over the plants, and mark the percentiles.
 
-    Each variant has one value per plant, which is infinite if the plant lost control.
+    Each variant has one value per plant, which is infinite if control was lost.
     """
     figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
     axes = create_panels(figure, len(spreads))
     for ax, (title, by_method) in zip(axes, spreads.items(), strict=True):
         for name in in_report_order(by_method):
             values = np.sort(by_method[name])
-            share = 100.0 * np.arange(1, values.size + 1) / values.size
+            plant_percent = 100.0 * np.arange(1, values.size + 1) / values.size
             finite = np.isfinite(values)
-            ax.plot(values[finite], share[finite], **line_style(name), label=name)
-            marks = [percentile(values.tolist(), percent) for percent in PERCENTILES]
-            ax.plot(marks, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
+            ax.plot(values[finite], plant_percent[finite], **line_style(name), label=name)
+            percentile_values = [percentile(values.tolist(), percent) for percent in PERCENTILES]
+            ax.plot(percentile_values, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
         ax.set_title(title)
         ax.set_ylim(0.0, 102.0)
     axes[0].set_ylabel("plants below (%)")

@@ -1,4 +1,4 @@
-"""Define protocols of a kind of rig for `simulate`, and the studies that all kinds have in common."""
+"""Define what `simulate` needs from a kind of rig, and the studies that all kinds have in common."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from anhyst_rigs.study.piezo import PiezoTracking
 from anhyst_rigs.study.tracking.simulate import TrackingStudy
 
 
-def study_output(result: StudyResult, printed: TerminalSummary, written: str) -> Iterator[str | PageTable]:
-    """Return the terminal output of a study: losses, verdict, files written, tables."""
-    tables, lines = printed
+def study_output(result: StudyResult, summary: TerminalSummary, files_text: str) -> Iterator[str | PageTable]:
+    """Return the terminal output of a study: losses, verdict, written files and tables."""
+    tables, lines = summary
     yield from (f"lost: {loss}" for loss in result.lost_in)
     yield f"verdict: {result.verdict.sentence}"
-    yield f"written: {written}"
+    yield f"written: {files_text}"
     yield from tables
     yield from lines
     for name, reason in getattr(result, "left_out", {}).items():
@@ -50,7 +50,7 @@ class HasSimulation(Protocol):
         """
 
     def printed(self, result: StudyResult) -> TerminalSummary:
-        """Return the terminal output of the study, except losses and verdict."""
+        """Return the terminal output of the study, without losses and verdict."""
 
     def written(self, result: StudyResult, out: Path) -> str:
         """Return a text that names the files that were written."""
@@ -63,7 +63,7 @@ class HasPlants(Protocol):
         """Return the rig file, and all files that it and a controller file name."""
 
     def plants(self, rig: PathLike, controller: PathLike | None, progress: Progress | None) -> Plants:
-        """Read the data for simulating drifted plants."""
+        """Read the data for a simulation of drifted plants."""
 
 
 class HasBenefit(Protocol):
@@ -76,7 +76,7 @@ class HasBenefit(Protocol):
         """Return the rig file, and all files that it and a controller file name."""
 
     def benefit(self, rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
-        """Return the benefit of compensation for other irons, and its page."""
+        """Return the benefit of compensation for other irons, and the page with the map."""
 
 
 class HasBoard(Protocol):
@@ -87,8 +87,8 @@ class HasBoard(Protocol):
 
 
 def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo:
-    """Simulate drifted plants, and continue with the results that the file already contains."""
-    task.require_suffix(".jsonl", "results of a Monte Carlo are")
+    """Simulate drifted plants, beginning after the results that the file already contains."""
+    task.require_suffix(".jsonl", "results of a Monte Carlo study are")
     figures, files = task.out.parent / MONTE_CARLO_NAME, kind.files(task.rig, task.controller)
     for path in (figures, task.report_path):
         check_writable(path, files)

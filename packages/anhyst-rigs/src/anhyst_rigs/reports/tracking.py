@@ -1,4 +1,4 @@
-"""Write the page of a stage: how much compensation improves on the best baseline, and its limits."""
+"""Write the page of a stage: the benefit of compensation over the best baseline, and its limits."""
 
 from __future__ import annotations
 
@@ -60,10 +60,10 @@ def limit_texts(study: TrackingStudy) -> list[str]:
     name = study.memoryless
 
     def compare(own_value: float, baseline: float, title: str) -> str:
-        word = "nothing to gain" if own_value >= baseline else f"{own_value / baseline:.2g} of it"
+        comparison = "nothing to gain" if own_value >= baseline else f"{own_value / baseline:.2g} of it"
         if baseline <= SETTLING_BANDS_M[-1]:
-            word = f"little to gain, because the baseline is within {1e9 * SETTLING_BANDS_M[-1]:g} nm"
-        return f"{title}: {1e9 * own_value:.3g} nm against {1e9 * baseline:.3g} nm of '{name}', {word}"
+            comparison = f"little to gain, because the baseline is within {1e9 * SETTLING_BANDS_M[-1]:g} nm"
+        return f"{title}: {1e9 * own_value:.3g} nm against {1e9 * baseline:.3g} nm of '{name}', {comparison}"
 
     return [
         compare(
@@ -85,26 +85,26 @@ def limit_texts(study: TrackingStudy) -> list[str]:
 
 
 _SHOWN_BEFORE_S = 5e-3
-"""Time shown before the turnaround, s."""
+"""Time that is drawn before the turnaround, s."""
 
 
 @use_report_style
 def figure_scan(variants: Mapping[MethodName, VariantResult], motion: SetPoint, slit: float) -> Figure:
-    """Draw set-point, error, moving average and force error over the last scan."""
+    """Draw acceleration, error, moving average and force error during the last scan."""
     figure = new_figure(9.6)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=(1.1, 2, 2, 1.6))
     first_run = next(iter(variants.values())).recording
-    begin, length, _ = motion.pulses[-1]
-    part = slice(round((begin - _SHOWN_BEFORE_S) / first_run.dt), len(first_run))
-    time = 1e3 * (first_run["t_s"][part] - begin)
-    _, acceleration, _, _ = motion.derivatives_at(first_run["t_s"][part])
+    begin_time, length, _ = motion.pulses[-1]
+    shown_part = slice(round((begin_time - _SHOWN_BEFORE_S) / first_run.dt), len(first_run))
+    time = 1e3 * (first_run["t_s"][shown_part] - begin_time)
+    _, acceleration, _, _ = motion.derivatives_at(first_run["t_s"][shown_part])
     axes[0].plot(time, acceleration, color=INK_COLOUR, lw=1.2)
     axes[0].set_ylabel("acceleration [m/s²]")
     for name, variant in variants.items():
         run = variant.recording
-        axes[1].plot(*thin_curves(time, 1e9 * run["error_m"][part]), label=name, **line_style(name))
-        axes[2].plot(*thin_curves(*_moving_average(run, slit, begin)), **line_style(name))
-        axes[3].plot(*thin_curves(time, run["force_error_N"][part]), **line_style(name))
+        axes[1].plot(*thin_curves(time, 1e9 * run["error_m"][shown_part]), label=name, **line_style(name))
+        axes[2].plot(*thin_curves(*_moving_average(run, slit, begin_time)), **line_style(name))
+        axes[3].plot(*thin_curves(time, run["force_error_N"][shown_part]), **line_style(name))
     axes[1].set_ylabel("error [nm]")
     axes[2].set_ylabel(f"mean over {1e3 * slit:g} ms [nm]")
     axes[3].set_ylabel("force error [N]")
@@ -118,23 +118,23 @@ def figure_scan(variants: Mapping[MethodName, VariantResult], motion: SetPoint, 
     return figure
 
 
-def _moving_average(run: Recording, slit: float, begin: float) -> tuple[FloatArray, FloatArray]:
-    """Return the moving average at the middle of its window: time in ms, error in nm."""
+def _moving_average(run: Recording, slit: float, begin_time: float) -> tuple[FloatArray, FloatArray]:
+    """Return the moving average against the time of the window's middle, nm and ms."""
     mean, _ = moving_statistics(run["error_m"], round(slit / run.dt))
-    time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin)
+    time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin_time)
     is_shown = time >= -1e3 * _SHOWN_BEFORE_S
     return time[is_shown], 1e9 * mean[is_shown]
 
 
 @use_report_style
 def figure_settling(variants: Mapping[MethodName, VariantResult], cruise: float) -> Figure:
-    """Draw histograms of the settling times of all scans and seeds, one row per variant."""
+    """Draw histograms of the settling times of all scans and seeds: one row per variant."""
     figure = new_figure(0.9 * len(variants) + 1.0)
     axes = figure.subplots(len(variants), 2, sharex=True, squeeze=False)
     edges = 1e3 * np.linspace(0.0, cruise, 51)
     for row, (name, variant) in zip(axes, variants.items(), strict=True):
-        for ax, settled in zip(row, variant.settling_times, strict=True):
-            ax.hist(1e3 * np.asarray(settled), bins=edges.tolist(), color=line_style(name)["color"])
+        for ax, settling_times in zip(row, variant.settling_times, strict=True):
+            ax.hist(1e3 * np.asarray(settling_times), bins=edges.tolist(), color=line_style(name)["color"])
         row[0].set_ylabel(name, rotation=0, ha="right", va="center")
     for ax, band in zip(axes[0], SETTLING_BANDS_M, strict=True):
         ax.set_title(f"into {1e9 * band:g} nm")
@@ -145,7 +145,7 @@ def figure_settling(variants: Mapping[MethodName, VariantResult], cruise: float)
 
 @use_report_style
 def figure_learning(variants: Mapping[MethodName, VariantResult]) -> Figure:
-    """Draw the peak error over the trials of learning control."""
+    """Draw the peak error of each trial of learning control."""
     figure = new_figure(3.2)
     ax = figure.subplots()
     for name, variant in variants.items():
@@ -158,7 +158,7 @@ def figure_learning(variants: Mapping[MethodName, VariantResult]) -> Figure:
 
 
 def terminal_summary(study: TrackingStudy) -> TerminalSummary:
-    """Return the terminal output of a stage."""
+    """Return the terminal output for a stage."""
     lines = [
         f"mean of {study.rig.settings.noise_seeds} noise seeds with its 95 % interval; gains found "
         "on the training set-point",
@@ -175,7 +175,7 @@ def terminal_summary(study: TrackingStudy) -> TerminalSummary:
 
 def render(study: TrackingStudy, command: str) -> str:
     """Return the page of a stage."""
-    settled = picture(
+    settling_picture = picture(
         figure_settling(study.variants, study.rig.settings.scan.cruise_s),
         "settling",
         "Histograms of the settling time into 50 and 10 nm, one row per variant.",
@@ -184,7 +184,7 @@ def render(study: TrackingStudy, command: str) -> str:
     sections = [
         _scan_section(study),
         Section("cross-talk", "Cross-talk", tuple(cross_tables(study))),
-        Section("settling", "Settling", (settled,)),
+        Section("settling", "Settling", (settling_picture,)),
         _limit_section(study),
         _learning_section(study),
         Section("losses", "Loss of magnets, and lift-off", tuple(loss_tables(study))),
@@ -194,7 +194,7 @@ def render(study: TrackingStudy, command: str) -> str:
 
 
 def comparison_table(study: TrackingStudy) -> PageTable:
-    """Return a table with the metrics of all variants on the test motion."""
+    """Return a table with the metrics of all variants on the test set-point."""
     return method_table(
         f"All variants on the test set-point, crossover {study.rig.settings.tracking.crossover_Hz:g} Hz",
         METRICS,
@@ -206,7 +206,7 @@ def comparison_table(study: TrackingStudy) -> PageTable:
 
 
 def cross_tables(study: TrackingStudy) -> list[PageTable]:
-    """Return tables of coordinates that the set-point does not move; none for one coordinate."""
+    """Return tables for the coordinates that the set-point does not move, if there are any."""
     metrics = cross_talk_metrics(study.rig.settings)
     if not metrics:
         return []
@@ -215,7 +215,7 @@ def cross_tables(study: TrackingStudy) -> list[PageTable]:
         "Rms of each coordinate at rest",
         ["variant", *(f"{axis.replace('_', ' (n')})" for axis in at_rest)],
         [
-            [name, *(format_number(1e9 * rest, 3) for rest in variant.standstill_by_axis.values())]
+            [name, *(format_number(1e9 * error, 3) for error in variant.standstill_by_axis.values())]
             for name, variant in study.variants.items()
         ],
         "The long stroke moves.",
@@ -230,7 +230,7 @@ def cross_tables(study: TrackingStudy) -> list[PageTable]:
 
 
 def loss_tables(study: TrackingStudy) -> list[PageTable]:
-    """Return a table of the runs in which a magnet or a head fails; none without such runs."""
+    """Return a table of the runs in which a magnet or a head fails; none if there are no such runs."""
     rows = [loss.table_cells() for loss in study.losses]
     return [make_table(LOSS_TITLE, LOSS_COLUMNS, rows, " ".join(LOSS_NOTES), texts=2)] if rows else []
 
@@ -240,11 +240,11 @@ def _headline(study: TrackingStudy) -> Headline:
     note = verdict_note(study.verdict)
     notes = [replace(note, tone="bad") if study.lost_in else note]
     notes += [verdict_note(verdict) for verdict in study.verdicts.values()]
-    notes += [Note("warn", "Left out", f"{name}: {why}.") for name, why in study.left_out.items()]
-    free = ", ".join(plant.body.free)
+    notes += [Note("warn", "Left out", f"{name}: {reason}.") for name, reason in study.left_out.items()]
+    axes = ", ".join(plant.body.free)
     return Headline(
         title=plant.name,
-        description=f"A mass of {plant.body.mass_kg:g}{NBSP}kg, free in {free}, between "
+        description=f"A mass of {plant.body.mass_kg:g}{NBSP}kg, free in {axes}, between "
         f"{_COUNT_WORDS.get(len(plant.body_magnets), str(len(plant.body_magnets)))} magnets at "
         f"{1e3 * study.rig.gap:g}{NBSP}mm on a long stroke with an error of "
         f"{1e6 * plant.frame.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
@@ -275,10 +275,10 @@ _COUNT_WORDS = {2: "two", 3: "three", 8: "eight", 10: "ten"}
 
 def _scan_section(study: TrackingStudy) -> Section:
     not_lost = {name: variant for name, variant in study.variants.items() if variant.recording.loss is None}
-    shown = not_lost or study.variants
-    names = ", ".join(shown)
+    has_runs = not_lost or study.variants
+    names = ", ".join(has_runs)
     scan = study.rig.settings.scan
-    figure = figure_scan(shown, scan_motion(scan, scan.test_m_per_s2), scan.slit_s)
+    figure = figure_scan(has_runs, scan_motion(scan, scan.test_m_per_s2), scan.slit_s)
     caption = (
         "The last scan of the test set-point: acceleration, error of the true position, its mean "
         "over the slit, and true force minus the demand one delay earlier. Error and mean are "
@@ -293,7 +293,7 @@ def _scan_section(study: TrackingStudy) -> Section:
 def _limit_section(study: TrackingStudy) -> Section:
     columns: tuple[tuple[str, Callable[[VariantResult], float]], ...] = (
         ("small forces: peak [nm]", lambda variant: 1e9 * variant.small_force_measures.peak_m),
-        ("mean over the slit [nm]", lambda one: 1e9 * one.small_force_measures.average_m),
+        ("mean over the slit [nm]", lambda figures: 1e9 * figures.small_force_measures.average_m),
         ("standstill, rms [nm]", lambda one: 1e9 * one.standstill_m),
         ("one repeated set-point: peak [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.peak_m),
         ("mean over the slit [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.average_m),
@@ -303,7 +303,7 @@ def _limit_section(study: TrackingStudy) -> Section:
         [name, *(format_number(value(one), 3) for _, value in columns)]
         for name, one in study.variants.items()
     ]
-    head = ["variant", *(title for title, _ in columns)]
+    table_header = ["variant", *(title for title, _ in columns)]
     return Section(
         "limits",
         "Small forces, standstill, one repeated set-point",
@@ -312,7 +312,7 @@ def _limit_section(study: TrackingStudy) -> Section:
             make_table(
                 "The same gains with a tenth of the accelerations; at standstill; gains found on "
                 "the test set-point itself",
-                head,
+                table_header,
                 rows,
             ),
         ),

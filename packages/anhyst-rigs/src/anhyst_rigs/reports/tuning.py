@@ -1,4 +1,4 @@
-"""Draw the figure of all gains that tuning tried, and of those that it selected."""
+"""Draw the figure of all gains that a tuning has tried, and mark the selected gains."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from anhyst_rigs.study.tuning.result import RESULT_FILES, Tuning, meets_other_ai
 
 @dataclass(frozen=True)
 class GainsPoint:
-    """A set of gains that tuning tried."""
+    """A set of gains that a tuning has tried."""
 
-    variant: MethodName  # variant with which it was tried
+    variant: MethodName  # variant with these gains
     reached: float  # minimised metric, SI unit; infinite if the trial failed
-    peak: float  # peak of the sensitivity
-    meets_other_aims: bool  # whether it meets the other requirements (overshoot, noise, effort)
+    peak: float  # peak sensitivity
+    meets_other_aims: bool  # whether the gains meet all other aims
 
 
 @use_report_style
@@ -35,12 +35,12 @@ def figure_pareto(
     metric: Metric,
     limits: tuple[float | None, float | None],
 ) -> Figure:
-    """Draw peak sensitivity against the minimised metric, and the requirements for both, if any."""
+    """Draw peak sensitivity against the minimised metric, with the limits of both, if any."""
     figure = new_figure(4.6)
     ax = figure.add_subplot()
-    finite = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
-    for name in in_report_order(trial.variant for trial in finite):
-        variant_trials = [trial for trial in finite if trial.variant == name]
+    finite_candidates = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
+    for name in in_report_order(trial.variant for trial in finite_candidates):
+        variant_trials = [trial for trial in finite_candidates if trial.variant == name]
         for meets_aims, alpha in ((False, 0.25), (True, 0.8)):
             drawn_trials = [trial for trial in variant_trials if trial.meets_other_aims is meets_aims]
             ax.scatter(
@@ -61,16 +61,16 @@ def figure_pareto(
             label=f"front, {name}",
         )
         if (chosen_point := chosen.get(name)) is not None:
-            reached = metric.factor * chosen_point.reached
-            label = f"chosen, {name}: {reached:.2f} {metric.unit}, peak {chosen_point.peak:.2f}"
-            star: dict[str, Any] = {"ms": 13.0, "mfc": COLOURS[name], "mec": INK_COLOUR, "mew": 0.7}
-            ax.plot([reached], [chosen_point.peak], "*", **star, label=label)
+            metric_value = metric.factor * chosen_point.reached
+            label = f"chosen, {name}: {metric_value:.2f} {metric.unit}, peak {chosen_point.peak:.2f}"
+            chosen_style: dict[str, Any] = {"ms": 13.0, "mfc": COLOURS[name], "mec": INK_COLOUR, "mew": 0.7}
+            ax.plot([metric_value], [chosen_point.peak], "*", **chosen_style, label=label)
     limit, peak_limit = limits
     if limit is not None:
         ax.axvline(metric.factor * limit, color=ALARM_COLOUR, lw=0.9, ls="--", label="aims")
     if peak_limit is not None:
         ax.axhline(peak_limit, color=ALARM_COLOUR, lw=0.9, ls="--", label="aims")
-    peaks = [trial.peak for trial in finite]
+    peaks = [trial.peak for trial in finite_candidates]
     ax.set_ylim(min(0.9, *peaks), min(max(peaks), 8.0) + 0.3)
     ax.set_xlabel(metric.heading)
     ax.set_ylabel("peak sensitivity")
@@ -79,25 +79,25 @@ def figure_pareto(
 
 
 def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
-    """Return the candidates that no other candidate beats in both metrics, ascending in the first."""
+    """Return the candidates that no other one beats in both metrics, in order of the first metric."""
     front: list[GainsPoint] = []
-    for candidate in sorted(candidates, key=lambda each: (each.reached, each.peak)):
+    for candidate in sorted(candidates, key=lambda point: (point.reached, point.peak)):
         if not front or candidate.peak < front[-1].peak:
             front.append(candidate)
     return front
 
 
 def write_pareto(tuning: Tuning, folder: Path) -> None:
-    """Draw the minimised metric and the peak sensitivity of all gains tried: ``pareto.png``."""
+    """Write ``pareto.png``: minimised metric and peak sensitivity of all gains that were tried."""
 
     def gains_point(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
         has_met_other_aims = meets_other_aims(aims, figures)
         return GainsPoint(variant, figures.cost, figures.peak_sensitivity, has_met_other_aims)
 
     candidates = [
-        gains_point(name, tuned.aims, trial.outcome.worst)
-        for name, tuned in tuning.tuned.items()
-        for trial in tuned.search_result.candidates
+        gains_point(name, tuned_variant.aims, trial.outcome.worst)
+        for name, tuned_variant in tuning.tuned.items()
+        for trial in tuned_variant.search_result.candidates
     ]
     chosen = {
         name: gains_point(name, tuned.aims, tuned.figures)

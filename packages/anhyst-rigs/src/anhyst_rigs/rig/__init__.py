@@ -1,1 +1,1 @@
-"""Rigs: a plant, its instruments and a controller, in lock-step."""
+"""Simulate rigs: a plant, its instruments and its controller advance together, tick by tick."""

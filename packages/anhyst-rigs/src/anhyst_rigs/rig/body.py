@@ -1,7 +1,6 @@
 """Read the rig file of a bearing, and describe a body between magnets.
 
-A stage is a body between magnets with other degrees of freedom and is derived from this
-description.
+A stage is also a body between magnets, but with other degrees of freedom. It is a subclass.
 """
 
 from __future__ import annotations
@@ -46,28 +45,28 @@ from anhyst_rigs.rig.parts.magnet import (
 )
 
 MIN_HOLD_TICKS = 8
-"""Smallest number of ticks for which a step is held, so that it can be evaluated."""
+"""Smallest number of ticks between a step and the next one, so that the step can be evaluated."""
 MAX_PERIOD_S = 60.0
 """Longest period of a trajectory, s."""
 MIN_TICKS_PER_PERIOD = 10.0
-"""Number of ticks that a period of a trajectory must exceed."""
+"""A period of a trajectory must be longer than this number of ticks."""
 MAX_DELAY_SUBSTEPS = 128
-"""Longest delay of an output or a sensor, in sub-steps."""
+"""Longest delay of an output or a sensor, in sub-steps of the simulation."""
 GAP_MAP_POINTS = 129
-"""Number of gaps at which a law's gap map is tabulated."""
+"""Number of gaps in the tabulated gap map of an identified law."""
 
 
 @dataclass(frozen=True)
 class BodyRig:
-    """A body between magnets as described by its rig file: a bearing, or by subclass a stage."""
+    """A body between magnets, described by its rig file: a bearing, or in a subclass a stage."""
 
-    path: Path  # the rig file
+    path: Path  # path of the rig file
     settings: RigFile  # content of the rig file
-    # magnet that was fitted to the loops; `settings` contains its parameters then
+    # magnet that was fitted to the loops; `settings` then contains its parameters
     fitted: FittedPlant | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Omit cached properties when the rig is sent to another process."""
+        """Omit the cached properties when the rig is sent to another process."""
         return {name: self.__dict__[name] for name in self.__dataclass_fields__}
 
     @property
@@ -77,7 +76,7 @@ class BodyRig:
 
     @property
     def idle_force(self) -> float:
-        """Force of each magnet of a pair without a net force, N."""
+        """Force of each magnet of a pair if the net force is zero, N."""
         return self.settings.bias_N or 0.0
 
     @property
@@ -87,32 +86,32 @@ class BodyRig:
 
     @property
     def loop_delay(self) -> float:
-        """Time from a sample to the middle of the tick in which its current flows, s."""
+        """Time from a sample to the middle of the tick in which the resulting current flows, s."""
         return (self.settings.timing.delay_ticks + 0.5) * self.dt
 
     @property
     def substep(self) -> float:
-        """Time between sub-steps, s."""
+        """Duration of a sub-step of the simulation, s."""
         return self.dt / self.settings.timing.substeps
 
     @property
     def measured_loops(self) -> MeasuredLoops:
-        """Measured loops that the file names."""
+        """Measured loops that the rig file names."""
         return MeasuredLoops(self.path, self.settings.loops, self.settings.magnet.output)
 
     def magnet_gaps(self, gap: FloatArray) -> list[FloatArray]:
-        """Return the gaps of all magnets, m, for some gaps of the first one."""
+        """Return the gaps of all magnets, m, for given gaps of the first magnet."""
         total = self.settings.gap_total_m
         return [gap] if total is None else [gap, total - gap]
 
     @property
     def parameter_names(self) -> tuple[ParameterName, ...]:
-        """Names of all parameters that can be estimated from its motion."""
+        """Names of all parameters that can be estimated from the motion of the body."""
         return BEARING_PARAMETERS[len(self.settings.body_magnets)]
 
     @cached_property
     def lines_of_action(self) -> LinesOfAction:
-        """Lines of all forces and sensors; the coordinate of a bearing is its first gap."""
+        """Lines of action of all forces and sensors; the coordinate of a bearing is its first gap."""
         file, body = self.settings, self.settings.body
         pair = [(AGAINST_X, 0.0), (ALONG_X, file.gap_total_m or 0.0)]
         return LinesOfAction(
@@ -126,12 +125,12 @@ class BodyRig:
         )
 
     def method_calibration(self, method: MethodName) -> CalibratedMethod | None:
-        """Return the calibration of a method in the rig's calibration file, or None."""
+        """Return the calibration of a method from the calibration file of the rig, or None."""
         return None if self._calibration_file is None else self._calibration_file.for_method(method)
 
     @cached_property
     def _calibration_file(self) -> CalibrationFile | None:
-        """Calibration file; its mass must be that of the rig file."""
+        """Calibration file of the rig; it must have the same mass as the rig file."""
         if self.calibration_path is None:
             return None
         if getattr(self.settings.control, "calibrate", False):
@@ -147,22 +146,22 @@ class BodyRig:
 
     @property
     def calibration_path(self) -> Path | None:
-        """File with parameters that were estimated from motions."""
+        """Path of the file with parameters that were estimated from motions."""
         return self._resolve_path(self.settings.calibration)
 
     @property
     def model_path(self) -> Path | None:
-        """Model file of a magnet whose force an identified law determines."""
+        """Path of the model file with the identified law that gives the magnet's force."""
         return self._resolve_path(self.settings.magnet.model)
 
     @property
     def flux_table_path(self) -> Path | None:
-        """Flux table of a magnet with an identified law, if it has one."""
+        """Path of the flux table of a magnet with an identified law; None if it has no table."""
         return self._resolve_path(self.settings.magnet.flux_table)
 
     @cached_property
     def law(self) -> Model | None:
-        """Identified law that determines the force; None if an iron does."""
+        """Identified law that gives the force; None if the force follows from an iron."""
         if self.model_path is None:
             return None
         law = read_model(self.model_path)
@@ -191,14 +190,14 @@ class BodyRig:
 
     @cached_property
     def magnet(self) -> Magnet:
-        """Magnet of the plant, with an iron in its circuit or with an identified law."""
+        """Magnet of the plant: an iron in its magnetic circuit, or an identified law."""
         file, table = self.settings, self.settings.magnet
         if table.kind == LAW_KIND:
             return self.make_law_magnet()
         return make_iron_magnet(table.poles, file.steel, table.eddy_time_s, file.gap_m, table.solid_iron)
 
     def make_law_magnet(self, law: Model | None = None) -> Magnet:
-        """Return the magnet with its identified law or with another one."""
+        """Return the magnet with the given law; the default is the identified law of the rig."""
         gaps, operating_gap = self.flux_linkage.gap, self.settings.gap_m
         law = law or self.law
         assert law is not None
@@ -211,22 +210,22 @@ class BodyRig:
         )
 
     def static_map(self, current: FloatArray, gap: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return force, flux linkage and flux density along a quasi-static path."""
+        """Return force, flux linkage and flux density along a quasi-static path of current and gap."""
         path = np.ascontiguousarray(current), np.ascontiguousarray(gap)
         force, linkage, density = Coil(self.magnet).run(*path).T.copy()
         return force, linkage, density
 
     @property
     def static_load(self) -> float:
-        """Constant force that opens the gap, N: load drive and weight."""
+        """Constant force that opens the gap, N: the load drive's force plus the weight."""
         return self.settings.load.force_N + self.settings.body.weight_N
 
 
 def step_ends(gap: float, height: float) -> tuple[float, float]:
-    """Return the gaps of a step, upper and lower, half its height on either side of a gap.
+    """Return the upper and the lower gap of a step whose middle is a given gap.
 
-    Thus large steps have distance from both end stops, up and down steps use the same gaps, and the
-    plant linearised at the gap represents the middle of every step.
+    Thus, large steps keep their distance from both end stops, and steps up and down use the same
+    gaps. The plant linearised at the given gap represents the middle of every step.
     """
     return gap + height / 2.0, gap - height / 2.0
 
@@ -267,27 +266,27 @@ def plant_faults(file: RigFile) -> Iterator[FileFault]:
 
 
 def _pair_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find faults of the magnets: a bearing has one that pulls, or two that oppose each other."""
-    first, opposite, gap_sum = file.magnet, file.opposite, file.gap_total_m
-    if first.is_bidirectional:
+    """Find wrong magnets: a bearing has one magnet that pulls, or two that oppose each other."""
+    first_magnet, opposite_magnet, gap_sum = file.magnet, file.opposite, file.gap_total_m
+    if first_magnet.is_bidirectional:
         text = "is bidirectional, which only a stage supports; choose another kind"
-        yield FileFault(file.key_path(first, "kind"), text, code="not-for-this-kind")
-    if first.direction != AGAINST_X["d"]:
+        yield FileFault(file.key_path(first_magnet, "kind"), text, code="not-for-this-kind")
+    if first_magnet.direction != AGAINST_X["d"]:
         text = f"the first magnet must pull along {AGAINST_X['d']}, towards smaller gaps; correct it"
-        yield FileFault(file.key_path(first, "direction"), text, code="wrong-direction")
-    if opposite is None or gap_sum is None:
+        yield FileFault(file.key_path(first_magnet, "direction"), text, code="wrong-direction")
+    if opposite_magnet is None or gap_sum is None:
         return
-    if opposite.direction != ALONG_X["d"]:
+    if opposite_magnet.direction != ALONG_X["d"]:
         text = f"a second magnet must oppose the first along {ALONG_X['d']}; correct it"
-        yield FileFault(file.key_path(opposite, "direction"), text, code="wrong-direction")
+        yield FileFault(file.key_path(opposite_magnet, "direction"), text, code="wrong-direction")
     if not (high := file.body.stop_high_m) < gap_sum:
         text = f"both gaps sum to {gap_sum:g} m, which must exceed stop_high_m, {high:g} m, or the "
         text += "body touches the second magnet; raise it"
-        yield FileFault(file.key_path(opposite, "gap_m"), text, code="range-too-narrow")
+        yield FileFault(file.key_path(opposite_magnet, "gap_m"), text, code="range-too-narrow")
 
 
 def _delay_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find delays that exceed the memory of the plant."""
+    """Find delays that are longer than the plant can store."""
     timing, amplifier, sensor = file.timing, file.amplifier, file.gap_sensor
     per_second = timing.rate_Hz * timing.substeps
     output = timing.delay_ticks * timing.substeps + amplifier.delay_s * per_second
@@ -323,8 +322,8 @@ def _case_faults(file: RigFile) -> Iterator[FileFault]:
                 break
     for trajectory in file.trajectories:
         amplitude = trajectory.amplitude_m
-        ends = file.gap_m - amplitude, file.gap_m + amplitude
-        yield from travel_faults(trajectory, ("amplitude_m",), "the reference", *ends)
+        end_gaps = file.gap_m - amplitude, file.gap_m + amplitude
+        yield from travel_faults(trajectory, ("amplitude_m",), "the reference", *end_gaps)
     hold_s, rate = step.hold_s, file.timing.rate_Hz
     if round(hold_s * rate) < MIN_HOLD_TICKS:
         text = f"holds a step for {hold_s * rate:.3g} ticks of 1/{rate:g} s"
@@ -336,12 +335,12 @@ def _case_faults(file: RigFile) -> Iterator[FileFault]:
 def frequency_faults(
     file: RigFile, cases: Iterable[TrajectoryCase | DisplacementCase]
 ) -> Iterator[FileFault]:
-    """Find references whose frequency is too high for the sample rate, or too low."""
+    """Find references whose frequency is too low, or too high for the sample rate."""
     max_frequency, min_frequency = file.timing.rate_Hz / MIN_TICKS_PER_PERIOD, 1.0 / MAX_PERIOD_S
     for case in cases:
         frequency, text = case.frequency_Hz, ""
         if frequency >= max_frequency:
-            text = f"{frequency:g} Hz is not below a tenth of rate_Hz, {max_frequency:g} Hz; lower it"
+            text = f"{frequency:g} Hz is not below {max_frequency:g} Hz, a tenth of rate_Hz; lower it"
         elif frequency < min_frequency:
             text = f"a period of {1.0 / frequency:.4g} s is longer than {MAX_PERIOD_S:g} s"
             text += "; raise it"

@@ -1,4 +1,4 @@
-"""Read calibration files: parameters of a rig that were estimated from its motions."""
+"""Read calibration files, which contain parameters of a rig that were estimated from its motions."""
 
 # ruff: noqa: N815 - keys of the file carry units
 
@@ -21,7 +21,7 @@ from anhyst_rigs.rig.file import RigFile
 ParameterName = str
 """Name of an estimated parameter:
 
-- ``scale_i``: relative error of the current of magnet i; for ``flux`` and ``fused`` of its probe
+- ``scale_i``: relative error of the current of magnet i; for ``flux`` and ``fused``, of its probe
 - ``gap_zero_i_m``: offset of the gap reading; the magnets of a bearing share ``gap_zero_m``
 - ``width_i``: relative change of the loop width; a bearing with a single iron has ``width``
 - ``lag_s``: lag of the flux behind the current, for all magnets
@@ -35,11 +35,11 @@ BEARING_PARAMETERS: Mapping[int, tuple[ParameterName, ...]] = {
     1: ("scale_1", "gap_zero_m", "width", "bias_N"),
     2: ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N"),
 }
-"""Parameters of a bearing with one or two magnets, in the order of the file."""
+"""Parameters of a bearing by its number of magnets, in the order of the file."""
 
 
 def stage_parameter_names(magnets: int) -> tuple[ParameterName, ...]:
-    """Return the parameters of a stage, in the order of the file."""
+    """Return the names of a stage's parameters, in the order of the file."""
     patterns = ("scale_{}", "gap_zero_{}_m", "width_{}")
     magnet_parameters = (pattern.format(magnet) for pattern in patterns for magnet in range(1, magnets + 1))
     return (*magnet_parameters, "payload", *CENTRE_PARAMETERS, "lag_s", "bias_N", "cable_N_per_m")
@@ -55,11 +55,11 @@ PARAMETER_LIMITS: Mapping[str, float] = {
     "cable_N_per_m": math.inf,
     **dict.fromkeys(CENTRE_PARAMETERS, 0.1),
 }
-"""Largest absolute value of each kind of parameter; a larger one is not a valid calibration."""
+"""Largest absolute value of each kind of parameter. A larger value is not a valid calibration."""
 
 
 def parameter_kind(name: ParameterName) -> str:
-    """Return the kind of a parameter, which is its name without the number of the magnet."""
+    """Return the kind of a parameter: its name without the number of the magnet."""
     return re.sub(r"_\d+", "", name)
 
 
@@ -67,10 +67,10 @@ class CalibratedParameter(Table):
     """An estimated parameter of a method."""
 
     name: ParameterName
-    value: Number  # 0: as fitted to the loops
+    value: Number  # 0: value that was fitted to the loops
     sigma: NotNegative  # posterior standard deviation
     prior: NotNegative  # prior standard deviation, from the rig file
-    frozen: bool  # whether it was not identifiable
+    frozen: bool  # whether the parameter was not identifiable
 
     @model_validator(mode="after")
     def _check_limit(self) -> Self:
@@ -89,15 +89,15 @@ def _check_unique(names: Iterable[str]) -> None:
 
 
 class CalibratedMethod(Table):
-    """Estimated parameters of a method, and their residual."""
+    """The estimated parameters of a method, and the residual force."""
 
     name: MethodName
     residual_N: NotNegative  # rms of measured minus predicted force
-    force_N: NotNegative  # rms of the measured force; 0 if it was too small for an estimate
-    fits: bool  # whether the residual is as small as that of a suitable law
-    # number of motions that were rejected because the law did not explain them
+    force_N: NotNegative  # rms of the measured force; 0 if the force was too small for an estimate
+    fits: bool  # whether the residual is as small as with a suitable hysteresis law
+    # number of motions that were rejected because the hysteresis law did not explain them
     refused: Annotated[int, Field(ge=0)] = 0
-    mass_kg: Positive | None = None  # mass with which the law explains the last rejected motion
+    mass_kg: Positive | None = None  # mass that explains the last rejected motion
     parameter: list[CalibratedParameter]
 
     @model_validator(mode="after")
@@ -107,12 +107,12 @@ class CalibratedMethod(Table):
 
     @property
     def is_applied(self) -> bool:
-        """Whether any parameter corrects the method; none does if the law does not fit."""
+        """Whether any parameter corrects the method. None does if the hysteresis law does not fit."""
         return self.fits and any(not number.frozen for number in self.parameter)
 
     @property
     def summary(self) -> str:
-        """Residual force and its interpretation."""
+        """Text with the residual force and its interpretation."""
         if self.force_N == 0.0:
             text = "the demanded force was too small"
         else:
@@ -126,7 +126,7 @@ class CalibratedMethod(Table):
         return text if self.is_applied else f"{text}; no correction is applied"
 
     def value(self, name: ParameterName) -> float:
-        """Return the value of a parameter; 0 if it is absent or the law does not fit."""
+        """Return the value of a parameter; 0 if it is absent or the hysteresis law does not fit."""
         numbers = self.parameter if self.fits else []
         return next((number.value for number in numbers if number.name == name), 0.0)
 
@@ -137,12 +137,12 @@ class CalibratedMethod(Table):
 
 
 class CalibrationFile(Table):
-    """The whole calibration file."""
+    """The content of a calibration file."""
 
     format: Literal["anhyst-calibration"]
     version: Literal[1]
     rig: str  # name of the rig
-    mass_kg: Positive  # mass from which forces were computed; an error of it scales all forces
+    mass_kg: Positive  # mass from which forces were computed; its relative error scales them
     method: Annotated[list[CalibratedMethod], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -158,7 +158,7 @@ class CalibrationFile(Table):
 def read_calibration(
     path: Path, rig: Path, settings: RigFile, parameter_names: Sequence[ParameterName]
 ) -> CalibrationFile:
-    """Read a calibration file, and check its rig, mass and parameters against a rig file."""
+    """Read a calibration file, and compare its rig, mass and parameters with a rig file."""
     file = read_toml(path, CalibrationFile, kinds=[CALIBRATION_FILE])
     if file.rig != settings.name:
         raise InputError(
@@ -174,12 +174,12 @@ def read_calibration(
             code="mass-differs",
             key="mass_kg",
         )
-    expected = {*parameter_names}
+    expected_names = {*parameter_names}
     for method in file.method:
         names = {number.name for number in method.parameter}
         kinds = {parameter_kind(name) for name in names}
-        missing_names = {name for name in expected - names if parameter_kind(name) in kinds}
-        for name in sorted(names - expected) or sorted(missing_names):
+        missing_names = {name for name in expected_names - names if parameter_kind(name) in kinds}
+        for name in sorted(names - expected_names) or sorted(missing_names):
             raise InputError(
                 f"{path}: {name}: the parameters are not those of {rig}; calibrate again",
                 code="unknown-name",

@@ -1,4 +1,4 @@
-"""Define ``[[case]]`` of a rig file: the test cases."""
+"""Define the test cases of a rig file: ``[[case]]``."""
 
 # ruff: noqa: N815 - keys of the file carry units
 
@@ -26,7 +26,7 @@ Peaks = Annotated[list[Positive], Field(min_length=2)]
 
 
 class StepCase(Table):
-    """``kind = "step"``: steps of the reference, half of each on either side of the gap."""
+    """``kind = "step"``: steps of the reference, centred on given gaps."""
 
     kind: Literal["step"]
     heights_m: Annotated[list[Positive], Field(min_length=1)]
@@ -35,7 +35,7 @@ class StepCase(Table):
 
 
 class LoadCase(Table):
-    """``kind = "load"``: steps of the load."""
+    """``kind = "load"``: steps of the load force."""
 
     kind: Literal["load"]
     forces_N: Annotated[list[Number], Field(min_length=1)]
@@ -50,7 +50,7 @@ class TrajectoryCase(Table):
 
 
 class ScanCase(Table):
-    """``kind = "scan"``: motions at constant speed with snap-limited turnarounds."""
+    """``kind = "scan"``: motions at constant speed between turnarounds with limited snap."""
 
     kind: Literal["scan"]
     speed_m_per_s: Positive
@@ -60,9 +60,9 @@ class ScanCase(Table):
     train_m_per_s2: Peaks
     test_m_per_s2: Peaks
     slit_s: Positive
-    # weight of the moving average relative to the rms error in the search of feedforward gains
+    # weight of the moving average relative to the rms error when feedforward gains are searched
     average_weight: NotNegative = 0.0
-    direction: Direction = OPENS_GAP  # direction of the motion
+    direction: Direction = OPENS_GAP  # direction of the set-point
 
     @model_validator(mode="after")
     def _check_phases(self) -> Self:
@@ -81,23 +81,25 @@ class ScanCase(Table):
 
 
 HeadFault = Literal["missing", "frozen", "jumps"]
-"""Failure of a position head: no reading, a constant reading, or a reading with a jump."""
+"""Failure of a position head: no reading, a constant reading, or a jump of the reading."""
 
 
 class LossCase(Table):
-    """``kind = "loss"``: one failure of an amplifier or head per run of the test set-point."""
+    """``kind = "loss"``: runs of the test set-point, each with one failure of an amplifier or head."""
 
     kind: Literal["loss"]
-    circuit: Literal["open", "short"]  # state in which the winding is left
-    magnets: Annotated[list[Name], Field(min_length=1)] | None = None  # default: all
+    circuit: Literal["open", "short"]  # whether the winding is opened or shorted by the failure
+    # magnets that fail; default: all
+    magnets: Annotated[list[Name], Field(min_length=1)] | None = None
     heads: Annotated[list[HeadFault], Field(min_length=1)] | None = None  # failures of each head
-    lift: bool = False  # adds a run from rest to rest without a failure
-    # default: at the largest pull of a magnet, or at the largest acceleration for a head
+    lift: bool = False  # whether a lift-off and landing without a failure is added
+    # time of the failure; default: at the largest pull of the magnet, or at the largest
+    # acceleration if a head fails
     at_s: NotNegative | None = None
 
 
 class ForceCase(Table):
-    """``kind = "force"``: a triangle of force between two fractions of the largest force."""
+    """``kind = "force"``: a triangular force between two fractions of the largest force."""
 
     kind: Literal["force"]
     name: Name
@@ -113,14 +115,14 @@ class ForceCase(Table):
 
 
 class HeldCase(Table):
-    """``kind = "held"``: gaps at which the armature is held during force control."""
+    """``kind = "held"``: gaps at which the armature is held while the force is controlled."""
 
     kind: Literal["held"]
     gaps_m: Annotated[list[Positive], Field(min_length=1)]
 
 
 class MovingCase(Table):
-    """``kind = "moving"``: a periodic motion of the armature during force control."""
+    """``kind = "moving"``: a periodic motion of the armature while the force is controlled."""
 
     kind: Literal["moving"]
     low_m: Positive
@@ -129,14 +131,14 @@ class MovingCase(Table):
 
 
 class DisplacementCase(Table):
-    """``kind = "displacement"``: a triangle of displacement with rounded corners."""
+    """``kind = "displacement"``: a triangular displacement with rounded corners."""
 
     kind: Literal["displacement"]
     stroke_m: Positive
     frequency_Hz: Positive
     low_m: NotNegative
     corner_s: Positive
-    cycles: Annotated[float, Field(ge=3.0)]  # the first two are not evaluated
+    cycles: Annotated[float, Field(ge=3.0)]  # number of cycles; the first two are not evaluated
 
     @model_validator(mode="after")
     def _check_corner(self) -> Self:

@@ -15,39 +15,38 @@ from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
 
 MAX_MEAN_DEVIATION_RATIO = 1.1
-"""Ratio of mean deviations above which a plant counts as less accurate than a model."""
+"""Ratio of the mean deviations of plant and model; above it, the plant counts as less accurate."""
 
 _STEADY_STATE_CYCLES = 2
-"""Cycles of a steady-state loop with induced currents; earlier cycles have a negligible effect."""
+"""Number of cycles until a loop with induced currents is in steady state."""
 
 _MIN_TIME_STEP_RATIO = 1e-3
-"""Smallest time step relative to the median; clocks with few digits repeat times."""
+"""Smallest time step, relative to the median. Clocks with few digits repeat times."""
 
 PathFollower = Callable[[FloatArray, FloatArray], FloatArray]
-"""Function from currents, A, and gaps, m, shape (n,), to forces, N; each call continues the path.
-"""
+"""Function from currents, A, and gaps, m, to forces, N; each call continues the previous path."""
 
 
 def make_path_follower(magnet: Magnet) -> PathFollower:
-    """Return a function that follows paths of a magnet, initially demagnetised."""
+    """Return a function that computes the force of an initially demagnetised magnet along paths."""
     coil = Coil(magnet)
     return lambda current, gap: coil.run(current, gap)[:, 0].copy()
 
 
 def simulate_loop(follow: PathFollower, loop: Loop, zero: float = 0.0) -> FloatArray:
-    """Return the quasi-static force of a magnet along a loop, after the history of the loop."""
+    """Return the quasi-static force of a magnet along a loop, after the history of this loop."""
     assert loop.schedule is not None
-    before = np.array(loop.history.turning_points) - zero
-    if before.size:
-        follow(before, np.array(loop.history.schedule_at_points(loop.schedule[0]), dtype=np.float64))
+    points = np.array(loop.history.turning_points) - zero
+    if points.size:
+        follow(points, np.array(loop.history.schedule_at_points(loop.schedule[0]), dtype=np.float64))
     current = loop.input - zero
     if loop.history.kind == "settled":
-        follow(current, loop.schedule)  # a cycle brings the pinned cells to their steady state
+        follow(current, loop.schedule)  # One cycle brings the pinned cells to their steady state.
     return follow(current, loop.schedule)
 
 
 def simulate_loop_in_time(magnet: Magnet, loop: Loop, zero: float = 0.0) -> FloatArray:
-    """Return the force along a loop with induced currents, after a quasi-static history."""
+    """Return the force along a loop with induced currents; the history before it is quasi-static."""
     assert loop.schedule is not None
     assert loop.time is not None
     coil, steps = Coil(magnet), np.diff(loop.time)
@@ -69,40 +68,40 @@ def simulate_loop_in_time(magnet: Magnet, loop: Loop, zero: float = 0.0) -> Floa
 
 @dataclass(frozen=True, slots=True)
 class LoopDeviation:
-    """Deviation over all samples of all loops."""
+    """Deviation of forces over all samples of all loops."""
 
-    mean: float  # mean and largest absolute deviation, N
-    worst: float
+    mean_deviation: float  # mean and largest absolute deviation, N
+    max_deviation: float
     force_max: float  # largest force in the loops, N
 
     @property
     def text(self) -> str:
-        """Mean and largest deviation, in N and per cent."""
-        parts = (
+        """Mean and largest deviation, in N and as percentage of the largest force."""
+        deviation_texts = (
             f"{name} {value:.3g} N ({100.0 * value / self.force_max:.2g} %)"
-            for name, value in (("mean", self.mean), ("worst", self.worst))
+            for name, value in (("mean", self.mean_deviation), ("worst", self.max_deviation))
         )
-        return ", ".join(parts)
+        return ", ".join(deviation_texts)
 
     def as_dict(self) -> dict[str, float]:
         """Return all values, with units in the keys."""
         return {
-            "mean_N": self.mean,
-            "worst_N": self.worst,
-            "mean_percent": 100.0 * self.mean / self.force_max,
-            "worst_percent": 100.0 * self.worst / self.force_max,
+            "mean_N": self.mean_deviation,
+            "worst_N": self.max_deviation,
+            "mean_percent": 100.0 * self.mean_deviation / self.force_max,
+            "worst_percent": 100.0 * self.max_deviation / self.force_max,
         }
 
 
 def measure_deviation(loops: Loops, force: Callable[[Loop], FloatArray]) -> LoopDeviation:
     """Return the deviation of predicted forces from loops."""
-    misses = np.abs(np.concatenate([force(loop) - loop.output for loop in loops.loops]))
+    deviations = np.abs(np.concatenate([force(loop) - loop.output for loop in loops.loops]))
     largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
-    return LoopDeviation(float(misses.mean()), float(misses.max()), largest)
+    return LoopDeviation(float(deviations.mean()), float(deviations.max()), largest)
 
 
 def measure_model_deviation(loops: Loops, model: Model) -> LoopDeviation:
-    """Return the deviation of a model from loops, with their times if the model depends on time."""
+    """Return the deviation of a model from loops; a model with eddy currents uses their times."""
 
     def force(loop: Loop) -> FloatArray:
         schedule = loop.schedule if model.needs_schedule else None
@@ -114,18 +113,18 @@ def measure_model_deviation(loops: Loops, model: Model) -> LoopDeviation:
 
 @dataclass(frozen=True, slots=True)
 class PlantCheck:
-    """Comparison of a virtual plant and a compensator's model with measured loops."""
+    """Comparison of a virtual plant and of the compensator's model with measured loops."""
 
-    plant: LoopDeviation  # deviations from the same loops
+    plant: LoopDeviation  # deviations of plant and model from the same loops
     model: LoopDeviation
-    # whether the compensator's model also determines the plant's force
+    # whether the identified law of the compensator also gives the force of the plant
     is_same_law: bool = False
     is_fitted: bool = False  # whether the plant was fitted to the loops
     guessed_keys: tuple[str, ...] = ()  # keys that neither the file nor the loops determine
 
     @property
     def report_lines(self) -> list[str]:
-        """Lines of the report that are always given."""
+        """Lines that every report contains."""
         text = [f"deviation from the loops: plant: {self.plant.text}; compensator's model: {self.model.text}"]
         if self.guessed_keys:
             text.append(f"guessed for the plant: {', '.join(self.guessed_keys)}")
@@ -133,25 +132,25 @@ class PlantCheck:
 
     @property
     def warnings(self) -> list[str]:
-        """Reasons why the results are less meaningful."""
+        """Reasons why the results of the simulation are less meaningful."""
         if self.is_same_law:
             return [
                 "the compensator's own model determines the plant's force, so its gain here is not "
                 'evidence; set kind = "electromagnet" and iron = "from loops"'
             ]
-        if not self.plant.mean > MAX_MEAN_DEVIATION_RATIO * self.model.mean:
+        if not self.plant.mean_deviation > MAX_MEAN_DEVIATION_RATIO * self.model.mean_deviation:
             return []
-        remedy = 'set iron = "from loops"'
+        advice = 'set iron = "from loops"'
         if self.is_fitted:
-            remedy = "give more keys of the magnet, or correct the history of the loops"
+            advice = "give more keys of the magnet, or correct the history of the loops"
         return [
-            f"the mean deviation from the loops is {self.plant.mean:.3g} N for the plant and "
-            f"{self.model.mean:.3g} N for the compensator's model: errors of this size come from "
-            f"the plant, not from the measured magnet; {remedy}"
+            f"the mean deviation from the loops is {self.plant.mean_deviation:.3g} N for the plant and "
+            f"{self.model.mean_deviation:.3g} N for the compensator's model: errors of this size come from "
+            f"the plant, not from the measured magnet; {advice}"
         ]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the content of JSON files."""
+        """Return the comparison as JSON files contain it."""
         return {
             "force_max_N": self.plant.force_max,
             "plant": self.plant.as_dict(),
@@ -162,9 +161,9 @@ class PlantCheck:
 
 
 def thin_loops(loops: Loops, sample_count: int) -> Loops:
-    """Remove samples evenly so that about `sample_count` remain.
+    """Remove samples evenly so that about `sample_count` samples remain.
 
-    A reversal moves by less than the new distance between samples.
+    A reversal point moves by less than the new distance between samples.
     """
     stride = -(-sum(loop.n for loop in loops.loops) // sample_count)
     if stride == 1:

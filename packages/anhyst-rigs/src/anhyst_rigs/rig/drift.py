@@ -1,4 +1,4 @@
-"""Sample plants that differ from the rig file, and change settings of a rig."""
+"""Sample random plants that differ from the rig file, and change settings of a rig."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ MAX_SAMPLE_SIGMA = 3.0
 """Truncation of the sampled normal distributions, in standard deviations."""
 _UNITS = {"gap_offset": ("m", 1.0), "eddy": ("s", 1.0), "cable": ("N_per_m", 1.0)}
 _UNITS |= {f"place_{axis}": ("m", 1.0) for axis in "xyz"}
-"""Of what is not relative: unit and factor in files."""
+"""Unit in files, and factor to it, of each quantity that is not relative."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """Differences between a plant and the rig file; relative unless a unit is given."""
+    """Differences between a plant and its rig file. They are relative unless a unit is given."""
 
     pinning: float = 0.0  # relative change of the pinning; 0.1: 10 % more
     reversible: float = 0.0
     saturation: float = 0.0
     mass: float = 0.0
     resistance: float = 0.0
-    # gain errors of the sensors; position_gain is a gain error about the operating gap
+    # relative gain errors of the sensors; position_gain acts on the distance from the operating gap
     position_gain: float = 0.0
     current_gain: float = 0.0
     flux_gain: float = 0.0
     gap_offset: float = 0.0  # error of the position sensor at the operating gap, m
-    first_scale: float = 0.0  # current scale of the first magnet
+    first_scale: float = 0.0  # relative change of the current of the first magnet
     second_scale: float = 0.0
-    eddy: float = 0.0  # unmodelled lag of the flux behind the current, s
+    eddy: float = 0.0  # lag of the flux behind the current that the model neglects, s
     conductivity: float = 0.0  # relative change of the conductivity of solid iron
     cable: float = 0.0  # stiffness that pulls a body back to the start of its motion, N/m
     stroke: float = 0.0  # relative change of the stroke of a piezo stack
@@ -56,19 +56,19 @@ class Drift:
     place_x: float = 0.0
     place_y: float = 0.0
     place_z: float = 0.0
-    # for a stage: drift of each magnet and of each position head
+    # only for a stage: drift of each magnet and of each position head
     magnets: tuple[Drift, ...] = ()
     heads: tuple[Drift, ...] = ()
 
     def as_dict(self) -> dict[str, float]:
-        """Return all nonzero values; keys contain units, and the numbers of magnets and heads."""
+        """Return all nonzero differences; keys contain units and numbers of magnets and heads."""
         values = {drift.name: getattr(self, drift.name) for drift in fields(self)}
-        parts = {"magnet": values.pop("magnets"), "head": values.pop("heads")}
-        drifted = {name: value for name, value in values.items() if value}
-        units = {name: _UNITS.get(name, ("percent", 100.0)) for name in drifted}
-        return {f"{name}_{unit}": factor * drifted[name] for name, (unit, factor) in units.items()} | {
-            f"{part}_{number}_{key}": value
-            for part, drifts in parts.items()
+        drifts_by_part = {"magnet": values.pop("magnets"), "head": values.pop("heads")}
+        nonzero_drifts = {name: value for name, value in values.items() if value}
+        units = {name: _UNITS.get(name, ("percent", 100.0)) for name in nonzero_drifts}
+        return {f"{name}_{unit}": factor * nonzero_drifts[name] for name, (unit, factor) in units.items()} | {
+            f"{part_name}_{number}_{key}": value
+            for part_name, drifts in drifts_by_part.items()
             for number, drift in enumerate(drifts, 1)
             for key, value in drift.as_dict().items()
         }
@@ -84,9 +84,9 @@ NO_DRIFT = Drift()
 
 
 def sample_drift(file: RigFile, rng: np.random.Generator) -> Drift:
-    """Sample a plant from normal distributions, truncated at :data:`MAX_SAMPLE_SIGMA`.
+    """Sample the drift of a plant from normal distributions, truncated at :data:`MAX_SAMPLE_SIGMA`.
 
-    The lag `eddy` is the absolute value of its sample.
+    The lag ``eddy`` is the absolute value of its sample.
     """
     spreads = SPREADS[file.control.kind]
     magnets = tuple(_sample_spreads(file, spreads.magnet, rng) for _ in file.body_magnets if spreads.magnet)
@@ -99,30 +99,30 @@ def _sample_spreads(file: RigFile, spreads: Mapping[str, str], rng: np.random.Ge
     for name, key in spreads.items():
         if name == "conductivity" and file.magnet.solid is None:
             continue
-        share = 0.01 if key.endswith("_percent") else 1.0
+        unit_factor = 0.01 if key.endswith("_percent") else 1.0
         while abs(value := float(rng.standard_normal())) > MAX_SAMPLE_SIGMA:
             pass
-        changes[name] = share * getattr(file.spread, key) * value
+        changes[name] = unit_factor * getattr(file.spread, key) * value
     if "eddy" in changes:
         changes["eddy"] = abs(changes["eddy"])
     return Drift(**changes)
 
 
 def sample_plant(file: RigFile, seed: int, number: int) -> tuple[Drift, int]:
-    """Sample the plant of a number: its drift, and the seed of its noise."""
+    """Return the drift of the plant with a number, and the seed of its noise."""
     rng = np.random.default_rng([seed, number])
     noise = int(rng.integers(1 << 31))
     return sample_drift(file, rng), noise
 
 
 def drifted_file(file: RigFile, drift: Drift) -> RigFile:
-    """Return the rig file of a drifted plant; an identified law is not changed."""
+    """Return the rig file of a drifted plant. An identified law is not changed here."""
     changes: dict[str, Any] = {}
     if file.stacks:
         for key in ("stroke_m_per_V", "bend_m_per_V2", "slope_m_per_V"):
             changes[f"stack.{key}"] = (1.0 + drift.stroke) * getattr(file.stack, key)
-        shares = [(1.0 + drift.creep) * share for share in file.stack.creep_shares]
-        changes["stack.creep_shares"] = shares
+        creep_shares = [(1.0 + drift.creep) * creep_share for creep_share in file.stack.creep_shares]
+        changes["stack.creep_shares"] = creep_shares
         changes["flexure.resonance_Hz"] = (1.0 + drift.resonance) * file.flexure.resonance_Hz
     if file.magnets and file.bodies:
         changes |= _body_changes(file, drift)
@@ -135,8 +135,7 @@ def drifted_file(file: RigFile, drift: Drift) -> RigFile:
 def _body_changes(file: RigFile, drift: Drift) -> dict[str, Any]:
     """Return the changed values of a body between magnets, its winding and its sensors.
 
-    The gain error of the position sensor acts about the operating gap, so that it is independent of
-    the offset.
+    The gain error of the position sensor is zero at the operating gap, where the offset is defined.
     """
     sensor, shunt, hall = file.gap_sensor, file.current_sensor, file.hall_probe
     gain_offset = drift.position_gain * file.gap_m
@@ -184,13 +183,13 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     )
 
 
-def _shift_position(place: Sequence[float], drift: Drift) -> list[float]:
+def _shift_position(position: Sequence[float], drift: Drift) -> list[float]:
     shift = (drift.place_x, drift.place_y, drift.place_z)
-    return [coordinate + displacement for coordinate, displacement in zip(place, shift, strict=True)]
+    return [coordinate + displacement for coordinate, displacement in zip(position, shift, strict=True)]
 
 
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
-    """Return a magnet with its own drift."""
+    """Return a magnet with its individual drift."""
     magnet = file.magnet
     steel = file.steel.model_copy(update=file.steel.drifted_keys(drift.pinning, 0.0, 0.0))
     poles = replace(magnet.poles, turns=magnet.poles.turns * (1.0 + drift.first_scale))
@@ -199,12 +198,12 @@ def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
 
 
 def map_parameter(value: Parameter, change: Callable[[float], float]) -> Parameter:
-    """Apply a function to a parameter, at every gap if it depends on the gap."""
+    """Apply a function to the value of a parameter, or to the value at each gap."""
     return tuple(map(change, value)) if isinstance(value, tuple) else change(value)
 
 
 def drifted_law(model: Model, drift: Drift) -> Model:
-    """Return an identified law with drifted pinning, reversible part and saturation."""
+    """Return an identified law whose pinning, reversible part and saturation have drifted."""
     if model.operator_law.cells is not None:
         return _drifted_cells(model, drift)
     factors: dict[Role, float] = {
@@ -214,18 +213,18 @@ def drifted_law(model: Model, drift: Drift) -> Model:
     }
     changed_parameters: dict[str, Parameter] = {}
     for role, factor in factors.items():
-        for spec in model.operator_law.parameters_with_role(role):
-            value = model.parameters[spec.name]
-            changed_parameters[spec.name] = (
-                tuple(min(factor * coefficient, spec.high) for coefficient in value)
+        for parameter_spec in model.operator_law.parameters_with_role(role):
+            value = model.parameters[parameter_spec.name]
+            changed_parameters[parameter_spec.name] = (
+                tuple(min(factor * coefficient, parameter_spec.high) for coefficient in value)
                 if isinstance(value, tuple)
-                else min(factor * value, spec.high)
+                else min(factor * value, parameter_spec.high)
             )
     return replace(model, parameters={**model.parameters, **changed_parameters})
 
 
 def _drifted_cells(model: Model, drift: Drift) -> Model:
-    """Return a drifted law of play cells; cell 0 has no threshold and is the reversible part."""
+    """Return a drifted law of play cells; cell 0 (without a threshold) is the reversible part."""
     cells = cell_weights(model)
     shares = cells.weights.sum(axis=1) / cells.saturation
     reversible_share = min(float(shares[0]) * (1.0 + drift.reversible), 1.0)
@@ -236,19 +235,19 @@ def _drifted_cells(model: Model, drift: Drift) -> Model:
         thresholds=(1.0 + drift.pinning) * cells.thresholds,
         weights=(1.0 + drift.saturation) * factors[:, None] * cells.weights,
     )
-    removed_names = {spec.name for spec in model.operator_law.parameters}
+    removed_names = {parameter_spec.name for parameter_spec in model.operator_law.parameters}
     removed_names -= {spec.name for spec in get_law(model.law, drifted_weights).parameters}
     parameters = {name: value for name, value in model.parameters.items() if name not in removed_names}
     return replace(model, cells=drifted_weights, parameters=parameters)
 
 
 def change_rig(rig: AnyRig, changes: Mapping[str, Any]) -> AnyRig:
-    """Return a rig with changed settings, named as in :meth:`RigFile.with_changes`."""
+    """Return a rig with changed settings; :meth:`RigFile.with_changes` describes their names."""
     return replace(rig, settings=rig.settings.with_changes(changes))
 
 
 def change_iron(rig: BodyRig, reversible_fraction: float | None = None, width: float = 1.0) -> BodyRig:
-    """Return a rig with another iron of the same family and without a calibration."""
+    """Return a rig with another iron of the same family, without a calibration."""
     if rig.settings.magnet.kind == "law":
         raise InputError(
             f'{rig.path}: magnet.kind: a magnet with a law has no iron to change; write "electromagnet"',

@@ -1,7 +1,7 @@
 """Define the rig file: magnets, amplifiers, sensors, body, controlled quantity and test cases.
 
-One format serves every kind of rig, and ``[control]`` names the kind. All values are SI, and each
-key ends with its unit. docs/rig-file.md describes every key.
+One format serves every kind of rig, and ``[control]`` names the kind. All values are in SI units,
+and each key ends with its unit. docs/rig-file.md describes every key.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from anhyst_rigs.rig.measurement_table import CampaignTable, ExciteTable, LoopsT
 from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
 
 SEED_LIMIT = 1 << 31
-"""Exclusive upper limit of seeds."""
+"""Upper limit of seeds, which is not itself permitted."""
 
 Entry = TypeVar("Entry", bound=Table)
 
 
 class OptionalTable(Generic[Entry]):
-    """Property that returns the first table of a type in an attribute, or None."""
+    """Property that returns the first table of a given type in an attribute, or None."""
 
     def __init__(self, attribute: str, kind: type[Entry]) -> None:
         self.attribute, self.kind = attribute, kind
@@ -39,7 +39,7 @@ class OptionalTable(Generic[Entry]):
 
 
 class RequiredTable(OptionalTable[Entry]):
-    """Property that returns the first table of a type, which the kind of rig requires."""
+    """Property that returns the first table of a given type; this kind of rig always has one."""
 
     def __get__(self, file: RigFile, owner: type[RigFile]) -> Entry:
         value = super().__get__(file, owner)
@@ -48,7 +48,7 @@ class RequiredTable(OptionalTable[Entry]):
 
 
 class TableList(Generic[Entry]):
-    """Property that returns all tables of some types in an attribute, in the order of the file."""
+    """Property that returns all tables of given types in an attribute, in the order of the file."""
 
     def __init__(self, attribute: str, *kinds: type[Entry]) -> None:
         self.attribute, self.kinds = attribute, kinds
@@ -58,7 +58,7 @@ class TableList(Generic[Entry]):
 
 
 class RigFile(Table):
-    """The whole rig file; lists of tables have plural names here, singular ones in the file."""
+    """The content of a rig file. Attributes that are lists have plural names, keys singular names."""
 
     format: Literal["anhyst-rig"]
     version: Literal[2]
@@ -81,23 +81,24 @@ class RigFile(Table):
     cases: Annotated[list[case_table.CaseEntry], Field(alias="case", min_length=1)]
     spread: rig_tables.SpreadTable = Field(default_factory=rig_tables.SpreadTable)
 
-    magnet: ClassVar = RequiredTable("magnets", MagnetTable)  # the one that the others copy
-    # the magnet on the opposite side of the body
+    magnet: ClassVar = RequiredTable("magnets", MagnetTable)  # magnet that all ``like`` tables copy
+    # magnet on the opposite side of the body
     opposite: ClassVar = OptionalTable("magnets", LikeTable)
     solenoid: ClassVar = OptionalTable("magnets", SolenoidTable)
     stack: ClassVar = RequiredTable("stacks", rig_tables.StackTable)
-    amplifier: ClassVar = RequiredTable("amplifiers", rig_tables.AmplifierTable)  # of each coil
+    # amplifier of each coil
+    amplifier: ClassVar = RequiredTable("amplifiers", rig_tables.AmplifierTable)
     stack_amplifier: ClassVar = RequiredTable("amplifiers", rig_tables.StackAmplifierTable)
     body: ClassVar = RequiredTable("bodies", rig_tables.BodyTable)
-    # a body that is pushed by a stack
+    # body that a stack pushes
     flexure: ClassVar = RequiredTable("bodies", rig_tables.FlexureTable)
     gap_sensor: ClassVar = RequiredTable("sensors", sensor_table.GapSensorTable)
-    # of each coil
+    # current sensor of each coil
     current_sensor: ClassVar = RequiredTable("sensors", sensor_table.CurrentSensorTable)
-    # measures the loops
+    # sensor that measures the force of the loops
     force_sensor: ClassVar = RequiredTable("sensors", sensor_table.ForceSensorTable)
     hall_probe: ClassVar = OptionalTable("sensors", sensor_table.FluxSensorTable)
-    # position in space
+    # sensor of the position in space
     position_sensor: ClassVar = RequiredTable("sensors", sensor_table.PositionSensorTable)
     step: ClassVar = RequiredTable("cases", case_table.StepCase)
     load_case: ClassVar = OptionalTable("cases", case_table.LoadCase)
@@ -111,7 +112,7 @@ class RigFile(Table):
     position_sensors: ClassVar = TableList("sensors", sensor_table.PositionSensorTable)
     trajectories: ClassVar = TableList("cases", case_table.TrajectoryCase)
     force_triangles: ClassVar = TableList("cases", case_table.ForceCase)
-    loops: ClassVar = RequiredTable("given_loops", LoopsTable)  # all loops for the controller
+    loops: ClassVar = RequiredTable("given_loops", LoopsTable)  # loops for identification
     measurement: ClassVar = RequiredTable("given_measurement", CampaignTable)
     levitation: ClassVar = RequiredTable("control", rig_tables.LevitationTable)
     tracking: ClassVar = RequiredTable("control", rig_tables.TrackingTable)
@@ -120,17 +121,17 @@ class RigFile(Table):
 
     @property
     def kind(self) -> FileKind:
-        """Registered kind of rig."""
+        """Registered kind of the rig."""
         return rig_kinds()[self.control.kind]
 
     @property
     def iron(self) -> NamedIron | None:
-        """Iron of the electromagnet; None if it is not yet fitted."""
+        """Iron of the electromagnet; None if it has not been fitted yet."""
         return next((iron for iron in self.irons if iron.name == self.magnet.iron), None)
 
     @property
     def steel(self) -> NamedIron:
-        """Iron of the electromagnet, which must be known."""
+        """Iron of the electromagnet; requires that it is known."""
         assert self.iron is not None
         return self.iron
 
@@ -152,27 +153,27 @@ class RigFile(Table):
 
     @property
     def bias_N(self) -> float | None:  # noqa: N802 - as in the file
-        """Force of each magnet of a pair without a net force, N."""
+        """Force of each magnet of a pair if the net force is zero, N."""
         return getattr(self.control, "bias_N", None)
 
     @property
     def calibration(self) -> str | None:
-        """File with parameters that were estimated from motions."""
+        """Name of the file with parameters that were estimated from motions."""
         return getattr(self.control, "calibration", None)
 
     @property
     def load(self) -> rig_tables.LoadTable:
-        """Load drive of the body; without force if the file has none."""
+        """Load drive of the body; a drive without force if the file has none."""
         return self.given_load or rig_tables.NO_LOAD
 
     @property
     def load_steps_N(self) -> list[float]:  # noqa: N802 - as in the file
-        """Steps of the load, N."""
+        """Load forces of the steps, N."""
         return [] if self.load_case is None else self.load_case.forces_N
 
     @property
     def step_gaps_m(self) -> list[float]:
-        """Gaps about which steps are made, m."""
+        """Gaps on which the steps of the reference are centred, m."""
         return [self.gap_m, *self.step.also_gaps_m]
 
     def tables(self) -> Iterator[tuple[KeyPath, Table]]:
@@ -182,14 +183,14 @@ class RigFile(Table):
                 yield (key, number), table
 
     def key_path(self, table: Table, *keys: str | int) -> KeyPath:
-        """Return the position of a listed table or its key in the file, for messages."""
-        return (*next(place for place, listed in self.tables() if listed is table), *keys)
+        """Return the position of a table or its key in the file, for messages."""
+        return (*next(table_path for table_path, file_table in self.tables() if file_table is table), *keys)
 
     def with_changes(self, changes: Mapping[str, Any]) -> RigFile:
-        """Return a file with changed values, given by attribute: ``body.mass_kg``, ``gap_m``.
+        """Return a file with changed values, keyed by attributes such as ``body.mass_kg``.
 
-        ``gap_m`` moves the body; the magnets of a pair keep their positions. A new iron keeps the
-        old name.
+        The key ``gap_m`` moves the body; the magnets of a pair keep their positions. A new iron
+        gets the name of the previous one.
         """
         file = self
         for path, value in changes.items():
@@ -197,29 +198,29 @@ class RigFile(Table):
         return file
 
     def _with_gap(self, gap: float) -> RigFile:
-        shift, opposite = gap - self.gap_m, self.opposite
+        shift, opposite_magnet = gap - self.gap_m, self.opposite
         file = self.with_table_replaced(self.magnet, self.magnet.model_copy(update={"gap_m": gap}))
-        if opposite is None:
+        if opposite_magnet is None:
             return file
-        moved_opposite = opposite.model_copy(update={"gap_m": opposite.gap_m - shift})
-        return file.with_table_replaced(opposite, moved_opposite)
+        moved_opposite = opposite_magnet.model_copy(update={"gap_m": opposite_magnet.gap_m - shift})
+        return file.with_table_replaced(opposite_magnet, moved_opposite)
 
     def _with_value(self, path: list[str], value: Any) -> RigFile:
         attribute, *inner_path = path
         field = f"given_{attribute}" if f"given_{attribute}" in type(self).model_fields else attribute
         table = getattr(self, attribute)
-        changed = _set_nested(table, inner_path, value) if inner_path else value
+        new_table = _set_nested(table, inner_path, value) if inner_path else value
         if attribute == "iron":
-            changed = changed.model_copy(update={"name": table.name})
+            new_table = new_table.model_copy(update={"name": table.name})
         if field in type(self).model_fields:
-            return self.model_copy(update={field: changed})
-        return self.with_table_replaced(table, changed)
+            return self.model_copy(update={field: new_table})
+        return self.with_table_replaced(table, new_table)
 
-    def with_table_replaced(self, table: Table, other: Table) -> RigFile:
-        """Return a file with a listed table replaced by another one."""
+    def with_table_replaced(self, table: Table, new_table: Table) -> RigFile:
+        """Return a file in which another table replaces one of a list."""
         key, number = self.key_path(table)
         tables = list(getattr(self, _LIST_FIELDS[str(key)]))
-        tables[int(number)] = other
+        tables[int(number)] = new_table
         return self.model_copy(update={_LIST_FIELDS[str(key)]: tables})
 
 
@@ -228,7 +229,7 @@ _LIST_FIELDS = {
     for name, field in RigFile.model_fields.items()
     if field.alias and not name.startswith("given_")
 }
-"""Attributes of lists of tables, by their keys in the file."""
+"""Attributes that contain lists of tables, by their keys in the file."""
 
 
 def _set_nested(table: Any, path: list[str], value: Any) -> Any:

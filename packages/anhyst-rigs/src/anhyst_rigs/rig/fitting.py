@@ -1,4 +1,4 @@
-"""Identify a magnet from its loops, calibrate it, fit compensators, and check the plant."""
+"""Identify a magnet from its loops, calibrate it, fit its compensators, and check its plant."""
 
 from __future__ import annotations
 
@@ -29,35 +29,34 @@ from anhyst_rigs.rig.measurement_table import identify_loops, squared_misclosure
 
 @dataclass(frozen=True)
 class IdentifiedMagnet:
-    """A magnet as its controller knows it: measured loops, and the model identified from them."""
+    """A magnet as its controller sees it: measured loops, and the model identified from them."""
 
-    loops: Loops  # force over current at several gaps
-    model: Model  # identified from them
-    # relative change of the loop width of a single-play map; the model includes it already
+    loops: Loops  # loops of force over current at several gaps
+    model: Model  # model that was identified from these loops
+    # relative change of the loop width of a single-play map, which the model already includes
     loop_width_change: float = 0.0
 
 
 def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
-    """Identify the model of a bearing's magnet, with a gap map for a moving armature."""
+    """Identify the model of a bearing's magnet, with a gap map because the armature moves."""
     return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
 
 
 _ACCOMMODATING_LAW: LawName = "effective-field"
 _NOISE_MEAN_SQUARE = 1.0
-"""Expected mean square of misclosures that are only noise, in units of their variance."""
+"""Expected mean square of misclosures that are pure noise, in units of the noise variance."""
 _MAX_NOISE_MEAN_SQUARE = 2.0
-"""Largest mean square that may still be noise."""
+"""Largest mean square of misclosures that noise alone may cause, in the same units."""
 _MIN_STANDARD_ERRORS = 2.0
-"""A law without return-point memory is preferred only if it fits the misclosures better by at least
-this number of standard errors."""
+"""Number of standard errors by which a law without return-point memory must fit better."""
 
 
 def identify_magnet_with_ripple(
     loops: Loops, options: IdentifyTable, is_usable: Callable[[IdentifiedMagnet], bool]
 ) -> IdentifiedMagnet:
-    """Identify a magnet whose current ripples; the closing of minor loops selects the law.
+    """Identify a magnet with current ripple; the misclosure of minor loops selects the law.
 
-    Play cells have return-point memory. They fail on iron whose minor loops do not close.
+    Play cells have return-point memory, so they do not fit iron whose minor loops do not close.
     """
     cell_magnet = identify_magnet(loops, options)
     model = cell_magnet.model
@@ -66,24 +65,24 @@ def identify_magnet_with_ripple(
     cell_misclosures = squared_misclosures(loops, [model])
     if cell_misclosures.size == 0 or cell_misclosures.mean() <= _NOISE_MEAN_SQUARE:
         return cell_magnet
-    alternative = identify_magnet(loops, options.model_copy(update={"law": _ACCOMMODATING_LAW}))
-    squared_errors = squared_misclosures(loops, [model, alternative.model])
+    candidate = identify_magnet(loops, options.model_copy(update={"law": _ACCOMMODATING_LAW}))
+    squared_errors = squared_misclosures(loops, [model, candidate.model])
     cell_error, alternative_error = squared_errors.mean(axis=0).tolist()
     is_better = (
         len(squared_errors) * (cell_error - alternative_error) / max(alternative_error, 1.0)
         > _MIN_STANDARD_ERRORS**2
     )
-    if is_better and alternative.model.acceptance().passed is not False and is_usable(alternative):
+    if is_better and candidate.model.acceptance().passed is not False and is_usable(candidate):
         text = f"law {_ACCOMMODATING_LAW} is used, which drifts as well; "
         text += "'fused' with a probe is better"
     elif is_better or cell_error > _MAX_NOISE_MEAN_SQUARE:
-        alternative = cell_magnet
+        candidate = cell_magnet
         text = "no law describes this; 'single-valued' may be better than 'full', and a probe is better"
     else:
         return cell_magnet
     text = f"minor loops do not close: this iron has no return-point memory; {text}"
     warnings.warn(text, ReturnPointMemoryWarning, stacklevel=3)
-    return alternative
+    return candidate
 
 
 def fit_compensators(
@@ -93,17 +92,17 @@ def fit_compensators(
     variant: MethodName,
     number_format: NumberFormat,
 ) -> list[ForceController]:
-    """Fit a compensation variant to each magnet at an operating point."""
+    """Fit the compensator of a variant to each magnet at an operating point."""
     probe = calibrate_probe(rig) if variant in FLUX_PROBE_METHODS else None
-    fitted = []
+    fitted_compensators = []
     for magnet in magnets:
         sources = Sources(operating_point, magnet.loops, magnet.model, probe)
         compensator = make_compensator(variant, sources, number_format)
         if magnet.loop_width_change and isinstance(compensator.parameters, PlayMap):
-            wider = compensator.parameters.widened(magnet.loop_width_change)
-            compensator = replace(compensator, parameters=wider)
-        fitted.append(compensator)
-    return fitted
+            wider_parameters = compensator.parameters.widened(magnet.loop_width_change)
+            compensator = replace(compensator, parameters=wider_parameters)
+        fitted_compensators.append(compensator)
+    return fitted_compensators
 
 
 def calibrate_magnet(
@@ -113,22 +112,21 @@ def calibrate_magnet(
     width_change: float = 0.0,
     gap_margin: float = 0.0,
 ) -> IdentifiedMagnet:
-    """Return a magnet in terms of the currents and gaps that its controller uses.
+    """Return a magnet described by the readings of current and gap that its controller uses.
 
-    Loops and model are those that would be measured with these signals. Therefore, every
-    compensator and parameter block made from them is calibrated. `scale` and `width_change` are
-    relative. `gap_zero` and `gap_margin` are in m. The valid range of gaps is extended by
-    `gap_margin` at both ends.
+    Loops and model are those that these readings would give. Therefore, every compensator and
+    parameter block made from them is calibrated. `scale` and `width_change` are relative changes,
+    `gap_zero` is in m. The valid range of gaps is extended at both ends by `gap_margin`, m.
     """
-    current_factor, measured = 1.0 + scale, magnet.loops
+    current_factor, measured_loops = 1.0 + scale, magnet.loops
     loops = [
         replace(loop, input=loop.input / current_factor, schedule=loop.schedule + gap_zero)
-        for loop in measured.loops
+        for loop in measured_loops.loops
         if loop.schedule is not None
     ]
     model = drifted_law(magnet.model, Drift(pinning=width_change)) if width_change else magnet.model
     parameters, valid = model.parameters, model.valid
-    changed = {
+    model_changes = {
         "c_H": map_parameter(parameters["c_H"], lambda value: current_factor * value),
         "in_0": map_parameter(parameters["in_0"], lambda value: 1.0 / current_factor * value),
     }
@@ -138,16 +136,16 @@ def calibrate_magnet(
         valid = replace(
             valid, input=(low_current / current_factor, high_current / current_factor), schedule=gap_range
         )
-    nodes = tuple(gap + gap_zero for gap in model.nodes)
-    model = replace(model, nodes=nodes, parameters={**parameters, **changed}, valid=valid)
-    return IdentifiedMagnet(replace(measured, loops=tuple(loops)), model, width_change)
+    gap_nodes = tuple(gap + gap_zero for gap in model.nodes)
+    model = replace(model, nodes=gap_nodes, parameters={**parameters, **model_changes}, valid=valid)
+    return IdentifiedMagnet(replace(measured_loops, loops=tuple(loops)), model, width_change)
 
 
 def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
-    """Measure flux density over force at several gaps, as a user would with a weight.
+    """Measure flux density against force at several gaps, as a user would with a weight.
 
-    The series follows the initial ascending branch of demagnetised iron. Both force and flux
-    density depend only on the gap flux, so the direction does not matter.
+    The series follows the first ascending branch of demagnetised iron. Both force and flux density
+    depend only on the gap flux, so the direction does not matter.
     """
     hall = rig.settings.hall_probe
     if hall is None:
@@ -172,7 +170,7 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
 
 
 def check_plant(rig: BodyRig, magnet: IdentifiedMagnet) -> PlantCheck:
-    """Compare the plant of a rig and the model of its controller with the slow loops."""
+    """Compare the plant of a rig and its controller's model with the slow measured loops."""
     return check_plant_against_loops(
         rig.fitted,
         select_slow_loops(magnet.loops),
@@ -183,7 +181,7 @@ def check_plant(rig: BodyRig, magnet: IdentifiedMagnet) -> PlantCheck:
 
 
 def _is_same_law(law: Model, model: Model) -> bool:
-    """Whether two models are equal, or have the same law and a common measurement."""
+    """Whether two models are equal, or have the same hysteresis law and a common measurement."""
     if law.law != model.law:
         return False
     sources = {source.sha256 for source in law.provenance.sources}

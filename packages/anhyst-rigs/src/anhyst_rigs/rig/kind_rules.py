@@ -1,6 +1,6 @@
-"""Check that a rig file has the tables and keys of its kind, and that its names refer to something.
+"""Check that a rig file has the tables and keys of its kind, and that all names in it exist.
 
-Grids list the permitted number of tables and the required keys for each kind of rig.
+Grids list, for each kind of rig, the permitted number of tables and the required keys.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from anhyst_rigs.rig.magnet_table import FROM_LOOPS, LikeTable, MagnetTable, Sol
 from anhyst_rigs.rig.measurement_table import identify_faults
 
 RIG_KINDS = ("levitation", "tracking", "force", "displacement")
-"""Columns of the grids below, as values of ``control.kind``."""
+"""Kinds of rigs, in the order of the columns of the grids below: values of ``control.kind``."""
 _COUNT_LIMITS = {"1": (1, 1), "?": (0, 1), "*": (0, math.inf), "+": (1, math.inf), ".": (0, 0)}
-"""Smallest and largest number of tables for each symbol of a grid."""
+"""Smallest and largest number of tables that each symbol of a grid permits."""
 
 _TABLE_RULES: Mapping[type[Table], tuple[str, str, str]] = {
     MagnetTable: ("1 1 ? .", "magnet", "a [[magnet]] with winding and poles"),
@@ -47,7 +47,8 @@ _TABLE_RULES: Mapping[type[Table], tuple[str, str, str]] = {
     case_table.MovingCase: (". . 1 .", "case", 'a [[case]] of kind "moving"'),
     case_table.DisplacementCase: (". . . 1", "case", 'a [[case]] of kind "displacement"'),
 }
-"""Permitted number of each type of table by kind of rig, key of its list, and name in messages."""
+"""For each type of table: permitted number by kind of rig, key of its list, and name in messages.
+"""
 
 _SINGLE_KEY_RULES = {
     "loops": "1 1 1 .",
@@ -59,7 +60,7 @@ _SINGLE_KEY_RULES = {
     "seed": "? ? ? ?",
     "noise_seeds": "? ? . .",
 }
-"""Grid of other tables and top-level keys: required (1), optional (?), or not permitted (.)."""
+"""Grid of other tables and top-level keys. 1: required; ?: optional; .: not permitted."""
 
 _TABLE_KEY_RULES: Mapping[type[Table], Mapping[str, str]] = {
     tables.TimingTable: dict.fromkeys(("substeps", "delay_ticks"), "? ? . ."),
@@ -93,12 +94,12 @@ _TABLE_KEY_RULES: Mapping[type[Table], Mapping[str, str]] = {
         **dict.fromkeys(("head_m_per_s", "head_s", "land_m_per_s", "lift_m_per_s"), ". ? . ."),
     },
 }
-"""Grid of keys that are required or not permitted for some kinds; all other keys are optional."""
+"""Grid of keys that some kinds of rigs require or do not permit. All other keys are optional."""
 
 
-def _count_limits(file: RigFile, row: str) -> tuple[float, float]:
-    """Return the smallest and largest number in a row of a grid for the kind of a file."""
-    return _COUNT_LIMITS[row.split()[RIG_KINDS.index(file.control.kind)]]
+def _count_limits(file: RigFile, grid_row: str) -> tuple[float, float]:
+    """Return the smallest and largest number that a row of a grid permits for the kind of a file."""
+    return _COUNT_LIMITS[grid_row.split()[RIG_KINDS.index(file.control.kind)]]
 
 
 def allows_key(file: RigFile, key: str) -> bool:
@@ -108,45 +109,45 @@ def allows_key(file: RigFile, key: str) -> bool:
 
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
     rig_title = file.kind.title
-    for table, (row, key, title) in _TABLE_RULES.items():
-        places = [path for path, listed in file.tables() if type(listed) is table]
-        min_count, max_count = _count_limits(file, row)
-        if len(places) < min_count:
+    for table, (grid_row, key, title) in _TABLE_RULES.items():
+        table_paths = [path for path, file_table in file.tables() if type(file_table) is table]
+        min_count, max_count = _count_limits(file, grid_row)
+        if len(table_paths) < min_count:
             yield FileFault((key,), f"{rig_title} needs {title}; add one", code="missing")
-        elif len(places) > max_count:
+        elif len(table_paths) > max_count:
             text = (
                 f"{rig_title} does not use {title}" if not max_count else f"{rig_title} has only one of them"
             )
-            yield FileFault(places[int(max_count)], f"{text}; remove it", code="not-for-this-kind")
+            yield FileFault(table_paths[int(max_count)], f"{text}; remove it", code="not-for-this-kind")
     if _count_limits(file, _TABLE_RULES[SolenoidTable][0])[1] and len(file.magnets) != 1:
         text = "needs one magnet: with winding and poles, or a solenoid; correct it"
         yield FileFault(("magnet",), text, code="one-of-two")
 
 
 def _key_faults(file: RigFile) -> Iterator[FileFault]:
-    for key, row in _SINGLE_KEY_RULES.items():
+    for key, grid_row in _SINGLE_KEY_RULES.items():
         is_given = bool({key, f"given_{key}"} & file.model_fields_set)
-        yield from _presence_fault(file, (key,), row, is_given, "needs it; add it")
-    single: list[tuple[Any, Table]] = [(("timing",), file.timing), (("control",), file.control)]
-    for path, table in [*file.tables(), *single]:
+        yield from _presence_fault(file, (key,), grid_row, is_given, "needs it; add it")
+    single_tables: list[tuple[Any, Table]] = [(("timing",), file.timing), (("control",), file.control)]
+    for path, table in [*file.tables(), *single_tables]:
         grid = _TABLE_RULES.get(type(table))
         if grid is not None and not _count_limits(file, grid[0])[1]:
-            continue  # the whole table is not permitted; another fault reports it
-        for key, row in _TABLE_KEY_RULES.get(type(table), {}).items():
+            continue  # The whole table is not permitted, which another fault reports.
+        for key, grid_row in _TABLE_KEY_RULES.get(type(table), {}).items():
             is_given = key in table.model_fields_set
-            yield from _presence_fault(file, (*path, key), row, is_given, "")
+            yield from _presence_fault(file, (*path, key), grid_row, is_given, "")
     spread = tables.SPREADS[file.control.kind]
     for key in sorted(file.spread.model_fields_set.difference(spread.keys)):
         yield from _presence_fault(file, ("spread", key), ". . . .", True, "")
 
 
 def _presence_fault(
-    file: RigFile, path: KeyPath, row: str, is_given: bool, needed: str
+    file: RigFile, path: KeyPath, grid_row: str, is_given: bool, need_text: str
 ) -> Iterator[FileFault]:
-    """Find a key that the kind of the file requires but lacks, or does not permit."""
-    rig_title, (min_count, max_count) = file.kind.title, _count_limits(file, row)
+    """Find a required key that is missing, or a present key that is not permitted."""
+    rig_title, (min_count, max_count) = file.kind.title, _count_limits(file, grid_row)
     if min_count and not is_given:
-        text = f"{rig_title} {needed}" if needed else f"is missing, {rig_title} needs it; add it"
+        text = f"{rig_title} {need_text}" if need_text else f"is missing, {rig_title} needs it; add it"
         yield FileFault(path, text, code="missing")
     if not max_count and is_given:
         text = f"{rig_title} does not use it; remove it"
@@ -155,7 +156,7 @@ def _presence_fault(
 
 def _name_faults(file: RigFile) -> Iterator[FileFault]:
     names = [iron.name for iron in file.irons]
-    used_irons = {listed.iron for listed in file.magnets if isinstance(listed, MagnetTable)}
+    used_irons = {magnet_entry.iron for magnet_entry in file.magnets if isinstance(magnet_entry, MagnetTable)}
     used_irons -= {None, FROM_LOOPS}
     for number, name in enumerate(names):
         if name == FROM_LOOPS or name in names[:number]:
@@ -165,7 +166,7 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
             text = f"no magnet uses '{name}'; remove it, or name it in a magnet"
             yield FileFault(("iron", number), text, code="not-used")
     magnet_names = [magnet.name for magnet in file.magnets]
-    first = next((listed for listed in file.magnets if isinstance(listed, MagnetTable)), None)
+    first_magnet = next((listed for listed in file.magnets if isinstance(listed, MagnetTable)), None)
     for number, name in enumerate(magnet_names):
         if name in magnet_names[:number]:
             text = f"'{name}' is already used; choose another name"
@@ -177,28 +178,28 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
         if isinstance(magnet, MagnetTable) and magnet.iron not in (None, FROM_LOOPS, *names):
             text = f"there is no [[iron]] '{magnet.iron}'; correct it"
             yield FileFault((*path, "iron"), text, code="unknown-name")
-        if isinstance(magnet, LikeTable) and first is not None and magnet.like != first.name:
-            text = f"is not the first magnet; write '{first.name}'"
+        if isinstance(magnet, LikeTable) and first_magnet is not None and magnet.like != first_magnet.name:
+            text = f"is not the first magnet; write '{first_magnet.name}'"
             yield FileFault((*path, "like"), text, code="unknown-name")
     if hasattr(file.control, "bias_N"):
-        yield from _pair_faults(file, first)
+        yield from _pair_faults(file, first_magnet)
 
 
-def _pair_faults(file: RigFile, first: MagnetTable | None) -> Iterator[FileFault]:
-    pushes = first is not None and first.is_bidirectional
+def _pair_faults(file: RigFile, first_magnet: MagnetTable | None) -> Iterator[FileFault]:
+    is_bidirectional = first_magnet is not None and first_magnet.is_bidirectional
     needs_opposite = _count_limits(file, _TABLE_RULES[LikeTable][0])[0] > 0
-    pairs = not pushes and (file.opposite is not None or needs_opposite)
+    pairs = not is_bidirectional and (file.opposite is not None or needs_opposite)
     if pairs != (file.bias_N is not None):
         text = "a pair of magnets needs it; add it"
         if not pairs:
             text = "belongs to a pair of magnets; remove it"
         yield FileFault(("control", "bias_N"), text, code="pair-only")
-    if first is not None and pushes:
-        yield from _push_faults(file, first)
+    if first_magnet is not None and is_bidirectional:
+        yield from _push_faults(file, first_magnet)
 
 
-def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
-    """Find keys that bidirectional magnets do not permit."""
+def _push_faults(file: RigFile, first_magnet: MagnetTable) -> Iterator[FileFault]:
+    """Find keys that are not permitted for bidirectional magnets."""
     if "force_min_N" in file.control.model_fields_set:
         text = "is only for magnets that cannot push; remove it"
         yield FileFault(("control", "force_min_N"), text, code="not-for-this-kind")
@@ -206,13 +207,13 @@ def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
         text = 'bidirectional magnets cannot use "fixed"; write "f64" or "f32"'
         yield FileFault(("control", "format"), text, code="not-for-this-kind")
     for magnet in file.magnets:
-        if isinstance(magnet, LikeTable) and magnet.gap_m != first.gap_m:
-            text = f"'{first.name}' has a gap of {first.gap_m:g} m; make them equal"
+        if isinstance(magnet, LikeTable) and magnet.gap_m != first_magnet.gap_m:
+            text = f"'{first_magnet.name}' has a gap of {first_magnet.gap_m:g} m; make them equal"
             yield FileFault(file.key_path(magnet, "gap_m"), text, code="option-differs")
 
 
 def read_rig_file(path: PathLike, kind: str) -> RigFile:
-    """Read and check the rig file of a kind, given as the value of its ``control.kind``."""
+    """Read and check the rig file of a kind, which is the value of its key ``control.kind``."""
     file = read_toml(path, RigFile, kinds=[rig_kinds()[kind]])
     faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file)]
     if file.given_loops is not None:

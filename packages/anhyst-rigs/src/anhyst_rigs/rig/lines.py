@@ -1,4 +1,4 @@
-"""Describe where magnets and sensors act on a body, in its free coordinates."""
+"""Describe where the forces of magnets and the sensors act on a body, in its free coordinates."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from anhyst_rigs.rig.magnet_table import CLOSES_GAP, OPENS_GAP, ORIGIN
 from anhyst_rigs.rig.sensor_table import PositionSensorTable
 
 Line = Mapping[str, list[float]]
-"""A point ``r`` on the body, m, and a unit vector ``d`` of the force or reading at this point."""
+"""A point ``r`` on the body, m, and the unit vector ``d`` of a force or reading at this point."""
 
 ALONG_X: Line = {"r": ORIGIN, "d": OPENS_GAP}
 AGAINST_X: Line = {"r": ORIGIN, "d": CLOSES_GAP}
-"""Lines through the origin, as is :data:`ALONG_X`."""
+"""Two lines of action through the origin, parallel to x."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
     """A free coordinate of a body with its end stops, m or rad."""
 
-    axis: int  # 0 to 5: along and about x, y, z
+    axis: int  # 0 to 2: along x, y, z; 3 to 5: about x, y, z
     low: float
     high: float
     rest: float  # initial position of the body
@@ -28,13 +28,13 @@ class Coordinate:
 
 @dataclass(frozen=True, slots=True)
 class LinesOfAction:
-    """Lines of all forces and sensors of a body; gaps are those of the body at its origin, m."""
+    """Lines of action of all forces and sensors of a body. Gaps apply to the body at its origin, m."""
 
     coordinates: Sequence[Coordinate]
     magnets: Sequence[tuple[Line, float]]
     gap_sensors: Sequence[tuple[Line, float]]
     gravity: list[float]  # m/s2
-    force_along: list[float]  # unit vector of the recorded force
+    force_along: list[float]  # unit vector along which the recorded force acts
     load: Line
-    load_rest: float  # position at which the load drive's spring is without force, m
+    load_rest: float  # position at which the spring of the load drive has no force, m
     heads: Sequence[tuple[Line, PositionSensorTable]] = ()

@@ -1,4 +1,4 @@
-"""Run a plant and its controller in lock-step from a scenario to a recording."""
+"""Run a plant and its controller together, tick by tick, from a scenario to a recording."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from anhyst_rigs.rig.plant import current_controllers, make_plant
 from anhyst_rigs.rig.recording import Recording, column_name
 
 DROP_SAMPLE_BIT = 256
-"""Command bit of a dropped sample; see ``plant/include/anhyst_plant/loop.h`` for all bits."""
+"""Command bit that drops a sample; ``plant/include/anhyst_plant/loop.h`` describes all bits."""
 SHORT_CIRCUIT_BIT = 512
-"""Command bit of a short circuit."""
+"""Command bit that makes a failing amplifier short-circuit its winding."""
 FIRST_FAILURE_BIT = 16
-"""Position of the command bit of the first magnet or head; a set bit makes it fail."""
+"""Position of the command bit of the first magnet or head, which fails if the bit is set."""
 HEAD_FAULT_BITS = {"missing": 1024, "frozen": 2048, "jumps": 4096}
-"""Command bits of the failures of heads instead of amplifiers."""
+"""Command bits that select a failure of heads instead of amplifiers."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceStep:
     """A step of the reference in a scenario."""
 
-    begin: int  # ticks: start of the step, and end of its hold
+    begin: int  # ticks at which the step begins and its hold ends
     end: int
-    before: float  # reference gaps before and after, m
-    after: float
+    gap_before: float  # reference gap before and after the step, m
+    gap_after: float
 
     @property
     def height(self) -> float:
         """Height of the step, m."""
-        return abs(self.after - self.before)
+        return abs(self.gap_after - self.gap_before)
 
 
 def _empty_array() -> FloatArray:
@@ -51,22 +51,22 @@ def _empty_array() -> FloatArray:
 class Scenario:
     """Inputs of a run, one row per tick; omitted inputs are zero.
 
-    Target, injected signal, feedforward and frame have one column per free coordinate, or are
-    one-dimensional for a single coordinate.
+    Target, injected signal, feedforward force and frame position have one column per free
+    coordinate. For a single coordinate, they are one-dimensional.
     """
 
-    target: FloatArray  # reference position, m; for a bearing the gap
+    target: FloatArray  # reference position, m; for a bearing, the gap
     # commanded force of the load drive, N; shape (n,)
     load: FloatArray = field(default_factory=_empty_array)
-    # added to the position that the controller reads, m
+    # signal that is added to the position that the controller reads, m
     inject: FloatArray = field(default_factory=_empty_array)
     feed: FloatArray = field(default_factory=_empty_array)  # feedforward force, N
-    # :class:`Command` and bits such as :data:`DROP_SAMPLE_BIT`; shape (n,)
+    # sum of a :class:`Command` and bits such as :data:`DROP_SAMPLE_BIT`; shape (n,)
     command: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
-    # position at n + 1 ticks, m; empty: at rest
+    # position of the frame at n + 1 ticks, m; empty: at rest
     frame: FloatArray = field(default_factory=_empty_array)
     steps: tuple[ReferenceStep, ...] = ()  # steps of the reference
-    lift_end_tick: int = 0  # tick at which the armature should levitate; 0 without a lift-off
+    lift_end_tick: int = 0  # tick at which the armature should levitate; 0 if there is no lift-off
 
     def __post_init__(self) -> None:
         n = len(self.target)
@@ -83,16 +83,16 @@ class Scenario:
         return len(self.target)
 
     def slice_ticks(self, begin: int, end: int) -> Scenario:
-        """Return the inputs of ticks begin to end (exclusive), without lift-off and steps."""
+        """Return the inputs of ticks begin to end (exclusive), without lift-off and step data."""
         fields = ("target", "load", "inject", "feed", "command")
         inputs = {name: getattr(self, name)[begin:end] for name in fields}
         return Scenario(**inputs, frame=self.frame[begin : end + 1])
 
 
 class ClosedLoop:
-    """A plant and its controller from power-on; successive scenarios continue the run.
+    """A plant and its controller from power-on. Each scenario continues after the previous one.
 
-    A digital current loop precedes each amplifier; it is inactive for a current amplifier.
+    A digital current controller precedes each amplifier; it is inactive for a current amplifier.
     """
 
     def __init__(
@@ -100,16 +100,16 @@ class ClosedLoop:
         plant: Plant,
         controller: LoopController,
         current_loops: Sequence[dict[str, float]],
-        recorded: Sequence[str] | None = None,
+        recorded_signals: Sequence[str] | None = None,
     ) -> None:
         self._loop = PlantLoop(plant, controller, current_loops)
         self._signals = [column_name(*signal) for signal in self._loop.signals]
-        self._recorded = recorded  # columns; None: all
+        self._recorded = recorded_signals  # recorded columns; None: all
 
     def run(self, scenario: Scenario) -> Recording:
         """Run a scenario and return its recording.
 
-        The recording is shorter if a value is not finite or the controller does not answer.
+        The recording ends early if a value is not finite or if the controller does not answer.
         """
         target, load, inject, feed = (
             np.ascontiguousarray(signal, dtype=np.float64).ravel()
@@ -123,13 +123,14 @@ class ClosedLoop:
 
 @dataclass(frozen=True)
 class Setup(ABC):
-    """Everything that a run of a body between magnets needs; it can be sent to other processes."""
+    """All data for a run of a body between magnets; the object can be sent to other processes."""
 
-    recorded_columns: ClassVar[Sequence[str] | None] = None  # columns of a recording; None: all
+    recorded_columns: ClassVar[Sequence[str] | None] = None  # columns in a recording; None: all
 
-    rig: BodyRig  # the plant
-    compensator: ForceController  # force to current, as fitted; copied for each run
-    # of every magnet, if they differ
+    rig: BodyRig  # rig of the plant
+    # fitted compensators from force to current, which are copied for each run
+    compensator: ForceController
+    # compensator of each magnet, if they differ
     own_compensators: tuple[ForceController, ...] = field(default=(), kw_only=True)
 
     @property
@@ -139,7 +140,7 @@ class Setup(ABC):
 
     @property
     def compensators(self) -> tuple[ForceController, ...]:
-        """Fitted compensator of every magnet."""
+        """Fitted compensator of each magnet."""
         return self.own_compensators or (self.compensator,) * len(self.rig.settings.body_magnets)
 
     def make_compensators(self) -> list[ForceController]:
@@ -152,14 +153,14 @@ class Setup(ABC):
 
     @abstractmethod
     def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
-        """Return the controller as it is after power-on.
+        """Return the controller in its state after power-on.
 
-        The drives, one per magnet, may have a history; by default they are demagnetised.
+        `drives`, one force controller per magnet, may have a history; the default is demagnetised.
         """
 
 
 class SimulatedLoop(ClosedLoop):
-    """Closed loop of a setup, optionally with another plant."""
+    """The closed loop of a setup with its own plant or with another one."""
 
     def __init__(
         self, setup: Setup, seed: int = 0, is_magnetised_first: bool = False, plant: Plant | None = None

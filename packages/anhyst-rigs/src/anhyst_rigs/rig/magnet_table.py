@@ -1,4 +1,4 @@
-"""Define ``[[magnet]]`` of a rig file: given parameters, fitted to loops, or in a separate file."""
+"""Define ``[[magnet]]`` of a rig file: with parameters, fitted to loops, or in a separate file."""
 
 # ruff: noqa: N815 - keys of the file carry units
 
@@ -19,12 +19,12 @@ FROM_LOOPS = "from loops"
 
 
 Place = Annotated[list[Number], Field(min_length=3, max_length=3)]
-"""Position on the body along x, y, z, m."""
+"""Position on the body in the directions x, y, z, m."""
 ORIGIN = [0.0, 0.0, 0.0]
 
 
 UNIT_LENGTH_TOLERANCE = 1e-6
-"""Largest error of the length of a unit vector."""
+"""Largest deviation of the length of a unit vector from 1."""
 
 
 def _check_unit_vector(value: list[float]) -> list[float]:
@@ -35,20 +35,20 @@ def _check_unit_vector(value: list[float]) -> list[float]:
 
 
 Direction = Annotated[Place, AfterValidator(_check_unit_vector)]
-"""Unit vector along x, y, z."""
+"""Unit vector with the components x, y, z."""
 CLOSES_GAP = [-1.0, 0.0, 0.0]
 OPENS_GAP = [1.0, 0.0, 0.0]
-"""Directions of pull along x; the gap of the first magnet increases with x."""
+"""Directions along x in which a magnet pulls; the gap of the first magnet increases with x."""
 
 
 class SolidTable(Table):
-    """``magnet.solid``: solid part of the core; omitted keys are fitted."""
+    """``magnet.solid``: solid part of the core. Omitted keys are fitted to loops."""
 
-    depth_m: Annotated[float, Field(gt=0.0, le=1.0)]  # from the surface to the middle
+    depth_m: Annotated[float, Field(gt=0.0, le=1.0)]  # depth from the surface to the middle
     conductivity_S_per_m: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
-    # length of the flux path in it; None: iron_length_m, or fitted to the loops
+    # length of the flux path in the solid part; None: iron_length_m, or fitted to the loops
     path_m: Annotated[float, Field(ge=1e-6)] | None = None
-    volumes: Annotated[int, Field(ge=8, le=16)] = 12  # number of volumes across the depth
+    volumes: Annotated[int, Field(ge=8, le=16)] = 12  # number of finite volumes across the depth
 
     def make_solid_iron(self, iron_length: float) -> SolidIron | None:
         """Return the solid part for an iron length, m; None if the conductivity is unknown."""
@@ -59,7 +59,7 @@ class SolidTable(Table):
 
 
 LAW_KIND = "law"
-"""Kind of a magnet whose force an identified law determines."""
+"""Kind of a magnet whose force is given by an identified law."""
 
 
 def _check_kind(kind: str) -> str:
@@ -72,14 +72,14 @@ def _check_kind(kind: str) -> str:
 
 
 class MagnetTable(Table):
-    """Winding, poles and iron of one magnet; keys that a fit determines may be omitted."""
+    """Winding, poles and iron of a magnet. Keys that are fitted to loops may be omitted."""
 
     name: Name
     kind: Annotated[str, AfterValidator(_check_kind)] = "electromagnet"
-    iron: str | None = None  # name of an iron, or "from loops"
+    iron: str | None = None  # name of an iron table, or "from loops"
     direction: Direction = CLOSES_GAP
     position_m: Place = ORIGIN  # position of the centre of the poles on the body
-    gap_m: Positive | None = None  # operating gap
+    gap_m: Positive | None = None  # gap at the operating point
     turns: Annotated[int, Field(ge=1)] | None = None
     resistance_ohm: Positive | None = None
     pole_width_m: Positive | None = None
@@ -127,7 +127,7 @@ class MagnetTable(Table):
         return self
 
     def _has_circuit(self) -> bool:
-        """Whether the parameters make a valid circuit, with a bias if it is bidirectional."""
+        """Whether the parameters make a valid circuit, which needs a bias if it is bidirectional."""
         try:
             poles = self.poles
         except ArithmeticError:
@@ -144,12 +144,12 @@ class MagnetTable(Table):
 
     @property
     def output(self) -> str:
-        """Quantity of its loops."""
+        """Output quantity of the magnet's loops."""
         return "force" if self.kind == LAW_KIND else ACTUATORS[self.kind].output
 
     @property
     def is_bidirectional(self) -> bool:
-        """Whether the magnet pushes as well as pulls."""
+        """Whether the magnet can push as well as pull."""
         return not output_map(QUANTITIES[self.output]).is_even
 
     @property
@@ -166,14 +166,14 @@ class MagnetTable(Table):
 
     @property
     def poles(self) -> Poles:
-        """Winding and poles; requires that all parameters are given or fitted."""
+        """Winding and poles; requires that all their parameters are given or fitted."""
         numbers = {name: getattr(self, key) for name, key in POLE_KEYS.items()}
         poles = Poles(**{**numbers, "joints": self.joints_m or 0.0})
         return poles if self.kind == LAW_KIND else ACTUATORS[self.kind].circuit(poles, self.numbers)
 
 
 MAX_TIME_CONSTANT_S = 1e3
-"""Largest inductance over resistance of a winding, s; a slower winding could not be simulated."""
+"""Largest ratio of inductance to resistance of a winding, s; larger ones cannot be simulated."""
 POLE_KEYS = {
     "turns": "turns",
     "resistance": "resistance_ohm",
@@ -183,11 +183,11 @@ POLE_KEYS = {
     "iron_length": "iron_length_m",
     "joints": "joints_m",
 }
-"""Keys of the rig file for the fields of :class:`Poles`."""
+"""Keys of the rig file by the fields of :class:`Poles`."""
 
 
 class LikeTable(Table):
-    """A copy of another magnet at another position."""
+    """A magnet with the parameters of another one, at another position."""
 
     name: Name
     like: Name
@@ -205,7 +205,7 @@ class SolenoidTable(Table):
 
 
 def _table_tag(value: Any) -> str:
-    """Return the type of a magnet's table."""
+    """Return the tag that selects the type of a magnet's table."""
     if isinstance(value, Table):
         return f"{BRANCH_PREFIX}{_TAGS[type(value)]}"
     if not isinstance(value, dict) or value.get("kind") != "solenoid":

@@ -1,6 +1,6 @@
 """Define ``[loops]``, ``[measurement]`` and ``[excite]`` of a rig file, and read its loops.
 
-The module also identifies models from these loops, and measures how well their minor loops close.
+The module also identifies models from these loops, and measures how well minor loops close.
 """
 
 from __future__ import annotations
@@ -34,32 +34,32 @@ from anhyst_rigs.rig.minor_loops import find_closings
 
 
 RelativeCurrent = Annotated[float, Field(ge=-1.0, le=1.0)]
-"""Current relative to the largest one; negative only for bidirectional currents."""
+"""Current relative to the largest current. Only bidirectional magnets can have negative values."""
 
 
 def _check_file_list(value: Any) -> Any:
     if isinstance(value, str):
         return [value]
-    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
+    if isinstance(value, list) and value and all(isinstance(entry, str) for entry in value):
         return value
     raise InputError("must be a file, a folder, or a list of them", code="wrong-kind")
 
 
 class LoopsTable(IdentifyTable):
-    """``[loops]``: files with measured loops, and options of the reader and the identification."""
+    """``[loops]``: files with measured loops, and options for reading and identification."""
 
     files: Annotated[list[str], BeforeValidator(_check_file_list), Field(min_length=1)]
 
 
 class RecordTable(Table):
-    """An entry of ``measurement.records``: linear sweeps between reversals."""
+    """An entry of ``measurement.records``: linear sweeps from one reversal point to the next."""
 
     name: Name
     turns: Annotated[list[RelativeCurrent], Field(min_length=2)]
 
 
 class MeasurementTable(Table):
-    """``[measurement]``: measurement of loops with a held armature."""
+    """``[measurement]``: how loops are measured while the armature is held."""
 
     gaps_m: Annotated[list[Positive], Field(min_length=1)]
     current_max_A: Positive
@@ -72,11 +72,11 @@ class MeasurementTable(Table):
 
 MIN_CYCLE_S = 1e-5
 MAX_CYCLE_S = 600.0
-"""Limits of the duration of a full cycle at a fast rate."""
+"""Limits of the duration of a full cycle at a fast rate, s."""
 
 
 class CampaignTable(MeasurementTable):
-    """``[measurement]`` of a rig file, with additional full cycles at faster rates."""
+    """``[measurement]`` of a rig file, with optional full cycles at faster rates."""
 
     fast_A_per_s: list[Positive] = Field(default_factory=list)
 
@@ -96,7 +96,7 @@ class CampaignTable(MeasurementTable):
 
 
 class ExciteTable(Table):
-    """``[excite]``: gaps and limits of a drive that measures loops."""
+    """``[excite]``: gaps, and limits of the drive with which loops are measured."""
 
     gaps_m: Annotated[list[Positive], Field(min_length=1)] | None = None
     operating_N: Positive | None = None
@@ -119,26 +119,26 @@ _FILES_KEY = ("loops", "files")
 
 @dataclass(frozen=True, slots=True)
 class MeasuredLoops:
-    """Measured loops as named by a rig file."""
+    """The measured loops that a rig file names."""
 
-    rig: Path  # the rig file
+    rig: Path  # path of the rig file
     options: LoopsTable  # options from the rig file
-    output: str = "force"  # output quantity of its magnets
+    output: str = "force"  # output quantity of the magnets
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        """Files and folders."""
+        """Files and folders with loops."""
         return tuple(self.rig.parent / name for name in self.options.files)
 
     @property
     def description(self) -> str:
-        """First path, and the number of further ones, for messages."""
+        """The first path, and the number of further paths, for messages."""
         further_text = f" and {len(self.paths) - 1} more" if len(self.paths) > 1 else ""
         return f"{self.paths[0]}{further_text}"
 
     @property
     def files(self) -> list[Path]:
-        """All files that are read: tables in folders, and files that describe them."""
+        """All files that are read: tables in the folders, and their sidecar files."""
         for number, path in enumerate(self.paths):
             if not path.exists():
                 key = (*_FILES_KEY, number) if len(self.paths) > 1 else _FILES_KEY
@@ -150,7 +150,7 @@ class MeasuredLoops:
             raise faults_error(self.rig, [FileFault(_FILES_KEY, str(error), code=error.code)]) from error
 
     def read(self) -> Loops:
-        """Read and clean the loops."""
+        """Read the loops and clean their data."""
         if not self.files:
             raise InputError(f"{self.description}: no loops", code="no-loops")
         loops = self.options.read_options(self.rig.parent).read(self.paths)
@@ -162,7 +162,7 @@ class MeasuredLoops:
 
 
 def identify_faults(options: IdentifyTable) -> list[FileFault]:
-    """Find options of the identification that a rig file cannot have."""
+    """Find identification options that a rig file must not contain."""
     if options.gap_map == "free":
         text = "'free' is valid only at the measured gaps, but the armature moves; choose another"
         return [FileFault(("loops", "gap_map"), text, code="choice-not-for-this")]
@@ -176,25 +176,24 @@ def identify_faults(options: IdentifyTable) -> list[FileFault]:
 def identify_loops(
     loops: Loops, options: IdentifyTable, gap_map: str, progress: Progress | None = None
 ) -> Model:
-    """Identify a model with the options of a rig file; results are cached."""
+    """Identify a model with the options of a rig file; the result is cached."""
     settings = options.search_options(gap_map)
 
     def search() -> Model:
         return require_complete(identify(loops, **settings, progress=progress)).model
 
-    # Registered plug-in laws have sources that the cache key does not cover.
+    # The cache key does not cover the source code of plug-in laws.
     return search() if LAWS.plugins else cached_result("models", search, loops, settings)
 
 
 _MIN_RELATIVE_ERROR = 2e-4
-"""Smallest assumed error of a misclosure, relative to the largest output, also for less noise."""
+"""Smallest standard error that is assumed for a misclosure, relative to the largest output."""
 
 
 def squared_misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
-    """Return the squared misclosure error of each model, in units of its variance.
+    """Return the squared misclosure errors, in units of their variance: closings by models.
 
-    Each closing gives a row and each model a column. A value near 1 is noise. The first model must
-    follow the loops.
+    A value near 1 can be noise. The first model must follow the loops.
     """
     squared_errors: list[list[float]] = []
     min_error = _MIN_RELATIVE_ERROR * largest_output(loops)
@@ -202,9 +201,9 @@ def squared_misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
         inputs = loop.input, loop.schedule, loop.time, loop.history
         runs = [model.predict(*inputs).output for model in models]
         for closing in find_closings(loop):
-            if (measured := closing.measure_step(loop, runs[0])) is None:
+            if (measured_step := closing.measure_step(loop, runs[0])) is None:
                 continue
-            step, sigma = measured
+            step, sigma = measured_step
             errors = [(step - closing.output_step(loop, run)) / max(sigma, min_error) for run in runs]
             squared_errors.append([error**2 for error in errors])
     return np.array(squared_errors).reshape(-1, len(models))

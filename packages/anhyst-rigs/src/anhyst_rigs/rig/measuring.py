@@ -1,4 +1,4 @@
-"""Measure loops of a virtual magnet with the sensors of its rig and a held armature."""
+"""Measure loops of a virtual magnet, whose armature is held, with the sensors of its rig."""
 
 from __future__ import annotations
 
@@ -22,40 +22,40 @@ from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
 
 _STEP_COUNT_ROUNDING = 1e-6
-"""Excess over a whole number of steps that counts as rounding."""
+"""Excess over a whole number of steps that counts as a rounding error."""
 
 
 HeldMagnet = Coil
-"""A magnet with hysteresis at given currents and gaps, quasi-static or in time."""
+"""A magnet with hysteresis that follows given currents and gaps, quasi-statically or in time."""
 Seed = int | list[int]
-"""Seed of noise."""
+"""Seed of a noise generator."""
 
 
 class HeldRig(Protocol):
-    """A rig with a held armature."""
+    """A rig whose armature is held."""
 
     def magnet(self) -> HeldMagnet:
         """Return the demagnetised magnet."""
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return the sensors for a sampling time, s; the seed of the rig file is added."""
+        """Return the sensors for a sampling time, s; their seed includes that of the rig file."""
 
 
 def sweep_path(reversals: Sequence[float], step: float) -> FloatArray:
-    """Return a path with linear sweeps between reversals, in steps of at most `step`."""
-    parts = [np.array(reversals[:1])]
+    """Return a path with linear sweeps from one reversal to the next, in steps of at most `step`."""
+    current_segments = [np.array(reversals[:1])]
     for begin, end in pairwise(reversals):
-        count = math.ceil(abs(end - begin) / step - _STEP_COUNT_ROUNDING)
-        parts.append(np.linspace(begin, end, max(count, 1) + 1)[1:])
-    return np.concatenate(parts)
+        step_count = math.ceil(abs(end - begin) / step - _STEP_COUNT_ROUNDING)
+        current_segments.append(np.linspace(begin, end, max(step_count, 1) + 1)[1:])
+    return np.concatenate(current_segments)
 
 
 def conditioning_path(campaign: MeasurementTable) -> list[float]:
-    """Return the reversals before every record, A: largest current, then the lowest of all records.
+    """Return the reversal points that precede every record, A.
 
-    The lowest one is zero if no record goes below zero.
+    They alternate between the largest current and the lowest of all records, but at most zero.
     """
-    lowest_ratio = min(0.0, *(turn for record in campaign.records for turn in record.turns))
+    lowest_ratio = min(0.0, *(ratio for record in campaign.records for ratio in record.turns))
     high = campaign.current_max_A
     return [high, lowest_ratio * high] * campaign.conditioning_cycles
 
@@ -65,17 +65,17 @@ def measure_path(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the readings of current, A, and force, N, along a path of currents at a gap, m.
 
-    The path is quasi-static, or each step takes the given time, s.
+    If `seconds` is infinite, the path is quasi-static; otherwise, each step takes this time, s.
     """
     force = magnet.run(path, np.full(path.size, gap), seconds)[:, 0]
     return sensors["current"].read(path), sensors["force"].read(force)
 
 
-def measure_stack_displacement(rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed) -> FloatArray:
-    """Return the readings of a piezo stage, m, along voltages, V, after long rest at 0 V."""
+def measure_stack_displacement(rig: PiezoRig, voltage: FloatArray, period: float, seed: Seed) -> FloatArray:
+    """Return readings of a piezo stage, m, along voltages, V, after a long rest at 0 V."""
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(seed).standard_normal(voltage.size)
-    readings = rig.make_motion(sample).run(voltage) + noise
+    readings = rig.make_motion(period).run(voltage) + noise
     if not np.abs(readings).max() < 1.0:
         raise InputError(
             f"{rig.path}: stack[1]: extends beyond 1 m in the measurement of its loops; correct "
@@ -92,7 +92,7 @@ FAST_CYCLES = 2
 
 
 def measure_at_gap(
-    held: HeldRig,
+    rig: HeldRig,
     campaign: MeasurementTable,
     index: int,
     magnet: HeldMagnet | None = None,
@@ -100,34 +100,33 @@ def measure_at_gap(
 ) -> list[Loop]:
     """Measure all records of a campaign at one of its gaps.
 
-    With `fast_rates`, A/s, all records are measured in time, and full cycles at each rate are
-    added.
+    With `fast_rates`, A/s, records are measured in time, and full cycles at each rate are added.
     """
     gap, conditioning, high = (campaign.gaps_m[index], conditioning_path(campaign), campaign.current_max_A)
     sweep_rate, sample_s = campaign.sweep_A_per_s, campaign.sample_s
     runs = [
-        (record.name, [high * turn for turn in record.turns], sweep_rate, sample_s)
+        (record.name, [high * reversal for reversal in record.turns], sweep_rate, sample_s)
         for record in campaign.records
     ]
     cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
-    rounded, exact = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
+    rounded_gap, exact_gap = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
     runs += [
         (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * SAMPLES_PER_FAST_CYCLE))
         for speed in fast_rates
     ]
     loops = []
-    for number, (name, turns, speed, sample) in enumerate(runs):
-        specimen = held.magnet() if magnet is None else magnet
-        for turn in conditioning:
-            specimen.hold(turn, gap)
-        path, sensors = sweep_path(turns, speed * sample), held.sensors([index, number], sample)
-        current, force = measure_path(specimen, sensors, gap, path, sample if fast_rates else math.inf)
+    for number, (name, reversals, speed, period) in enumerate(runs):
+        specimen = rig.magnet() if magnet is None else magnet
+        for held_current in conditioning:
+            specimen.hold(held_current, gap)
+        path, sensors = sweep_path(reversals, speed * period), rig.sensors([index, number], period)
+        current, force = measure_path(specimen, sensors, gap, path, period if fast_rates else math.inf)
         loop = Loop(
-            label=f"{rounded if float(rounded) == float(exact) else exact}mm-{name}",
+            label=f"{rounded_gap if float(rounded_gap) == float(exact_gap) else exact_gap}mm-{name}",
             input=current,
             output=force,
             schedule=np.full(path.size, gap),
-            time=np.arange(path.size, dtype=np.float64) * sample if fast_rates else None,
+            time=np.arange(path.size, dtype=np.float64) * period if fast_rates else None,
             history=History("conditioned", (0.0, *conditioning)),
         )
         loops.append(loop)
@@ -135,7 +134,7 @@ def measure_at_gap(
 
 
 class HeldBearing:
-    """A bearing with a held armature; only the magnet that closes the gap is driven."""
+    """A bearing whose armature is held; only the magnet that closes the gap is driven."""
 
     def __init__(self, rig: BodyRig) -> None:
         self._rig = rig
@@ -145,11 +144,12 @@ class HeldBearing:
         return Coil(self._rig.magnet)
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return the sensors for a sampling time, s; the seed of the rig file is added."""
+        """Return the sensors for a sampling time, s; their seed includes that of the rig file."""
         settings = self._rig.settings
         current, force = settings.current_sensor, settings.force_sensor
         own_seed = [settings.seed, *seed]
-        shunt = current.plant_parameters(sample) | {"share": 1.0}  # no low-pass for slow loops
+        # Slow loops have no low-pass filter.
+        shunt = current.plant_parameters(sample) | {"share": 1.0}
         return {
             "current": NoisySensor(shunt, [*own_seed, 0]),
             "force": NoisySensor(force.plant_parameters(sample), [*own_seed, 1]),
@@ -157,33 +157,32 @@ class HeldBearing:
 
 
 def loop_file_texts(loops: Loops, notes: str) -> dict[str, str]:
-    """Return the texts of the files of measured loops by name, with notes at the top."""
-    timed = loops.loops[0].time is not None
+    """Return the texts of files with measured loops, by file name; notes are at the top."""
+    has_time = loops.loops[0].time is not None
     rows = []
     for loop in loops.loops:
         assert loop.schedule is not None
         columns = [loop.input, loop.output, loop.schedule]
-        form = f"%.6f,%.4f,%.5f,{loop.label}\n"
+        template = f"%.6f,%.4f,%.5f,{loop.label}\n"
         if loop.time is not None:
             columns.insert(0, loop.time)
-            form = f"%.7g,{form}"
-        rows += [form % row for row in zip(*(column.tolist() for column in columns), strict=True)]
-    header = f"{'t_s,' * timed}I_A,{loops.output.symbol}_N,gap_m,loop\n"
+            template = f"%.7g,{template}"
+        rows += [template % values for values in zip(*(column.tolist() for column in columns), strict=True)]
+    header_line = f"{'t_s,' * has_time}I_A,{loops.output.symbol}_N,gap_m,loop\n"
     return {
-        "loops.csv": notes + header + "".join(rows),
+        "loops.csv": notes + header_line + "".join(rows),
         "loops.toml": f'history = "{loops.loops[0].history}"\n',
     }
 
 
 def measure_loops(rig: BodyRig) -> Loops:
-    """Measure the loops of ``[measurement]`` of the rig file.
+    """Measure the loops that ``[measurement]`` of the rig file describes.
 
-    The conditioning cycles precede every record. The loops are quasi-static, or measured in time if
-    the file has fast cycles.
+    The conditioning cycles precede every record. With fast cycles, all loops are measured in time.
     """
     held, campaign = HeldBearing(rig), rig.settings.measurement
-    places = range(len(campaign.gaps_m))
-    fast = campaign.fast_A_per_s
-    loops = [loop for place in places for loop in measure_at_gap(held, campaign, place, fast_rates=fast)]
+    indices = range(len(campaign.gaps_m))
+    rates = campaign.fast_A_per_s
+    loops = [loop for index in indices for loop in measure_at_gap(held, campaign, index, fast_rates=rates)]
     output = QUANTITIES[rig.settings.magnet.output]
     return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

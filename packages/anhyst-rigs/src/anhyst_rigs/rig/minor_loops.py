@@ -1,4 +1,4 @@
-"""Find where minor loops of a record close, and measure the misclosure of the output."""
+"""Find the points at which minor loops of a record close, and measure the misclosure there."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from anhyst.data.loops import Loop
 from anhyst.data.path import find_turning_points
 from anhyst.support.numeric import FloatArray
 
-_WINDOW_SHARE = 0.08
-"""Window on either side of a closing point from which the misclosure is estimated, as a fraction of
-the range."""
+_WINDOW_RATIO = 0.08
+"""Half-width of the window about a closing point, as a fraction of the input's range."""
 _RETURN_TOLERANCE = 0.02
-"""Tolerance with which an input returns to its reversal point, as a fraction of the range."""
+"""Tolerance with which an input must return to its reversal point, as a fraction of its range."""
 _MIN_SAMPLES = 4
-"""Smallest number of samples of a branch for this estimate."""
+"""Smallest number of samples of each branch in this window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,26 +29,26 @@ class Closing:
     """
 
     closing_input: float  # input at the closing point
-    before: slice  # samples of the branch that ends or begins at the reversal point
-    after: slice  # samples of the branch that later passes this point, or begins at it again
-    after_side: float  # 1 or -1: side of the point on which `after` is used; 0: both
+    earlier_samples: slice  # samples of the branch that ends or begins at the reversal point
+    later_samples: slice  # samples of the branch that later passes this point, or restarts there
+    after_side: float  # 1 or -1: side of the point on which later samples count; 0: both sides
 
     def output_step(self, loop: Loop, output: FloatArray) -> float:
-        """Return the misclosure of a noise-free output after the minor loop."""
-        ends = []
-        for rows in (self.before, self.after):
+        """Return the misclosure of a noise-free output: after minus before the minor loop."""
+        outputs = []
+        for rows in (self.earlier_samples, self.later_samples):
             order = np.argsort(loop.input[rows])
-            ends.append(float(np.interp(self.closing_input, loop.input[rows][order], output[rows][order])))
-        return ends[1] - ends[0]
+            outputs.append(float(np.interp(self.closing_input, loop.input[rows][order], output[rows][order])))
+        return outputs[1] - outputs[0]
 
     def measure_step(self, loop: Loop, model_output: FloatArray) -> tuple[float, float] | None:
-        """Return the measured misclosure and its standard error; None for too few samples.
+        """Return the measured misclosure and its standard error; None if there are too few samples.
 
-        The misclosure is estimated from the residuals of a model that follows the loop. They are
-        assumed to be linear within the window.
+        The estimate uses the residuals of a model that follows the loop. These residuals are
+        assumed to depend linearly on the input within the window.
         """
-        window, distances, residuals = _WINDOW_SHARE * float(np.ptp(loop.input)), [], []
-        for rows, side in ((self.before, 0.0), (self.after, self.after_side)):
+        window, distances, residuals = _WINDOW_RATIO * float(np.ptp(loop.input)), [], []
+        for rows, side in ((self.earlier_samples, 0.0), (self.later_samples, self.after_side)):
             distance = (loop.input[rows] - self.closing_input) / window
             is_near = (np.abs(distance) <= 1.0) & (side * distance >= 0.0)
             if np.count_nonzero(is_near) < _MIN_SAMPLES:
@@ -71,18 +70,18 @@ class Closing:
 def find_closings(loop: Loop) -> Iterator[Closing]:
     """Yield all points at which minor loops of a record close."""
     drive, span = loop.input, float(np.ptp(loop.input))
-    turns = find_turning_points(drive, _RETURN_TOLERANCE / 2.0 * span)
-    branches = [slice(begin, end + 1) for begin, end in itertools.pairwise(turns.tolist())]
+    turning_points = find_turning_points(drive, _RETURN_TOLERANCE / 2.0 * span)
+    branches = [slice(begin, end + 1) for begin, end in itertools.pairwise(turning_points.tolist())]
     open_reversals: list[int] = []
-    for number, end in enumerate(drive[turns[1:]].tolist(), start=1):
-        direction = math.copysign(1.0, end - drive[turns[number - 1]])
+    for number, end in enumerate(drive[turning_points[1:]].tolist(), start=1):
+        direction = math.copysign(1.0, end - drive[turning_points[number - 1]])
         while len(open_reversals) > 1:
             opening = open_reversals[-2]
-            opening_input = float(drive[turns[opening]])
+            opening_input = float(drive[turning_points[opening]])
             overshoot = direction * (end - opening_input) / span
             if overshoot < -_RETURN_TOLERANCE:
                 break
-            # otherwise it reverses again at the same point
+            # If it is False, the input reverses again at the same point.
             has_passed = int(overshoot > _RETURN_TOLERANCE)
             if number - has_passed < len(branches):
                 yield Closing(

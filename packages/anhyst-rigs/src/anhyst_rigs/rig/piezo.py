@@ -1,4 +1,4 @@
-"""Describe a piezo stage, its controller, and the path that both follow.
+"""Describe a piezo stage, its controller, and the reference that the stage follows.
 
 The feedforward converts the reference to a voltage. An integrator with a notch filter at the
 resonance corrects the remaining error.
@@ -33,22 +33,22 @@ NOISE_SEED = 20261125
 
 
 class PiezoControllerArguments(TypedDict):
-    """Arguments of the core for the controller of a piezo stage."""
+    """Arguments with which the core makes the controller of a piezo stage."""
 
-    filters: list[FloatArray]  # of the control error
+    filters: list[FloatArray]  # filters of the control error
     pid: FloatArray
     settings: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class PiezoRig:
-    """A piezo stage as described by its rig file."""
+    """A piezo stage, described by its rig file."""
 
     path: Path
     settings: RigFile
 
     def plant_parameters(self, dt: float) -> dict[str, float]:
-        """Return the core's parameters for a given tick period, s, with a held command."""
+        """Return the core's parameters for a tick period, s, with a constant command in each tick."""
         stack, flexure = self.settings.stack, self.settings.flexure
         steps = integration_steps(self.settings, dt)
         return {
@@ -65,9 +65,9 @@ class PiezoRig:
         }
 
     def make_motion(self, dt: float) -> PiezoMotion:
-        """Return the plant for a given tick period, s."""
-        times, shares = self.settings.stack.creep_times_s, self.settings.stack.creep_shares
-        return PiezoMotion(self.plant_parameters(dt), np.array(times), np.array(shares))
+        """Return the plant for a tick period, s."""
+        creep_times, creep_shares = self.settings.stack.creep_times_s, self.settings.stack.creep_shares
+        return PiezoMotion(self.plant_parameters(dt), np.array(creep_times), np.array(creep_shares))
 
     @property
     def dt(self) -> float:
@@ -76,12 +76,12 @@ class PiezoRig:
 
     @property
     def corner_ticks(self) -> int:
-        """Number of ticks over which the corners of the path are rounded."""
+        """Number of ticks in a rounded corner of the reference."""
         return max(1, round(self.settings.displacement_case.corner_s * self.settings.timing.rate_Hz))
 
     @property
     def response_delay(self) -> float:
-        """Known delay of the stage's response, s, independent of the compensation.
+        """Delay of the stage's response, s, which is known and independent of the compensation.
 
         It is the sum of one tick of delay, half a tick of hold, the time constant of the amplifier,
         and the phase slope of the resonance at low frequency.
@@ -92,7 +92,7 @@ class PiezoRig:
         return 1.5 / self.settings.timing.rate_Hz + amplifier_delay + resonance_delay
 
     def make_loop(self, plant: PiezoRig, drive: ForceController) -> PiezoLoop:
-        """Return a plant after a long rest at 0 V with the controller of this rig."""
+        """Return the plant after a long rest at 0 V, with the controller of this rig."""
         loop = PiezoLoop(plant.make_motion(self.dt), self.settings.position_sensor.step_m)
         loop.control(drive.native, **controller_arguments(self, drive))
         return loop
@@ -112,7 +112,7 @@ def read_piezo_rig(path: PathLike) -> PiezoRig:
 
 
 def copy_at_rest(inverse: ForceController) -> ForceController:
-    """Return a reset inverse with the same parameters, for a stack after long rest at 0 V."""
+    """Return a reset copy of an inverse, for a stack that has been at 0 V for a long time."""
     copy = inverse.reset_copy()
     if copy.format == "fixed":
         copy.native.commit(0, 0)
@@ -120,7 +120,7 @@ def copy_at_rest(inverse: ForceController) -> ForceController:
 
 
 def notch_parameters(file: RigFile) -> dict[str, float]:
-    """Return frequency, damping and width of the notch, by default for the resonance."""
+    """Return frequency, damping and width of the notch filter; the defaults fit the resonance."""
     control, flexure = file.displacement, file.flexure
     return {
         "notch_Hz": control.notch_Hz or flexure.resonance_Hz,
@@ -143,15 +143,15 @@ def make_notch(file: RigFile) -> FloatArray:
 
 
 def controller_arguments(rig: PiezoRig, inverse: ForceController) -> PiezoControllerArguments:
-    """Return the controller of a stage with an inverse from displacement to voltage."""
-    settings, coded = rig.settings, inverse.format == "fixed"
+    """Return the arguments of a controller that uses an inverse from displacement to voltage."""
+    settings, is_fixed_point = rig.settings, inverse.format == "fixed"
     bandwidth = 2.0 * np.pi * settings.displacement.bandwidth_Hz
     return {
         "filters": [make_notch(settings)],
         "pid": integrator(bandwidth * rig.dt),
         "settings": {
-            "demand_full": inverse.scales.demand if coded else 1.0,
-            "current_full": inverse.scales.current if coded else 1.0,
+            "demand_full": inverse.scales.demand if is_fixed_point else 1.0,
+            "current_full": inverse.scales.current if is_fixed_point else 1.0,
             "flux_full": 1.0,
             "gap_low": 0.0,
             "gap_high": 1.0,
@@ -163,7 +163,7 @@ def controller_arguments(rig: PiezoRig, inverse: ForceController) -> PiezoContro
 
 
 def triangle_wave(phase: FloatArray) -> FloatArray:
-    """Return a triangle at some phases, in periods: 0 at integers, 1 halfway between."""
+    """Return a triangle for phases in periods: 0 at integers, 1 halfway between them."""
     wave: FloatArray = 1.0 - np.abs(1.0 - 2.0 * (phase % 1.0))
     return wave
 
@@ -171,24 +171,24 @@ def triangle_wave(phase: FloatArray) -> FloatArray:
 def round_corners(path: FloatArray, width: int) -> FloatArray:
     """Return a path with corners rounded over `width` ticks, without its first `width` ticks.
 
-    The path passes twice through a moving average over half this width, which removes oscillations
-    with a whole number of periods in it.
+    The path passes twice through a moving average over half of `width`. This removes oscillations
+    of which a whole number of periods fits into the average.
     """
     kernel = np.ones(max(1, width // 2)) / max(1, width // 2)
     return np.asarray(np.convolve(np.convolve(path, kernel), kernel)[width : len(path)])
 
 
 def find_piezo_loss(rig: PiezoRig, error: FloatArray, correction: FloatArray) -> Loss | None:
-    """Return the first tick at which the error or the feedback, m, exceeds the stroke."""
+    """Return the first loss of control, at which the error or the feedback, m, exceeds the stroke."""
     stroke = rig.settings.displacement_case.stroke_m
     bounds = (
         SignalBound("the error reached the whole stroke", error, -stroke, stroke),
         SignalBound("the feedback demanded more than the stroke", correction, -stroke, stroke),
     )
-    return find_loss(bounds, planned=error.size)
+    return find_loss(bounds, planned_ticks=error.size)
 
 
 def files_of_piezo(path: PathLike, controller: PathLike | None) -> list[Path]:
-    """Return the rig file, which names no other file."""
+    """Return the rig file; it does not name other files."""
     del controller
     return [Path(path)]

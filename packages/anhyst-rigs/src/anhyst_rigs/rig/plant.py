@@ -14,24 +14,24 @@ from anhyst.support.numeric import first_order_share
 from anhyst_rigs.rig.body import BodyRig
 
 STOP_RESONANCE_HZ = 1600.0
-"""Resonance of the mass on an end stop, Hz; the damping ratio during contact is 0.5."""
+"""Resonance of the body's mass on an end stop, Hz; the damping ratio in contact is 0.5."""
 
 INTEGRAL_CORNER_RATIO = 0.1
-"""Corner frequency of a current controller's integral, relative to its bandwidth."""
+"""Corner frequency of a current controller's integral part, relative to the bandwidth."""
 
 CROSSOVER_DELAY_PHASE_RAD = 0.4
-"""Largest crossover of a digital current controller times its delay, rad."""
+"""Largest product of the crossover and the delay of a digital current controller, rad."""
 
 ON_FRAME = 0
 ON_BODY = 1
 ON_GROUND = 2
-"""What a head is fixed to: ``anhyst_plant_base``."""
+"""Base to which a head is fixed: values of ``anhyst_plant_base``."""
 
 
 def make_plant(rig: BodyRig, seed: int, *magnets: Magnet, parameters: PlantParameters | None = None) -> Plant:
     """Return the plant of a rig, at rest on the stop of the largest gap.
 
-    The parameters default to those of the rig. Magnets that are not given equal the first one.
+    By default, the plant has the parameters of the rig. Magnets not given equal the first one.
     """
     given_magnets = magnets or (rig.magnet,)
     parameters = parameters or plant_parameters(rig)
@@ -46,13 +46,13 @@ def make_plant(rig: BodyRig, seed: int, *magnets: Magnet, parameters: PlantParam
 
 
 def noise_seed(rig: BodyRig, seed: int) -> int:
-    """Return the seed of all sensor noise, from the seeds of the file and of a run."""
+    """Return the seed of all sensor noise, from the seed of the rig file and that of a run."""
     return (rig.settings.seed << 32) + seed
 
 
 @dataclass(frozen=True, slots=True)
 class PlantParameters:
-    """Parameters of a plant except its irons, by the names of ``anhyst_plant/body.h``."""
+    """All parameters of a plant except its irons, by their names in ``anhyst_plant/body.h``."""
 
     body: dict[str, Any]
     actuators: list[dict[str, Any]]
@@ -61,13 +61,13 @@ class PlantParameters:
 
 
 def plant_parameters(rig: BodyRig) -> PlantParameters:
-    """Return the parameters of a plant; its heads are gap sensors, then position sensors."""
-    file, sensors, lines = rig.settings, _sensors(rig), rig.lines_of_action
+    """Return the parameters of a plant; its heads are the gap sensors, then the position sensors."""
+    file, sensors, lines = rig.settings, _sensor_parameters(rig), rig.lines_of_action
     actuators = [
         {
             "line": line,
-            "gap_zero": gap,  # with the body at the origin
-            "amplifier": _amplifier(rig),
+            "gap_zero": gap,  # for the body at the origin
+            "amplifier": _amplifier_parameters(rig),
             "current_sensor": sensors["current"],
             "flux_probe": sensors["hall"],
             "has_probe": int(file.hall_probe is not None),
@@ -88,12 +88,12 @@ def plant_parameters(rig: BodyRig) -> PlantParameters:
         }
         for line, sensor in lines.heads
     ]
-    body = _body(rig, sensors["force"])
-    return PlantParameters(body, actuators, gap_heads + position_heads, _load(rig))
+    body = _body_parameters(rig, sensors["force"])
+    return PlantParameters(body, actuators, gap_heads + position_heads, _load_parameters(rig))
 
 
-def _coordinates(rig: BodyRig) -> list[dict[str, float]]:
-    """Return the free coordinates of a body with their end stops."""
+def _coordinate_parameters(rig: BodyRig) -> list[dict[str, float]]:
+    """Return the free coordinates of a body, with their end stops."""
     body, omega = rig.settings.body, 2.0 * math.pi * STOP_RESONANCE_HZ
     inertias = [*[body.mass_kg] * 3, *(body.inertia_kg_m2 or [0.0, 0.0, 0.0])]
     return [
@@ -111,7 +111,7 @@ def _coordinates(rig: BodyRig) -> list[dict[str, float]]:
 
 
 def current_controllers(rig: BodyRig) -> list[dict[str, float]]:
-    """Return the parameters of the digital current controllers of voltage amplifiers."""
+    """Return the parameters of the digital current controllers of amplifiers in voltage mode."""
     gain, reset = current_controller_gains(rig)
     loop = {
         "resistance": rig.settings.magnet.poles.resistance,
@@ -123,10 +123,10 @@ def current_controllers(rig: BodyRig) -> list[dict[str, float]]:
 
 
 def current_controller_gains(rig: BodyRig) -> tuple[float, float]:
-    """Return the gains of the current controller: proportional, V/A, and integral, V/(A s).
+    """Return the proportional gain, V/A, and the integral gain, V/(A s), of a current controller.
 
-    An analogue controller has the bandwidth of the amplifier. The bandwidth of a digital one, for a
-    voltage amplifier, is also limited by its delay.
+    An analogue controller has the bandwidth of the amplifier. The bandwidth of a digital
+    controller, which precedes an amplifier in voltage mode, is also limited by its delay.
     """
     settings = rig.settings
     omega = 2.0 * math.pi * settings.amplifier.bandwidth_Hz
@@ -137,11 +137,11 @@ def current_controller_gains(rig: BodyRig) -> tuple[float, float]:
     return gain, INTEGRAL_CORNER_RATIO * omega * gain
 
 
-def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
+def _body_parameters(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     file, body, timing = rig.settings, rig.settings.body, rig.settings.timing
     delay_substeps = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.substep
     return {
-        "coordinate": _coordinates(rig),
+        "coordinate": _coordinate_parameters(rig),
         "mass": body.mass_kg,
         "centre": body.centre_m,
         "inertia": np.diag(body.inertia_kg_m2 or [0.0, 0.0, 0.0]).tolist(),
@@ -155,7 +155,7 @@ def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     }
 
 
-def _amplifier(rig: BodyRig) -> dict[str, float]:
+def _amplifier_parameters(rig: BodyRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
     gain, reset = current_controller_gains(rig)
     is_current_source = amplifier.mode == "current"
@@ -171,20 +171,20 @@ def _amplifier(rig: BodyRig) -> dict[str, float]:
     }
 
 
-def _load(rig: BodyRig) -> dict[str, Any]:
+def _load_parameters(rig: BodyRig) -> dict[str, Any]:
     load = rig.settings.load
     return {
         "line": rig.lines_of_action.load,
-        "share": _low_pass_share(load.bandwidth_Hz, rig.substep),
+        "share": _low_pass_coefficient(load.bandwidth_Hz, rig.substep),
         "damping": load.damping_N_s_per_m,
         "stiffness": load.stiffness_N_per_m,
         "rest": rig.lines_of_action.load_rest,
         "encoder_step": load.encoder_step_m,
-        "velocity_share": _low_pass_share(load.velocity_bandwidth_Hz, rig.dt),
+        "velocity_share": _low_pass_coefficient(load.velocity_bandwidth_Hz, rig.dt),
     }
 
 
-def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
+def _sensor_parameters(rig: BodyRig) -> dict[str, Mapping[str, float]]:
     file = rig.settings
     tables = {"gap": file.gap_sensor, "current": file.current_sensor, "force": file.force_sensor}
     sensors: dict[str, Mapping[str, float]] = {
@@ -196,13 +196,13 @@ def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
     }
 
 
-def _ideal_sensor(ends: tuple[float, float], noise: float) -> dict[str, float]:
-    """Return a sensor without converter, lag, gain error and offset."""
-    low, high = ends
+def _ideal_sensor(signal_range: tuple[float, float], noise: float) -> dict[str, float]:
+    """Return a sensor without converter, lag, gain error or offset."""
+    low, high = signal_range
     constants = {"gain": 1.0, "share": first_order_share(math.inf), "step": 0.0, "offset": 0.0, "delay": 0}
     return {"low": low, "high": high, "noise": noise, **constants}
 
 
-def _low_pass_share(bandwidth: float, seconds: float) -> float:
-    """Return the fraction of a step that a first-order low-pass passes within a time, s."""
+def _low_pass_coefficient(bandwidth: float, seconds: float) -> float:
+    """Return the fraction of a step that a first-order low-pass has passed after a time, s."""
     return first_order_share(2.0 * math.pi * bandwidth * seconds)

@@ -16,11 +16,11 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Phase, State
 
 LOST_DEMAND_RATIO = 10.0
-"""Demand relative to the rig file's largest, above which a loop counts as lost."""
+"""Demand, relative to the largest demand of the rig file, above which control counts as lost."""
 
 
 class SignalBound(NamedTuple):
-    """Bounds of a signal in a controlled loop, and the reason that is given outside them."""
+    """Bounds of a signal, and the reason that is reported if the signal leaves them."""
 
     reason: str
     values: FloatArray
@@ -29,7 +29,7 @@ class SignalBound(NamedTuple):
 
 
 class Loss(NamedTuple):
-    """First tick without control, and the reason."""
+    """First tick after control was lost, and the reason."""
 
     tick: int
     reason: str
@@ -39,12 +39,12 @@ CURRENT_SIGNALS = (("command", "A"), ("current", "A"))
 
 
 def column_name(signal: str, unit: str, number: int = 1) -> str:
-    """Return the name of a column; the number of the first magnet is omitted."""
-    return "_".join(part for part in (signal, f"{number}" if number > 1 else "", unit) if part)
+    """Return the name of a column. The number of the first magnet is omitted."""
+    return "_".join(name_part for name_part in (signal, f"{number}" if number > 1 else "", unit) if name_part)
 
 
 def magnet_columns(signals: Sequence[tuple[str, str]], first: int, last: int) -> tuple[str, ...]:
-    """Return the columns of some signals, magnet by magnet."""
+    """Return the columns of the given signals, one magnet after another."""
     return tuple(column_name(*name, number) for number in range(first, last + 1) for name in signals)
 
 
@@ -65,22 +65,23 @@ def state_code(state: State, phase: Phase = Phase.REST) -> int:
 READY_CODE = state_code(State.READY)
 RUN_CODE = state_code(State.RUN)
 FAULT_CODE = state_code(State.FAULT)
-"""Smallest value of the column ``state`` in each state; the phase is added."""
+"""Smallest value of the column ``state`` in each state. The phase is added to it."""
 
 BREAKAWAY_CODE = state_code(State.RUN, Phase.BREAKAWAY)
 RISE_CODE = state_code(State.RUN, Phase.RISE)
 HOVER_CODE = state_code(State.RUN, Phase.HOVER)
 DESCEND_CODE = state_code(State.RUN, Phase.DESCEND)
 SET_DOWN_CODE = state_code(State.RUN, Phase.SET_DOWN)
-"""Values of the column ``state`` in the phases of levitation."""
+"""Value of the column ``state`` in each phase of levitation."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Signals of a run, one value per tick."""
+    """Signals of a run with one value per tick."""
 
-    columns: Mapping[str, FloatArray]  # by header, such as ``gap_m``; the time first
-    loss: Loss | None = None  # first loss of control, if it was checked
+    # signals by column name, such as ``gap_m``; the time is first
+    columns: Mapping[str, FloatArray]
+    loss: Loss | None = None  # first loss of control, if the run was checked for one
 
     @classmethod
     def from_table(cls, table: FloatArray, names: Iterable[str] = COLUMNS) -> Self:
@@ -88,9 +89,9 @@ class Recording:
         return cls(dict(zip(names, table.T, strict=True)))
 
     @classmethod
-    def concatenate(cls, parts: Sequence[Recording]) -> Self:
+    def concatenate(cls, runs: Sequence[Recording]) -> Self:
         """Concatenate recordings with the same columns."""
-        return cls.from_table(np.concatenate([part.table for part in parts]), parts[0].columns)
+        return cls.from_table(np.concatenate([run.table for run in runs]), runs[0].columns)
 
     def __getitem__(self, header: str) -> FloatArray:
         return self.columns[header]
@@ -111,21 +112,21 @@ class Recording:
 
     @property
     def loss_text(self) -> str:
-        """Time and reason of the loss of control; empty if there was none."""
+        """Text with time and reason of the loss of control; empty if control was not lost."""
         loss = self.loss
         return "" if loss is None else f"at {self.dt * loss.tick:.4f} s, {loss.reason}"
 
     def select_columns(self, names: Iterable[str]) -> Recording:
-        """Return some columns in the given order; missing columns are zero."""
-        none = np.zeros(len(self))
-        return Recording({name: self.columns.get(name, none) for name in names})
+        """Return the columns with the given names, in this order; missing columns are zero."""
+        zero_column = np.zeros(len(self))
+        return Recording({name: self.columns.get(name, zero_column) for name in names})
 
     def slice_ticks(self, begin: int, end: int) -> Recording:
         """Return the rows of ticks begin to end (exclusive)."""
         return Recording({name: values[begin:end] for name, values in self.columns.items()})
 
     def save(self, path: PathLike) -> Path:
-        """Write the recording in the format of the file extension, completely or not at all."""
+        """Write the recording in the format of the file extension, either completely or not at all."""
         check_recording(path)
         write_recording(path, self.columns)
         return Path(path)
@@ -137,10 +138,10 @@ def peak_deviation(deviation: FloatArray) -> float:
 
 
 def moving_statistics(deviation: FloatArray, ticks: int) -> tuple[FloatArray, FloatArray]:
-    """Return mean and standard deviation over all windows of a number of ticks."""
-    sums = np.cumsum(np.concatenate([[0.0], deviation]))
+    """Return the mean and the standard deviation in every window of the given number of ticks."""
+    running_sums = np.cumsum(np.concatenate([[0.0], deviation]))
     squared_sums = np.cumsum(np.concatenate([[0.0], deviation**2]))
-    mean = (sums[ticks:] - sums[:-ticks]) / ticks
+    mean = (running_sums[ticks:] - running_sums[:-ticks]) / ticks
     mean_square = (squared_sums[ticks:] - squared_sums[:-ticks]) / ticks
     return mean, np.sqrt(np.maximum(mean_square - mean**2, 0.0))
 
@@ -151,15 +152,16 @@ def settling_tick(deviation: FloatArray, band: float) -> int:
     return int(outside_ticks[-1]) + 1 if outside_ticks.size else 0
 
 
-def find_loss(bounds: Sequence[SignalBound], planned: int) -> Loss | None:
-    """Return the first loss of control in a run of `planned` ticks; None if there is none."""
+def find_loss(bounds: Sequence[SignalBound], planned_ticks: int) -> Loss | None:
+    """Return the first loss of control in a run of `planned_ticks` ticks, or None."""
     losses = []
     for bound in bounds:
-        is_within = (bound.values > bound.low) & (bound.values < bound.high)  # False for NaN
+        # NaN counts as outside
+        is_within = (bound.values > bound.low) & (bound.values < bound.high)
         if not is_within.all():
             tick = int(np.argmin(is_within))
-            finite = np.isfinite(bound.values[tick])
-            losses.append(Loss(tick, bound.reason if finite else "a value was not finite"))
-        if len(is_within) < planned:
+            is_finite = np.isfinite(bound.values[tick])
+            losses.append(Loss(tick, bound.reason if is_finite else "a value was not finite"))
+        if len(is_within) < planned_ticks:
             losses.append(Loss(len(is_within), "the simulation diverged"))
     return min(losses, key=lambda loss: loss.tick, default=None)

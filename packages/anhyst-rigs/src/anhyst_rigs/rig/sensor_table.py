@@ -1,6 +1,6 @@
-"""Define ``[[sensor]]`` of a rig file: measured quantity, range, noise and errors.
+"""Define ``[[sensor]]`` of a rig file: the measured quantity, the range, the noise and the errors.
 
-Every reading passes through bandwidth, delay, noise and converter, in this order.
+Low pass, delay, noise and converter act on every reading in this order.
 """
 
 # ruff: noqa: N815 - keys of the file carry units
@@ -33,14 +33,14 @@ GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
 
 
 class DigitisedSensorTable(Table):
-    """A sensor with a converter that the plant simulates."""
+    """A sensor whose converter is simulated by the plant."""
 
     adc_bits: Bits | None = None
 
     def plant_parameters(self, seconds: float) -> dict[str, float]:
         """Return the fields of ``anhyst_plant_sensor`` for a time step, s.
 
-        A key of the file is the name of the field with its unit.
+        A key in the rig file is the name of the field with its unit.
         """
         fields = {key.rpartition("_")[0]: value for key, value in self if isinstance(value, float)}
         if (limit := fields.pop("range", None)) is not None:
@@ -64,12 +64,12 @@ GAP_SENSOR_DEFAULTS: Mapping[str, Mapping[str, float]] = {
     "laser": {"step_m": 1.25e-9, "noise_m": 1e-9, "bandwidth_Hz": 50e3, "delay_s": 12.5e-6},
     "lvdt": {"adc_bits": 16, "noise_m": 50e-9, "bandwidth_Hz": 500.0, "delay_s": 0.0},
 }
-"""Defaults of each kind of gap sensor."""
+"""Default values for each kind of gap sensor."""
 _RESOLUTION_KEYS = {"step_m", "adc_bits"}
 
 
 class GapSensorTable(DigitisedSensorTable):
-    """``of = "gap"``: its kind gives the defaults of omitted keys."""
+    """``of = "gap"``: a gap sensor, whose kind gives the defaults of omitted keys."""
 
     of: Literal["gap"]
     kind: Literal["encoder", "capacitive", "laser", "lvdt"]
@@ -101,7 +101,7 @@ class GapSensorTable(DigitisedSensorTable):
 
 
 class CurrentSensorTable(DigitisedSensorTable):
-    """``of = "current"``: shunts of all coils, as the controller reads them."""
+    """``of = "current"``: shunts of all coils, which the controller reads."""
 
     of: Literal["current"]
     low_A: Number
@@ -110,7 +110,7 @@ class CurrentSensorTable(DigitisedSensorTable):
     noise_A: NotNegative
     bandwidth_Hz: Positive = math.inf
     gain_error: GainError = 0.0
-    offset_A: Number = 0.0  # reading at zero current, which the amplifier also uses
+    offset_A: Number = 0.0  # reading at zero current; the amplifier uses this reading too
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -119,7 +119,7 @@ class CurrentSensorTable(DigitisedSensorTable):
 
 
 class ForceSensorTable(DigitisedSensorTable):
-    """``of = "force"``: measures the loops; a position controller does not read it."""
+    """``of = "force"``: a sensor for measuring loops; position controllers do not read it."""
 
     of: Literal["force"]
     low_N: Number
@@ -135,7 +135,7 @@ class ForceSensorTable(DigitisedSensorTable):
 
 
 class FluxSensorTable(DigitisedSensorTable):
-    """``of = "flux"``: Hall probes for the flux density in the gaps."""
+    """``of = "flux"``: Hall probes that measure the flux density in the gaps."""
 
     of: Literal["flux"]
     range_T: Positive
@@ -146,21 +146,23 @@ class FluxSensorTable(DigitisedSensorTable):
 
 
 class PositionSensorTable(Table):
-    """``of = "position"``: position of the body in space, such as an interferometer."""
+    """``of = "position"``: a sensor for the body's position in space, such as an interferometer."""
 
     of: Literal["position"]
     noise_m: NotNegative
     step_m: NotNegative = 0.0
-    # for a stage: measured point of the body, and direction of increasing readings
+    # only for stages: measured point of the body, and direction in which the reading increases
     position_m: Place | None = None
     direction: Direction | None = None
-    stands: bool = False  # fixed to the ground, so that the beam moves over the body
+    # whether the head is fixed to the ground, so that its beam moves over the body
+    stands: bool = False
     dead_path_m: NotNegative = 0.0  # length of this beam at the start of a motion
-    refraction_ppm: Number = 0.0  # change of the air since the head was zeroed
+    # change of the refractive index of the air since the head was zeroed
+    refraction_ppm: Number = 0.0
 
     @property
     def beam_gain_error(self) -> float:
-        """Reading error relative to the length of the beam."""
+        """Error of the reading divided by the length of the beam."""
         return 1e-6 * self.refraction_ppm
 
     @model_validator(mode="after")
@@ -185,7 +187,7 @@ SensorEntry = Annotated[
 
 
 class NoisySensor:
-    """A sensor with seeded noise, read sample by sample."""
+    """A sensor with noise from a seed, which is read sample by sample."""
 
     def __init__(self, numbers: Mapping[str, float], seed: list[int]) -> None:
         self._sensor, self._sigma = Sensor(numbers), numbers["noise"]
@@ -197,9 +199,9 @@ class NoisySensor:
         return noise
 
     def read(self, values: FloatArray) -> FloatArray:
-        """Return the readings of the next samples of a quantity, shape (n,)."""
+        """Return the readings for the next samples of a quantity, shape (n,)."""
         return self._sensor.run(np.ascontiguousarray(values), self.noise(values.size))
 
 
 Sensors = Mapping[str, NoisySensor]
-"""Sensors by quantity: ``current``, ``force`` and optionally ``gap``."""
+"""Sensors by their quantity: ``current``, ``force`` and optionally ``gap``."""

@@ -1,6 +1,6 @@
 """Define the tables of a rig file for timing, amplifiers, bodies, stacks, load, control and spread.
 
-The magnets, sensors, measurements and test cases are defined in modules of their own.
+Separate modules define the magnets, the sensors, the measurements and the test cases.
 """
 
 # ruff: noqa: N815 - keys of the file carry units
@@ -32,7 +32,7 @@ Ratio = Annotated[float, Field(gt=0.0, le=1000.0)]
 
 
 class TimingTable(Table):
-    """``[timing]``: sample rate, sub-steps and delay."""
+    """``[timing]``: sample rate, number of sub-steps, and delay."""
 
     rate_Hz: Annotated[float, Field(ge=100.0, le=200e3)]
     substeps: Annotated[int, Field(ge=1, le=64)] = 4
@@ -51,7 +51,7 @@ class TimingTable(Table):
 
 
 class AmplifierTable(Table):
-    """``[[amplifier]]``: power stage of each coil."""
+    """``[[amplifier]]``: power stage that drives each coil."""
 
     mode: Literal["current", "voltage"] = "current"
     supply_V: Positive | None = None
@@ -69,19 +69,19 @@ class AmplifierTable(Table):
 
     @property
     def supply(self) -> float:
-        """Supply voltage, V; required for bearings and stages."""
+        """Supply voltage, V; bearings and stages require it."""
         assert self.supply_V is not None
         return self.supply_V
 
     @property
     def slew(self) -> float:
-        """Largest slope of the current, A/s; required for force control."""
+        """Largest slope of the current, A/s; force control requires it."""
         assert self.slew_A_per_s is not None
         return self.slew_A_per_s
 
 
 class StackAmplifierTable(Table):
-    """``[[amplifier]]`` of a stack: a voltage with a first-order lag."""
+    """``[[amplifier]]`` of a stack: a voltage amplifier with a first-order lag."""
 
     mode: Literal["stack"]
     low_V: Number
@@ -103,7 +103,7 @@ AmplifierEntry = Annotated[
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = get_args(Axis)
-"""Coordinates of a body: displacements along x, y, z, and rotations about them."""
+"""Coordinates of a body: displacements along x, y, z, and rotations about these axes."""
 _ALONG_X: list[Axis] = ["x"]
 
 
@@ -112,15 +112,15 @@ class BodyTable(Table):
 
     mass_kg: Positive
     free: Annotated[list[Axis], Field(min_length=1)] = _ALONG_X
-    centre_m: Place = ORIGIN  # centre of mass on the body
-    # about the centre of mass, for x, y and z
+    centre_m: Place = ORIGIN  # position of the centre of mass on the body
+    # moments of inertia about the centre of mass, for the axes x, y and z
     inertia_kg_m2: Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
-    tilt_rad: Positive = 1e-3  # end stops of the angles in both directions
+    tilt_rad: Positive = 1e-3  # angle of the end stops in both directions
     stop_low_m: Positive
     stop_high_m: Positive
     damping_N_s_per_m: NotNegative = 0.0
     gravity_m_per_s2: Number = 0.0
-    # spring and damper from a point of the body to the ground, without force at pose 0
+    # spring and damper from a point of the body to the ground, without force at the pose 0
     cable_N_per_m: NotNegative = 0.0
     cable_N_s_per_m: NotNegative = 0.0
     cable_m: Place = ORIGIN
@@ -136,14 +136,14 @@ class BodyTable(Table):
 
     @property
     def weight_N(self) -> float:  # noqa: N802 - carries its unit
-        """Weight along -z, or opening the gap, N."""
+        """Weight, which acts along -z or opens the gap, N."""
         return self.mass_kg * self.gravity_m_per_s2
 
 
 class FlexureTable(Table):
-    """``[[body]]`` on flexures, described by its resonance."""
+    """``[[body]]``: a body on flexures, described by its resonance."""
 
-    # upper limit: steps of the plant's integration
+    # limited above by the integration steps of the plant
     resonance_Hz: Annotated[float, Field(gt=0.0, le=1e5)]
     damping_ratio: Annotated[float, Field(gt=0.0, le=3.0)]
 
@@ -162,7 +162,7 @@ BodyEntry = Annotated[
 
 
 MAX_CREEP_TERMS = 8
-"""Largest number of creep terms of a stack in the plant."""
+"""Largest number of creep terms that the plant of a stack can have."""
 
 
 class StackTable(Table):
@@ -173,7 +173,7 @@ class StackTable(Table):
     slope_m_per_V: Positive
     beta_per_V: Positive
     gamma_per_V: NotNegative
-    creep_times_s: list[Annotated[float, Field(ge=1e-4)]]  # limit: integration steps
+    creep_times_s: list[Annotated[float, Field(ge=1e-4)]]  # limited by the integration steps
     creep_shares: list[NotNegative]
 
     @model_validator(mode="after")
@@ -192,7 +192,7 @@ class StackTable(Table):
 
 
 class DisturbanceTable(Table):
-    """``[[load.disturbance]]``: a force that is added to the commanded one."""
+    """``[[load.disturbance]]``: a force that is added to the commanded force of the load drive."""
 
     kind: Literal["step", "sine", "noise"]
     force_N: Number
@@ -209,7 +209,7 @@ class DisturbanceTable(Table):
 
 
 class LoadTable(Table):
-    """``[load]``: load drive, whose force opens the gap."""
+    """``[load]``: a load drive whose force opens the gap."""
 
     force_N: Number
     bandwidth_Hz: Positive
@@ -221,17 +221,17 @@ class LoadTable(Table):
 
 
 NO_LOAD = LoadTable(force_N=0.0, bandwidth_Hz=1e5, encoder_step_m=0.0, velocity_bandwidth_Hz=1.0)
-"""Load drive without force; its bandwidth lets a benchmark apply forces immediately."""
+"""Load drive without force. Its high bandwidth lets a benchmark apply forces immediately."""
 
 
 class FrameTable(Table):
-    """``[frame]``: path error of the long stroke that carries the magnets."""
+    """``[frame]``: path error of the long stroke, on which the magnets ride."""
 
     stray_m: NotNegative = 0.0
 
 
 class SpreadTable(Table):
-    """``[spread]``: standard deviations of the differences between plant and rig file."""
+    """``[spread]``: standard deviations of the differences between plants and the rig file."""
 
     pinning_percent: Spread = 10.0
     reversible_percent: Spread = 20.0
@@ -245,8 +245,8 @@ class SpreadTable(Table):
     eddy_s: NotNegative = 25e-6
     conductivity_percent: Spread = 10.0
     payload_percent: Spread = 0.0
-    centre_m: NotNegative = 0.0  # each coordinate of the centre of mass
-    head_m: NotNegative = 0.0  # each coordinate of a head's measured point
+    centre_m: NotNegative = 0.0  # spread of each coordinate of the centre of mass
+    head_m: NotNegative = 0.0  # spread of each coordinate of a head's measured point
     cable_N_per_m: NotNegative = 0.0
     stroke_percent: Spread = 5.0
     creep_percent: Spread = 10.0
@@ -262,11 +262,11 @@ _IRON_SPREADS = {
 
 @dataclass(frozen=True)
 class Spreads:
-    """Quantities that vary between plants: names in a drift, and keys of ``[spread]``."""
+    """Quantities that differ between plants: names in a drift, and keys in ``[spread]``."""
 
     rig_wide: Mapping[str, str]
-    magnet: Mapping[str, str] = field(default_factory=dict)  # for each magnet separately
-    head: Mapping[str, str] = field(default_factory=dict)  # for each position head separately
+    magnet: Mapping[str, str] = field(default_factory=dict)  # different for each magnet
+    head: Mapping[str, str] = field(default_factory=dict)  # different for each position head
 
     @property
     def keys(self) -> list[str]:
@@ -308,48 +308,49 @@ SPREADS: Mapping[str, Spreads] = {
         {"stroke": "stroke_percent", "creep": "creep_percent", "resonance": "resonance_percent"}
     ),
 }
-"""Quantities that vary between plants, by ``control.kind``."""
+"""Quantities that differ between plants, by ``control.kind``."""
 
 
 class LevitationTable(Table):
-    """``kind = "levitation"``: a levitated armature; a controller file describes its controller."""
+    """``kind = "levitation"``: a levitated armature, whose controller has its own file."""
 
     kind: Literal["levitation"]
-    bias_N: Positive | None = None  # force of each magnet of a pair without a net force
-    calibration: str | None = None  # written by anhyst calibrate
+    bias_N: Positive | None = None  # force of each magnet of a pair if the net force is zero
+    calibration: str | None = None  # file that anhyst calibrate has written
 
 
 class TrackingTable(Table):
-    """``kind = "tracking"``: a body between magnets follows a set-point."""
+    """``kind = "tracking"``: a body between magnets that follows a set-point."""
 
     kind: Literal["tracking"]
-    bias_N: Positive | None = None  # force of each magnet of a pair without a net force
+    bias_N: Positive | None = None  # force of each magnet of a pair if the net force is zero
     format: NumberFormat = "fixed"
     crossover_Hz: Positive
-    # corner frequencies of the PID relative to the crossover, or the inverse
-    integral_ratio: Ratio = 5.0  # crossover over corner of the integral
-    lead_ratio: Ratio = 3.0  # crossover over start of the lead
-    rolloff_ratio: Ratio = 6.0  # end of the lead over crossover
+    # ratios between the crossover and the corner frequencies of the PID
+    integral_ratio: Ratio = 5.0  # crossover divided by the corner of the integral
+    lead_ratio: Ratio = 3.0  # crossover divided by the start of the lead
+    rolloff_ratio: Ratio = 6.0  # end of the lead divided by the crossover
     force_max_N: Positive
-    force_min_N: NotNegative = 0.5  # smallest pull of a magnet without an opposing one
-    # a magnet is lost if its current deviates by lost_A for lost_s; None: not monitored
+    force_min_N: NotNegative = 0.5  # smallest pull of a magnet that has no opposing magnet
+    # A magnet counts as lost if its current deviates by lost_A for lost_s; None: not monitored.
     lost_A: Positive | None = None
     lost_s: Positive = 0.25e-3
-    # a head is lost if its speed deviates from the target's by this for head_s; None: not monitored
+    # A head counts as lost if its speed deviates from the target's by head_m_per_s for head_s;
+    # None: not monitored.
     head_m_per_s: Positive | None = None
     head_s: Positive = 0.25e-3
     land_m_per_s: Positive = 2e-3  # speed of landing
     lift_m_per_s: Positive = 2e-3  # speed of lifting
-    calibration: str | None = None  # written by anhyst calibrate
-    calibrate: bool = False  # estimates corrections from every motion
+    calibration: str | None = None  # file that anhyst calibrate has written
+    calibrate: bool = False  # whether corrections are estimated from every motion
 
 
 class ForceTable(Table):
-    """``kind = "force"``: open-loop force of a held armature."""
+    """``kind = "force"``: open-loop control of the force on a held armature."""
 
     kind: Literal["force"]
     force_max_N: Positive
-    end_m: Positive  # gap at the end of the stroke, at which loops are required
+    end_m: Positive  # gap at the end of the stroke, at which loops must have been measured
 
 
 class DisplacementTable(Table):
@@ -357,7 +358,8 @@ class DisplacementTable(Table):
 
     kind: Literal["displacement"]
     bandwidth_Hz: Positive
-    # cancelled resonance, by default that of the body, and the damping ratio that replaces it
+    # frequency of the cancelled resonance, by default that of the body, and the damping ratio that
+    # replaces the original one
     notch_Hz: Positive | None = None
     notch_damping: Positive | None = None
     notch_width: Positive = 0.7

@@ -1,1 +1,1 @@
-"""Run simulated test cases on a rig and assess their results."""
+"""Run simulated test cases on a rig, and assess the results."""

@@ -1,8 +1,8 @@
 """Open the bench of a rig file: compile its controller, build the firmware, and switch it on.
 
-Prepared benches are cached for the user under a hash of all inputs: the contents and paths of the
-files that a rig names, the C sources, the computing binary and the compiler. Therefore, a cached
-bench is never outdated.
+Prepared benches are cached for each user under a hash of all inputs. These are the contents and
+paths of the files that a rig names, the C sources, the compiled core and the compiler. Therefore, a
+cached bench is never outdated.
 """
 
 from __future__ import annotations
@@ -64,16 +64,17 @@ def open_bench(
     rig_path: PathLike, controller_path: PathLike | None = None, progress: Progress | None = None
 ) -> BearingBench | ForceBench | StageBench | PiezoBench:
     """Open the virtual bench of a rig."""
-    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:  # firmware needs it only until opened
-        parts = split_progress(progress, (2.0, 1.0))
-        bench = prepare_bench(rig_path, controller_path, Path(folder), next(parts)).open()
-    next(parts)(1, 1)
+    # needed only until the bench is open
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
+        part_progress = split_progress(progress, (2.0, 1.0))
+        bench = prepare_bench(rig_path, controller_path, Path(folder), next(part_progress)).open()
+    next(part_progress)(1, 1)
     return bench
 
 
 def open_board(folder: PathLike, url: str) -> HardwareBench:
     """Open the bench of a stand-alone controller."""
-    manifest = _manifest(folder)
+    manifest = _read_manifest(folder)
     return HardwareBench(lambda: XcpMaster(url), manifest)
 
 
@@ -97,8 +98,8 @@ def measure_through_board(folder: PathLike, url: str) -> MeasureFunction:
 
 
 def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
-    """Read the data to improve the model of a stand-alone controller."""
-    manifest = _manifest(folder)
+    """Read the data that are needed to improve the model of a stand-alone controller."""
+    manifest = _read_manifest(folder)
     rig = read_rig(rig_path)
     if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
         raise InputError(
@@ -120,7 +121,7 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
     )
 
 
-def _manifest(folder: PathLike) -> dict[str, Any]:
+def _read_manifest(folder: PathLike) -> dict[str, Any]:
     """Read the manifest of a compiled folder."""
     require_kind(folder, [COMPILED_FOLDER])
     path = Path(folder) / "manifest.json"
@@ -138,7 +139,7 @@ def _manifest(folder: PathLike) -> dict[str, Any]:
 
 
 def _find_model_file(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
-    """Find the model file of a compiled folder, by its checksum."""
+    """Find the model file of a compiled folder by its checksum."""
     digest = manifest["model"]["sha256"]
     for path in (file for folder in folders for file in sorted(folder.glob("*.toml"))):
         if hashlib.sha256(path.read_bytes()).hexdigest() == digest:
@@ -157,7 +158,7 @@ class HasBench(Protocol):
     def prepare(
         self, rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None
     ) -> Prepared:
-        """Compile and build everything that the bench needs, with the firmware in a folder."""
+        """Compile and build all that the bench needs, with the firmware in a folder."""
 
     def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
         """Return the rig file, and all files that it and a controller file name."""
@@ -166,12 +167,12 @@ class HasBench(Protocol):
 def prepare_bench(
     rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None = None
 ) -> Prepared:
-    """Compile and build everything that the virtual bench of a rig needs."""
+    """Compile and build all that the virtual bench of a rig needs."""
     return _bench_kind(rig, controller).prepare(rig, controller, folder, progress)
 
 
 def _bench_kind(rig: PathLike, controller: PathLike | None) -> HasBench:
-    """Return the kind of a rig; refuses a controller file that the kind does not use."""
+    """Return the kind of a rig; raise an error if it cannot use the given controller file."""
     kind = require_rig(rig, "live")
     kind.refuse_options("live", {"--controller": controller})
     return require_capability(kind, HasBench)
@@ -181,13 +182,13 @@ def prepare_bearing(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedBearing:
     """Identify the magnet of a bearing, and build the firmware of its controller."""
-    parts = split_progress(progress, (1.0, 1.0))
+    part_progress = split_progress(progress, (1.0, 1.0))
     rig, controller = read_files(rig_path, controller_path)
     inputs = check_inputs(rig, controller)
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     knowledge = inputs.identify_magnet()
     setup, firmware = build_firmware(inputs.rig, controller, knowledge, "library", folder)
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     return PreparedBearing(setup, knowledge.model, firmware)
 
 
@@ -195,50 +196,49 @@ def prepare_force(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedForce:
     """Identify the actuator of a rig, and build the firmware that controls its force."""
-    parts = split_progress(progress, (1.0, 1.0))
+    part_progress = split_progress(progress, (1.0, 1.0))
     rig = read_rig(rig_path)
     loops = read_rig_loops(rig)
     rig = complete_rig(rig, loops)
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     program = build_program(
         "full", identify_force_model(rig, loops), rig.settings.timing.rate_Hz, "library", folder / "full"
     )
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     return PreparedForce(rig, loops, program)
 
 
 SWITCHED_METHODS: tuple[MethodName, MethodName] = ("single-valued", COMPENSATOR)
-"""Methods between which a running stage can be switched."""
+"""The two methods between which a running stage can be switched."""
 
 
 def prepare_stage(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedStage:
-    """Identify the magnets of a stage, and the feedforward gains of both methods."""
-    parts = split_progress(progress, (2.0, 1.0))
+    """Identify the magnets of a stage, and find the feedforward gains of both methods."""
+    part_progress = split_progress(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
     check_calibration(rig)
     magnet = identify_stage_magnet(rig)
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     setups = [make_stage(rig, magnet, method) for method in SWITCHED_METHODS]
     scan = rig.settings.scan
     training = scan_motion(scan, scan.train_m_per_s2)
-    gains = map_ordered(partial(find_gains, motion=training), setups, next(parts))
+    gains = map_ordered(partial(find_gains, motion=training), setups, next(part_progress))
     return PreparedStage(magnet, tuple(setups), tuple(gains))
 
 
 def prepare_piezo(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedPiezo:
-    """Identify the inverses of a piezo stage with and without hysteresis."""
+    """Identify two inverses of a piezo stage: single-valued and with hysteresis."""
     rig = read_piezo_rig(rig_path)
     inverses = find_inverses(rig)
     return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))
 
 
 MAX_CACHED_BENCHES = 20
-"""Maximum number of cached benches. The benches that were not opened for the longest time are
-removed."""
+"""Maximum number of cached benches; those that were not opened for the longest time are removed."""
 _FIRMWARE_FILE = "firmware"
 _PICKLE_FILE = "prepared.pickle"
 
@@ -247,9 +247,9 @@ _PICKLE_FILE = "prepared.pickle"
 def prepare_cached(
     rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
 ) -> Iterator[Prepared]:
-    """Prepare a bench, or load it from the cache if it was prepared from the same files before."""
+    """Prepare a bench, or load it from the cache if the same files were prepared before."""
     bench_kind = _bench_kind(rig_path, controller_path)
-    # The hash does not cover code of other packages.
+    # The hash does not cover the code of other packages.
     is_cacheable = bench_kind.prepare.__module__.startswith("anhyst_rigs.")
     cache_entry = cache_folder("benches") / _cache_key(bench_kind.files(rig_path, controller_path))
     prepared_before = _load_cached(cache_entry) if is_cacheable else None
@@ -260,12 +260,12 @@ def prepare_cached(
         prepared = prepare_bench(rig_path, controller_path, Path(folder), progress)
         if is_cacheable:
             with suppress(OSError):
-                _store(prepared, cache_entry)
+                _store_prepared(prepared, cache_entry)
         yield prepared
 
 
 def _load_cached(folder: Path) -> Prepared | None:
-    """Return the cached bench of a folder; None if it is missing, damaged or owned by another user."""
+    """Return the cached bench of a folder, or None if it is missing, damaged or of another user."""
     prepared: Prepared | None = load_cached(folder / _PICKLE_FILE)
     if prepared is None:
         return None
@@ -273,8 +273,8 @@ def _load_cached(folder: Path) -> Prepared | None:
     return prepared.with_firmware(folder / _FIRMWARE_FILE) if prepared.firmware else prepared
 
 
-def _store(prepared: Prepared, cache_entry: Path) -> None:
-    """Write a bench into the cache, completely or not at all."""
+def _store_prepared(prepared: Prepared, cache_entry: Path) -> None:
+    """Write a bench into the cache, either completely or not at all."""
     cache_entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".", dir=cache_entry.parent) as draft_folder:
         folder = Path(draft_folder) / "whole"
@@ -282,17 +282,17 @@ def _store(prepared: Prepared, cache_entry: Path) -> None:
         if prepared.firmware is not None:
             shutil.copy2(prepared.firmware, folder / _FIRMWARE_FILE)
         (folder / _PICKLE_FILE).write_bytes(pickle_with_digest(prepared))
-        shutil.rmtree(cache_entry, ignore_errors=True)  # an unreadable entry
+        shutil.rmtree(cache_entry, ignore_errors=True)  # removes an unreadable entry
         folder.rename(cache_entry)
     remove_oldest(cache_entry.parent, MAX_CACHED_BENCHES)
 
 
 def _cache_key(files: Sequence[Path]) -> str:
-    """Return the hash of everything that a bench depends on."""
+    """Return the hash of all inputs of a bench."""
     digest = hashlib.sha256(code_digest())
     for path in [*files, *_source_files()]:
         digest.update(f"\0{path}\0{path.resolve()}\0".encode())
-        with suppress(OSError):  # the reader reports errors
+        with suppress(OSError):  # The reader reports the errors.
             digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 

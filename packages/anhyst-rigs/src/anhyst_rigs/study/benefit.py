@@ -1,8 +1,8 @@
-"""Map the benefit of compensation over loop width and reversible fraction of the iron.
+"""Map the benefit of compensation as a function of loop width and reversible fraction of the iron.
 
-The loops of every iron are measured, all methods are fitted to them, and all run with the same
-noise. A bearing is assessed by its steps of several heights. Other rigs are assessed by the metrics
-of their random plants, without drift.
+The loops of every iron are measured, and all methods are fitted to these loops. All methods run
+with the same noise. A bearing is assessed by its steps of several heights. Other rigs are assessed
+by the metrics of their random plants, but without drift.
 """
 
 from __future__ import annotations
@@ -47,23 +47,23 @@ from anhyst_rigs.study.plants import drifted_rig, force_plants, piezo_plants, st
 from anhyst_rigs.study.reversals import reversal_slope_ratio
 
 PINNING_SCALES = (0.5, 1.0, 2.0)
-"""Factors on the pinning of the rig's iron."""
+"""Factors that multiply the pinning of the rig's iron."""
 REVERSIBLE_FRACTIONS = (0.05, 0.15, 0.3, 0.5)
-"""Reversible fractions of play-cell irons. For other iron families, only the pinning is varied."""
+"""Reversible fractions of play-cell irons. For other families of iron, only the pinning is varied.
+"""
 BASELINES = tuple(name for name in methods.BASELINE_METHODS if name not in ("secant", "play"))
-"""Methods without hysteresis model and without flux measurement. ``linearised`` is the better one
-of the two straight lines."""
+"""Methods without hysteresis model and measured flux. linearised: the better of two straight lines.
+"""
 
 STEP_METRICS = (
     Metric("overshoot_percent", "overshoot", "%"),
     Metric("settling_in_noise_s", "settling time", "ms", 1e3),
 )
-"""Metrics of a step that are compared."""
+"""Metrics of a step for the comparison of the methods."""
 DEFAULT_SEED_COUNT = 4
-"""Number of noise seeds, if the rig file does not state it."""
+"""Number of noise seeds, if the rig file does not give it."""
 OVERSHOOT_FLOOR_FACTOR = 3.0
-"""Ratio of overshoot to standstill rms below which an overshoot is treated as zero. Compensation
-then cannot reduce it."""
+"""Ratio of overshoot to standstill rms, below which an overshoot counts as zero."""
 
 Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
 _StepPairs = Sequence[Sequence[Mapping[str, float]]]
@@ -72,39 +72,39 @@ _Values = Mapping[MethodName, Mapping[str, FloatArray]]
 
 @dataclass(frozen=True)
 class IronFigures:
-    """One iron of the map, with its measured properties."""
+    """An iron of the map, with its measured properties."""
 
-    pinning_scale: float  # factor on the pinning
+    pinning_scale: float  # factor by which the pinning is multiplied
     # weight of the reversible part of the iron; None if the family has no such parameter
     reversible_fraction: float | None
     loop_width: float  # largest width of the measured loops, relative to the largest current
     # ratio of the slope just after a reversal to the static slope, estimated from the measured
     # loops; None if the loops do not determine it
     after_reversal: float | None
-    # the same ratio, measured on the virtual magnet at its operating point; bearings only
+    # the same ratio, measured on the virtual magnet at its operating point; only for bearings
     after_reversal_true: float | None
-    label: str  # ``"regular"`` or ``"pathological"``; empty if the slope is unknown
+    label: str  # ``"regular"`` or ``"pathological"``; empty if the slopes are unknown
 
 
 @dataclass(frozen=True)
 class MethodComparison:
-    """A comparison of the full compensator with a baseline by one metric."""
+    """A comparison of the method ``full`` with a baseline by one metric."""
 
-    # strongest baseline that kept the armature levitated; None if every baseline lost levitation
+    # strongest baseline that kept the armature levitated, or None
     baseline: MethodName | None
     # ratio of the metric of ``full`` to that of the baseline; None if one of them lost levitation
     quotient: MeanRatio | None
     difference: Interval | None  # metric of the baseline minus that of ``full``, seed by seed
     # overshoot below which it is treated as zero, % of the height: :data:`OVERSHOOT_FLOOR_FACTOR`
-    # times the larger standstill rms of both; None for other metrics
+    # times the larger standstill rms of the two methods; None for other metrics
     floor: float | None = None
-    is_below_floor: bool = False  # whether both means are below the floor
+    is_below_floor: bool = False  # whether both mean overshoots are below the floor
 
     @property
     def outcome(self) -> Outcome:
         """The outcome; ``gain`` and ``loss`` require that the interval excludes zero.
 
-        It is also a loss if the baseline kept the armature levitated and ``full`` did not.
+        It is also ``loss`` if the baseline kept the armature levitated and ``full`` did not.
         """
         if self.is_below_floor:
             return "nothing to gain"
@@ -117,18 +117,18 @@ class MethodComparison:
 
 @dataclass(frozen=True)
 class MapCell:
-    """One iron in one case."""
+    """The results for one iron in one case."""
 
     iron: IronFigures
-    case: float | str  # height of a step, m, or name of the trials of a plant
-    # by variant, then by key of a metric; lost variants are missing
+    case: float | str  # height of a step, m, or name of a trial of the plants
+    # metrics by variant and key, without the variants that lost control
     figures: Mapping[MethodName, Mapping[str, Interval]]
-    # by variant: rms of the gap at the end of the holds, mean over seeds and directions, m
-    standstill: Mapping[MethodName, float]
-    # by metric: compared with the strongest of :data:`BASELINES` in this metric, and with ``ratio``
+    # rms of the gap at the end of the holds by variant, mean over seeds and directions, m
+    standstill_rms: Mapping[MethodName, float]
+    # by metric: comparison with the strongest of :data:`BASELINES` in it, and with ``ratio``
     strongest: Mapping[str, MethodComparison]
     ratio: Mapping[str, MethodComparison]
-    # comparisons with ``flux``, which measures the flux density; empty without a Hall probe
+    # by metric: comparison with ``flux``, which uses measured flux; empty without a Hall probe
     flux: Mapping[str, MethodComparison]
 
 
@@ -170,12 +170,12 @@ class Benefit:
             **self.bearing,
             "noise_seeds": self.seeds,
             "confidence": 0.95,
-            "cells": [_cell_dict(cell) for cell in self.cells],
+            "cells": [_cell_dict(map_cell) for map_cell in self.cells],
         }
 
 
 _IronCase = tuple[float, float | None]
-"""Factor on the pinning, and reversible fraction (None: unchanged)."""
+"""An iron: factor on the pinning, and reversible fraction (None: unchanged)."""
 
 
 def map_bearing_benefit(
@@ -190,20 +190,20 @@ def map_bearing_benefit(
 ) -> Benefit:
     """Map the benefit of compensation for a bearing.
 
-    The loops of each magnet are measured with the sensors of the rig, all variants are fitted to
-    them, and all run with the gains of the controller file.
+    The loops of each iron are measured with the sensors of the rig, and all variants are fitted to
+    them. All variants run with the gains of the controller file.
     """
     check_controller(controller, rig)
     settings = rig.settings
     steps = tuple(settings.step.heights_m if heights is None else heights)
     seed_count = settings.noise_seeds if seeds is None else seeds
     irons = list(product(scales, fractions or reversible_fractions(rig.settings)))
-    work = partial(_map_iron, rig, controller.settings, steps, range(seed_count))
-    cells_by_iron = map_ordered(work, irons, progress, jobs)
+    map_iron = partial(_map_iron, rig, controller.settings, steps, range(seed_count))
+    cells_by_iron = map_ordered(map_iron, irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
         seeds=seed_count,
-        cells=tuple(cell for cells in cells_by_iron for cell in cells),
+        cells=tuple(map_cell for cells in cells_by_iron for map_cell in cells),
         bearing={
             "controller": controller.settings.name,
             "gap_m": settings.gap_m,
@@ -213,7 +213,7 @@ def map_bearing_benefit(
 
 
 def reversible_fractions(file: RigFile) -> Sequence[float | None]:
-    """Return the reversible fractions of the map of a rig."""
+    """Return the reversible fractions that are mapped for a rig."""
     is_of_cells = file.bodies and file.magnets and isinstance(file.iron, NamedCells)
     return REVERSIBLE_FRACTIONS if is_of_cells else (None,)
 
@@ -225,7 +225,7 @@ def _map_iron(
     seeds: Sequence[int],
     iron_case: _IronCase,
 ) -> list[MapCell]:
-    """Measure a magnet, fit all variants to its loops, and run its steps."""
+    """Measure a magnet, fit all variants to its loops, and simulate its steps."""
     scale, fraction = iron_case
     rig = change_iron(nominal, fraction, scale)
     knowledge = identify_magnet(measure_loops(rig), rig.settings.loops)
@@ -253,8 +253,8 @@ def _map_iron(
 def _make_step_cell(
     iron: IronFigures, height: float, steps: Mapping[MethodName, list[list[StepResult]]], rig: BodyRig
 ) -> MapCell:
-    """Return the cell of one step height."""
-    runs: dict[MethodName, _StepPairs] = {  # up and down, seed by seed
+    """Return the map cell for one step height."""
+    runs: dict[MethodName, _StepPairs] = {  # steps up and down, seed by seed
         name: [
             [step.figures for step in run if math.isclose(step.height, height, rel_tol=1e-6)]
             for run in variant_runs
@@ -278,20 +278,20 @@ def make_map_cell(
     iron: IronFigures,
     case: float | str,
     values: _Values,
-    standstill: Mapping[MethodName, float],
+    standstill_rms: Mapping[MethodName, float],
     has_probe: bool,
     keys: Sequence[str],
 ) -> MapCell:
-    """Return the map cell of an iron from its metrics by method and key, one value per seed.
+    """Return the map cell of an iron from its metrics by method and key, one value for each seed.
 
-    Methods that lost control are missing.
+    The metrics omit methods that lost control.
     """
 
     def against(*baselines: MethodName) -> dict[str, MethodComparison]:
-        compared = {key: _compare(values, key, baselines) for key in keys}
+        compared = {key: _compare_methods(values, key, baselines) for key in keys}
         if isinstance(case, float):
             compared["overshoot_percent"] = _with_overshoot_floor(
-                compared["overshoot_percent"], values, standstill, case
+                compared["overshoot_percent"], values, standstill_rms, case
             )
         return compared
 
@@ -302,7 +302,7 @@ def make_map_cell(
             name: {key: mean_interval(values_by_seed) for key, values_by_seed in rows.items()}
             for name, rows in values.items()
         },
-        standstill=standstill,
+        standstill_rms=standstill_rms,
         strongest=against(*BASELINES),
         ratio=against("ratio"),
         flux=against("flux") if has_probe else {},
@@ -310,20 +310,20 @@ def make_map_cell(
 
 
 def _step_values(runs: _StepPairs, key: str, hold: float) -> FloatArray:
-    """Return the larger value of a step up and a step down for each seed.
+    """Return, for each seed, the larger value of a step up and a step down.
 
-    The settling time is at most the hold time.
+    A settling time is limited to the hold time.
     """
     max_value = hold if key == "settling_in_noise_s" else math.inf
     return np.array([max(min(figures[key], max_value) for figures in pair) for pair in runs])
 
 
-def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> MethodComparison:
-    """Compare with the best baseline of this iron and case, which slightly favours the baseline."""
-    usable = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
-    if not usable:
+def _compare_methods(values: _Values, key: str, baselines: Sequence[MethodName]) -> MethodComparison:
+    """Compare ``full`` with the best baseline of this case; this choice favours it slightly."""
+    usable_names = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
+    if not usable_names:
         return MethodComparison(None, None, None)
-    baseline = min(usable, key=lambda name: float(np.mean(values[name][key])))
+    baseline = min(usable_names, key=lambda name: float(np.mean(values[name][key])))
     if "full" not in values or not np.isfinite(values["full"][key]).all():
         return MethodComparison(baseline, None, None)
     full_values, baseline_values = values["full"][key], values[baseline][key]
@@ -333,13 +333,13 @@ def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Meth
 
 
 def _with_overshoot_floor(
-    compared: MethodComparison, values: _Values, standstill: Mapping[MethodName, float], height: float
+    compared: MethodComparison, values: _Values, standstill_rms: Mapping[MethodName, float], height: float
 ) -> MethodComparison:
-    """Return a comparison of overshoots with the floor below which they count as none."""
+    """Return a comparison of overshoots with the floor below which they count as zero."""
     if compared.baseline is None or compared.quotient is None:
         return compared
     pair: tuple[MethodName, ...] = ("full", compared.baseline)
-    floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * max(standstill[name] for name in pair) / height
+    floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * max(standstill_rms[name] for name in pair) / height
     largest_overshoot = max(float(np.mean(values[name]["overshoot_percent"])) for name in pair)
     return replace(compared, floor=floor, is_below_floor=largest_overshoot < floor)
 
@@ -348,10 +348,10 @@ AnyRig = BodyRig | ForceControlRig | PiezoRig
 
 
 class HasIrons(Protocol):
-    """A kind of rig whose plants can be run with other irons."""
+    """A kind of rig whose plants can be simulated with other irons."""
 
     def with_iron(self, rig: AnyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
-        """Measure the loops of a rig with another iron; returns the loops and the plants."""
+        """Measure the loops of a rig with another iron; return the loops and the plants."""
 
 
 def map_plant_benefit(
@@ -364,8 +364,8 @@ def map_plant_benefit(
 ) -> Benefit:
     """Map the benefit of compensation for a stage, a piezo stage or a force rig.
 
-    The loops of every iron are measured and identified. The metrics are those of the random plants
-    of this kind of rig, without drift, over several noise seeds.
+    The loops of every iron are measured, and the models are identified from them. The metrics are
+    those of the random plants for this kind of rig, but without drift and over several noise seeds.
     """
     default_count = (
         rig.settings.noise_seeds if allows_key(rig.settings, "noise_seeds") else DEFAULT_SEED_COUNT
@@ -376,7 +376,7 @@ def map_plant_benefit(
     return Benefit(
         rig=rig.settings.name,
         seeds=count,
-        cells=tuple(cell for cells, _ in results for cell in cells),
+        cells=tuple(map_cell for cells, _ in results for map_cell in cells),
         metrics=results[0][1],
     )
 
@@ -384,7 +384,7 @@ def map_plant_benefit(
 def _map_plants(
     rig: AnyRig, seeds: Sequence[int], iron_case: _IronCase
 ) -> tuple[list[MapCell], tuple[Metric, ...]]:
-    """Run one iron with every method."""
+    """Simulate the plants of one iron with every method."""
     scale, fraction = iron_case
     loops, plants = require_capability(rig.settings.kind, HasIrons).with_iron(rig, fraction, scale)
     slope_ratio = reversal_slope_ratio(loops)
@@ -398,7 +398,7 @@ def _map_plants(
         if not any("lost_s" in run for run in method_runs)
     }
     cells, keys = [], [figure.key for figure in plants.figures]
-    for case, positions in _cases(plants).items():
+    for case, positions in _cases_by_name(plants).items():
         values = {
             method: {
                 figure.key: np.array([_largest_value(run[figure.key], positions) for run in method_runs])
@@ -410,14 +410,14 @@ def _map_plants(
     return cells, plants.figures
 
 
-def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
+def _cases_by_name(plants: Plants) -> Mapping[str, Sequence[int]]:
     """Return the cases of a map, each with the indices of its values in the metrics of a plant."""
     if plants.single_case:
         return {plants.single_case: [0]}
     stages = [name.partition("_")[0] for name in plants.figures[0].case_names]
     return {
-        f"worst of {stage}": [position for position, stage_name in enumerate(stages) if stage_name == stage]
-        for stage in dict.fromkeys(stages)
+        f"worst of {key}": [position for position, stage_name in enumerate(stages) if stage_name == key]
+        for key in dict.fromkeys(stages)
     }
 
 
@@ -428,31 +428,31 @@ def _largest_value(figure: float | Sequence[float | None] | None, positions: Seq
 
 
 def stage_with_iron(rig: BodyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
-    """Measure the loops of a stage with another iron; returns the loops and the plants."""
-    stage = change_iron(rig, fraction, scale)
-    knowledge = identify_stage_magnet(stage, measure_loops(stage))
+    """Measure the loops of a stage with another iron; return the loops and the plants."""
+    changed_stage = change_iron(rig, fraction, scale)
+    knowledge = identify_stage_magnet(changed_stage, measure_loops(changed_stage))
     probe_methods: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
     names: tuple[MethodName, ...] = (*BASELINES, "full", *probe_methods)
-    return knowledge.loops, stage_plants(stage, knowledge, names, errors={"none": ()}, jobs=1)
+    return knowledge.loops, stage_plants(changed_stage, knowledge, names, errors={"none": ()}, jobs=1)
 
 
 def force_with_iron(rig: ForceControlRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
-    """Measure the loops of an actuator with another iron; returns the loops and the plants."""
-    drifted = drifted_rig(rig, Drift(pinning=scale - 1.0))
-    loops = excite_specimen(force_specimen(drifted)).loops
-    return loops, force_plants(drifted, loops=loops)
+    """Measure the loops of an actuator with another iron; return the loops and the plants."""
+    drifted_force_rig = drifted_rig(rig, Drift(pinning=scale - 1.0))
+    loops = excite_specimen(force_specimen(drifted_force_rig)).loops
+    return loops, force_plants(drifted_force_rig, loops=loops)
 
 
 def piezo_with_iron(rig: PiezoRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
-    """Measure the loops of a stack with scaled width; returns the loops and the stage's plants."""
+    """Measure the loops of a stack with scaled width; return the loops and the plants of the stage."""
     slope = scale * rig.settings.stack.slope_m_per_V
-    wider = replace(rig, settings=rig.settings.with_changes({"stack.slope_m_per_V": slope}))
-    loops = measure_stack(wider)
-    return loops, piezo_plants(wider, loops)
+    changed_rig = replace(rig, settings=rig.settings.with_changes({"stack.slope_m_per_V": slope}))
+    loops = measure_stack(changed_rig)
+    return loops, piezo_plants(changed_rig, loops)
 
 
-def _cell_dict(cell: MapCell) -> dict[str, Any]:
-    iron = cell.iron
+def _cell_dict(map_cell: MapCell) -> dict[str, Any]:
+    iron = map_cell.iron
     return {
         "pinning_scale": iron.pinning_scale,
         "reversible_fraction": iron.reversible_fraction,
@@ -460,17 +460,17 @@ def _cell_dict(cell: MapCell) -> dict[str, Any]:
         "after_reversal": iron.after_reversal,
         "after_reversal_true": iron.after_reversal_true,
         "iron": iron.label,
-        "height_m" if isinstance(cell.case, float) else "case": cell.case,
+        "height_m" if isinstance(map_cell.case, float) else "case": map_cell.case,
         "figures": {
             name: {key: _interval_dict(value) for key, value in intervals.items()}
-            for name, intervals in cell.figures.items()
+            for name, intervals in map_cell.figures.items()
         },
-        "standstill_rms_m": dict(cell.standstill),
+        "standstill_rms_m": dict(map_cell.standstill_rms),
         **{
-            f"against_{opponent}": {
-                name: _comparison_dict(comparison) for name, comparison in getattr(cell, opponent).items()
+            f"against_{baseline}": {
+                name: _comparison_dict(comparison) for name, comparison in getattr(map_cell, baseline).items()
             }
-            for opponent in ("strongest", "ratio", "flux")
+            for baseline in ("strongest", "ratio", "flux")
         },
     }
 
@@ -480,15 +480,15 @@ def _interval_dict(interval: Interval) -> dict[str, float]:
 
 
 def _comparison_dict(comparison: MethodComparison) -> dict[str, Any]:
-    row: dict[str, Any] = {"baseline": comparison.baseline, "outcome": comparison.outcome}
+    comparison_values: dict[str, Any] = {"baseline": comparison.baseline, "outcome": comparison.outcome}
     if comparison.floor is not None:
-        row["floor_percent"] = comparison.floor
+        comparison_values["floor_percent"] = comparison.floor
     if comparison.quotient is not None and comparison.difference is not None:
         value, high = comparison.quotient.value, comparison.quotient.high
-        row |= {
+        comparison_values |= {
             "ratio": value if math.isfinite(value) else None,
             "ratio_low": comparison.quotient.low,
             "ratio_high": high if math.isfinite(high) else None,
             "difference": _interval_dict(comparison.difference),
         }
-    return row
+    return comparison_values

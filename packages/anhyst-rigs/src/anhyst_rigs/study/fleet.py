@@ -1,4 +1,4 @@
-"""Identify, compile, verify and compare all magnets of a folder, as ``anhyst fleet`` does."""
+"""Identify, compile, verify and compare all magnets of a folder: the command ``anhyst fleet``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MIN_MAGNETS_FOR_SPREAD = 3
-"""Smallest number of magnets that have a stated scatter."""
+"""Smallest number of magnets for the computation of a scatter."""
 TABLE_FILE = "fleet.csv"
 """Name of the table with one row for each magnet."""
 FIGURES_FILE = "fleet.json"
@@ -52,15 +52,15 @@ class Fleet(Result):
     settings : FleetSettings
         With the law and the gap map of all magnets.
     results : tuple of dict
-        Of each magnet, by name; see :func:`anhyst_rigs.study.fleet_magnets.evaluate_magnet`.
+        For each magnet; see :func:`anhyst_rigs.study.fleet_magnets.evaluate_magnet`.
     typical : str
-        The magnet nearest to the mean, whose model is used as the common model; empty if none.
+        Name of the magnet nearest to the mean, whose model is the common model; empty if none.
     shared_errors : tuple of float
-        Rms error of that model on each magnet's loops, as a fraction of the largest output.
+        Rms error of the common model on each magnet's loops, as a fraction of the largest output.
     spread : FleetSpread or None
-        Of the fitted quantities; None below :data:`MIN_MAGNETS_FOR_SPREAD` magnets.
+        Scatter of the fitted quantities; None below :data:`MIN_MAGNETS_FOR_SPREAD` magnets.
     quantities : tuple of str
-        Their names.
+        Names of these quantities.
     """
 
     out: Path
@@ -78,7 +78,7 @@ class Fleet(Result):
 
     @property
     def failed(self) -> dict[str, str]:
-        """Errors of the other magnets, by name."""
+        """Errors of the magnets that could not be evaluated, by name."""
         return {result["name"]: result["error"] for result in self.results if "error" in result}
 
     @property
@@ -94,7 +94,7 @@ class Fleet(Result):
 
     @property
     def own_errors(self) -> FloatArray:
-        """Rms error of each evaluated magnet with its individual controller.
+        """Rms error of each evaluated magnet with its own controller.
 
         The error is relative to the largest output.
         """
@@ -102,7 +102,7 @@ class Fleet(Result):
 
     @property
     def is_good(self) -> list[bool]:
-        """Whether each evaluated magnet is within the tolerance with its verified controller."""
+        """For each evaluated magnet, whether its verified controller is within the tolerance."""
         limit = 0.01 * self.settings.tolerance
         return [
             bool(magnet["verified"] and magnet["passed_acceptance"] and error <= limit)
@@ -111,7 +111,7 @@ class Fleet(Result):
 
     @property
     def is_good_shared(self) -> list[bool]:
-        """Whether each evaluated magnet is within the tolerance with the common model."""
+        """For each evaluated magnet, whether the common model is within the tolerance."""
         limit = 0.01 * self.settings.tolerance
         return [bool(error <= limit) for error in self.shared_errors]
 
@@ -124,7 +124,7 @@ class Fleet(Result):
         return [name for name, is_outlier in zip(names, self.spread.outlier, strict=True) if is_outlier]
 
     def facts(self) -> dict[str, str]:
-        """Return the number of good magnets, with individual models and with the common model."""
+        """Return the number of good magnets, with their own models and with the common model."""
         count = len(self.results)
         return {
             "magnets": f"{count}, {len(self.failed)} could not be evaluated",
@@ -135,7 +135,7 @@ class Fleet(Result):
         }
 
     def to_columns(self) -> dict[str, Any]:
-        """Return a row for each evaluated magnet: errors in per cent, fitted quantities."""
+        """Return a row for each evaluated magnet: its errors in per cent and its fitted quantities."""
         rows = []
         distance = self.spread.distance if self.spread else np.full(len(self.evaluated), np.nan)
         for index, magnet in enumerate(self.evaluated):
@@ -227,8 +227,8 @@ def fleet(
 ) -> Fleet:
     """Identify, compile, verify and evaluate all magnets of a folder.
 
-    An interrupted run is continued; magnets whose files or settings changed are computed again. The
-    same files, settings and version give the same result in any order of work.
+    An interrupted run is continued. Magnets whose files or settings have changed are computed
+    again. The same files, settings and version give the same result in any order of the work.
     """
     members = find_members(folder)
     out_folder = Path(out)
@@ -248,13 +248,13 @@ def fleet(
             code="no-magnet-judged",
         )
     result = _compare_magnets(members, results, choice.settings, out_folder, jobs)
-    write_csv(out_folder / TABLE_FILE, {name: _csv_column(c) for name, c in result.to_columns().items()})
+    write_csv(out_folder / TABLE_FILE, {name: _csv_column(col) for name, col in result.to_columns().items()})
     write_json(out_folder / FIGURES_FILE, result.as_dict())
     return result
 
 
 def _csv_column(column: Sequence[Any]) -> Any:
-    """Return a column in the form of a CSV file: booleans as 0 and 1, text unchanged."""
+    """Return a column as CSV files contain it: booleans as 0 and 1, text unchanged."""
     from anhyst.data.formats.channels import Texts
 
     if isinstance(column[0], str):
@@ -272,7 +272,7 @@ def _compare_magnets(
 ) -> Fleet:
     """Compare the magnets that could be evaluated."""
     evaluated = [result for result in results if "error" not in result]
-    # An offset may be fitted to some magnets only. Quantities that all magnets have are compared.
+    # Some magnets may have an additional offset. Only quantities of all magnets are compared.
     quantity_sets = [set(result["quantities"]) for result in evaluated]
     names = tuple(
         name for name in evaluated[0]["quantities"] if all(name in result for result in quantity_sets)
@@ -289,8 +289,8 @@ def _compare_magnets(
             [coordinate_kind(settings.law, name) for name in names],
         )
     index = 0 if spread is None else int(np.argmin(spread.distance))
-    typical = evaluated[index]["name"]
+    typical_name = evaluated[index]["name"]
     by_name = {member.name: member for member in members}
-    work = partial(shared_model_error, out / typical / MODEL_FILE, settings.history)
-    shared = map_ordered(work, [by_name[result["name"]] for result in evaluated], jobs=jobs)
-    return Fleet(out, settings, tuple(results), typical, tuple(shared), spread, names)
+    shared_error = partial(shared_model_error, out / typical_name / MODEL_FILE, settings.history)
+    shared = map_ordered(shared_error, [by_name[result["name"]] for result in evaluated], jobs=jobs)
+    return Fleet(out, settings, tuple(results), typical_name, tuple(shared), spread, names)

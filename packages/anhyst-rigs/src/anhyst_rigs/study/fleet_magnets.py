@@ -1,8 +1,7 @@
 """Process the magnets of a fleet one by one: find, identify, compile and verify them.
 
-By default, all magnets get the law and the gap map that the majority of the first few magnets
-selects. Results are stored for each magnet with a hash of its inputs, so that an interrupted run
-can continue.
+By default, all magnets get the hysteresis law and the gap map that most of the first magnets
+select. Each result is stored with a hash of its inputs, so that an interrupted run can continue.
 """
 
 from __future__ import annotations
@@ -39,9 +38,9 @@ from anhyst.verification.verify import verify
 
 @dataclass(frozen=True)
 class Member:
-    """One magnet of a fleet."""
+    """A magnet of a fleet."""
 
-    name: str  # name of its file without extension, or of its folder
+    name: str  # name of the magnet's file without extension, or of its folder
     source: Path  # file of loops, or folder of such files
 
     def digest(self) -> str:
@@ -57,7 +56,10 @@ class Member:
 
 
 def find_members(folder: PathLike) -> list[Member]:
-    """Return the magnets of a folder by name: each file of loops, and each folder of such files."""
+    """Return the magnets of a folder in the order of their names.
+
+    Each file of loops is a magnet, and so is each folder of such files.
+    """
     root = Path(folder)
     if not root.is_dir():
         raise InputError(
@@ -66,7 +68,7 @@ def find_members(folder: PathLike) -> list[Member]:
     members = [
         Member(path.stem if path.is_file() else path.name, path)
         for path in sorted(root.iterdir())
-        if (path.is_file() and path.suffix.lower() in FORMATS) or _holds_loops(path)
+        if (path.is_file() and path.suffix.lower() in FORMATS) or _contains_loops(path)
     ]
     if not members:
         raise InputError(
@@ -82,7 +84,7 @@ def find_members(folder: PathLike) -> list[Member]:
     return members
 
 
-def _holds_loops(path: Path) -> bool:
+def _contains_loops(path: Path) -> bool:
     return path.is_dir() and any(file.suffix.lower() in FORMATS for file in path.iterdir())
 
 
@@ -94,12 +96,12 @@ _VERIFICATION_STEPS = 20_000
 
 @dataclass(frozen=True)
 class FleetSettings:
-    """Settings for all magnets."""
+    """Settings that apply to all magnets."""
 
     rate: float  # tick rate of the controllers, Hz
-    kind: BlockKind = "full"  # kind of compensator
+    kind: BlockKind = "full"  # kind of the compensators
     io: SignalFormat = "q31"
-    # the same for all magnets; ``auto``: the choice of most of the first magnets
+    # the same for all magnets; ``auto``: the one that most of the first magnets select
     law: str = "auto"
     gap_map: str = "auto"
     on: str = "host"  # targets of the verification
@@ -112,14 +114,14 @@ class FleetSettings:
 
 @dataclass(frozen=True)
 class FleetTask:
-    """A magnet and its settings."""
+    """A magnet, and the settings for its evaluation."""
 
     member: Member
     settings: FleetSettings
-    out: Path  # folder that contains the magnet's folder
-    # law and gap map for the identification; for a pilot the settings of the user, such as ``auto``
+    out: Path  # folder in which the magnet gets its own folder
+    # law and gap map for the identification; a pilot uses those of the user, such as ``auto``
     search: tuple[str, str]
-    identification: IdentifyResult | None = None  # result, if it is already known
+    identification: IdentifyResult | None = None  # result of the identification, if it is known
 
     @property
     def folder(self) -> Path:
@@ -128,18 +130,18 @@ class FleetTask:
 
 
 def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
-    """Identify, compile and verify one magnet, unless a stored result is up to date.
+    """Identify, compile and verify a magnet, unless its stored result is up to date.
 
-    An error of one magnet is part of its result and does not stop the others.
+    An error of a magnet is part of its result and does not stop the others.
     """
     settings = asdict(task.settings)
     settings.pop("tolerance")  # does not affect the metrics
     made_from: dict[str, Any] = {"version": running_version(), "settings": settings}
     try:
         made_from["sha256"] = task.member.digest()
-        if (stored := _load_result(task.folder / RESULT_FILE, made_from)) is not None:
-            return stored
-        outcome = _evaluate(task)
+        if (stored_result := _load_result(task.folder / RESULT_FILE, made_from)) is not None:
+            return stored_result
+        outcome = _evaluate_member(task)
     except (InputError, NegativeResult) as error:
         outcome = {"error": str(error)}
     except Exception as fault:
@@ -151,7 +153,7 @@ def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
 
 
 def _load_result(path: Path, made_from: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return a stored result of the same files with the same settings, otherwise None."""
+    """Return a stored result of the same files and the same settings, or None."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -167,7 +169,7 @@ def identify_member(task: FleetTask) -> IdentifyResult:
     return require_complete(identify(loops, law=law, gap_map=gap_map, seed=task.settings.seed))
 
 
-def _evaluate(task: FleetTask) -> dict[str, Any]:
+def _evaluate_member(task: FleetTask) -> dict[str, Any]:
     settings = task.settings
     identification = task.identification or identify_member(task)
     loops = identification.loops
@@ -177,32 +179,32 @@ def _evaluate(task: FleetTask) -> dict[str, Any]:
     request = CompileRequest(settings.kind, settings.io, settings.rate)
     compiled = compile_model(model_file, folder / CONTROLLER_FOLDER, request)
     verified = verify(folder / CONTROLLER_FOLDER, settings.on, _VERIFICATION_STEPS, _VERIFICATION_STEPS)
-    fit, uncertainty = model.fit, model.uncertainty
-    assert fit is not None
+    fit_result, uncertainty = model.fit, model.uncertainty
+    assert fit_result is not None
     assert uncertainty is not None
     budget = compiled.budget
     return {
         "law": model.law,
         "gap_map": model.gap_map,
-        "largest_output": fit.largest_output,
-        "fit_rms": fit.rms / fit.largest_output,
-        "fit_worst": fit.worst / fit.largest_output,
+        "largest_output": fit_result.largest_output,
+        "fit_rms": fit_result.rms / fit_result.largest_output,
+        "fit_worst": fit_result.worst / fit_result.largest_output,
         "compiled_rms": (budget.compiled.rms or 0.0) / budget.reference_output,
         "verified": verified.passed,
         "passed_acceptance": identification.acceptance.passed,
         "quantities": list(uncertainty.names),
         "values": list(uncertainty.values),
         "std": list(uncertainty.std),
-        "correlation": [list(row) for row in uncertainty.correlation],
+        "correlation": [list(matrix_row) for matrix_row in uncertainty.correlation],
         "histories": [loop.history.kind for loop in loops.loops],
         "warnings": list(identification.warnings),
     }
 
 
 def shared_model_error(file: Path, history: str | None, member: Member) -> float:
-    """Return the rms error of another magnet's model on the loops of this one.
+    """Return the rms error of another magnet's model on the loops of this magnet.
 
-    It is relative to the largest output, and nan if the model cannot be computed on these loops.
+    The error is relative to the largest output. It is nan if the model cannot predict these loops.
     """
     loops = read_loops(member.source, history=history)
     model = read_model(file)
@@ -216,21 +218,21 @@ def shared_model_error(file: Path, history: str | None, member: Member) -> float
 PILOT_COUNT = 3
 """Number of pilots: the first magnets, whose identification selects the law and the gap map."""
 CHOICE_FILE = "choice.json"
-"""Name of the file with the decision, for runs that continue."""
+"""Name of the file with this selection, for a run that is continued."""
 
 
 @dataclass(frozen=True)
 class FleetChoice:
-    """The law and the gap map of all magnets."""
+    """The hysteresis law and the gap map of all magnets."""
 
-    settings: FleetSettings  # with the law and the gap map of all magnets
-    # names of the pilots that chose this law and gap map; they are not identified again
+    settings: FleetSettings  # settings with the law and the gap map of all magnets
+    # names of the pilots that selected this law and gap map; they are not identified again
     pilots: tuple[str, ...] = ()
-    # identifications of the pilots by name, if made in this run
+    # identifications of the pilots by name, if this run made them
     identifications: dict[str, IdentifyResult] = field(default_factory=dict)
 
     def task(self, member: Member, given_settings: FleetSettings, out: Path) -> FleetTask:
-        """Return the task of a magnet; pilots keep the settings of the user."""
+        """Return the task of a magnet; a pilot keeps the settings of the user."""
         search = given_settings if member.name in self.pilots else self.settings
         return FleetTask(
             member, self.settings, out, (search.law, search.gap_map), self.identifications.get(member.name)
@@ -240,14 +242,14 @@ class FleetChoice:
 def choose_law(
     members: Sequence[Member], settings: FleetSettings, out: Path, jobs: int | None
 ) -> FleetChoice:
-    """Select the law and the gap map of the majority of the first identifiable magnets.
+    """Return the hysteresis law and the gap map that most of the first identifiable magnets select.
 
     If none can be identified, the settings are unchanged, and each magnet reports its own error.
     """
     if "auto" not in {settings.law, settings.gap_map}:
         return FleetChoice(settings)
-    if (stored := _load_choice(members, settings, out / CHOICE_FILE)) is not None:
-        return stored
+    if (stored_choice := _load_choice(members, settings, out / CHOICE_FILE)) is not None:
+        return stored_choice
     identifications: dict[str, IdentifyResult] = {}
     tried_members: list[Member] = []
     while len(identifications) < PILOT_COUNT and len(tried_members) < len(members):
@@ -261,9 +263,9 @@ def choose_law(
     if not identifications:
         return FleetChoice(settings)
     chosen = {name: (member.model.law, member.model.gap_map) for name, member in identifications.items()}
-    most_common = Counter(chosen.values()).most_common(1)[0][0]
-    pilots = tuple(name for name, choice in chosen.items() if choice == most_common)
-    law, gap_map = most_common[0], "auto" if most_common[1] == "none" else most_common[1]
+    common_choice = Counter(chosen.values()).most_common(1)[0][0]
+    pilots = tuple(name for name, choice in chosen.items() if choice == common_choice)
+    law, gap_map = common_choice[0], "auto" if common_choice[1] == "none" else common_choice[1]
     content = {
         "made_from": _choice_inputs(tried_members, settings),
         "law": law,
@@ -277,17 +279,17 @@ def choose_law(
 
 
 def _identify_pilot(task: FleetTask) -> IdentifyResult | None:
-    """Identify a magnet; return None on an error, which its evaluation reports later."""
+    """Identify a magnet; return None on an error, which its evaluation will report."""
     try:
         return identify_member(task)
     except Exception:
         return None
 
 
-def _choice_inputs(pilots: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
-    """Return all inputs of a decision; the hash of an unreadable file is empty."""
-    digests = dict.fromkeys((member.name for member in pilots), "")
-    for member in pilots:
+def _choice_inputs(pilot_magnets: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
+    """Return all inputs of a selection. An unreadable file has an empty hash."""
+    digests = dict.fromkeys((member.name for member in pilot_magnets), "")
+    for member in pilot_magnets:
         with suppress(InputError):
             digests[member.name] = member.digest()
     return {
@@ -298,11 +300,11 @@ def _choice_inputs(pilots: Sequence[Member], settings: FleetSettings) -> dict[st
 
 
 def _load_choice(members: Sequence[Member], settings: FleetSettings, path: Path) -> FleetChoice | None:
-    """Return a stored decision for the same magnets and settings, otherwise None."""
+    """Return a stored selection for the same magnets and settings, or None."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        pilots = members[: len(content["made_from"]["sha256"])]
-        if content["made_from"] != _choice_inputs(pilots, settings):
+        pilot_magnets = members[: len(content["made_from"]["sha256"])]
+        if content["made_from"] != _choice_inputs(pilot_magnets, settings):
             return None
         chosen = replace(settings, law=str(content["law"]), gap_map=str(content["gap_map"]))
         return FleetChoice(chosen, tuple(content["pilots"]))

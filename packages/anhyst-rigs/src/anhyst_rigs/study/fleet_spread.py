@@ -1,18 +1,19 @@
 """Estimate how the parameters of a fleet scatter, with a hierarchical normal model.
 
-Each magnet has true values ``x_i`` from a normal distribution with mean ``m`` and scatter ``t``,
-independent for each quantity. Identification gives ``y_i`` with covariance ``S_i``. Expectation
-maximisation of the likelihood finds mean and scatter. Values that the loops of a magnet do not
-determine are then estimated from the other magnets::
+Each magnet has true values ``x_i`` from a normal distribution with the mean ``m`` and the scatter
+``t``, independent for each quantity. Identification gives ``y_i`` with the covariance ``S_i``.
+Expectation maximisation of the likelihood finds the mean and the scatter. The other magnets then
+provide estimates of the values that the loops of a magnet do not determine::
 
-    V_i = (S_i^-1 + T^-1)^-1        T = diag(t^2)
+    V_i = (S_i^-1 + T^-1)^-1          T = diag(t^2)
     x_i = V_i (S_i^-1 y_i + T^-1 m)
-    m   = mean(x_i),  t^2 = mean((x_i - m)^2 + diag V_i)
+    m = mean(x_i),  t^2 = mean((x_i - m)^2 + diag V_i)
 
-(Gelman et al., Bayesian Data Analysis, 3rd ed., section 5.4, with covariances.) The model applies
-to the coordinates of the identification, usually logarithms, because their errors are normal even
-if they are large. With the quantities themselves, ``x_i`` of noisy loops had larger force errors
-than ``y_i`` (docs/fleet.md).
+(Gelman et al., Bayesian Data Analysis, 3rd ed., section 5.4, with covariances.)
+
+The model uses the coordinates of the identification, usually logarithms, because their errors are
+normal even if they are large. With the quantities themselves, the force errors of ``x_i`` were
+larger than those of ``y_i`` for noisy loops (docs/fleet.md).
 """
 
 from __future__ import annotations
@@ -32,20 +33,20 @@ MAX_ITERATIONS = 200
 """Largest number of iterations of the expectation maximisation."""
 
 OUTLIER_PROBABILITY = 0.01
-"""Probability that a fleet without outliers has a magnet that is reported as one."""
+"""Probability that a fleet without outliers contains a magnet that is reported as an outlier."""
 MIN_SCATTER = 1e-4
-"""Smallest scatter, as a fraction of the mean; smaller ones cannot be distinguished from zero."""
+"""Smallest scatter, as a fraction of the mean. Smaller values cannot be distinguished from zero."""
 MIN_STD = 1e-9
-"""Smallest standard deviation of a coordinate; smaller ones are clipped."""
+"""Smallest standard deviation of a coordinate; smaller values are raised to it."""
 MAX_STD = 1e3
-"""Largest standard deviation of a coordinate; larger ones are clipped."""
+"""Largest standard deviation of a coordinate; larger values are lowered to it."""
 
 
 @dataclass(frozen=True)
 class MagnetEstimate:
-    """Identified quantities of one magnet."""
+    """The identified quantities of one magnet."""
 
-    # in units of the quantities; std infinite if the loops do not determine one; shape (q,)
+    # in units of the quantities, shape (q,); std is infinite for a quantity without information
     values: FloatArray
     std: FloatArray
     correlation: FloatArray  # correlation of the coordinates; shape (q, q)
@@ -54,7 +55,7 @@ class MagnetEstimate:
     def from_uncertainty(
         cls, values: ArrayLike, std: Sequence[float | None] | FloatArray, correlation: ArrayLike
     ) -> MagnetEstimate:
-        """Convert the uncertainty of a model; a missing standard deviation becomes infinite."""
+        """Convert the uncertainty of a model. A missing standard deviation becomes infinite."""
         full_std = np.array([math.inf if value is None else value for value in std], dtype=np.float64)
         full_std = np.where(np.isnan(full_std), math.inf, full_std)
         matrix = np.array(correlation, dtype=np.float64)
@@ -75,23 +76,23 @@ class MagnetEstimate:
 class FleetSpread:
     """Mean and scatter of each quantity over a fleet, and the pooled estimate of each magnet."""
 
-    mean: FloatArray  # in units of the quantities; shape (q,)
+    mean: FloatArray  # mean and scatter in units of the quantities; shape (q,)
     scatter: FloatArray
-    # estimate of each magnet from its loops and the fleet, with its standard deviation; that of an
-    # outlier is from its loops only; shape (n, q)
+    # pooled estimate of each magnet from its loops and the fleet, and its standard deviation; for
+    # an outlier, both are from its loops only; shape (n, q)
     values: FloatArray
     std: FloatArray
     correlation: FloatArray  # correlation of the pooled estimates; shape (n, q, q)
-    # distance from the mean: root of the squared Mahalanobis distance divided by the number of
-    # quantities; shape (n,)
+    # Mahalanobis distance from the mean, divided by the root of the number of quantities; shape
+    # (n,)
     distance: FloatArray
-    # magnets that do not belong to the fleet at :data:`OUTLIER_PROBABILITY`; shape (n,)
+    # whether each magnet is an outlier at :data:`OUTLIER_PROBABILITY`; shape (n,)
     outlier: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True)
 class _Coordinates:
-    """Transformation to coordinates with normal errors: logarithm, asinh or a scale."""
+    """Transformation to coordinates with normal errors: logarithm, asinh or division by a scale."""
 
     log: np.ndarray[tuple[int], np.dtype[np.bool_]]
     asinh: np.ndarray[tuple[int], np.dtype[np.bool_]]
@@ -101,7 +102,7 @@ class _Coordinates:
     def from_values(cls, values: FloatArray, coordinates: Sequence[Coordinate]) -> _Coordinates:
         sizes = np.abs(values)
         scale = np.median(sizes, axis=0)
-        # the median may be zero, the bound of the search
+        # The median may be zero, which is the bound of the search.
         scale = np.where(scale > 0.0, scale, sizes.max(axis=0))
         kinds = np.array(coordinates)
         log = (kinds == "log") & (values > 0.0).all(axis=0)
@@ -128,7 +129,7 @@ class _Coordinates:
 def estimate_spread(
     estimates: Sequence[MagnetEstimate], coordinates: Sequence[Coordinate] = ()
 ) -> FleetSpread:
-    """Estimate mean and scatter of a fleet, without its outliers."""
+    """Estimate the mean and the scatter of a fleet without its outliers."""
     quantities = np.array([estimate.values for estimate in estimates])
     transform = _Coordinates.from_values(quantities, coordinates or ["plain"] * quantities.shape[1])
     values = transform.to_coordinates(quantities)
@@ -137,17 +138,17 @@ def estimate_spread(
         [estimate.correlation * np.outer(s, s) for estimate, s in zip(estimates, sigma, strict=True)]
     )
     limit = chdtri(values.shape[1], OUTLIER_PROBABILITY / len(values))
-    belongs = _central_half(values)
+    is_central = _central_half(values)
     for _ in range(10):
-        mean, scatter = _expectation_maximisation(values[belongs], covariances[belongs])
+        mean, scatter = _expectation_maximisation(values[is_central], covariances[is_central])
         squares = _squared_distances(values, covariances, mean, scatter)
         now_belongs = squares <= limit
-        if 2 * now_belongs.sum() <= len(values) or np.array_equal(now_belongs, belongs):
+        if 2 * now_belongs.sum() <= len(values) or np.array_equal(now_belongs, is_central):
             break
-        belongs = now_belongs
+        is_central = now_belongs
     is_outlier = squares > limit
     pooled = [
-        (y, s) if keeps_estimate else _pool(y, s, mean, scatter)
+        (y, s) if keeps_estimate else _shrink(y, s, mean, scatter)
         for y, s, keeps_estimate in zip(values, covariances, is_outlier, strict=True)
     ]
     pooled_quantities = transform.to_quantities(np.array([estimate for estimate, _ in pooled]))
@@ -170,34 +171,34 @@ def _central_half(values: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool
     """Return the half of the magnets whose worst quantity is nearest to the median."""
     deviations = np.abs(values - np.median(values, axis=0))
     ratios = deviations / np.maximum(np.median(deviations, axis=0), MIN_SCATTER)
-    worst = ratios.max(axis=1)
-    return np.asarray(worst <= np.median(worst))
+    largest_ratios = ratios.max(axis=1)
+    return np.asarray(largest_ratios <= np.median(largest_ratios))
 
 
 def _expectation_maximisation(values: FloatArray, covariances: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and scatter of the magnets."""
+    """Return the mean and the scatter of the magnets."""
     mean = np.median(values, axis=0)
     scatter = np.maximum(values.std(axis=0), MIN_SCATTER)
     for _ in range(MAX_ITERATIONS):
         previous = mean, scatter
-        posteriors = [_pool(y, s, mean, scatter) for y, s in zip(values, covariances, strict=True)]
-        pooled = np.array([posterior for posterior, _ in posteriors])
+        posteriors = [_shrink(y, cov, mean, scatter) for y, cov in zip(values, covariances, strict=True)]
+        means = np.array([posterior for posterior, _ in posteriors])
         variances = np.array([np.diag(posterior) for _, posterior in posteriors])
-        mean = pooled.mean(axis=0)
-        scatter = np.sqrt(np.maximum(((pooled - mean) ** 2 + variances).mean(axis=0), MIN_SCATTER**2))
+        mean = means.mean(axis=0)
+        scatter = np.sqrt(np.maximum(((means - mean) ** 2 + variances).mean(axis=0), MIN_SCATTER**2))
         if np.allclose(mean, previous[0], rtol=1e-6) and np.allclose(scatter, previous[1], rtol=1e-4):
             break
     return mean, scatter
 
 
-def _pool(
+def _shrink(
     value: FloatArray, covariance: FloatArray, mean: FloatArray, scatter: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return a magnet's values shrunk towards the mean, and their covariance."""
+    """Return the values of a magnet after shrinkage towards the mean, and their covariance."""
     prior = np.diag(scatter**2)
     gain = np.linalg.solve(covariance + prior, prior).T
-    pooled = mean + gain @ (value - mean)
-    return pooled, prior - gain @ prior
+    posterior_mean = mean + gain @ (value - mean)
+    return posterior_mean, prior - gain @ prior
 
 
 def _squared_distances(

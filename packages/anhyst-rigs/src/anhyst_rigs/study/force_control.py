@@ -50,11 +50,11 @@ if TYPE_CHECKING:
 
 
 MODEL_SCOPES: Mapping[TrialStage, str] = {"end": "end", "positions": "stroke", "moving": "stroke"}
-"""The models of each stage, by the name of their folder."""
+"""Models for each group of trials, by the names of their folders."""
 _PREPARATION_WORK = 4.0
-"""Work of the models, and of the programs, in units of one trial."""
+"""Work of the models and of the programs, in units of the work of one trial."""
 MAX_DEMAND_S = 120.0
-"""Maximum duration of a demand from a file, s."""
+"""Longest duration of a demand that is read from a file, s."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,8 +66,8 @@ class ForceControl(StudyResult):
     rig : Rig
         The completed rig.
     out : Path
-        Folder of all results: ``figures.json``, a recording of each trial, and models and controllers in
-        ``end/`` and ``stroke/``; :func:`anhyst_rigs.reports.force.draw` adds pictures.
+        Folder of all results: ``figures.json``, a recording of each trial, and models and controllers
+        in ``end/`` and ``stroke/``; :func:`anhyst_rigs.reports.force.draw` adds pictures.
     figures : dict
         Content of ``figures.json``.
     outcomes : tuple of ForceOutcome
@@ -75,7 +75,7 @@ class ForceControl(StudyResult):
     plant : PlantCheck
         Comparison of the actuator with the measured loops.
     verified : Verification, optional
-        Of the compiled C, if the rig was made from loops.
+        Verification of the compiled C, if the rig was made from loops.
     """
 
     kind: ClassVar = "force"
@@ -88,17 +88,17 @@ class ForceControl(StudyResult):
 
     @property
     def compiled(self) -> Path:
-        """The folder of C with the model of the whole stroke."""
+        """Folder with the C of the model for the whole stroke."""
         return self.out / "stroke" / "full" / "controller"
 
     @property
     def lost_in(self) -> list[str]:
-        """All trials in which the controlled force was lost."""
+        """All trials that lost control of the force."""
         lost_trials: list[str] = self.figures["lost_in"]
         return lost_trials
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult if a force was lost, or if the firmware differs from its simulation."""
+        """Raise NegativeResult if control was lost or the firmware differs from its simulation."""
         if self.lost_in:
             raise NegativeResult(
                 f"the force was lost: {'; '.join(self.lost_in)}; all files are saved", code="force-lost"
@@ -111,16 +111,16 @@ class ForceControl(StudyResult):
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is beneficial, by the worst errors of all stages."""
+        """Whether compensation is beneficial, judged by the worst error in each group of trials."""
         if self.lost_in:
             return Judgement("unknown", f"the force was lost: {'; '.join(self.lost_in)}")
         return judge_stages(self.figures["summary"])
 
     def facts(self) -> dict[str, str]:
-        """Return the folder, and the force error of each controller over all trials."""
+        """Return the folder, and the mean force error of each controller over all trials."""
         facts = {"folder": str(self.out), "trials": str(len(self.outcomes))}
         errors = self._errors()
-        for name in dict.fromkeys(row["controller"] for row in errors):
+        for name in dict.fromkeys(error_row["controller"] for error_row in errors):
             mean_error_N = np.mean([row["error_rms_N"] for row in errors if row["controller"] == name])
             facts[name] = f"force error {mean_error_N:.3g} N rms"
         return facts | self.losses_fact()
@@ -129,7 +129,7 @@ class ForceControl(StudyResult):
         return [
             {
                 "trial": number,
-                "stage": outcome.trial.stage,
+                "stage": outcome.trial.trial_stage,
                 "controller": name,
                 "error_rms_N": figures["true"]["rms_N"],
                 "error_worst_N": figures["true"]["worst_N"],
@@ -148,7 +148,7 @@ class ForceControl(StudyResult):
         return self.figures | verified
 
     def draw(self, ax: Axes) -> None:
-        """Draw demand and force of every controller in the first trial."""
+        """Draw the demand, and the force of every controller, in the first trial."""
         outcome = self.outcomes[0]
         ax.plot(outcome.trial.demand.force, color="0.15", lw=0.8, ls="--", label="demand")
         for name, run in outcome.recordings.items():
@@ -166,11 +166,11 @@ def force_control(
     recordings: str = "csv",
     progress: Progress | None = None,
 ) -> ForceControl:
-    """Identify, compile and build the controllers, and run every trial: `anhyst.force_control`."""
+    """Identify, compile and build the controllers, then run every trial: `anhyst.force_control`."""
     rig_from_file = read_rig(rig)
     demands = _collect_demands(rig_from_file, demand)
     check_format(Path(out) / f"recording.{recordings}")
-    check_compiler(board)  # report a missing tool before the computation
+    check_compiler(board)  # Report a missing tool before the computation.
     if board == "qemu-mps2":
         find_qemu()
     trials = list(plan_trials(rig_from_file, demands))
@@ -197,7 +197,7 @@ def force_control(
         controllers = {
             scope: Controllers(programs[scope], results, board) for scope, results in baselines.items()
         }
-        tasks = [(complete, trial, controllers[MODEL_SCOPES[trial.stage]]) for trial in trials]
+        tasks = [(complete, trial, controllers[MODEL_SCOPES[trial.trial_stage]]) for trial in trials]
         outcomes = map_ordered(_run_trial, tasks, next(progress_parts))
         plant = complete.check_plant(loops, models["stroke"])
         results = make_figures(complete, outcomes, board) | {"plant": plant.as_dict()}
@@ -209,12 +209,12 @@ def force_control(
 
 
 def _compiled_methods(model: Model) -> tuple[MethodName, ...]:
-    """Return the methods that are compiled; with eddy currents also the model without them."""
+    """Return the methods that are compiled; with eddy currents, this includes a model without them."""
     return ("full", "at-rest", "simplified") if model.has_eddy_currents else ("full", "simplified")
 
 
 def build_program(name: MethodName, model: Model, rate: float, board: str, folder: Path) -> Program:
-    """Compile a model and build the firmware around it."""
+    """Compile a model, and build a firmware with it."""
     kind: Kind = "simplified" if name == "simplified" else "full"
     model = model if name == "full" else model.at_rest
     folder.mkdir(parents=True, exist_ok=True)
@@ -267,14 +267,14 @@ def _collect_demands(rig: ForceControlRig, path: PathLike | None) -> list[Demand
 
 
 def _read_demand(rig: ForceControlRig, path: PathLike) -> Demand:
-    """Read a demand and sample it at the ticks of the controller."""
+    """Read a demand from a file, and sample it at the ticks of the controller."""
     table = read_columns(path)
     time, force = table.require("time", "t_s"), table.require("force", "F_N")
     force_max_N = rig.settings.force.force_max_N
     if force.min() < 0.0 or force.max() > force_max_N:
-        row = int(np.argmax((force < 0.0) | (force > force_max_N)))
+        row_index = int(np.argmax((force < 0.0) | (force > force_max_N)))
         raise InputError(
-            f"{path}: sample {row}: {force[row]:g} N is outside 0 to {force_max_N:g} N "
+            f"{path}: sample {row_index}: {force[row_index]:g} N is outside 0 to {force_max_N:g} N "
             f"(force_max_N of {rig.path}); lower the demand",
             code="out-of-range",
         )
@@ -284,8 +284,8 @@ def _read_demand(rig: ForceControlRig, path: PathLike) -> Demand:
             code="too-long",
         )
     ticks = np.arange(round((time[-1] - time[0]) * rig.settings.timing.rate_Hz) + 1)
-    sampled = np.interp(time[0] + ticks * rig.dt, time, force)
-    return add_lead_in("file", sampled, rig.settings.timing.rate_Hz)
+    sampled_force = np.interp(time[0] + ticks * rig.dt, time, force)
+    return add_lead_in("file", sampled_force, rig.settings.timing.rate_Hz)
 
 
 def _write_trial(rig: ForceControlRig, path: Path, outcome: ForceOutcome) -> None:

@@ -1,7 +1,7 @@
 """Plan and run the trials of force control, and compute their errors.
 
-A trial is one demand at one position, from one initial state of the iron. It runs with every
-controller of its stage.
+A trial has one demand, one position of the armature and one initial state of the iron. It runs with
+every controller of its group of trials.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ InitialState = Literal["unknown", "demagnetised"]
 
 @dataclass(frozen=True)
 class ForceTrial:
-    """One demand at one position of the armature."""
+    """A demand at one position of the armature."""
 
-    # group of trials. ``"end"``: models of the end of the stroke, at this position;
-    # ``"positions"``: models of the whole stroke, armature held; ``"moving"``: models of the whole
-    # stroke, armature moving
-    stage: TrialStage
+    # group of trials. ``"end"``: models for the end of the stroke, at this position;
+    # ``"positions"``: models for the whole stroke, armature held; ``"moving"``: the same, but it
+    # moves
+    trial_stage: TrialStage
     demand: Demand  # demanded force
-    position: float | None  # position of the armature, m; None if it moves
-    # ``"unknown"``: random history of the iron, and the controller starts with its start-up
-    # sequence; ``"demagnetised"``: iron and controller start demagnetised
+    position: float | None  # gap at which the armature is held, m; None if it moves
+    # ``"unknown"``: random history of the iron, and the controller begins with its start-up
+    # sequence; ``"demagnetised"``: iron and controller begin demagnetised
     initial_state: InitialState
-    number: int  # number of the trial, which defines the noise
+    number: int  # number of the trial, from which the noise follows
 
     @property
     def name(self) -> str:
-        """Name for files: ``positions_1.25mm_wide``."""
+        """Name in files, such as ``positions_1.25mm_wide``."""
         position_text = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
         history_text = "_demagnetised" if self.initial_state == "demagnetised" else ""
-        return f"{self.stage}{position_text}_{self.demand.name}{history_text}"
+        return f"{self.trial_stage}{position_text}_{self.demand.name}{history_text}"
 
     def gap(self, rig: ForceControlRig) -> FloatArray:
-        """Return the position of the armature at every tick, m."""
+        """Return the gap at every tick, m."""
         ticks = self.demand.force.size
         if self.position is not None:
             return np.full(ticks, self.position)
@@ -60,13 +60,13 @@ class ForceTrial:
 
 @dataclass(frozen=True)
 class Controllers:
-    """All controllers of one group of trials."""
+    """All controllers of a group of trials."""
 
-    programs: tuple[Program, ...]  # firmwares
-    # ``ratio``, the uncompensated case of the paper: one constant ratio, from the end of the
-    # stroke; ``ratio_over_gap``: a ratio for every gap; ``single``: the best single-valued curve
+    programs: tuple[Program, ...]  # programs of the firmware
+    # ``ratio``, the uncompensated case of the paper: one constant ratio, that of the stroke's end;
+    # ``ratio_over_gap``: one ratio for each gap; ``single``: the best single-valued curve
     baselines: Mapping[str, Compensator]
-    board: str  # board of the firmwares
+    board: str  # board that runs the firmware
 
     @property
     def conditioning(self) -> list[float]:
@@ -78,13 +78,13 @@ class Controllers:
 class ForceOutcome:
     """The result of one trial."""
 
-    trial: ForceTrial  # the trial
-    # by controller: ``full``, ``at-rest``, ``simplified``, ``ratio``, ``ratio_over_gap``,
-    # ``single``
+    trial: ForceTrial  # demand, position and initial state
+    # recordings by controller: ``full``, ``at-rest``, ``simplified``, ``ratio``,
+    # ``ratio_over_gap``, ``single``
     recordings: Mapping[str, Recording]
-    # by firmware: force that the model predicts for the currents of the firmware, N
+    # by program: force that the model predicts for the currents of the firmware, N
     simulated_force: Mapping[str, FloatArray] = field(default_factory=dict)
-    # by firmware: number of ticks at which its current differs from that of the simulated program
+    # by program: number of ticks at which the firmware had another current than its simulation
     differing_ticks: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -93,9 +93,9 @@ def plan_trials(rig: ForceControlRig, demands: list[Demand]) -> Iterator[ForceTr
     settings = rig.settings
     number = 0
     for demand in demands:
-        starts: tuple[InitialState, ...] = ("unknown", "demagnetised")
-        for start in starts:
-            yield ForceTrial("end", demand, settings.force.end_m, start, number)
+        initial_states: tuple[InitialState, ...] = ("unknown", "demagnetised")
+        for initial_state in initial_states:
+            yield ForceTrial("end", demand, settings.force.end_m, initial_state, number)
             number += 1
     for demand in demands:
         for position in settings.held_case.gaps_m:
@@ -107,7 +107,7 @@ def plan_trials(rig: ForceControlRig, demands: list[Demand]) -> Iterator[ForceTr
 
 
 def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:
-    """Run one trial with every controller of its group of trials, all with the same noise."""
+    """Run a trial with every controller of its group; all have the same noise."""
     gap, seed = trial.gap(rig), [1, trial.number]
     is_demagnetised = trial.initial_state == "demagnetised"
     recordings: dict[str, Recording] = {}
@@ -137,7 +137,7 @@ def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers)
 
 
 def _predict_force(program: Program, recording: Recording, is_demagnetised: bool) -> FloatArray:
-    """Return the force of the model for the currents of a program, without noise and delay, N."""
+    """Return the model's force for the currents of a program, without noise and delay, N."""
     reversals = ",".join(repr(current) for current in [0.0, *program.conditioning_currents])
     history = "demagnetised" if is_demagnetised else f"conditioned:{reversals}"
     model = program.model
@@ -154,7 +154,7 @@ CONTROLLER_TITLES: Mapping[str, str] = {
     "ratio": "constant ratio",
     "ratio_over_gap": "ratio for each gap",
 }
-"""Titles of the controllers in tables, the best first."""
+"""Titles of the controllers in tables; the best controller is first."""
 STAGE_TITLES: Mapping[str, str] = {
     "end": "stroke's end, after the start-up sequence",
     "end_demagnetised": "stroke's end, from demagnetised",
@@ -165,7 +165,7 @@ STAGE_TITLES: Mapping[str, str] = {
 
 
 def error_figures(deviation: FloatArray, force_max: float) -> dict[str, float]:
-    """Return metrics of a force error, in N and in per cent of the largest force of the rig."""
+    """Return metrics of a force error, in N and in per cent of the rig's largest force."""
     errors = {
         "worst": peak_deviation(deviation),
         "rms": rms(deviation),
@@ -176,11 +176,11 @@ def error_figures(deviation: FloatArray, force_max: float) -> dict[str, float]:
 
 
 def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
-    """Return the error metrics of every controller of a trial, after the lead-in.
+    """Return the error metrics of every controller of a trial, after the lead-in of the demand.
 
     ``true`` uses the exact force of the simulation, and ``read`` the sensor reading with noise and
     delay. ``simulated`` uses the prediction of the model. ``differing`` is the number of ticks at
-    which the simulated program gave another current than the firmware.
+    which the firmware had another current than the simulated program.
     """
     demand, scores = outcome.trial.demand, {}
     for name, recording in outcome.recordings.items():
@@ -195,28 +195,28 @@ def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[
 
 
 def stage_key(trial: Mapping[str, Any]) -> str:
-    """Return the group of a trial, a key of :data:`STAGE_TITLES`."""
+    """Return the group of a trial as a key of :data:`STAGE_TITLES`."""
     return str(trial["stage"]) + ("_demagnetised" if trial["start"] == "demagnetised" else "")
 
 
 def worst_errors(
     trials: Iterable[Mapping[str, Any]], group: Callable[[Mapping[str, Any]], str]
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Return the largest errors of the true force in each group of trials, by controller, %."""
+    """Return the largest error of the true force by group of trials and controller, %."""
     groups: dict[str, dict[str, dict[str, float]]] = {}
     for trial in trials:
         errors = groups.setdefault(group(trial), {})
         for name, forces in trial["controllers"].items():
             trial_errors = {key: forces["true"][key] for key in ("worst_percent", "rms_percent")}
-            worst = errors.get(name, trial_errors)
-            errors[name] = {key: max(worst[key], value) for key, value in trial_errors.items()}
+            worst_by_name = errors.get(name, trial_errors)
+            errors[name] = {key: max(worst_by_name[key], value) for key, value in trial_errors.items()}
     return groups
 
 
 def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the worst errors of each group of trials by controller, also relative to ``single``."""
+    """Return the worst errors by group of trials and controller, also relative to ``single``."""
     return {
-        stage: {
+        stage_name: {
             name: {
                 **errors[name],
                 "of_single": errors[name]["worst_percent"] / errors["single"]["worst_percent"],
@@ -224,12 +224,12 @@ def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
             for name in CONTROLLER_TITLES
             if name in errors
         }
-        for stage, errors in worst_errors(trials, stage_key).items()
+        for stage_name, errors in worst_errors(trials, stage_key).items()
     }
 
 
 def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
-    """Return every trial in which ``full`` lost control of the force, with time and reason."""
+    """Return a text with time and reason for every trial in which ``full`` lost control."""
     losses = []
     for outcome in outcomes:
         demand, recording = outcome.trial.demand, outcome.recordings["full"]
@@ -239,7 +239,7 @@ def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]
             SignalBound("the force error reached the largest force of the rig", error, -force_max, force_max),
             SignalBound("the current became infinite", current, -math.inf, math.inf),
         )
-        loss = find_loss(bounds, planned=demand.force.size - demand.lead_in)
+        loss = find_loss(bounds, planned_ticks=demand.force.size - demand.lead_in)
         if loss is not None:
             losses.append(f"{outcome.trial.name} at tick {loss.tick}, {loss.reason}")
     return losses
@@ -250,7 +250,7 @@ def make_figures(rig: ForceControlRig, outcomes: Sequence[ForceOutcome], board: 
     force_max = rig.settings.force.force_max_N
     trials = [
         {
-            "stage": outcome.trial.stage,
+            "stage": outcome.trial.trial_stage,
             "demand": outcome.trial.demand.name,
             "position_m": outcome.trial.position,
             "start": outcome.trial.initial_state,
@@ -278,33 +278,33 @@ Summary = Mapping[str, Mapping[str, Mapping[str, float]]]
 
 
 def strongest_baselines(summary: Summary) -> dict[str, str]:
-    """Return the controller without a model that has the smallest worst error, by group of trials."""
+    """Return, for each group of trials, the controller without model with the smallest worst error."""
     return {
-        stage: min(
+        stage_name: min(
             (name for name in errors if name not in MODEL_METHODS),
             key=lambda name: errors[name]["worst_percent"],
         )
-        for stage, errors in summary.items()
+        for stage_name, errors in summary.items()
     }
 
 
 def judge_stages(summary: Summary) -> Judgement:
-    """Assess ``full`` by its worst error in every group of trials, against the strongest baseline."""
+    """Compare the worst error of ``full`` in every group of trials with the strongest baseline."""
     compared = [
         ComparedFigure(
-            stage,
+            stage_name,
             CONTROLLER_TITLES[name],
-            summary[stage]["full"]["worst_percent"],
-            summary[stage][name]["worst_percent"],
+            summary[stage_name]["full"]["worst_percent"],
+            summary[stage_name][name]["worst_percent"],
             0.0,
         )
-        for stage, name in strongest_baselines(summary).items()
+        for stage_name, name in strongest_baselines(summary).items()
     ]
     return judge_against_baselines("worst error of full", compared, "stages", BENEFICIAL_CONDITIONS["force"])
 
 
 def verdict_dict(summary: Summary) -> dict[str, Any]:
-    """Return the verdict in ``figures.json``."""
-    judged = judge_stages(summary)
-    strongest = strongest_baselines(summary)
-    return {"level": judged.level, "text": judged.sentence, "strongest": strongest}
+    """Return the verdict as ``figures.json`` contains it."""
+    judgements = judge_stages(summary)
+    baselines_by_stage = strongest_baselines(summary)
+    return {"level": judgements.level, "text": judgements.sentence, "strongest": baselines_by_stage}

@@ -1,8 +1,8 @@
 """Monitor the model of a running bench, and improve it step by step.
 
-The model's prediction is compared with the rows of the bench. If it has drifted, loops can be
-measured, a model identified, and a parameter block compiled. Each step reads and writes files, so
-that it can run while the bench runs.
+The prediction of the model is compared with the rows of the bench. If the model no longer fits,
+loops can be measured, a new model identified, and a parameter block compiled. Each step reads and
+writes files, so that it can run while the bench runs.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ from anhyst_rigs.study.prepared_benches import Improvable, fixed_point_block
 from anhyst_rigs.study.watch import DEFAULT_RUN_LENGTH, LEARNING_CYCLES, DriftMonitor
 
 MONITOR_RATE_HZ = 250.0
-"""Rows per second that are monitored."""
+"""Number of rows per second that are monitored."""
 
 _MONITORED_SIGNALS = (("current_read",), ("gap_read",), ("force_read", "force"))
-"""Signals that are compared with the model. A levitated armature has no force sensor; the exact
-force of the virtual armature is used instead."""
+"""Signals that are compared with the model. A levitated armature has no force sensor, so the exact
+force of the virtual armature is used."""
 
 
 class BenchMonitor:
-    """Monitors one model with the rows of a bench, from the first row on."""
+    """Monitor of one model, which compares it with the rows of a bench from the first row on."""
 
     def __init__(self, model: Model, signals: Sequence[Signal], rate: float) -> None:
         names = [signal.name for signal in signals]
         self._columns = [_find_column(names, choice) for choice in _MONITORED_SIGNALS]
-        # The monitored rows are too sparse for a model with eddy-current lag.
+        # The monitored rows are too far apart for a model with eddy-current lag.
         self._model, self._rate = model.at_rest, rate
         self._tick_interval = max(1, round(rate / MONITOR_RATE_HZ))
         self._monitor: DriftMonitor | None = None
         self._error_text = ""
 
     def add_rows(self, rows: FloatArray) -> None:
-        """Process rows of the bench; the result does not depend on their division into calls."""
+        """Process rows of the bench; it does not matter how they are divided into calls."""
         samples = rows[rows[:, 0] % self._tick_interval == 0]
         if not len(samples) or self._error_text:
             return
@@ -66,14 +66,14 @@ class BenchMonitor:
             self._error_text = str(error)
 
     def status(self) -> Mapping[str, Any]:
-        """Return the status for the page."""
+        """Return the status that the page shows."""
         if self._error_text:
             return {"state": "ended", "text": self._error_text}
         if self._monitor is None:
             return {"state": "learning", "text": "no rows yet"}
         finding = self._monitor.finding
-        drifted = finding.drift is not None
-        state = "drifted" if drifted else "learning" if finding.is_learning else "fits"
+        has_drifted = finding.drift is not None
+        state = "drifted" if has_drifted else "learning" if finding.is_learning else "fits"
         return {
             "state": state,
             "text": finding.text(self._rate),
@@ -83,7 +83,7 @@ class BenchMonitor:
             "least_N": self._monitor.min_drift,
             "usual_N": finding.usual_residual,
             "left_N": finding.residual,
-            "gain_N": finding.error_reduction if drifted else 0.0,
+            "gain_N": finding.error_reduction if has_drifted else 0.0,
         }
 
 
@@ -97,23 +97,23 @@ def _find_column(names: Sequence[str], choice: Sequence[str]) -> int:
 
 
 _DRAWN_POINTS = 200
-"""Points of a drawn loop, for each loop of a record."""
+"""Number of drawn points in each loop of a record."""
 _COMPARED_POINTS = 100
-"""Points of a loop that is drawn with two models, for each loop of a record."""
+"""Number of drawn points in each loop of a record, for a comparison of two models."""
 _MAX_DRAWN_LOOPS = 60
 
 
 class DrawnLoop(NamedTuple):
-    """A loop for drawing."""
+    """The points of a loop in a drawing."""
 
     kind: str  # ``measured`` or ``model``
     gap: float | None  # gap, m
-    current: list[float]  # A; the forces in N
+    current: list[float]  # currents, A, and forces, N
     force: list[float]
 
 
 def make_drawn_loops(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
-    """Return thinned loops of force against current, and those of a model for the same currents."""
+    """Return loops of force against current with fewer points, and loops of a model if given."""
     if (loops.input.name, loops.output.name) != ("current", "force"):
         return ()
     curves = []
@@ -130,29 +130,29 @@ def _make_drawn_loop(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
 
 
 class ModelWithLoops(NamedTuple):
-    """A model of a bench, and the loops it was identified from."""
+    """A model of a bench, and the loops for its identification."""
 
     model: Model
     curves: tuple[DrawnLoop, ...]
 
 
 def make_model_with_loops(loops: Loops, model: Model) -> ModelWithLoops:
-    """Return a model with its loops."""
+    """Return a model together with its loops."""
     return ModelWithLoops(model, make_drawn_loops(loops, model))
 
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """An old and a new model, compared on the same loops."""
+    """An old and a new model that are compared on the same loops."""
 
     loops: Loops  # measured loops
-    old: tuple[FloatArray, ...]  # predictions, loop by loop
-    new: tuple[FloatArray, ...]
+    old_outputs: tuple[FloatArray, ...]  # predictions of the old and the new model, loop by loop
+    new_outputs: tuple[FloatArray, ...]
 
     def residual_figures(
         self, predicted: tuple[FloatArray, ...], gap: float | None = None
     ) -> dict[str, float]:
-        """Return rms and peak residual of all loops, or of one gap, including sensor noise."""
+        """Return the rms and peak residual of all loops or of one gap, including sensor noise."""
         residual = np.concatenate(
             [
                 force - loop.output
@@ -163,19 +163,19 @@ class ModelComparison:
         return {"rms_N": rms(residual), "worst_N": peak_deviation(residual)}
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the metrics, and the loops for drawing."""
+        """Return the metrics, and the loops for the drawing."""
         rows = [
-            {"gap_m": gap, "old": self.residual_figures(self.old, gap),
-             "new": self.residual_figures(self.new, gap)}
+            {"gap_m": gap, "old": self.residual_figures(self.old_outputs, gap),
+             "new": self.residual_figures(self.new_outputs, gap)}
             for gap in self.loops.schedule_values
         ]  # fmt: skip
         return {
-            "old": self.residual_figures(self.old),
-            "new": self.residual_figures(self.new),
+            "old": self.residual_figures(self.old_outputs),
+            "new": self.residual_figures(self.new_outputs),
             "gaps": rows,
             "loops": [
                 _comparison_dict(loop, old, new)
-                for loop, old, new in zip(self.loops.loops, self.old, self.new, strict=True)
+                for loop, old, new in zip(self.loops.loops, self.old_outputs, self.new_outputs, strict=True)
             ],
         }
 
@@ -187,22 +187,22 @@ def compare_models(old: Model, new: Model, loops: Loops) -> ModelComparison:
     )
 
 
-def _comparison_dict(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, Any]:
+def _comparison_dict(loop: Loop, old_prediction: FloatArray, new_prediction: FloatArray) -> dict[str, Any]:
     indices = thin_rows(loop.input, _COMPARED_POINTS * max(1, loop.reversals // 2))
-    columns = {"current": loop.input, "force": loop.output, "old": old, "new": new}
+    columns = {"current": loop.input, "force": loop.output, "old": old_prediction, "new": new_prediction}
     rounded = {name: [float(f"{value:.5g}") for value in values[indices]] for name, values in columns.items()}
     return {"label": loop.label, **rounded}
 
 
 LOOPS_FILE = "loops.csv"
-"""File of the measured loops; its sidecar is next to it."""
+"""File with the measured loops; its sidecar is next to it."""
 MODEL_FILE = "model.toml"
 _MAX_DRIVE_POINTS = 1500
-"""Maximum number of points of a drawn drive."""
+"""Maximum number of drawn points of a drive."""
 
 
 def excitation_limits(prepared: Improvable) -> dict[str, Any]:
-    """Return the limits of a drive, from the rig file."""
+    """Return the limits of a drive that the rig file sets."""
     specimen = prepared.specimen()
     winding = specimen.winding
     return {
@@ -222,9 +222,9 @@ def measure_loops(
     operator_limits: Mapping[str, float],
     bench: DrivenBoard | None = None,
 ) -> dict[str, Any]:
-    """Design a drive, run it with the armature held, and write the loops.
+    """Design a drive, run it with the armature held, and write the measured loops.
 
-    The drive runs on the virtual rig, or with a running controller.
+    The drive runs on the virtual rig, or through a running controller.
     """
     specimen = tighten_limits(prepared.specimen(), operator_limits)
     if bench is None:
@@ -232,9 +232,9 @@ def measure_loops(
     else:
         excitation = measure_on_board(specimen, bench, progress)
     write_excitation(excitation, prepared.rig, folder / LOOPS_FILE)
-    played = excitation.drive_history
-    interval = max(1, played.time.size // _MAX_DRIVE_POINTS)
-    columns = {"time": played.time, "current": played.current, "warmth": played.warmth}
+    drive_history = excitation.drive_history
+    interval = max(1, drive_history.time.size // _MAX_DRIVE_POINTS)
+    columns = {"time": drive_history.time, "current": drive_history.current, "warmth": drive_history.warmth}
     return {
         **excitation.as_dict(),
         "played": {name: values[::interval].tolist() for name, values in columns.items()},
@@ -242,7 +242,7 @@ def measure_loops(
 
 
 def tighten_limits(specimen: Specimen, operator_limits: Mapping[str, float]) -> Specimen:
-    """Return a specimen with the tighter limits of the operator."""
+    """Return a specimen with the limits of the operator, if they are tighter."""
     bounds = _adjustable_limits(specimen)
     for name, value in operator_limits.items():
         if name not in bounds:
@@ -278,11 +278,11 @@ def _adjustable_limits(specimen: Specimen) -> dict[str, Bound]:
 
 
 def identify_model(progress: Progress, prepared: Improvable, folder: Path, old: Model) -> dict[str, Any]:
-    """Identify a model of the measured loops as the rig file states; write and compare it."""
+    """Identify a model from measured loops, as the rig file specifies; write and compare it."""
     loops = read_loops(folder / LOOPS_FILE)
-    new = prepared.identify(loops, progress)
-    write_model(new, folder / MODEL_FILE)
-    return {"law": new.law, **compare_models(old, new, loops).as_dict()}
+    new_model = prepared.identify(loops, progress)
+    write_model(new_model, folder / MODEL_FILE)
+    return {"law": new_model.law, **compare_models(old, new_model, loops).as_dict()}
 
 
 def read_identified_model(folder: Path) -> ModelWithLoops:
@@ -291,7 +291,7 @@ def read_identified_model(folder: Path) -> ModelWithLoops:
 
 
 def compile_block(progress: Progress, prepared: Improvable, folder: Path) -> dict[str, Any]:
-    """Compile the model for the running board, and measure the error of the block."""
+    """Compile the model for the running board, and measure the error of the parameter block."""
     model = read_model(folder / MODEL_FILE)
     plan = prepared.compile(model)
     progress(1.0, 2.0)

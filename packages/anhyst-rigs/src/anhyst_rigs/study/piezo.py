@@ -1,7 +1,7 @@
 """Simulate a piezo stage that follows a triangle, with and without hysteresis compensation.
 
 Only the inverse from displacement to voltage differs: a constant, the best single-valued curve, or
-the compiled inverse of the model in fixed point. All are identified from loops of the virtual
+the compiled fixed-point inverse of the model. All inverses are identified from loops of the virtual
 stage, which are measured separately with sensor noise.
 """
 
@@ -60,12 +60,11 @@ LOOP_PERIOD_S = 1.0
 LOOP_SAMPLE_S = 1e-3
 """Sample interval of the loops, s."""
 LOOP_RANGES = ((0.0, 1.0), (0.0, 1.0), (0.0, 0.8), (0.1, 0.8), (0.1, 0.8), (0.2, 0.6), (0.0, 1.0))
-"""Ends of the loops relative to the range of the amplifier: the full range, and typical minor
-ranges."""
+"""Lower and upper ends of the loops, relative to the range of the amplifier."""
 CURVE_SEGMENTS = 4096
 """Number of linear segments of a single-valued curve."""
 SETTLING_CYCLES = 2
-"""Number of cycles before the evaluation, in which the feedback settles."""
+"""Number of cycles before the evaluation, during which the feedback settles."""
 COMPENSATION_TITLES = {
     "none": "none (a constant)",
     "single-valued": "best single-valued curve",
@@ -77,18 +76,18 @@ DEVIATION_METRICS = (
     Metric("worst_m", "deviation, worst", "nm", 1e9),
     Metric("rms_m", "deviation, rms", "nm", 1e9),
 )
-"""Deviation of the stage from its reference, in the evaluated part of a run."""
+"""Metrics of the deviation from the reference in the evaluated part of a run."""
 
 
 @dataclass(frozen=True, repr=False)
 class PiezoTracking(StudyResult):
-    """The tracking of a piezo stage with each compensation.
+    """How a piezo stage follows its reference with each compensation.
 
     Attributes
     ----------
     rig : PiezoRig
     runs : mapping of str to Recording
-        By compensation.
+        Recordings by compensation.
     """
 
     kind: ClassVar = "displacement"
@@ -97,12 +96,12 @@ class PiezoTracking(StudyResult):
 
     @property
     def first_evaluated_tick(self) -> int:
-        """First tick of the evaluation."""
+        """First tick that is evaluated."""
         return first_evaluated_tick(self.rig)
 
     @cached_property
     def errors(self) -> Mapping[str, Mapping[str, float]]:
-        """Deviations by compensation, in the metrics of :data:`DEVIATION_METRICS`."""
+        """Deviations by compensation and by metric of :data:`DEVIATION_METRICS`."""
         deviations = {name: run["error_m"][self.first_evaluated_tick :] for name, run in self.runs.items()}
         return {
             name: {"worst_m": peak_deviation(deviation), "rms_m": rms(deviation)}
@@ -111,7 +110,7 @@ class PiezoTracking(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Compensations with which control was lost, with time and reason."""
+        """Compensations that lost control, with time and reason."""
         return [f"{name} {run.loss_text}" for name, run in self.runs.items() if run.loss_text]
 
     def refuse_losses(self) -> None:
@@ -125,12 +124,12 @@ class PiezoTracking(StudyResult):
             )
 
     def deviation_ratio(self, key: str = "rms_m") -> float:
-        """Return the ratio of a deviation with ``full`` to the same deviation with a constant."""
+        """Return the deviation with ``full`` divided by the same deviation with a constant."""
         return self.errors["full"][key] / self.errors["none"][key]
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is beneficial, by the rms deviation."""
+        """Whether compensation is beneficial, judged by the rms deviation."""
         if self.lost_in:
             return Judgement("unknown", f"the loop was lost: {'; '.join(self.lost_in)}")
         return judge_ratio(self.deviation_ratio())
@@ -155,7 +154,7 @@ class PiezoTracking(StudyResult):
         ax.set_ylabel("deviation [nm]")
 
     def save(self, path: PathLike) -> Path:
-        """Write time, reference and signals of each compensation, and ``figures.json``."""
+        """Write time, reference and the signals with each compensation, and ``figures.json``."""
         first_run = next(iter(self.runs.values()))
         columns = {name: first_run[name] for name in ("t_s", "reference_m")}
         for name, run in self.runs.items():
@@ -179,7 +178,7 @@ class PiezoTracking(StudyResult):
 
 
 def simulate_tracking(rig: PiezoRig) -> PiezoTracking:
-    """Identify and compile all inverses, and follow the triangle with each."""
+    """Identify and compile all inverses, and follow the triangle with each of them."""
     target, inverses = make_reference(rig), find_inverses(rig)
     return PiezoTracking(
         rig, {name: follow_reference(rig, target, inverse) for name, inverse in inverses.items()}
@@ -187,12 +186,12 @@ def simulate_tracking(rig: PiezoRig) -> PiezoTracking:
 
 
 def first_evaluated_tick(rig: PiezoRig) -> int:
-    """Return the first tick of the evaluation."""
+    """Return the first tick that is evaluated."""
     return round(SETTLING_CYCLES * rig.settings.timing.rate_Hz / rig.settings.displacement_case.frequency_Hz)
 
 
 def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceController]:
-    """Make all inverses from displacement to voltage, from given loops or from measured ones."""
+    """Return all inverses from displacement to voltage, from given loops or from measured ones."""
     try:
         make_notch(rig.settings)  # report faults before the computation
     except InputError as error:
@@ -216,7 +215,7 @@ def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceC
 
 
 def measure_stage_loops(rig: PiezoRig) -> Loops:
-    """Measure loops of the virtual stage with its sensor, from a long rest at 0 V."""
+    """Measure loops of the virtual stage with its sensor, after a long rest at 0 V."""
     max_voltage = rig.settings.stack_amplifier.high_V
     rate_V_per_s = 2.0 * max_voltage / LOOP_PERIOD_S
     points = max_voltage * np.array(
@@ -231,7 +230,7 @@ def measure_stage_loops(rig: PiezoRig) -> Loops:
 
 
 def make_reference(rig: PiezoRig) -> FloatArray:
-    """Return the triangle with rounded corners, from rest at its low end, m."""
+    """Return the triangle with rounded corners, which begins at rest at its low end, m."""
     triangle_case, rate = rig.settings.displacement_case, rig.settings.timing.rate_Hz
     ticks = round(triangle_case.cycles * rate / triangle_case.frequency_Hz)
     displacement = triangle_case.low_m + triangle_case.stroke_m * triangle_wave(
@@ -250,7 +249,7 @@ def _constant_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
 
 
 def _single_valued_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
-    """Return the best curve without hysteresis: voltage as a polynomial of degree 5."""
+    """Return the best curve without hysteresis: the voltage as a polynomial of degree 5."""
     loop = loops.loops[0]
     curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
     return _make_curve_inverse(rig, curve, float(loop.output.max()), CURVE_SEGMENTS)
@@ -282,7 +281,7 @@ def follow_reference(
     plant: PiezoRig | None = None,
     noise_seed: int = NOISE_SEED,
 ) -> Recording:
-    """Run the loop: feedforward of the reference, an integrator, one sample of delay.
+    """Run the loop with feedforward of the reference, an integrator, and one sample of delay.
 
     ``plant`` replaces the nominal plant.
     """
@@ -290,11 +289,11 @@ def follow_reference(
         target.size
     )
     time = rig.dt * np.arange(target.size, dtype=np.float64)
-    expected = np.interp(time - rig.response_delay, time, target)
+    expected_position = np.interp(time - rig.response_delay, time, target)
     loop = rig.make_loop(plant or rig, copy_at_rest(inverse))
-    table = loop.run(target, expected, noise, np.zeros(target.size))
-    position, _, corrected, voltage = table.T.copy()
-    error = position - expected
+    table = loop.run(target, expected_position, noise, np.zeros(target.size))
+    position, _, correction, voltage = table.T.copy()
+    error = position - expected_position
     columns = {
         "t_s": time,
         "reference_m": target,
@@ -302,7 +301,7 @@ def follow_reference(
         "error_m": error,
         "voltage_V": voltage,
     }
-    return Recording(columns, find_piezo_loss(rig, error, corrected - target))
+    return Recording(columns, find_piezo_loss(rig, error, correction - target))
 
 
 MAX_WORTHWHILE_RATIO = 0.5

@@ -1,6 +1,6 @@
-"""Run random plants of bearings, force rigs, piezo stages and stages with every method.
+"""Simulate random plants of bearings, force rigs, piezo stages and stages with every method.
 
-Force control runs the compiled compensators without firmware and link, which give equal bits.
+Force control runs the compiled compensators without firmware and link, which gives the same bits.
 """
 
 from __future__ import annotations
@@ -75,8 +75,7 @@ from anhyst_rigs.study.tracking.simulate import (
 
 STANDSTILL_S = 0.25
 BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")
-"""Methods that are compared with the variant of the controller file: without compensation, and
-single-valued."""
+"""Methods that are compared with the variant of the controller file."""
 
 
 def bearing_plants(
@@ -112,7 +111,7 @@ def bearing_plants(
 def run_bearing(
     setups: Mapping[MethodName, BearingSetup], method: MethodName, drift: Drift, noise: int
 ) -> dict[str, Any]:
-    """Run one plant of a bearing; returns its metrics, or only the time of a loss."""
+    """Simulate a plant of a bearing; return its metrics, or only the time of a loss of levitation."""
     setup = setups[method]
     rig, settings = setup.rig, setup.rig.settings
     scenario = plan_steps(rig, setup.controller, settings.gap_m, settings.step.heights_m, rest=STANDSTILL_S)
@@ -127,13 +126,13 @@ def run_bearing(
 
 
 def _evaluate_steps(
-    rig: BodyRig, drifted: RigFile, scenario: Scenario, recording: Recording
+    rig: BodyRig, drifted_settings: RigFile, scenario: Scenario, recording: Recording
 ) -> dict[str, Any]:
-    """Evaluate steps with a sensor of this gain and offset, since an offset is not an overshoot."""
-    sensor = drifted.gap_sensor
+    """Evaluate steps with the drifted sensor's readings, because its offset is not an overshoot."""
+    sensor = drifted_settings.gap_sensor
     gap_reading = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
     time, reference = recording["t_s"], recording["reference_m"]
-    heights = drifted.step.heights_m
+    heights = drifted_settings.step.heights_m
     overshoot, settling = [0.0] * len(heights), [0.0] * len(heights)
     for step_number, step in enumerate(scenario.steps):
         step_rows = slice(step.begin - 1, step.end)
@@ -207,7 +206,7 @@ def read_force_plants(rig: PathLike, controller: PathLike | None, progress: Prog
 def _plan_trials(rig: ForceControlRig) -> list[ForceTrial]:
     force_max, rate = rig.settings.force.force_max_N, rig.settings.timing.rate_Hz
     demands = [triangle_demand(shape, force_max, rate) for shape in rig.settings.force_triangles]
-    return [trial for trial in plan_trials(rig, demands) if trial.stage != "end"]
+    return [trial for trial in plan_trials(rig, demands) if trial.trial_stage != "end"]
 
 
 def run_force(
@@ -217,7 +216,7 @@ def run_force(
     drift: Drift,
     noise: int,
 ) -> dict[str, Any]:
-    """Control the force of a plant in every trial, from demagnetised iron."""
+    """Control the force of a plant in every trial; the iron is demagnetised before."""
     plant = drifted_rig(rig, drift)
     figures: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
     for trial in _plan_trials(rig):
@@ -233,7 +232,7 @@ def run_force(
 
 
 def drifted_rig(rig: ForceControlRig, drift: Drift) -> ForceControlRig:
-    """Return a rig with drifted iron, which is in the rig file or in its solenoid file."""
+    """Return a rig with drifted iron. The rig file or its solenoid file contains this iron."""
     file = rig.solenoid_file
     if file is None:
         return replace(rig, settings=drifted_file(rig.settings, drift))
@@ -243,7 +242,7 @@ def drifted_rig(rig: ForceControlRig, drift: Drift) -> ForceControlRig:
 
 
 PIEZO_METHODS: Mapping[MethodName, str] = {"ratio": "none", "single-valued": "single-valued", "full": "full"}
-"""Names of the inverses of a piezo stage, by method."""
+"""Names of a piezo stage's inverses, by method."""
 
 
 def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
@@ -282,7 +281,7 @@ def run_piezo(
     drift: Drift,
     noise: int,
 ) -> dict[str, Any]:
-    """Follow the triangle with one plant; the controller is that of the nominal stage."""
+    """Follow the triangle with a plant; the controller is that of the nominal stage."""
     plant = replace(rig, settings=drifted_file(rig.settings, drift))
     run = follow_reference(rig, make_reference(rig), inverses[method], plant, noise)
     if run.loss is not None:
@@ -311,18 +310,18 @@ ERROR_CASES: Mapping[str, tuple[str, ...]] = {
     "head positions": ("heads",),
     "all": tuple(_SPREAD_KEYS),
 }
-"""Errors of the plants of a stage, by case; each error applies to all magnets at the same time."""
+"""Errors in the plants of a stage, by case. Each error applies to all magnets at the same time."""
 
 
 def varied_errors(file: RigFile) -> Mapping[str, tuple[str, ...]]:
-    """Return the error cases of a stage: varied errors one at a time, and all together."""
-    varied = {name for name, key in _SPREAD_KEYS.items() if getattr(file.spread, key) > 0.0}
+    """Return the error cases of a stage: each varied error alone, and all together."""
+    varied_names = {name for name, key in _SPREAD_KEYS.items() if getattr(file.spread, key) > 0.0}
     if file.magnet.solid is None:
-        varied.discard("conductivity")
+        varied_names.discard("conductivity")
     return {
         title: names
         for title, names in ERROR_CASES.items()
-        if title in ("none", "all") or varied.intersection(names)
+        if title in ("none", "all") or varied_names.intersection(names)
     }
 
 
@@ -335,9 +334,9 @@ def stage_plants(
     errors: Mapping[str, tuple[str, ...]] | None = None,
     jobs: int | None = None,
 ) -> Plants:
-    """Return the random plants of a stage, with the gains of the calibrated stage for all variants.
+    """Return the random plants of a stage; all variants use the gains of the calibrated stage.
 
-    The default error cases come from :func:`varied_errors`.
+    The default error cases are those of :func:`varied_errors`.
     """
     check_calibration(rig)
     knowledge = magnet or identify_stage_magnet(rig)
@@ -381,9 +380,9 @@ def run_stage(
     drift: Drift,
     noise: int,
 ) -> dict[str, Any]:
-    """Follow the test set-point with each error alone and with all of them.
+    """Follow the test set-point with each error alone, and with all errors together.
 
-    A stage with online calibration runs the training set-point before.
+    A stage with online calibration follows the training set-point before.
     """
     setup, gains = variants[method]
     scan_case = setup.rig.settings.scan

@@ -1,4 +1,4 @@
-"""Hold everything that a bench needs before it is opened: setups, models and firmware."""
+"""Define the data that a bench needs before it is opened: setups, models and firmware."""
 
 from __future__ import annotations
 
@@ -33,17 +33,16 @@ from anhyst_rigs.study.excite.design import Specimen, bearing_specimen, force_sp
 from anhyst_rigs.study.tracking.online_calibration import BearingCalibrator, StageCalibrator
 
 _GAP_TOLERANCE = 1e-6
-"""Permitted distance of the measured gaps from the gap limits of a board, relative to its gap
-range."""
+"""Permitted distance of the measured gaps from a board's gap limits, relative to its gap range."""
 
 
 @dataclass(frozen=True)
 class PreparedBearing:
-    """A bearing, its controller, and the firmware."""
+    """A bearing with its controller and the firmware."""
 
-    setup: BearingSetup  # the running setup, in fixed point
-    model: Model  # model from which it was compiled
-    firmware: Path  # for the board ``library``; needed until the bench is open
+    setup: BearingSetup  # active setup, in fixed point
+    model: Model  # model of the compiled program
+    firmware: Path  # path of the firmware for the board ``library``; needed until the bench is open
 
     @property
     def rig(self) -> Path:
@@ -57,29 +56,29 @@ class PreparedBearing:
 
     @property
     def measured_loops(self) -> Loops:
-        """The loops that the rig file names."""
+        """Measured loops that the rig file names."""
         return self.setup.rig.measured_loops.read()
 
     def with_firmware(self, firmware: Path) -> PreparedBearing:
-        """Return a copy with the firmware at another path."""
+        """Return a copy whose firmware has another path."""
         return replace(self, firmware=firmware)
 
     def open(self) -> BearingBench:
-        """Return the opened bench, at rest before its first tick. The caller must close it."""
+        """Open the bench at rest, before its first tick. The caller must close it."""
         return BearingBench(self.setup, self.firmware)
 
     @property
     def improvable(self) -> PreparedBearing:
-        """The object whose model can be improved: itself."""
+        """Object whose model can be improved: the bearing itself."""
         return self
 
     def open_with_learner(self) -> tuple[BearingBench, BearingCalibrator]:
-        """Return the opened bench, and the online calibration from its motions."""
+        """Open the bench, and return it with an online calibration from its motions."""
         bench, knowledge = self.open(), IdentifiedMagnet(self.measured_loops, self.model)
         return bench, BearingCalibrator(self.setup, knowledge, self.compile_words, bench)
 
     def specimen(self) -> Specimen:
-        """Return the magnet for a measurement with the armature held."""
+        """Return the magnet for a measurement with a held armature."""
         return bearing_specimen(self.setup.rig)
 
     def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
@@ -87,15 +86,15 @@ class PreparedBearing:
         return identify_loops(loops, self.setup.rig.settings.loops, "circuit", progress)
 
     def compile(self, model: Model) -> Plan:
-        """Compile another model for the running board."""
-        running = self.setup.compensator.parameters
+        """Return the plan of another model for the running board."""
+        active_model = self.setup.compensator.parameters
         variant = self.setup.method
-        if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
+        if not isinstance(active_model, HysteresisInverse) or variant not in {"full", "simplified"}:
             raise InputError(
                 f"the controller runs without a model ('{variant}'), so there is no model to replace",
                 code="no-model",
             )
-        controller_table, scales = self.setup.controller, running.scales
+        controller_table, scales = self.setup.controller, active_model.scales
         gaps = scales.gap_low, scales.gap_high
         current = controller_table.limits.current_high_A
         force = controller_table.force_max(pair_table(self.setup.rig))
@@ -114,7 +113,7 @@ class PreparedBearing:
         return make_plan(bounded_model, request, 0, scales=scales)
 
     def compile_words(self, model: Model) -> list[int]:
-        """Compile another model to a parameter block for the running board."""
+        """Return the parameter block of another model for the running board."""
         return [int(word) for word in fixed_point_block(self.compile(model)).words]
 
 
@@ -122,8 +121,8 @@ class PreparedBearing:
 class ForceRig:
     """An actuator whose force is controlled."""
 
-    complete_rig: ForceControlRig  # with a complete magnet
-    measured_loops: Loops  # loops of the rig file
+    complete_rig: ForceControlRig  # rig with a complete magnet
+    measured_loops: Loops  # loops that the rig file names
 
     has_single_magnet: ClassVar[bool] = True
 
@@ -133,7 +132,7 @@ class ForceRig:
         return self.complete_rig.path
 
     def specimen(self) -> Specimen:
-        """Return the actuator for a measurement with the armature held."""
+        """Return the actuator for a measurement with a held armature."""
         return force_specimen(self.complete_rig)
 
     def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
@@ -145,11 +144,12 @@ class ForceRig:
 class PreparedForce(ForceRig):
     """An actuator, and the firmware that controls its force."""
 
-    program: Program  # model, block and firmware; the firmware is needed until the bench is open
+    # program with model, block and firmware; the firmware is needed until the bench is open
+    program: Program
 
     @property
     def model(self) -> Model:
-        """The model from which the program was compiled."""
+        """The model of the compiled program."""
         return self.program.model
 
     @property
@@ -158,11 +158,11 @@ class PreparedForce(ForceRig):
         return self.program.firmware
 
     def with_firmware(self, firmware: Path) -> PreparedForce:
-        """Return a copy with the firmware at another path."""
+        """Return a copy whose firmware has another path."""
         return replace(self, program=replace(self.program, firmware=firmware))
 
     def open(self) -> ForceBench:
-        """Return the opened bench, at rest before its first tick. The caller must close it."""
+        """Open the bench at rest, before its first tick. The caller must close it."""
         bench = ForceBench(self.complete_rig, self.program)
         settings = self.complete_rig.settings.force
         ratio = fit_ratio(loops_at_gap(self.measured_loops, settings.end_m), settings.force_max_N)
@@ -171,15 +171,15 @@ class PreparedForce(ForceRig):
 
     @property
     def improvable(self) -> PreparedForce:
-        """The object whose model can be improved: itself."""
+        """Object whose model can be improved: the actuator itself."""
         return self
 
     def open_with_learner(self) -> tuple[ForceBench, None]:
-        """Return the opened bench; the motion of a held armature contains no information."""
+        """Open the bench without calibration, because a held armature does not accelerate."""
         return self.open(), None
 
     def compile(self, model: Model) -> Plan:
-        """Compile another model for the running board."""
+        """Return the plan of another model for the running board."""
         request = CompileRequest(self.program.kind, "q31", self.complete_rig.settings.timing.rate_Hz)
         board_model = _adapt_to_board(model, self.model, request.kind)
         return _make_force_plan(board_model, request, self.program.scales, self.program.block.limits)
@@ -187,15 +187,15 @@ class PreparedForce(ForceRig):
 
 @dataclass(frozen=True)
 class PreparedBoard(ForceRig):
-    """An actuator with a stand-alone controller, and the data of its compilation."""
+    """An actuator with a stand-alone controller, and the data with which it was compiled."""
 
-    model: Model  # model from which the controller was compiled
+    model: Model  # model of the compiled controller
     request: CompileRequest
     scales: Scales
     limits: DemandLimits  # limits of the controller
 
     def compile(self, model: Model) -> Plan:
-        """Compile another model for the running board."""
+        """Return the plan of another model for the running board."""
         low, high = self.scales.gap_low, self.scales.gap_high
         if low < high and not model.needs_schedule:
             raise InputError(
@@ -210,28 +210,28 @@ class PreparedBoard(ForceRig):
 
 @dataclass(frozen=True)
 class PreparedStage:
-    """A stage, its identified magnets, and its setups with their gains."""
+    """A stage with its identified magnets, and its setups with their gains."""
 
     magnet: IdentifiedMagnet
-    setups: tuple[StageSetup, ...]  # single-valued and with the compensator
+    setups: tuple[StageSetup, ...]  # inverses: single-valued, and with the compensator
     gains: tuple[Feedforward, ...]  # feedforward gains of each setup
 
     firmware = None
     improvable = None
 
     def open(self) -> StageBench:
-        """Return the opened bench, at rest before its first tick. The caller must close it."""
+        """Open the bench at rest, before its first tick. The caller must close it."""
         return StageBench(self.setups, self.gains)
 
     def open_with_learner(self) -> tuple[StageBench, StageCalibrator]:
-        """Return the opened bench, and the online calibration from its motions."""
+        """Open the bench, and return it with an online calibration from its motions."""
         bench = self.open()
         return bench, StageCalibrator(self.magnet, bench)
 
 
 @dataclass(frozen=True)
 class PreparedPiezo:
-    """A piezo stage, and its inverses: single-valued and with hysteresis."""
+    """A piezo stage with two inverses: single-valued and with hysteresis."""
 
     rig: PiezoRig
     inverses: tuple[ForceController, ForceController]
@@ -240,19 +240,19 @@ class PreparedPiezo:
     improvable = None
 
     def open(self) -> PiezoBench:
-        """Return the opened bench, at rest before its first tick. The caller must close it."""
+        """Open the bench at rest, before its first tick. The caller must close it."""
         return PiezoBench(self.rig, self.inverses)
 
     def open_with_learner(self) -> tuple[PiezoBench, None]:
-        """Return the opened bench; a piezo stage has no magnets to calibrate."""
+        """Open the bench without calibration, because a piezo stage has no magnets."""
         return self.open(), None
 
 
 Prepared = PreparedBearing | PreparedForce | PreparedStage | PreparedPiezo
-"""All data from which a virtual bench can be opened."""
+"""Data for the opening of a virtual bench."""
 
 Improvable = PreparedBearing | PreparedForce | PreparedBoard
-"""All objects whose model can be improved."""
+"""Object whose model can be improved."""
 
 
 def fixed_point_block(plan: Plan) -> Block:
@@ -261,9 +261,9 @@ def fixed_point_block(plan: Plan) -> Block:
     return plan.block
 
 
-def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
-    """Return a model that a board can simulate: layers remain only if the board has their states."""
-    if kind != "full" or running.layers is None or not running.has_layers:
+def _adapt_to_board(model: Model, active_model: Model, kind: Kind) -> Model:
+    """Return a model that a board can compute. Layers remain only if the board has their states."""
+    if kind != "full" or active_model.layers is None or not active_model.has_layers:
         return model.at_rest
     if not model.has_layers:
         raise InputError(
@@ -273,10 +273,10 @@ def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
             key="model",
         )
     assert model.layers is not None
-    if model.layers.state_copies > running.layers.state_copies:
+    if model.layers.state_copies > active_model.layers.state_copies:
         raise InputError(
             f"model: {model.layers.state_copies} hysteresis states, the controller has room for "
-            f"{running.layers.state_copies}; build the firmware with this model",
+            f"{active_model.layers.state_copies}; build the firmware with this model",
             code="too-many-layers",
             key="model",
         )
@@ -284,13 +284,13 @@ def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
 
 
 def _make_force_plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:
-    """Plan a force model for the signals and limits of a board."""
-    valid = ValidRange(
+    """Plan a force model for the signals and the limits of a board."""
+    valid_range = ValidRange(
         _intersect_ranges(model.valid_range.input, limits.current),
         _intersect_ranges(model.valid_range.output, limits.demand),
         _covered_gaps(model, scales),
     )
-    return make_plan(replace(model, valid=valid), request, 0, scales=scales)
+    return make_plan(replace(model, valid=valid_range), request, 0, scales=scales)
 
 
 def _intersect_ranges(
@@ -300,7 +300,7 @@ def _intersect_ranges(
 
 
 def _covered_gaps(model: Model, scales: Scales) -> tuple[float, float] | None:
-    """Return the gap range of a board, after a check that the model covers it."""
+    """Return the gap range of a board; raise an error if the model does not cover it."""
     if not model.needs_schedule:
         return None if model.valid is None else model.valid.schedule
     low, high = scales.gap_low, scales.gap_high

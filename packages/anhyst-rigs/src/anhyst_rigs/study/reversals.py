@@ -12,32 +12,32 @@ from anhyst.data.path import Branch, average_in_bins, find_branches
 from anhyst.data.verdict import loop_width_and_height
 from anhyst.support.numeric import FloatArray
 
-_REACH_WIDTHS = 0.5
-"""Largest distance from a reversal that counts as just after it, in loop widths."""
+_MAX_DISTANCE_WIDTHS = 0.5
+"""Largest distance from a reversal that counts as just after it, in units of the loop width."""
 _OUTPUT_RANGE = (0.25, 0.9)
 """Range of outputs, relative to the largest, in which reversals are used. Below it, the iron barely
 responds; above it, the iron is saturated."""
-_SLOPE_SPAN = 0.1
-"""Half-width of the fit of the static slope, relative to the range."""
-_TIP_SAMPLES = 4
-"""Number of samples from which the end of a branch is extrapolated."""
+_SLOPE_HALF_WIDTH = 0.1
+"""Half-width of the window for the fit of the static slope, relative to the range of the input."""
+_EXTRAPOLATION_SAMPLES = 4
+"""Number of samples for the extrapolation to the end of a branch."""
 _REVERSAL_BINS = 400
 _MIN_SAMPLES = 8
 """Minimum number of samples for an estimate."""
 _MAX_STANDARD_ERROR = 0.05
-"""Standard error above which no estimate is returned."""
+"""Largest standard error of an estimate that is returned."""
 
 
 def reversal_slope_ratio(loopset: Loops) -> float | None:
     """Return the ratio of the slope just after a maximum of the input to the static slope.
 
-    Both are slopes of the output. Without hysteresis the ratio is 1; an iron with complete pinning
-    has ratio 0. The static slope is fitted to all branches together near the same input. The
-    reversals of all loops give one estimate by least squares. None if it is too uncertain.
-    Reversals at a minimum have a larger ratio and are not used.
+    Both are slopes of the output. Without hysteresis, the ratio is 1; with complete pinning, it is
+    0. The static slope is fitted to all branches together near the same input. The reversals of all
+    loops give one least-squares estimate. The result is None if it is too uncertain. Reversals at a
+    minimum have a larger ratio and are not used.
     """
     even = is_even(loopset)
-    reach = _REACH_WIDTHS * max(loop_width_and_height(loop, even=even)[0] for loop in loopset.loops)
+    span = _MAX_DISTANCE_WIDTHS * max(loop_width_and_height(loop, even=even)[0] for loop in loopset.loops)
     static_changes: list[FloatArray] = []
     measured_changes: list[FloatArray] = []
     for loops in loopset.by_schedule().values():
@@ -51,7 +51,7 @@ def reversal_slope_ratio(loopset: Loops) -> float | None:
                 if not (branch.is_rising and low <= abs(output_values[next_branch.start]) <= high):
                     continue
                 input_change, output_change = _changes_after_reversal(
-                    input_values, output_values, branch, next_branch, reach
+                    input_values, output_values, branch, next_branch, span
                 )
                 static_changes.append(
                     input_change * _local_slope(*mean_curve, float(input_values[next_branch.start]))
@@ -65,10 +65,10 @@ def reversal_slope_ratio(loopset: Loops) -> float | None:
 
 
 def _local_slope(input_values: FloatArray, output_values: FloatArray, input_value: float) -> float:
-    is_near = np.abs(input_values - input_value) <= _SLOPE_SPAN * float(np.ptp(input_values))
+    is_near = np.abs(input_values - input_value) <= _SLOPE_HALF_WIDTH * float(np.ptp(input_values))
     if np.count_nonzero(is_near) < _MIN_SAMPLES:
         return 0.0
-    # A parabola, so that the curvature does not bias the slope.
+    # A parabola is fitted, so that the curvature does not bias the slope.
     return float(
         np.polynomial.Polynomial.fit(input_values[is_near] - input_value, output_values[is_near], 2).deriv()(
             0.0
@@ -77,19 +77,19 @@ def _local_slope(input_values: FloatArray, output_values: FloatArray, input_valu
 
 
 def _changes_after_reversal(
-    input_values: FloatArray, output_values: FloatArray, branch: Branch, next_branch: Branch, reach: float
+    input_values: FloatArray, output_values: FloatArray, branch: Branch, next_branch: Branch, span: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the changes of input and output just after a reversal, sample by sample."""
-    tip = next_branch.start
-    tip_rows = slice(max(branch.start, tip + 1 - _TIP_SAMPLES), tip + 1)
+    reversal_row = next_branch.start
+    tip_rows = slice(max(branch.start, reversal_row + 1 - _EXTRAPOLATION_SAMPLES), reversal_row + 1)
     tip_line = np.polynomial.Polynomial.fit(
         np.arange(tip_rows.stop - tip_rows.start), output_values[tip_rows], 1
     )
     tip_output = float(tip_line(tip_rows.stop - tip_rows.start - 1))
-    input_change = input_values[tip + 1 : next_branch.stop] - input_values[tip]
-    out_of_reach = np.flatnonzero(np.abs(input_change) > reach)
+    input_change = input_values[reversal_row + 1 : next_branch.stop] - input_values[reversal_row]
+    out_of_reach = np.flatnonzero(np.abs(input_change) > span)
     count = int(out_of_reach[0]) if out_of_reach.size else input_change.size
-    return input_change[:count], output_values[tip + 1 : tip + 1 + count] - tip_output
+    return input_change[:count], output_values[reversal_row + 1 : reversal_row + 1 + count] - tip_output
 
 
 def _fit_slope_ratio(static_changes: FloatArray, measured_changes: FloatArray) -> float | None:

@@ -1,11 +1,12 @@
-"""Monitor whether a model still fits, from measured and predicted force in every cycle.
+"""Monitor whether a model still fits, from the measured and the predicted force in every cycle.
 
-The residual of a model is not white: it depends on the path and repeats in every cycle of the
-current. Each cycle is therefore reduced to two values. The level is the mean of the residual over
+The residual of a model is not white: it depends on the path, and repeats in every cycle of the
+current. Therefore, each cycle is reduced to two values. The level is the mean of the residual over
 both branches; it depends on gain, saturation and sensors. The width is half the difference between
-the descending and the ascending branch; it depends on pinning. The first cycles, in which the model
-is known to fit, give mean, scatter and correlation of these values. Later cycles are tested by
-cumulative sums (CUSUM). A recording of one run is processed in the same way.
+the descending and the ascending branch; it depends on pinning.
+
+The first cycles, in which the model is known to fit, give mean, scatter and correlation of these
+values. Later cycles are tested by cumulative sums (CUSUM). The same applies to recordings.
 """
 
 from __future__ import annotations
@@ -31,15 +32,13 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_text
 
 MIN_ALLOWANCE = 0.5
-"""Smallest allowance of a chart, in standard deviations. It is optimal for shifts of twice this
-size."""
-_WALK_OVERSHOOT = 1.166
-"""Mean overshoot of a random walk of normal steps beyond its thresholds, both ends (Siegmund 1985).
-"""
+"""Smallest allowance of a chart, in standard deviations; optimal for shifts of twice this size."""
+_RANDOM_WALK_OVERSHOOT = 1.166
+"""Mean overshoot of a random walk with normal steps beyond both thresholds (Siegmund 1985)."""
 _SCATTER_QUANTILE = 0.05
 """Probability that the true scatter exceeds its estimate from few values."""
 _MEAN_ERROR_FACTOR = 2.0
-"""Standard errors of the mean that are added to the allowance."""
+"""Number of standard errors of the mean that are added to the allowance."""
 _MAX_CORRELATION = 0.9
 
 
@@ -51,7 +50,7 @@ def alarm_threshold(run_length: float, allowance: float = MIN_ALLOWANCE) -> floa
     """
     scaled_length = 2.0 * allowance * allowance * run_length
     scaled_threshold = brentq(lambda x: math.expm1(x) - x - scaled_length, 1e-9, 700.0)
-    return float(max(scaled_threshold / (2.0 * allowance) - _WALK_OVERSHOOT, 0.0))
+    return float(max(scaled_threshold / (2.0 * allowance) - _RANDOM_WALK_OVERSHOOT, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,17 +58,16 @@ class Reference:
     """Mean and scatter of a sequence of values while the model fits."""
 
     mean: float
-    # upper bound of the standard deviation, for independent values with the same scatter of their
-    # sums
+    # upper bound of the standard deviation of independent values whose sums scatter as much
     scatter: float
-    mean_error: float  # uncertainty of the mean
+    mean_error: float  # standard error of the mean
 
     @classmethod
     def from_values(cls, values: Sequence[float]) -> Reference:
-        """Estimate the reference from 4 or more values.
+        """Estimate the reference from at least 4 values.
 
-        Correlation between successive values increases the scatter of a sum, by the root of ``(1 +
-        r)/(1 - r)`` for a correlation r that decays geometrically.
+        Correlation between successive values increases the scatter of a sum. For a correlation r
+        that decays geometrically, the factor is the root of ``(1 + r)/(1 - r)``.
         """
         array = np.asarray(values)
         count = array.size
@@ -88,31 +86,31 @@ class Reference:
 
 @dataclass(slots=True)
 class CusumChart:
-    """A two-sided cumulative sum."""
+    """A chart of two cumulative sums, one for each sign of the deviation."""
 
     reference: Reference
-    min_shift: float  # smallest shift that causes an alarm; half of it is the allowance
-    run_length: float  # mean number of values until a false alarm, both sides
+    min_shift: float  # smallest shift that causes an alarm; half of this is the allowance
+    run_length: float  # mean number of values until a false alarm, for both signs together
     _sums: list[float] = field(default_factory=lambda: [0.0, 0.0])
     _counts: list[int] = field(default_factory=lambda: [0, 0])
     _shifts: list[float] = field(default_factory=lambda: [0.0, 0.0])
 
     @property
     def allowance(self) -> float:
-        """The deviation of a value above which it increases a sum."""
+        """Deviation of a value above which the value increases a sum."""
         noise_allowance = max(MIN_ALLOWANCE * self.reference.scatter, 0.5 * self.min_shift)
         return noise_allowance + self.reference.mean_error
 
     @property
     def limit(self) -> float:
-        """The sum that causes an alarm.
+        """Sum at which an alarm occurs.
 
         An allowance above the smallest one only makes false alarms rarer.
         """
         return alarm_threshold(2.0 * self.run_length) * self.reference.scatter
 
     def add(self, value: float) -> tuple[float, int] | None:
-        """Add a value; returns mean shift and number of values at an alarm, else None."""
+        """Add a value; return mean shift and number of values if there is an alarm, or None."""
         deviation = value - self.reference.mean
         for side, sign in enumerate((1.0, -1.0)):
             self._sums[side] += sign * deviation - self.allowance
@@ -129,44 +127,44 @@ class CusumChart:
 DriftKind = Literal["level", "width"]
 
 LEARNING_CYCLES = 10
-"""Number of cycles that define the reference."""
+"""Number of cycles from which the reference is estimated."""
 DEFAULT_RUN_LENGTH = 1e5
-"""Mean number of cycles until a false alarm."""
+"""Mean number of cycles until a false alarm occurs."""
 MIN_DRIFT_RATIO = 0.001
 """Smallest drift that causes an alarm, relative to the largest output of the model."""
 REVERSAL_RATIO = 0.1
-"""Smallest reversal of a cycle of the current, relative to the model's range."""
+"""Smallest change of the current that counts as a reversal, relative to the model's range."""
 
 
 @dataclass(frozen=True, slots=True)
 class DetectedDrift:
-    """A detected drift."""
+    """A drift that was detected."""
 
-    kind: DriftKind  # ``"level"`` or ``"width"``
-    shift: float  # shift of its mean from the reference, in the unit of the output (N)
-    begin_tick: int  # estimated first tick: the end of the last cycle before the drift
-    found_tick: int  # tick of the detection
+    kind: DriftKind  # quantity that has drifted, ``"level"`` or ``"width"``
+    shift: float  # shift of the mean from the reference, in the unit of the output (N)
+    begin_tick: int  # first tick of the drift, estimated as the end of the last cycle before it
+    found_tick: int  # tick at which the drift was detected
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """The current result of the monitoring."""
+    """The present result of the monitoring."""
 
-    cycles: int  # number of complete cycles
+    cycles: int  # number of completed cycles
     is_learning: bool  # whether there are too few cycles for a result
     drift: DetectedDrift | None  # the first drift; None while the model fits
     # rms residual of the model while it was known to fit, and in the last cycle, in the unit of the
-    # output, including noise; 0 before the first cycle
+    # output, including noise; 0 before the first cycle is completed
     usual_residual: float = field(default=0.0, compare=False)
     residual: float = field(default=0.0, compare=False)
 
     @property
     def error_reduction(self) -> float:
-        """Estimated reduction of the rms residual by a new measurement of the model."""
+        """Estimated reduction of the rms residual if the model were measured again."""
         return max(0.0, self.residual - self.usual_residual)
 
     def text(self, rate: float) -> str:
-        """Return the finding as a sentence; `rate` (Hz) converts ticks to seconds."""
+        """Return the finding as a sentence. `rate` (Hz) converts ticks to seconds."""
         if self.drift is not None:
             drift = self.drift
             return (
@@ -195,7 +193,7 @@ class _BranchSplitter:
     _extreme_sum: tuple[float, int] = (0.0, 0)
 
     def add(self, tick: int, current: float, residual: float) -> tuple[bool, float, int] | None:
-        """Add a sample; returns a completed branch (whether ascending, mean, last tick) or None."""
+        """Add a sample; return a completed branch (whether ascending, mean, last tick) or None."""
         self._total += residual
         self._count += 1
         if self._is_rising is None:
@@ -227,12 +225,12 @@ class _BranchSplitter:
 
 @dataclass(slots=True)
 class DriftMonitor:
-    """Monitors one model, chunk by chunk; the result does not depend on the division into chunks."""
+    """Monitor of one model. Its result does not depend on how the samples are divided into chunks."""
 
     model: Model  # model of force as a function of current and gap
-    gap: float  # initial gap, m
-    # History of the iron before the first sample; default: that of the model. The first cycle must
-    # delete the effect of an error in it.
+    gap: float  # gap of the first sample, m
+    # history of the iron before the first sample; default: that of the model. The first cycle must
+    # remove the effect of any error in it.
     history: HistoryLike | None = None
     run_length: float = DEFAULT_RUN_LENGTH  # mean number of cycles until a false alarm
     # smallest drift that causes an alarm, N; default: a thousandth of the model's largest output
@@ -296,11 +294,11 @@ class DriftMonitor:
         for name, value in values.items():
             if not self._charts.get(name):
                 self._learning_values[name].append(value)
-            elif drift is None and (alarm := self._charts[name].add(value)) is not None:
-                shift, count = alarm
+            elif drift is None and (alarm_result := self._charts[name].add(value)) is not None:
+                shift, count = alarm_result
                 drift = DetectedDrift(name, shift, self._cycle_ends[-1 - count], tick)
         if not self._charts and len(self._cycle_ends) == LEARNING_CYCLES + 1:
-            # The first cycle deletes the unknown history, so it is not used.
+            # The first cycle removes the effect of the unknown history, so it is not evaluated.
             assert self.min_drift is not None
             self._charts = {
                 name: CusumChart(Reference.from_values(rows[1:]), self.min_drift, 2.0 * self.run_length)
@@ -315,24 +313,24 @@ class DriftMonitor:
 
 @dataclass(frozen=True)
 class WatchResult:
-    """The result of monitoring a recording; shift in N, times in s from its begin."""
+    """The result of monitoring a recording: shift in N, times in s after its start."""
 
     finding: Finding
-    rate: float  # ticks per second of the finding
+    rate: float  # number of ticks per second in the finding
 
     def __str__(self) -> str:
         return self.finding.text(self.rate)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
-        drifted = self.finding.drift
+        detected_drift = self.finding.drift
         return {
             "cycles": self.finding.cycles,
             "learning": self.finding.is_learning,
-            "fits": drifted is None and not self.finding.is_learning,
-            "drift": None if drifted is None else drifted.kind,
-            "shift_N": None if drifted is None else drifted.shift,
-            "since_s": None if drifted is None else drifted.begin_tick / self.rate,
+            "fits": detected_drift is None and not self.finding.is_learning,
+            "drift": None if detected_drift is None else detected_drift.kind,
+            "shift_N": None if detected_drift is None else detected_drift.shift,
+            "since_s": None if detected_drift is None else detected_drift.begin_tick / self.rate,
             "text": str(self),
         }
 

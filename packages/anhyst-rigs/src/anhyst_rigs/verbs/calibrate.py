@@ -29,10 +29,10 @@ def calibrate(
 ) -> Calibration:
     """Estimate the errors of the magnets of a stage or a bearing from its motion.
 
-    Mass times acceleration, for a bearing including its load, is compared with the force that each
-    method predicts from the currents. The mass in the rig file is assumed to be correct. [spread]
-    defines how large the errors of the other parameters may be. To use the calibration in the next
-    simulate, name the file as control.calibration in the rig file.
+    The command compares mass times acceleration (for a bearing, including the load) with the force
+    that each method predicts from the currents. The mass in the rig file is assumed to be correct.
+    [spread] gives the standard deviations of all other errors. To use the calibration in a
+    simulation, enter its file as control.calibration in the rig file.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def calibrate(
     magnet : IdentifiedMagnet, optional, only in Python
         Identified magnets. By default, they are identified from the loops of the rig file.
     methods : sequence of str, only in Python
-        Methods to calibrate. By default, all for which the recordings are sufficient.
+        Methods to calibrate. By default, these are all methods that the recordings can calibrate.
     controller : ControllerFile or path-like, ``FILE``, optional
         Controller file of a bearing. [default: 'controller.toml' next to the rig file]
 
@@ -56,7 +56,7 @@ def calibrate(
     Raises
     ------
     InputError
-        A file cannot be read, or does not fit the rig.
+        A file cannot be read, or does not match the rig.
 
     Examples
     --------

@@ -51,12 +51,12 @@ def excite(
 
     The armature is fixed at every gap. The drive consists of nested major loops, first-order
     reversal curves, and minor loops around the operating point. The operating point is approached
-    from below, from above and with a decaying sine. Every record begins demagnetised, or
-    conditioned if the amplifier has no negative current. Current, its rate, force and I^2 t of the
-    winding stay within the limits of the rig file. The command reports where a limit reduced the
-    drive. For a piezo stage, it records displacement over voltage in the same way, and two fast
-    cycles. The rig is simulated. With `xcp` or `port`, it is a real rig whose armature is fixed at
-    one gap. Its controller drives the current and is stopped afterwards.
+    from below, from above and with a decaying sine. At the beginning of every record, the iron is
+    demagnetised, or conditioned if the amplifier cannot drive a negative current. The current, its
+    rate, the force and the I^2 t of the winding stay within the limits of the rig file. The command
+    reports each limit that reduced the drive. For a piezo stage, it records displacement against
+    voltage in the same way, and two fast cycles. The rig is simulated. With `xcp` or `port`, the
+    controller of a real rig with a fixed armature drives the current and is stopped afterwards.
 
     Parameters
     ----------
@@ -65,10 +65,10 @@ def excite(
     out : path-like, ``FILE``
         CSV file to write, with a sidecar .toml of the same name.
     calibrate : bool
-        Instead, run the shortest motion of a stage that shows the errors of its magnets. FILE is
-        the recording for anhyst calibrate.
+        Instead, run the shortest motion of a stage that reveals the errors of its magnets. FILE is
+        then the recording for anhyst calibrate.
     plot : path-like, ``FILE``, optional
-        Plot the drive and the loops, or the motion (png, svg or pdf).
+        Picture of the drive and the loops, or of the motion (png, svg or pdf).
     folder : path-like, ``FOLDER``, optional
         With `xcp` or `port`: the compiled folder of the firmware.
     xcp : str, ``HOST:PORT``, optional
@@ -81,7 +81,7 @@ def excite(
     Returns
     -------
     Excitation or CalibratingMove
-        The loops, the largest drive at each gap, and what limited it; or the motion.
+        The loops, the largest drive at each gap, and the limit that set it; or the motion.
 
     Raises
     ------
@@ -141,9 +141,9 @@ def _show_excitation(excitation: Excitation) -> Iterator[OutputPart]:
     figures = excitation.as_dict()
     specimen, unit = excitation.specimen, excitation.specimen.units[0]
     gap = ["gap mm"] if specimen.gaps else []
-    reached, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
-    heads = [*gap, f"largest {unit}", reached, f"operating point {unit}", "limited by"]
-    table = TerminalTable(f"{count_text(figures['loops'], 'loop')}, {figures['samples']} samples", heads)
+    output_heading, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
+    headings = [*gap, f"largest {unit}", output_heading, f"operating point {unit}", "limited by"]
+    table = TerminalTable(f"{count_text(figures['loops'], 'loop')}, {figures['samples']} samples", headings)
     for place in excitation.probed_gaps:
         table.add_row(
             *([f"{1e3 * place.gap:g}"] if gap else []),
@@ -169,8 +169,8 @@ def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     kinds: dict[str, list[str]] = {}
     for name in move.left:
         kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
-    heads = ["posterior / prior sigma", "this motion", "its own set-point"]
-    table = TerminalTable(f"{move.duration_s:.2f} s", heads)
+    headings = ["posterior / prior sigma", "this motion", "its own set-point"]
+    table = TerminalTable(f"{move.duration_s:.2f} s", headings)
     for kind, names in kinds.items():
         sigma_ratios = [[f"{item.left[name]:.2f}" for name in names] for item in (move, own_setpoint)]
         table.add_row(
@@ -180,9 +180,9 @@ def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     table.add_row("condition number", *(f"{motion.condition:.2g}" for motion in (move, own_setpoint)))
     hidden_by_setpoint = ", ".join(name for name in own_setpoint.hidden if name not in move.hidden)
     yield table
-    for axis, leg in result.legs.items():
-        peaks = ", ".join(f"{peak:.3g}" for peak in leg.peaks)
-        yield f"{axis}: {peaks} m/s2 at {leg.speed:.3g} m/s"
+    for axis, motion_leg in result.legs.items():
+        peak_text = ", ".join(f"{peak:.3g}" for peak in motion_leg.peaks)
+        yield f"{axis}: {peak_text} m/s2 at {motion_leg.speed:.3g} m/s"
     yield f"not identifiable: {', '.join(move.hidden) or 'nothing'}"
     yield (
         f"not identifiable with its own set-point: {hidden_by_setpoint}"

@@ -1,4 +1,4 @@
-"""The command ``fleet``: identify, compile and evaluate many magnets of one type."""
+"""The command ``fleet``: identify, compile and evaluate many magnets of the same type."""
 
 from __future__ import annotations
 
@@ -39,33 +39,33 @@ def fleet(
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Fleet:
-    """Identify, compile, verify and evaluate many magnets of one type.
+    """Identify, compile, verify and evaluate many magnets of the same type.
 
     All magnets get the same law and gap map, so that their parameters can be compared. The result
     contains the mean and the scatter of each parameter and names the outliers. It counts the
     magnets within the tolerance, both with a controller for each magnet and with one model for all.
-    A bad file does not stop the run. The same command continues a stopped run. It writes
-    fleet.json, fleet.csv, report.html and a folder for each magnet. Exit code 1 if no magnet could
-    be evaluated.
+    An unreadable file does not stop the run. If the run was stopped, the same command continues it.
+    It writes fleet.json, fleet.csv, report.html and a folder for each magnet. The exit code is 1 if
+    no magnet could be evaluated.
 
     Parameters
     ----------
     magnets : path-like, ``DIR``
         Folder that contains a file or a folder of loops for each magnet.
     out : path-like, ``DIR``
-        Output folder. An unfinished run continues.
+        Output folder. If it contains an unfinished run, this run is continued.
     rate : float, at least 1, ``HZ``
         Control ticks per second.
     tolerance : float, at least 1e-3, ``PERCENT``
         Largest rms deviation of a good magnet from its loops, in per cent of the largest output.
     law : str, ``LAW``
-        Law for all magnets; 'auto': the one selected for most of the first magnets.
+        Hysteresis law for all magnets; 'auto': the law that most of the first magnets select.
     gap_map : str, ``MAP``
-        Gap map for all magnets; 'auto' as for the law.
+        Gap map for all magnets; 'auto': the map that most of the first magnets select.
     kind : str
         Kind of compensator.
     io : str
-        Format of the signals.
+        Number format of the signals.
     on : str, ``TARGETS``
         Targets on which the C is verified, as for `verify`.
     seed : int, at least 0, ``N``

@@ -32,11 +32,11 @@ def force_control(
 ) -> ForceControl:
     """Control the force of a magnet in open loop, with and without compensation.
 
-    Models are identified from the loops of the rig, compiled, and built into the firmware. The
-    firmware controls the simulated magnet over its serial link: at the end of the stroke, at
-    several positions, and with a moving armature. For comparison, the command runs the simulated
-    program, a constant ratio of force and current, and the best single-valued curve. It writes
-    recordings, figures.json, figures 6 to 8 of the paper, and report.html.
+    Models are identified from the loops of the rig, compiled, and built into the firmware. Through
+    its serial link, the firmware gets force demands for the simulated magnet: at the end of the
+    stroke, at several positions, and with a moving armature. For comparison, the command also runs
+    the simulated program, a constant ratio of current to force, and the best single-valued curve.
+    It writes recordings, figures.json, figures 6 to 8 of the paper, and report.html.
 
     If loops are given, the command first creates a rig in the folder, like anhyst init
     --force-control. Finally, it verifies the compiled C of all gaps, like anhyst verify.
@@ -82,8 +82,8 @@ def force_control(
     from anhyst_rigs.study.force_control import force_control as work
     from anhyst_rigs.verbs.init import init
 
-    sources: Sequence[Any] = rig if isinstance(rig, list | tuple) and rig else [rig]
-    paths = [Path(check_path(item, "force_control: rig", "the path of a rig file")) for item in sources]
+    rig_paths: Sequence[Any] = rig if isinstance(rig, list | tuple) and rig else [rig]
+    paths = [Path(check_path(path, "force_control: rig", "the path of a rig file")) for path in rig_paths]
     check_path(out, "force_control: out")
     is_from_loops = len(paths) > 1 or paths[0].suffix != ".toml"
     if is_from_loops:
@@ -93,7 +93,7 @@ def force_control(
     if is_from_loops:
         result = replace(result, verified=verifying.verify(result.compiled))
     rows = result.verified.tables() if result.verified else []
-    draw_all(result, [make_table(one.title, one.headings, one.cells) for one in rows])
+    draw_all(result, [make_table(table.title, table.headings, table.cells) for table in rows])
     return result
 
 

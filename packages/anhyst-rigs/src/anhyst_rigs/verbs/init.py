@@ -29,9 +29,9 @@ def init(
     """Create a rig from your measured loops, ready to run.
 
     The command writes a folder with rig.toml, controller.toml and a copy of the loops. The folder
-    can be moved. Values that the loops show are taken from them. All other values are guessed by
-    rules and marked as guesses in the files. Existing files are not overwritten. Loops of
-    displacement over voltage give the rig.toml of a piezo stage.
+    can be moved. Values that the loops determine follow from them. All other values are guessed by
+    rules and marked as guesses in the files. Existing files are not overwritten. From loops of
+    displacement against voltage, it creates the rig.toml of a piezo stage.
 
     Parameters
     ----------
@@ -49,22 +49,22 @@ def init(
     force_control : bool
         Create a rig for force control instead.
     stage : bool
-        Create a stage instead. It follows set-points between two such magnets.
+        Create a stage instead, which follows set-points between two such magnets.
     progress : callable, optional
         Called with the bytes read and the file size.
     **reading
-        How the loops are read: the keywords of `read_loops`, and ``clean``, the cleaning steps.
-        They are written to the rig file.
+        How the loops are read: the keywords of `read_loops`, and the cleaning steps ``clean``. The
+        rig file will contain these options.
 
     Returns
     -------
     Drafted
-        The folder and its files, with the values found and guessed.
+        The folder and its files, with the values that were found or guessed.
 
     Raises
     ------
     InputError
-        The loops cannot be read or do not fit, options do not go together, or one of the files
+        The loops cannot be read or are unsuitable, options exclude each other, or one of the files
         exists already.
 
     Examples
@@ -85,8 +85,8 @@ def init(
     from anhyst_rigs.draft.magnet import MachineRequest
 
     check_path(out, "init: out")
-    wanted, options = MachineRequest(mass, load, gap), collect_read_options("init", **reading)
-    if force_control and wanted != MachineRequest():
+    machine_request, options = MachineRequest(mass, load, gap), collect_read_options("init", **reading)
+    if force_control and machine_request != MachineRequest():
         text = "--mass, --load and --gap are for a bearing; leave out --force-control"
         raise InputError(text, code="option-not-for-this", key="--mass")
     if stage and (force_control or load is not None):
@@ -100,8 +100,8 @@ def init(
     check_source(loops, "init: loops", "a file, a folder or a list of files")
     paths = [loops] if isinstance(loops, str | os.PathLike) else list(loops)
     if force_control or stage:
-        return init_rig(paths, out, options, progress, wanted if stage else None)
-    return init_bearing(paths, out, wanted, options, progress)
+        return init_rig(paths, out, options, progress, machine_request if stage else None)
+    return init_bearing(paths, out, machine_request, options, progress)
 
 
 def show(result: Drafted, _: Mapping[str, Any]) -> Iterator[str]:

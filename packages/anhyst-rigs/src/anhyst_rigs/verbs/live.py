@@ -31,9 +31,9 @@ def live(
     """Show, operate and record a running rig in a browser.
 
     The controller is compiled and built into the firmware. The firmware levitates the simulated
-    bearing, or drives the simulated magnet, in real time. With `xcp` or `port`, it already runs on
-    a board. A stage follows its set-point and a piezo stage its triangle, without firmware. The
-    page shows the signals and operates the rig. Ctrl-C stops the command.
+    bearing, or drives the simulated magnet, in real time. With `xcp` or `port`, the firmware
+    already runs on a board. A stage follows its set-point, and a piezo stage its triangle; both run
+    without firmware. The page shows the signals and operates the rig. Ctrl-C stops the command.
 
     Parameters
     ----------
@@ -47,19 +47,19 @@ def live(
     port : str, ``PORT``, optional
         The same through a serial port with XCP, such as /dev/ttyACM0.
     known : path-like, ``--rig FILE``, optional
-        With `xcp` or `port`: rig file of the actuator, to measure and improve its model through the
-        controller.
+        Rig file of the actuator, with `xcp` or `port` only, to improve its model.
     record : path-like, ``FILE``, optional
         Write every tick from the first one to a new .csv or .mf4 (MDF) file. The page writes its
         recordings to the same folder, or to the working folder.
     listen : str, ``ADDRESS``
-        HOST:PORT in digits, or PORT on this machine. Access from other machines requires `token`.
+        Address of the page: HOST:PORT in digits, or PORT on this machine. Access from other
+        machines requires `token`.
     token : bool
-        Accept only browsers that present a token. The command prints the token.
+        Accept only browsers that send a token, which the command prints.
     progress : callable, optional
         Called with the work done and the total work while the rig is opened.
     started : callable, optional
-        Called with the address of the page, and the token or an empty text.
+        Called with the address of the page and the token, which may be empty.
 
     Returns
     -------

@@ -63,33 +63,33 @@ def simulate(
 ) -> Studied:
     """Simulate a rig of any kind, with and without compensation of its hysteresis.
 
-    The C of the controller runs in the loop, in its number format, with a simulated magnet with
-    hysteresis, delay, converters and noise. In addition to the recording, the command writes
-    figures.json and report.html. They contain step responses, standstill, loads, faults and
-    sensitivity, for every kind of compensation with the same gains.
+    The C code of the controller, in its number format, runs in a loop with a simulated magnet that
+    has hysteresis, delay, converters and noise. In addition to the recording, the command writes
+    figures.json and report.html. These files contain step responses, standstill, loads, faults and
+    sensitivity for every kind of compensation, all with the same gains.
 
-    A stage follows set-points, and a piezo stage follows a triangle. A rig for force control runs
-    as with anhyst force-control.
+    A stage follows set-points, and a piezo stage follows a triangle. A rig for force control is
+    simulated as by anhyst force-control.
 
     Parameters
     ----------
     rig : path-like
-        Rig file of a bearing, a stage, a piezo stage, or force control.
+        Rig file of a bearing, a stage, a piezo stage, or a rig for force control.
     controller : path-like, ``FILE``, optional
         Controller file. [default: 'controller.toml' next to the rig file]
     out : path-like, ``FILE``, required on the command line
         Recording to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet; for force control, a folder.
     monte_carlo : int, at least 1, ``N``, optional
-        Instead, run N plants with random drift, as defined in [spread] of the rig file. FILE then
-        ends in '.jsonl' and contains one line per plant. The same command continues an unfinished
-        run.
+        Instead, run N plants with random drift, as defined in [spread] of the rig file. FILE must
+        then end in '.jsonl', and will contain one line per plant. The same command continues an
+        unfinished run.
     benefit : bool
-        Instead, map the gain of compensation over the loop width and the reversible part of the
-        iron, for a bearing also over the step height. FILE then ends in '.json'.
+        Instead, map the benefit of compensation as a function of loop width and reversible fraction
+        of the iron, and for a bearing also of step height. FILE must then end in '.json'.
     board : str, ``BOARD``, optional
-        Instead, run the firmware and inject faults while it levitates. The firmware is built for
-        'library' (in this process), 'host' (in its own process) or 'qemu-mps2' (an emulated
-        Cortex-M3). FILE then ends in '.json'.
+        Instead, run the firmware of a bearing, and inject faults while the armature levitates. The
+        firmware is built for 'library' (in this process), 'host' (in its own process) or
+        'qemu-mps2' (an emulated Cortex-M3). FILE must then end in '.json'.
     scheduler : str, ``ADDRESS``, optional
         Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
         have access to the same files. [default: processes of this machine]
@@ -99,13 +99,13 @@ def simulate(
     Returns
     -------
     Simulation, TrackingStudy, PiezoTracking or ForceControl
-        With the other options: MonteCarlo, Benefit or BoardComparison. Without `out`, nothing is
-        written before ``save``.
+        With `monte_carlo`, `benefit` or `board`: MonteCarlo, Benefit or BoardComparison. Without
+        `out`, nothing is written until ``save`` is called.
 
     Raises
     ------
     InputError
-        A file cannot be read or does not fit the others, or options exclude each other.
+        A file cannot be read or contradicts another file, or options exclude each other.
     NegativeResult
         Levitation was lost before anything could be compared.
 
@@ -196,7 +196,7 @@ def _show_firmware(comparison: BoardComparison, out: Path) -> Iterator[OutputPar
     yield _fault_table(comparison.outcomes)
     yield (
         f"firmware on {comparison.board} against the simulation: {comparison.differing_ticks} of "
-        f"{len(comparison.recorded)} ticks differ, from lift-off to a landing at "
+        f"{len(comparison.board_recording)} ticks differ, from lift-off to a landing at "
         f"{1e3 * comparison.landing_speed:.1f} mm/s"
     )
     yield f"written: {out}"
@@ -232,7 +232,7 @@ def _show_map(benefit: Benefit, out: Path) -> Iterator[OutputPart]:
     baselines = {"the strongest single-valued baseline": [cell.strongest for cell in benefit.cells]}
     if all(cell.flux for cell in benefit.cells):
         baselines["'flux' (measured flux density)"] = [cell.flux for cell in benefit.cells]
-    yield from (_map_table(benefit, name, compared) for name, compared in baselines.items())
+    yield from (_map_table(benefit, name, comparisons) for name, comparisons in baselines.items())
     yield (
         f"'gain' and 'loss' are significant over {benefit.seeds} noise seeds, 'nothing to "
         "gain': both overshoot a step by less than three times the rms of their standstill"

@@ -38,19 +38,19 @@ def tune(
     """Find the gains of a rig for stated requirements, and what limits them.
 
     For a bearing, the settling time is minimised. Each set of gains must suit all gaps and steps of
-    the rig file, with its load and with two thirds of it. It is tested first in linear loops, then
-    in the nonlinear loop with hysteresis, noise, delay and limits. The best set is tested with
-    every noise seed and with a swept sine. The command writes the new controller file, tuning.json,
-    tuning.md and pareto.png.
+    the rig file, with the full load and with two thirds of it. Gains are tested first in linear
+    loops, then in the nonlinear loop with hysteresis, noise, delay and limits. The best set is
+    tested with every noise seed and with a stepped sine. The command writes the new controller
+    file, tuning.json, tuning.md and pareto.png.
 
     For a stage, the command finds the corner frequencies of its PID that minimise the moving
     average on the training set-point. It evaluates them on the test set-point and on random plants,
     as defined in [spread]. It writes a new rig file instead of a controller file.
 
     For a piezo stage, the command finds the integrator and the notch filter that minimise the rms
-    error on its triangle, on random plants as defined in [spread].
+    error on the triangle, also for random plants as defined in [spread].
 
-    Exit code 1 if no gains fulfil the requirements. Ctrl-C keeps the best gains found until then.
+    The exit code is 1 if no gains fulfil the requirements. Ctrl-C writes the best gains so far.
 
     Parameters
     ----------
@@ -63,22 +63,22 @@ def tune(
     all_variants : bool
         Tune every kind of compensation separately, and compare them.
     overshoot : float, ``PERCENT``, optional
-        Largest overshoot of any step of a bearing. [default: 2]
+        Largest overshoot of any step of a bearing, % of the step height. [default: 2]
     peak : float, ``RATIO``
         Largest peak of the sensitivity.
     settling : float, ``SECONDS``, optional
-        Longest settling time (for a stage, into 50 nm). For a bearing, it is minimised in any case.
+        Longest settling time (for a stage, to 50 nm). For a bearing, it is always minimised.
     average : float, ``METRES``, optional
-        Largest moving average of a stage. It is minimised in any case.
+        Largest moving average of the error of a stage, which is always minimised.
     error : float, ``METRES``, optional
         Largest error of a stage or a piezo stage.
     standstill : float, ``METRES``, optional
-        Largest rms at standstill: of the gap for a bearing, of the error for a stage.
+        Largest rms value at standstill: of the gap for a bearing, or of the error for a stage.
     effort : float, ``A/S``, optional
         Largest rms rate of change of the current.
     crossover : float, ``HERTZ``, optional
-        Highest crossover frequency of a stage, below its resonances. Simulated stages have no
-        resonances. [default: a twentieth of the control rate]
+        Highest crossover frequency of a stage, which must be below its resonances. Simulated stages
+        have no resonances. [default: a twentieth of the control rate]
     budget : int, ``N``
         Number of gain sets to try in the nonlinear loop.
     seed : int, at least 0, ``N``
@@ -94,12 +94,12 @@ def tune(
     Returns
     -------
     Tuning
-        The gains. They are written even if a requirement is not fulfilled.
+        The gains, which are written even if they miss a requirement.
 
     Raises
     ------
     InputError
-        A file cannot be read, written, or does not fit the others; or an option is not for this
+        A file cannot be read or written or contradicts another file, or an option is not for this
         kind of rig.
     NegativeResult
         No gains stabilise the rig.
@@ -149,20 +149,20 @@ def show(result: Tuning, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     from anhyst.cli.printing import TerminalTable
     from anhyst_rigs.study.tuning.result import column_heads, format_aims, table_rows, verdict_text
 
-    head, out = column_heads(result)[:-1], arguments["out"]
-    reached = TerminalTable(f"tuned for {format_aims(result)}", head)
+    headings, out = column_heads(result)[:-1], arguments["out"]
+    table = TerminalTable(f"tuned for {format_aims(result)}", headings)
     for row in table_rows(result):
-        reached.add_row(*row[: len(head)])
-    yield reached
+        table.add_row(*row[: len(headings)])
+    yield table
     yield (
         f"worst of all conditions; mean of {result.rig.settings.noise_seeds} noise seeds with its "
         "95 % interval"
     )
-    for name, tuned in result.tuned.items():
-        yield from (f"what limits '{name}': {limit.text}" for limit in tuned.limits)
-    for name, tuned in result.tuned.items():
-        if tuned.search_result.check:
-            yield from (f"'{name}': {text}" for text in tuned.search_result.check.notes)
+    for name, tuned_variant in result.tuned.items():
+        yield from (f"what limits '{name}': {limit.text}" for limit in tuned_variant.limits)
+    for name, tuned_variant in result.tuned.items():
+        if tuned_variant.search_result.check:
+            yield from (f"'{name}': {text}" for text in tuned_variant.search_result.check.notes)
     yield f"verdict: {verdict_text(result)}"
     yield from result.plant.report_lines if result.plant else ()
     yield f"{result.seconds:.0f} s, {result.cpu_seconds:.0f} s of processor time"
@@ -178,5 +178,5 @@ def refuse(result: Tuning, _: Mapping[str, Any]) -> None:
     if result.interrupted:
         written_paths = ", ".join(str(path) for path in result.written.values())
         raise Interrupted(f"the best gains until then, not checked, are in {written_paths}")
-    if (missed := describe_shortfall(result)) is not None:
-        raise NegativeResult(missed, code="aims-missed")
+    if (shortfall := describe_shortfall(result)) is not None:
+        raise NegativeResult(shortfall, code="aims-missed")

@@ -22,23 +22,23 @@ def watch(
     run_length: float = 1e5,
     **reading: Any,
 ) -> WatchResult:
-    """Check whether a model still fits its magnet, or since when and by how much it has drifted.
+    """Check whether a model still fits its magnet; if not, since when and by how much it drifted.
 
-    The first cycles of the current in the recording show the residual of the model while it fits.
-    Every later cycle is compared with them. Exit code 1 if the model has drifted.
+    The model is assumed to fit the first cycles of the current in the recording. Every later
+    residual is compared with the residuals of these cycles. The exit code is 1 after a drift.
 
     Parameters
     ----------
     model : Model or path-like
         A model.toml.
     recording : Loops, path-like, data frame or dict
-        CSV of one run with t_s, I_A, F_N and gap_m. The gap may move.
+        CSV of one run with the columns t_s, I_A, F_N and gap_m. The gap may vary.
     least : float, ``N``, optional
         Smallest drift that matters. [default: a thousandth of the largest force of the model]
     run_length : float, at least 100, ``CYCLES``
-        Mean number of cycles until a false alarm.
+        Mean number of cycles until a false alarm occurs.
     **reading : only in Python
-        How a file or columns are read, as of `read_loops`.
+        How a file or columns are read: the keywords of `read_loops`.
 
     Returns
     -------

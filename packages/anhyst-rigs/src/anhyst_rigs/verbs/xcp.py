@@ -8,19 +8,19 @@ PLACE = 43, "During operation"
 
 
 def xcp(port: str, listen: int = 5555, *, started: Callable[[int], None] | None = None) -> None:
-    """Offer XCP over TCP for a controller on a serial port, for CANape, INCA or pyxcp.
+    """Offer XCP over TCP for a serial controller, so that CANape, INCA or pyxcp can connect.
 
-    XCP uses the link of the controller, so that one cable is enough. One tool can connect at a
-    time. The firmware sets the limits, the key and the heartbeat. Ctrl-C stops the command.
+    XCP uses the link of the controller, so that one cable suffices. One tool can connect at a time.
+    The firmware enforces the limits, the key and the heartbeat. Ctrl-C stops the command.
 
     Parameters
     ----------
     port : str, ``PORT``
         Link of a controller: /dev/ttyACM0, COM3 or socket://HOST:PORT.
     listen : int, 0 to 65535, ``NUMBER``
-        TCP port on this machine for the tool; 0 selects a free one.
+        TCP port on this machine for the tool; 0 selects a free port.
     started : callable, optional
-        Called with that port once it listens.
+        Called with the TCP port when the tool can connect.
 
     Raises
     ------

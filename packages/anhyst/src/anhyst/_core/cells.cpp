@@ -94,7 +94,7 @@ public:
     return nb::make_tuple(x, m, x_t, m_t, static_cast<int>(status));
   }
 
-  double steepest() const { return cells_.get()->steepest; }
+  double steepest() const { return cells_.get()->max_slope; }
 
 private:
   anhyst_cells_state_f64 demagnetised() const

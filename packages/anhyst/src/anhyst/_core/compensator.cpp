@@ -56,7 +56,7 @@ public:
     put(shown, state_.memory, state_.plays);
     for (size_t i = 0; i < deeper(); i++) {
       put(shown, state_.deeper[i].memory, state_.deeper[i].plays);
-      shown.push_back(static_cast<Shown>(state_.deeper[i].owed));
+      shown.push_back(static_cast<Shown>(state_.deeper[i].flux_deficit));
     }
     Row<Shown> out = make_row<Shown>(shown.size());
     std::copy(shown.begin(), shown.end(), out.data());
@@ -75,7 +75,7 @@ public:
       read_memory(at, state_.memory, state_.plays);
       for (size_t i = 0; i < deeper(); i++) {
         read_memory(at, state_.deeper[i].memory, state_.deeper[i].plays);
-        state_.deeper[i].owed = static_cast<Number>(*at++);
+        state_.deeper[i].flux_deficit = static_cast<Number>(*at++);
       }
     } else {
       if (n != 3 && n != 5) {
@@ -118,16 +118,17 @@ private:
   static Number &number(typename F::Memory &memory, size_t i)
   {
     auto &full = memory.full;
-    Number *const numbers[] = {&full.x, &full.y, &full.p, &full.turn, &full.level};
+    Number *const numbers[] = {&full.x, &full.y, &full.p, &full.reversal_play, &full.reversal_y};
     return *numbers[i];
   }
   void put(std::vector<Shown> &shown, const typename F::Memory &memory, const Number *plays) const
   {
     if (has_plays()) {
       const auto &cells = memory.cells;
-      for (const auto each : {static_cast<Shown>(cells.x), static_cast<Shown>(cells.rest),
-                              static_cast<Shown>(cells.active), static_cast<Shown>(cells.risen),
-                              static_cast<Shown>(cells.joined)}) {
+      for (const auto each :
+           {static_cast<Shown>(cells.x), static_cast<Shown>(cells.resting_m),
+            static_cast<Shown>(cells.active), static_cast<Shown>(cells.stopped_on_rise),
+            static_cast<Shown>(cells.last_activation)}) {
         shown.push_back(each);
       }
       shown.insert(shown.end(), plays, plays + ANHYST_CELLS);

@@ -29,7 +29,7 @@ public:
     gains_ = to;
   }
 
-  number wanted() const { return candidate_.wanted; }
+  number wanted() const { return candidate_.unlimited_output; }
 
   nb::tuple state() const
   {

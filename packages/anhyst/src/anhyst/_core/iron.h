@@ -145,7 +145,7 @@ public:
     }
   }
 
-  double steepest() const { return cells_.get()->steepest; }
+  double steepest() const { return cells_.get()->max_slope; }
 
 private:
   Cells cells_;

@@ -11,7 +11,7 @@ const char *obstacle(uint16_t command, uint16_t state, bool conditioning, bool p
   anhyst_supervisor supervisor{};
   supervisor.state = state;
   supervisor.conditioning = conditioning ? 1U : 0U;
-  supervisor.age = plausible ? 0U : 1U;
+  supervisor.sample_age = plausible ? 0U : 1U;
   const anhyst_body body = {static_cast<uint16_t>(levitates), static_cast<uint16_t>(resting),
                             static_cast<uint16_t>(at_zero)};
   switch (anhyst_supervisor_obstacle(&supervisor, command, &body)) {

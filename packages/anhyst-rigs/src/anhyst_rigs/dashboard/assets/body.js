@@ -8,21 +8,21 @@ import { columnOf } from "./signals.js";
 import { Space } from "./space.js";
 import { show } from "./units.js";
 
-const FACTORS = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
-const MOST = 1e6; // largest magnification that is selected automatically
-const SEEN = 0.16; // largest drawn motion, as a fraction of the body's size, for the automatic magnification
-const FADES_S = 3; // time constant with which an earlier motion decays
-const LONGEST = 0.8; // length of the arrow of the largest force, relative to the body's size
-const THIN = 0.25; // smallest edge of the box, as a fraction of its largest
-const BARE = 0.1; // size of the body, m, if all magnets and heads have the same position
-const OF = {
+const MAGNIFICATIONS = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
+const MAX_MAGNIFICATION = 1e6; // largest magnification that is selected automatically
+const DRAWN_MOTION_RATIO = 0.16; // largest drawn motion in automatic magnification, relative to the body's size
+const MOTION_DECAY_S = 3; // time constant with which an earlier motion decays
+const LONGEST_ARROW_RATIO = 0.8; // length of the arrow of the largest force, relative to the body's size
+const MIN_EDGE_RATIO = 0.25; // smallest edge of the box, as a fraction of its largest
+const DEFAULT_SIZE_M = 0.1; // size of the body, m, if all magnets and heads have the same position
+const REFERENCE_TEXTS = {
   error: ["error against the set-point", "at its set-point"],
-  gap: ["place in the gaps", "in the middle of its gaps"],
+  gap: ["position in the gaps", "in the middle of its gaps"],
 };
 const SIDES = [0, 1, 2].flatMap((axis) => [0, 1].map((side) => [axis, side]));
 
 export class BodyView {
-  #moved = 0; // recent motion of the corners, m; decays with FADES_S
+  #moved = 0; // recent motion of the corners, m; decays with MOTION_DECAY_S
   #drawnAt = 0;
 
   constructor(place, bench, store) {
@@ -37,8 +37,8 @@ export class BodyView {
       element.onchange = () => choices.set(name, element.value);
       return element;
     };
-    this.what = kept("pose", Object.entries(OF).map(([name, [text]]) => [name, text]), "error");
-    const factors = FACTORS.map((one) => [String(one), spaced(one)]);
+    this.what = kept("pose", Object.entries(REFERENCE_TEXTS).map(([name, [text]]) => [name, text]), "error");
+    const factors = MAGNIFICATIONS.map((one) => [String(one), spaced(one)]);
     this.times = kept("exaggerated", [["auto", "automatically"], ...factors], "auto");
     const figure = make("figure");
     this.figures = new Figures(bench, store);
@@ -104,13 +104,13 @@ export class BodyView {
   // Selects the magnification, 1, 2 or 5 times a power of ten, that makes recent motion visible.
   #choose(moves) {
     const now = performance.now();
-    this.#moved = Math.max(moves, Math.exp((this.#drawnAt - now) / (1e3 * FADES_S)) * this.#moved);
+    this.#moved = Math.max(moves, Math.exp((this.#drawnAt - now) / (1e3 * MOTION_DECAY_S)) * this.#moved);
     this.#drawnAt = now;
     if (this.times.value !== "auto") {
       this.factor = Number(this.times.value);
       return;
     }
-    const most = Math.max(1, Math.min(MOST, (SEEN * this.shape.size) / this.#moved));
+    const most = Math.max(1, Math.min(MAX_MAGNIFICATION, (DRAWN_MOTION_RATIO * this.shape.size) / this.#moved));
     if (this.factor > most || this.factor < most / 4) {
       const power = 10 ** Math.floor(Math.log10(most));
       this.factor = power * [5, 2, 1].find((one) => one * power <= most);
@@ -137,7 +137,7 @@ export class BodyView {
     this.space.face(face, ink("--soft"), 0.3);
     this.space.line([...face, face[0]], ink("--soft"));
     const from = moved(at);
-    const long = (LONGEST * size * this.#last(numbered("pull", n))) / this.body.force;
+    const long = (LONGEST_ARROW_RATIO * size * this.#last(numbered("pull", n))) / this.body.force;
     this.space.arrow(from, sum(from, times(long, direction)), COLOURS[1]);
     this.space.text(name, sum(pole, times(0.1 * size, minus(direction, [0, 0, 0.6]))));
   }
@@ -168,9 +168,9 @@ export class BodyView {
   // Describes the picture in words, next to it and for screen readers.
   #notes() {
     const { force, way } = this.body;
-    const [text, thin] = OF[this.what.value];
+    const [text, thin] = REFERENCE_TEXTS[this.what.value];
     const shown = 10 ** Math.floor(Math.log10(force)); // N
-    const long = (LONGEST * this.shape.size * this.space.scale * shown) / force;
+    const long = (LONGEST_ARROW_RATIO * this.shape.size * this.space.scale * shown) / force;
     const millimetres = (metres) => (1e3 * metres).toFixed(2);
     const exaggerated = `${text} × ${spaced(this.factor)}`;
     this.space.canvas.title = exaggerated;
@@ -187,8 +187,8 @@ function boxOf({ magnets, heads }) {
   const [low, high] = [Math.min, Math.max].map((pick) => [0, 1, 2].map((k) => pick(...places.map((at) => at[k]))));
   const middle = times(0.5, sum(low, high));
   const edges = minus(high, low);
-  const size = Math.max(...edges) || BARE;
-  const half = edges.map((edge) => 0.5 * Math.max(edge, THIN * size));
+  const size = Math.max(...edges) || DEFAULT_SIZE_M;
+  const half = edges.map((edge) => 0.5 * Math.max(edge, MIN_EDGE_RATIO * size));
   const corners = Array.from({ length: 8 }, (_, n) => middle.map((at, k) => at + ((n >> k) & 1 ? half[k] : -half[k])));
   return { middle, size, corners };
 }

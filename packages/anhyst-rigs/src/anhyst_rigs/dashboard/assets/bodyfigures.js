@@ -4,9 +4,9 @@ import { make } from "./dom.js";
 import { columnOf } from "./signals.js";
 import { fine, shown } from "./units.js";
 
-const EVERY_MS = 100; // time between two updates
-const WINDOW_S = 1; // time window of the largest error
-const MANY = 1e4; // value in the fine unit above which the usual unit is shown
+const UPDATE_INTERVAL_MS = 100; // time between two updates
+const ERROR_WINDOW_S = 1; // time window of the largest error
+const MAX_FINE_VALUE = 1e4; // value in the fine unit above which the usual unit is shown
 
 // Returns the name of a magnet's signal; that of the first magnet has no number.
 export const numbered = (name, n) => (n ? `${name}_${n + 1}` : name);
@@ -30,7 +30,7 @@ export class Figures {
     this.place = make(
       "div",
       { className: "scroll" },
-      table("axes", ["", "asked, now", "given, now", `error, largest of ${WINDOW_S} s`], this.axes),
+      table("axes", ["", "demanded, now", "applied, now", `error, largest of ${ERROR_WINDOW_S} s`], this.axes),
       table("magnets", ["", "gap, from stop to stop", "force", "current"], this.magnets),
     );
   }
@@ -50,8 +50,8 @@ export class Figures {
   draw() {
     const { store, bench } = this;
     if (performance.now() < this.#due) return;
-    this.#due = performance.now() + EVERY_MS;
-    const first = store.find(store.newest - WINDOW_S * bench.rate);
+    this.#due = performance.now() + UPDATE_INTERVAL_MS;
+    const first = store.find(store.newest - ERROR_WINDOW_S * bench.rate);
     const largest = {};
     for (const cell of this.axes.flatMap(([, cells]) => cells)) {
       cell.peak = store.largest(cell.column, first);
@@ -62,7 +62,7 @@ export class Figures {
       const now = store.value(cell.column, store.count - 1);
       const part = cell.part ? cell.part(now) : now / largest[`${cell.unit} ${cell.of.name}`];
       const told = cell.head.startsWith("error") ? cell.peak : now;
-      const { name, factor } = Math.abs(told * cell.of.factor) < MANY ? cell.of : shown(cell.unit);
+      const { name, factor } = Math.abs(told * cell.of.factor) < MAX_FINE_VALUE ? cell.of : shown(cell.unit);
       cell.text.textContent = `${digits(told * factor)} ${name}`;
       cell.bar.style.transform = `scaleX(${Math.max(-1, Math.min(1, part || 0))})`;
     }
@@ -71,7 +71,7 @@ export class Figures {
   // Returns the values of every tick of the last second.
   table() {
     const { store, bench } = this;
-    const first = store.find(store.newest - WINDOW_S * bench.rate);
+    const first = store.find(store.newest - ERROR_WINDOW_S * bench.rate);
     const rows = Array.from({ length: store.count - first }, (_, n) => first + n);
     const cells = [...this.axes, ...this.magnets].flatMap(([, each]) => each);
     const of = ({ head, column }) => [head, rows.map((row) => store.value(column, row))];

@@ -3,7 +3,7 @@
 import { make } from "./dom.js";
 import { seconds, show } from "./units.js";
 
-const HEADS = ["", "A", "B", "dy", "rms", "rms about the mean"];
+const COLUMN_TITLES = ["", "A", "B", "dy", "rms", "rms about the mean"];
 
 export class Cursors {
   ticks = []; // ticks of no, one or two cursors; A before B
@@ -15,7 +15,7 @@ export class Cursors {
     this.rate = rate;
     this.time = make("output", { className: "reading", id: "cursor-time" });
     this.rows = make("tbody");
-    const head = make("tr", {}, ...HEADS.map((text) => make("th", { textContent: text })));
+    const head = make("tr", {}, ...COLUMN_TITLES.map((text) => make("th", { textContent: text })));
     this.table = make("table", {}, make("thead", {}, head), this.rows);
     const off = make("button", { textContent: "no cursors", onclick: () => (this.ticks = []) });
     const bar = make("div", { className: "bar" }, this.time, off);
@@ -50,7 +50,7 @@ export class Cursors {
   lines() {
     if (!this.ticks.length) return [];
     const figures = this.#cells().map((cells) =>
-      cells.map((cell, n) => (n ? `${HEADS[n]} ${cell}` : cell)).join("  "),
+      cells.map((cell, n) => (n ? `${COLUMN_TITLES[n]} ${cell}` : cell)).join("  "),
     );
     return [this.#where(), ...figures];
   }

@@ -5,7 +5,7 @@ import { seconds, show, shown, usual } from "./units.js";
 
 const CHIRP = "chirp";
 const TABLE = "own CSV";
-const LARGEST = 12000; // largest size of a table in bytes, so that it fits into a message
+const MAX_TABLE_BYTES = 12000; // largest size of a table in bytes, so that it fits into a message
 
 export class GeneratorPanel {
   constructor(place, bench, order) {
@@ -77,8 +77,8 @@ export class GeneratorPanel {
 
   async #startTable() {
     const [file] = this.file.files;
-    if (!file || file.size > LARGEST) {
-      this.now.textContent = file ? `larger than ${LARGEST} bytes` : "choose a file";
+    if (!file || file.size > MAX_TABLE_BYTES) {
+      this.now.textContent = file ? `larger than ${MAX_TABLE_BYTES} bytes` : "choose a file";
       return null;
     }
     return this.order("generator", { shape: TABLE, text: await file.text() });

@@ -5,8 +5,8 @@ import { ink } from "./colours.js";
 import { download, field, make, refuse } from "./dom.js";
 import { Watch } from "./watch.js";
 
-const OLD = "#d55e00";
-const NEW = "#0072b2";
+const OLD_MODEL_COLOUR = "#d55e00";
+const NEW_MODEL_COLOUR = "#0072b2";
 const LIMITS = [
   ["current_A", "current", "A"],
   ["rate_A_per_s", "rate", "A/s"],
@@ -151,14 +151,14 @@ export class Improve {
     const all = (name) => loops.map((one) => one[name]);
     this.loops.begin([...limits(...all("current")), ...limits(...all("force"), ...all("old"))]);
     for (const one of loops) this.loops.line(one.current, one.force, ink("--soft"), 2.5, 0.5);
-    for (const one of loops) this.loops.line(one.current, one.old, OLD, 1);
-    for (const one of loops) this.loops.line(one.current, one.new, NEW, 1);
+    for (const one of loops) this.loops.line(one.current, one.old, OLD_MODEL_COLOUR, 1);
+    for (const one of loops) this.loops.line(one.current, one.new, NEW_MODEL_COLOUR, 1);
   }
 
   #drawDrive({ time, current }) {
     this.left.labels = ["time / s", "current / A"];
     this.left.begin([...limits(time), ...limits(current)]);
-    this.left.line(time, current, NEW, 1);
+    this.left.line(time, current, NEW_MODEL_COLOUR, 1);
   }
 
   // Draws the error of each model against the measured loops.
@@ -169,8 +169,8 @@ export class Improve {
     this.left.labels = ["current / A", "model − measured / N"];
     this.left.begin([...limits(...loops.map((one) => one.current)), ...limits(...old, ...found)]);
     for (const [n, { current }] of loops.entries()) {
-      this.left.line(current, old[n], OLD, 1);
-      this.left.line(current, found[n], NEW, 1);
+      this.left.line(current, old[n], OLD_MODEL_COLOUR, 1);
+      this.left.line(current, found[n], NEW_MODEL_COLOUR, 1);
     }
   }
 }
@@ -187,10 +187,10 @@ function misfits({ law, old, new: found, gaps }) {
       "tr",
       {},
       make("th", { textContent: name, scope: "row" }),
-      cell(`${short(one.rms_N)} N`, OLD),
-      cell(`${short(one.worst_N)} N`, OLD),
-      cell(`${short(other.rms_N)} N`, NEW),
-      cell(`${short(other.worst_N)} N`, NEW),
+      cell(`${short(one.rms_N)} N`, OLD_MODEL_COLOUR),
+      cell(`${short(one.worst_N)} N`, OLD_MODEL_COLOUR),
+      cell(`${short(other.rms_N)} N`, NEW_MODEL_COLOUR),
+      cell(`${short(other.worst_N)} N`, NEW_MODEL_COLOUR),
     );
   const heads = ["against measured loops", "old: rms", "worst", `new (${law}): rms`, "worst"];
   return make(

@@ -4,7 +4,7 @@ import { Plane, limits } from "./canvas.js";
 import { COLOURS } from "./colours.js";
 import { field, make, refuse, select } from "./dom.js";
 
-const MOST = 500; // maximum number of drawn cycles
+const MAX_DRAWN_CYCLES = 500; // maximum number of drawn cycles
 // Name, unit and factor from SI of each kind of parameter, for every magnet.
 const KINDS = {
   scale: ["scales", "%", 100],
@@ -18,7 +18,7 @@ const KINDS = {
   centre_y_m: ["body", "µm", 1e6],
   centre_z_m: ["body", "µm", 1e6],
 };
-const FEW = 8; // largest number of parameters that are all shown; above it, one kind or magnet is selected
+const MAX_SHOWN_PARAMETERS = 8; // with more parameters, one kind or magnet is selected
 const ERRORS = {
   m: { what: "moving average", axis: "moving average of the error / nm", unit: "nm", factor: 1e9 },
   N: { what: "unexplained force", axis: "unexplained force, rms / N", unit: "N", factor: 1 },
@@ -60,7 +60,7 @@ export class Learning {
 
   // Adds new cycles.
   learnt(laps) {
-    this.#laps = [...this.#laps, ...laps].slice(-MOST);
+    this.#laps = [...this.#laps, ...laps].slice(-MAX_DRAWN_CYCLES);
     this.#again();
     this.#gain();
   }
@@ -73,7 +73,7 @@ export class Learning {
   // Returns the parameters to show: all, or if there are many, those of the selected kind or magnet.
   #names({ values = {} } = {}) {
     const names = Object.keys(values);
-    this.group.hidden = names.length <= FEW;
+    this.group.hidden = names.length <= MAX_SHOWN_PARAMETERS;
     const { value } = this.kind;
     const shown = (name) => kindOf(name)[0] === value || name.match(/_(\d+)/)?.[1] === value;
     return this.group.hidden ? names : names.filter(shown);

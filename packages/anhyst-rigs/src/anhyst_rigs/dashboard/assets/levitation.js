@@ -6,7 +6,7 @@ import { columnOf } from "./signals.js";
 import { fine, shown } from "./units.js";
 
 const WINDOW_S = 0.5; // time window, in which the reference must be constant
-const EVERY_MS = 100;
+const UPDATE_INTERVAL_MS = 100;
 
 export class LevitationView {
   #due = 0;
@@ -52,7 +52,7 @@ export class LevitationView {
     const { store, columns, bench } = this;
     const now = performance.now();
     if (!store.count || now < this.#due) return;
-    this.#due = now + EVERY_MS;
+    this.#due = now + UPDATE_INTERVAL_MS;
     const last = (column) => (column < 0 ? NaN : store.value(column, store.count - 1));
     const actual = last(columns.actual);
     this.#say(this.signal, actual, this.unit);

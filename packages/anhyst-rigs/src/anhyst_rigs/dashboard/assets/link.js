@@ -1,6 +1,6 @@
 // The WebSocket: receives frames of samples and messages, and sends orders.
 
-const HEAD = 24;
+const HEAD_BYTES = 24;
 
 // Decodes a frame (browsers.py): its first and last tick, the tick of each row, one column per signal.
 export function decode(buffer) {
@@ -8,12 +8,12 @@ export function decode(buffer) {
   const rows = view.getUint32(0, true);
   const columns = view.getUint32(4, true);
   const data = [];
-  let at = HEAD + 8 * rows;
+  let at = HEAD_BYTES + 8 * rows;
   for (let n = 0; n < columns; n++, at += 4 * rows) data.push(new Float32Array(buffer, at, rows));
   return {
     first: view.getFloat64(8, true),
     last: view.getFloat64(16, true),
-    ticks: new Float64Array(buffer, HEAD, rows),
+    ticks: new Float64Array(buffer, HEAD_BYTES, rows),
     data,
     thinned: view.getUint32(at, true) !== 0,
   };

@@ -7,8 +7,8 @@ import { field, make, select } from "./dom.js";
 import { columnOf } from "./signals.js";
 import { fine, seconds, shown } from "./units.js";
 
-const POINTS = 5000;
-const EVERY_MS = 50;
+const MAX_POINTS = 5000;
+const UPDATE_INTERVAL_MS = 50;
 const WINDOWS = [0.1, 0.2, 0.5, 1, 2, 5, 10];
 
 export class LoopView {
@@ -61,9 +61,9 @@ export class LoopView {
     const { store, bench } = this;
     const now = performance.now();
     if (!store.count || now < this.#due) return;
-    this.#due = now + EVERY_MS;
+    this.#due = now + UPDATE_INTERVAL_MS;
     const from = store.find(store.newest - Number(this.windows.value) * bench.rate);
-    const every = Math.max(1, Math.ceil((store.count - from) / POINTS));
+    const every = Math.max(1, Math.ceil((store.count - from) / MAX_POINTS));
     const rows = [];
     for (let row = from; row < store.count; row += every) rows.push(row);
     const column = (n) => rows.map((row) => store.value(n, row));

@@ -19,7 +19,7 @@ import { StepView } from "./steps.js";
 import { Store } from "./store.js";
 
 const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum", "learning", "body"];
-const KEYED = "1234567890"; // keys of the views
+const VIEW_KEYS = "1234567890"; // keys of the views
 const NOTICE_MS = 8000;
 
 const at = (id) => document.getElementById(id);
@@ -233,7 +233,7 @@ document.addEventListener(
     }
     if (event.target.matches("input, select") || event.ctrlKey || event.altKey || event.metaKey)
       return;
-    const keyed = VIEWS[KEYED.indexOf(event.key)];
+    const keyed = VIEWS[VIEW_KEYS.indexOf(event.key)];
     const act = KEYS[event.key.toLowerCase()] ?? (keyed && (() => choose(keyed)));
     if (act) {
       event.preventDefault();
@@ -250,7 +250,7 @@ function draw() {
 
 for (const [n, name] of VIEWS.entries()) {
   const tab = make("button", {
-    textContent: `${KEYED[n]} ${name}`,
+    textContent: `${VIEW_KEYS[n]} ${name}`,
     role: "tab",
     onclick: () => choose(name),
   });

@@ -2,17 +2,17 @@
 
 import { ink } from "./colours.js";
 
-const EDGE = 12; // margin around the picture, pixels
-const LINE = 18; // distance between two lines of text, pixels
+const MARGIN_PX = 12; // margin around the picture, pixels
+const LINE_HEIGHT_PX = 18; // distance between two lines of text, pixels
 
 // Makes a PNG of all canvases of a view, below header lines of [text, colour] parts.
 export function picture(view, lines) {
   const drawn = [...view.querySelectorAll("canvas")].filter((one) => one.clientWidth > 0);
   const boxes = drawn.map((one) => one.getBoundingClientRect());
-  const left = Math.min(...boxes.map((box) => box.left)) - EDGE;
-  const top = Math.min(...boxes.map((box) => box.top)) - EDGE - LINE * lines.length - EDGE;
-  const right = Math.max(...boxes.map((box) => box.right)) + EDGE;
-  const bottom = Math.max(...boxes.map((box) => box.bottom)) + EDGE;
+  const left = Math.min(...boxes.map((box) => box.left)) - MARGIN_PX;
+  const top = Math.min(...boxes.map((box) => box.top)) - MARGIN_PX - LINE_HEIGHT_PX * lines.length - MARGIN_PX;
+  const right = Math.max(...boxes.map((box) => box.right)) + MARGIN_PX;
+  const bottom = Math.max(...boxes.map((box) => box.bottom)) + MARGIN_PX;
   const canvas = document.createElement("canvas");
   canvas.width = Math.ceil((right - left) * devicePixelRatio);
   canvas.height = Math.ceil((bottom - top) * devicePixelRatio);
@@ -24,17 +24,17 @@ export function picture(view, lines) {
     const { x, y, width, height } = boxes[n];
     context.drawImage(one, x - left, y - top, width, height);
   }
-  for (const [n, line] of lines.entries()) write(context, line, EDGE + LINE * (n + 0.7));
+  for (const [n, line] of lines.entries()) write(context, line, MARGIN_PX + LINE_HEIGHT_PX * (n + 0.7));
   return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
 }
 
 function write(context, line, y) {
   context.font = "13px system-ui, sans-serif";
-  let x = EDGE;
+  let x = MARGIN_PX;
   for (const [text, colour] of line) {
     context.fillStyle = colour ?? ink("--ink");
     context.fillText(text, x, y);
-    x += context.measureText(text).width + EDGE;
+    x += context.measureText(text).width + MARGIN_PX;
   }
 }
 

@@ -9,8 +9,8 @@ import { Trigger } from "./trigger.js";
 import { seconds, show, shown } from "./units.js";
 
 const READ_MS = 100; // time between two updates of the displayed values
-const SHORTEST = 20; // shortest window, ticks
-const TURN = 0.002; // change of the logarithm of the window per pixel of the wheel
+const MIN_WINDOW_TICKS = 20; // shortest window, ticks
+const WHEEL_FACTOR = 0.002; // change of the logarithm of the window per pixel of the wheel
 const WINDOWS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
 
 export class Scope {
@@ -117,8 +117,8 @@ export class Scope {
 
   // Zooms around a time, s, by a rotation of the wheel, pixels.
   zoomAt(time, turn) {
-    const [shortest, longest] = [SHORTEST / this.bench.rate, WINDOWS.at(-1)];
-    const wanted = this.window * Math.exp(TURN * turn);
+    const [shortest, longest] = [MIN_WINDOW_TICKS / this.bench.rate, WINDOWS.at(-1)];
+    const wanted = this.window * Math.exp(WHEEL_FACTOR * turn);
     const window = Math.max(shortest, Math.min(longest, wanted));
     const after = this.view.to / this.bench.rate - time;
     this.#zoomTo(window, time + (after * window) / this.window);

@@ -3,9 +3,9 @@
 import { ink } from "./colours.js";
 
 const VIEW = { round: -1.05, up: 0.42 }; // initial view angles, rad: x points to the right, z upwards
-const KEYED = 0.08; // rotation per key press, rad
-const DRAGGED = 0.008; // rotation per pixel, rad
-const HEAD = 9; // length of an arrow head, pixels
+const KEY_ROTATION = 0.08; // rotation per key press, rad
+const DRAG_ROTATION = 0.008; // rotation per pixel, rad
+const ARROW_HEAD_PX = 9; // length of an arrow head, pixels
 
 export class Space {
   view = { ...VIEW };
@@ -25,13 +25,13 @@ export class Space {
     const { canvas } = this;
     canvas.onpointerdown = (event) => canvas.setPointerCapture(event.pointerId);
     canvas.onpointermove = (event) => {
-      if (event.buttons) this.turn(-DRAGGED * event.movementX, DRAGGED * event.movementY);
+      if (event.buttons) this.turn(-DRAG_ROTATION * event.movementX, DRAG_ROTATION * event.movementY);
     };
     canvas.ondblclick = () => (this.view = { ...VIEW });
     const keys = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     canvas.onkeydown = (event) => {
       if (event.key === "Home") this.view = { ...VIEW };
-      else if (keys[event.key]) this.turn(...keys[event.key].map((way) => KEYED * way));
+      else if (keys[event.key]) this.turn(...keys[event.key].map((way) => KEY_ROTATION * way));
       else return;
       event.preventDefault();
     };
@@ -99,7 +99,7 @@ export class Space {
     const long = Math.hypot(x - x0, y - y0);
     this.line([from, to], colour, width);
     if (long < 1) return;
-    const head = Math.min(HEAD, long);
+    const head = Math.min(ARROW_HEAD_PX, long);
     const [a, b] = [(head * (x - x0)) / long, (head * (y - y0)) / long];
     context.beginPath();
     context.moveTo(x + 0.3 * a, y + 0.3 * b);

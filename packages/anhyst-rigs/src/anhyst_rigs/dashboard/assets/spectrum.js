@@ -8,8 +8,8 @@ import { columnOf } from "./signals.js";
 import { fine } from "./units.js";
 
 const LENGTHS = [1024, 4096, 16384, 65536];
-const STRETCHES = 4; // largest number of segment lengths that are averaged
-const EVERY_MS = 250;
+const MAX_AVERAGED_SEGMENTS = 4; // largest number of segment lengths that are averaged
+const UPDATE_INTERVAL_MS = 250;
 
 export class SpectrumView {
   #due = 0;
@@ -63,7 +63,7 @@ export class SpectrumView {
   draw() {
     const now = performance.now();
     if (now < this.#due) return;
-    this.#due = now + EVERY_MS;
+    this.#due = now + UPDATE_INTERVAL_MS;
     const length = Number(this.length.value);
     const column = columnOf(this.bench, this.signal.value);
     const samples = this.#samples(column, length);
@@ -110,7 +110,7 @@ export class SpectrumView {
   // Returns the last samples; null if there are fewer than one length or if ticks are missing.
   #samples(column, length) {
     const { store } = this;
-    const wanted = Math.min(STRETCHES * length, store.count);
+    const wanted = Math.min(MAX_AVERAGED_SEGMENTS * length, store.count);
     const first = store.count - wanted;
     const whole = wanted >= length && store.newest - store.tick(first) === wanted - 1;
     if (!whole) {

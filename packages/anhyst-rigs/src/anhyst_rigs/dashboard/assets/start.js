@@ -1,6 +1,6 @@
 // The page while a rig is built: polls the progress, and reloads when the rig responds.
 
-const ASK_MS = 400;
+const POLL_INTERVAL_MS = 400;
 const part = (id) => document.getElementById(id);
 
 function show({ title, work, share, seconds, error }) {
@@ -25,7 +25,7 @@ async function ask() {
   } catch {
     part("work").textContent = "No answer. Is anhyst live still running?";
   }
-  setTimeout(ask, ASK_MS);
+  setTimeout(ask, POLL_INTERVAL_MS);
 }
 
 ask();

@@ -2,7 +2,7 @@
 
 const BEFORE_S = 0.01; // time for which the reference must be constant before a step
 const AFTER_S = 0.06; // time for which it must be constant after a step
-const LEAST = 1e-3; // smallest height of a step, as a fraction of the reference before it
+const MIN_HEIGHT_RATIO = 1e-3; // smallest height of a step, as a fraction of the reference before it
 const BAND = 0.05; // settling band, as a fraction of the step height
 
 export class StepFinder {
@@ -46,7 +46,7 @@ export class StepFinder {
     if (last && tick !== last[0] + this.#every) this.#reset();
     if (last && reference !== last[1]) {
       const rested = this.#since >= BEFORE_S * this.#rate;
-      const high = Math.abs(reference - last[1]) > LEAST * Math.abs(last[1]);
+      const high = Math.abs(reference - last[1]) > MIN_HEIGHT_RATIO * Math.abs(last[1]);
       this.#jump = rested && high ? rows.length : null;
       this.#since = 0;
     } else this.#since++;

@@ -7,7 +7,7 @@ import { columnOf } from "./signals.js";
 import { StepFinder } from "./stepfinder.js";
 import { show } from "./units.js";
 
-const KEPT = 24;
+const MAX_STEPS = 24;
 
 export class StepView {
   #steps = [];
@@ -37,7 +37,7 @@ export class StepView {
 
   feed(frame) {
     for (const step of this.finder.feed(frame)) {
-      this.#steps = [...this.#steps, { ...step, label: this.inForce(step.tick) }].slice(-KEPT);
+      this.#steps = [...this.#steps, { ...step, label: this.inForce(step.tick) }].slice(-MAX_STEPS);
       this.#dirty = true;
     }
   }

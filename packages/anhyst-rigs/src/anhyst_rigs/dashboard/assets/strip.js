@@ -5,8 +5,8 @@ import { Raster } from "./raster.js";
 import { shown } from "./units.js";
 import uPlot from "./uplot/uPlot.esm.js";
 
-const LEAST = 64; // smallest height, pixels
-const TIMES = 24; // height of the time labels below the last strip, pixels
+const MIN_HEIGHT_PX = 64; // smallest height, pixels
+const TIME_LABELS_PX = 24; // height of the time labels below the last strip, pixels
 const THICKNESS = 1.5;
 
 export class Strip {
@@ -27,7 +27,7 @@ export class Strip {
     this.plot = new uPlot(
       {
         width: 600,
-        height: LEAST,
+        height: MIN_HEIGHT_PX,
         legend: { show: false },
         cursor: { sync: { key: "scope" }, drag: { x: true, y: false, setScale: false } },
         scales: { x: { time: false } },
@@ -56,8 +56,8 @@ export class Strip {
   }
 
   static heights(count, all) {
-    const height = Math.max(LEAST, Math.floor((all - TIMES) / count));
-    return Array.from({ length: count }, (_, n) => height + (n + 1 === count ? TIMES : 0));
+    const height = Math.max(MIN_HEIGHT_PX, Math.floor((all - TIME_LABELS_PX) / count));
+    return Array.from({ length: count }, (_, n) => height + (n + 1 === count ? TIME_LABELS_PX : 0));
   }
 
   resize(width, height) {

@@ -1,1 +1,1 @@
-"""The report of a simulated bearing, and its figures."""
+"""Report a simulated bearing, with figures."""

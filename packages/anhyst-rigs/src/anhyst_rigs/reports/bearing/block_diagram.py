@@ -1,4 +1,4 @@
-"""The block diagram of the simulated loop with its actual values (paper, Fig. 10)."""
+"""Draw the block diagram of the simulated loop with its actual values (paper, Fig. 10)."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ def diagram_blocks(rig: BodyRig, controller: ControllerTable) -> Mapping[str, Di
     """Return the content of each block of the loop."""
     plant = rig.settings
     return {
-        "controller": _controller(controller),
-        "compensator": _compensator(controller),
-        "output": _output(rig),
-        "amplifier": _amplifier(plant),
-        "electrical": _electrical(plant),
-        "hysteresis": _hysteresis(plant),
-        "mechanics": _mechanics(plant),
-        "sensors": _sensors(plant, controller),
-        "load": _load(plant),
+        "controller": _controller_block(controller),
+        "compensator": _compensator_block(controller),
+        "output": _output_block(rig),
+        "amplifier": _amplifier_block(plant),
+        "electrical": _electrical_block(plant),
+        "hysteresis": _hysteresis_block(plant),
+        "mechanics": _mechanics_block(plant),
+        "sensors": _sensors_block(plant, controller),
+        "load": _load_block(plant),
     }
 
 
 def compensator_inputs(controller: ControllerTable) -> str:
-    """Return the inputs of the compensator in addition to the demanded force."""
+    """Return the inputs that the compensator has in addition to the demanded force."""
     inputs = ["gap"]
     if controller.compensation.applied == "measured":
         inputs.append("current")
@@ -56,7 +56,7 @@ def compensator_inputs(controller: ControllerTable) -> str:
     return ", ".join(inputs)
 
 
-def _controller(settings: ControllerTable) -> DiagramBlock:
+def _controller_block(settings: ControllerTable) -> DiagramBlock:
     gains = settings.pidd2_gains()
     lines = [
         f"K_p {_format_gain(gains.K_p)} N/m",
@@ -70,7 +70,7 @@ def _controller(settings: ControllerTable) -> DiagramBlock:
     return DiagramBlock("controller PIDD²", tuple(lines))
 
 
-def _compensator(settings: ControllerTable) -> DiagramBlock:
+def _compensator_block(settings: ControllerTable) -> DiagramBlock:
     limits, chosen = settings.limits, settings.compensation
     return DiagramBlock(
         "force to current",
@@ -84,7 +84,7 @@ def _compensator(settings: ControllerTable) -> DiagramBlock:
     )
 
 
-def _output(rig: BodyRig) -> DiagramBlock:
+def _output_block(rig: BodyRig) -> DiagramBlock:
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     current_range = amplifier.current_high_A - amplifier.current_low_A
     step = current_range / ((1 << amplifier.dac_bits) - 1)
@@ -98,7 +98,7 @@ def _output(rig: BodyRig) -> DiagramBlock:
     )
 
 
-def _amplifier(plant: RigFile) -> DiagramBlock:
+def _amplifier_block(plant: RigFile) -> DiagramBlock:
     amplifier = plant.amplifier
     loop = "current loop" if amplifier.mode == "current" else "voltage mode"
     lines = [
@@ -111,7 +111,7 @@ def _amplifier(plant: RigFile) -> DiagramBlock:
     return DiagramBlock(f"amplifier{_count_text(plant)}", tuple(lines))
 
 
-def _electrical(plant: RigFile) -> DiagramBlock:
+def _electrical_block(plant: RigFile) -> DiagramBlock:
     magnet = plant.magnet
     lines = [
         f"{magnet.turns} turns, {magnet.poles.resistance:.3g} Ω",
@@ -124,7 +124,7 @@ def _electrical(plant: RigFile) -> DiagramBlock:
     return DiagramBlock(f"electrical subsystem{_count_text(plant)}", tuple(lines))
 
 
-def _hysteresis(plant: RigFile) -> DiagramBlock:
+def _hysteresis_block(plant: RigFile) -> DiagramBlock:
     magnet, poles = plant.magnet, plant.magnet.poles
     pole = f"pole {1e3 * poles.width:.3g} × {1e3 * poles.depth:.3g} mm"
     if magnet.model is not None:
@@ -136,7 +136,7 @@ def _hysteresis(plant: RigFile) -> DiagramBlock:
     return DiagramBlock(f"force-current hysteresis{_count_text(plant)}", tuple(lines))
 
 
-def _mechanics(plant: RigFile) -> DiagramBlock:
+def _mechanics_block(plant: RigFile) -> DiagramBlock:
     mechanics = plant.body
     low, high = 1e3 * mechanics.stop_low_m, 1e3 * mechanics.stop_high_m
     lines = [f"mass {mechanics.mass_kg:g} kg", f"stops at {low:g} and {high:g} mm"]
@@ -148,22 +148,22 @@ def _mechanics(plant: RigFile) -> DiagramBlock:
     return DiagramBlock("mechanics", tuple(lines))
 
 
-def _sensors(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
-    position, shunt = plant.gap_sensor, plant.current_sensor
+def _sensors_block(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
+    gap_sensor, current_sensor = plant.gap_sensor, plant.current_sensor
     lines = [
-        f"{position.kind}: step {_format_length(position.resolution)}",
-        f"noise {_format_length(position.noise_m)} rms, {_format_frequency(position.bandwidth_Hz)}",
+        f"{gap_sensor.kind}: step {_format_length(gap_sensor.resolution)}",
+        f"noise {_format_length(gap_sensor.noise_m)} rms, {_format_frequency(gap_sensor.bandwidth_Hz)}",
     ]
-    if position.delay_s:
-        lines.append(f"delay {1e6 * position.delay_s:g} µs")
-    lines.append(f"current: {shunt.adc_bits} bits, {1e3 * shunt.noise_A:g} mA rms")
+    if gap_sensor.delay_s:
+        lines.append(f"delay {1e6 * gap_sensor.delay_s:g} µs")
+    lines.append(f"current: {current_sensor.adc_bits} bits, {1e3 * current_sensor.noise_A:g} mA rms")
     if controller.compensation.variant in FLUX_PROBE_METHODS and plant.hall_probe is not None:
-        probe = plant.hall_probe
-        lines.append(f"Hall: {probe.adc_bits} bits, {1e3 * probe.noise_T:g} mT rms")
+        hall_probe = plant.hall_probe
+        lines.append(f"Hall: {hall_probe.adc_bits} bits, {1e3 * hall_probe.noise_T:g} mT rms")
     return DiagramBlock("sensors", tuple(lines))
 
 
-def _load(plant: RigFile) -> DiagramBlock:
+def _load_block(plant: RigFile) -> DiagramBlock:
     load = plant.load
     lines = [f"{load.force_N:g} N, {_format_frequency(load.bandwidth_Hz)}"]
     if load.stiffness_N_per_m or load.damping_N_s_per_m:
@@ -180,14 +180,14 @@ def _count_text(plant: RigFile) -> str:
 
 
 def _format_gain(value: float) -> str:
-    """Return a gain as text; very large and very small ones have a power of ten."""
+    """Return a gain as text; very large and very small gains are written with a power of ten."""
     if value == 0.0:
         return "0"
     power = 3 * math.floor(math.log10(abs(value)) / 3.0)
     if 1e-2 <= abs(value) < 1e5:
         return format_number(value, 4, short=True)
-    digits = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-    return f"{format_number(value / 10.0**power, 3, short=True)}·10{str(power).translate(digits)}"
+    superscripts = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+    return f"{format_number(value / 10.0**power, 3, short=True)}·10{str(power).translate(superscripts)}"
 
 
 def _format_frequency(value: float) -> str:
@@ -209,7 +209,7 @@ _FIGURE_SIZE_IN = (_LEFT_EDGE_IN + 4 * BOX_WIDTH_IN + 3 * _BOX_GAP_IN + 0.5, 4.8
 
 @use_report_style
 def figure_structure(rig: BodyRig, controller: ControllerTable) -> Figure:
-    """Draw the loop: the controller above, the magnet and the armature below."""
+    """Draw the control loop, with the controller above, and the magnet and the armature below."""
     figure, ax = new_diagram(*_FIGURE_SIZE_IN)
     blocks = diagram_blocks(rig, controller)
     columns = [
@@ -243,31 +243,31 @@ def _draw_signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
             FALLING_COLOUR if index == 2 else RISING_COLOUR,
         )
         draw_label(ax, (x - 0.5 * _BOX_GAP_IN, _MIDDLE_ROW_IN + 0.08), name)
-    # The reference comes from the left, the measured gap from below.
+    # The reference comes from the left, and the measured gap from below.
     draw_arrow(ax, [(0.06, _TOP_ROW_IN), (_LEFT_EDGE_IN, _TOP_ROW_IN)])
     draw_label(ax, (0.5 * _LEFT_EDGE_IN, _TOP_ROW_IN + 0.08), "gap\ndemand")
     draw_arrow(ax, [(columns[0], _MIDDLE_ROW_IN + half_height), (columns[0], _TOP_ROW_IN - half_height)])
     draw_label(
         ax, (columns[0] - 0.08, 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)), "measured gap", "right", "center"
     )
-    lane = 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)
-    draw_arrow(ax, [(columns[0], lane), (columns[1], lane), (columns[1], _TOP_ROW_IN - half_height)])
-    ax.add_patch(Circle((columns[0], lane), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
-    draw_label(ax, (0.5 * (columns[0] + columns[1]), lane + 0.05), inputs)
+    line_y = 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)
+    draw_arrow(ax, [(columns[0], line_y), (columns[1], line_y), (columns[1], _TOP_ROW_IN - half_height)])
+    ax.add_patch(Circle((columns[0], line_y), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
+    draw_label(ax, (0.5 * (columns[0] + columns[1]), line_y + 0.05), inputs)
     _draw_load_and_gap(ax, columns)
 
 
 def _draw_load_and_gap(ax: Axes, columns: Sequence[float]) -> None:
     """Draw the load and the moving gap, below the plant."""
-    half_width, floor = 0.5 * BOX_WIDTH_IN, _MIDDLE_ROW_IN - 0.5 * BOX_HEIGHT_IN
+    half_width, bottom = 0.5 * BOX_WIDTH_IN, _MIDDLE_ROW_IN - 0.5 * BOX_HEIGHT_IN
     load_x = columns[1] - 0.5 * half_width
     draw_arrow(
-        ax, [(columns[0] + half_width, _LOW_ROW_IN), (load_x, _LOW_ROW_IN), (load_x, floor)], FALLING_COLOUR
+        ax, [(columns[0] + half_width, _LOW_ROW_IN), (load_x, _LOW_ROW_IN), (load_x, bottom)], FALLING_COLOUR
     )
     draw_label(ax, (0.5 * (columns[0] + half_width + load_x), _LOW_ROW_IN + 0.05), "load")
-    start, lane = columns[1] + 0.5 * half_width, 0.5 * (_LOW_ROW_IN + floor)
-    ax.plot([start, start], [floor, lane], color=RISING_COLOUR, lw=1.3)
-    draw_arrow(ax, [(start, lane), (columns[3], lane), (columns[3], floor)])
-    draw_arrow(ax, [(columns[2], lane), (columns[2], floor)])
-    ax.add_patch(Circle((columns[2], lane), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
-    draw_label(ax, (0.5 * (columns[2] + columns[3]), lane + 0.05), "gap and its velocity")
+    start, line_y = columns[1] + 0.5 * half_width, 0.5 * (_LOW_ROW_IN + bottom)
+    ax.plot([start, start], [bottom, line_y], color=RISING_COLOUR, lw=1.3)
+    draw_arrow(ax, [(start, line_y), (columns[3], line_y), (columns[3], bottom)])
+    draw_arrow(ax, [(columns[2], line_y), (columns[2], bottom)])
+    ax.add_patch(Circle((columns[2], line_y), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
+    draw_label(ax, (0.5 * (columns[2] + columns[3]), line_y + 0.05), "gap and its velocity")

@@ -1,4 +1,4 @@
-"""Figures of a simulated bearing over time, in the force-current plane, and over frequency."""
+"""Draw figures of a simulated bearing: over time, in the force-current plane, and over frequency."""
 
 from __future__ import annotations
 
@@ -39,61 +39,61 @@ from anhyst_rigs.study.engine.table import Interval
 Recordings = Mapping[MethodName, Recording]
 """Recordings of the same scenario, by variant."""
 
-_SHOWN_BEFORE_S = 2e-3  # time shown before a step
+_SHOWN_BEFORE_S = 2e-3  # time that is drawn before a step, s
 _SHOWN_AFTER_S = 0.02
-_MAX_SEGMENT_TICKS = 4096  # maximum length of a segment, ticks
-_SPECTRUM_BINS = 120  # number of bins
+_MAX_SEGMENT_TICKS = 4096  # largest length of a segment for a spectrum, ticks
+_SPECTRUM_BINS = 120  # number of frequency bins in a spectrum
 
 
 @dataclass(frozen=True)
 class StepPanel:
-    """One step of the reference, with several variants."""
+    """A step of the reference, simulated with several variants."""
 
-    step: ReferenceStep  # step with its ticks in the recordings
+    step: ReferenceStep  # the step, with its ticks in the recordings
     recordings: Recordings  # recording of each variant
-    overshoot: Mapping[MethodName, Interval]  # over the noise seeds, % of the height
+    overshoot: Mapping[MethodName, Interval]  # overshoot over the noise seeds, % of the height
 
     @property
     def gap(self) -> float:
-        """Mean gap of the step, m."""
-        return 0.5 * (self.step.before + self.step.after)
+        """Gap in the middle of the step, m."""
+        return 0.5 * (self.step.gap_before + self.step.gap_after)
 
 
 @use_report_style
 def figure_steps(panels: Sequence[StepPanel]) -> Figure:
-    """Draw step responses (paper, Fig. 11), one panel per step, each with its deviation below."""
+    """Draw step responses (paper, Fig. 11): one panel per step, each with its deviation below."""
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
     figure = new_figure(4.8 * rows, width=4.8 * columns)
     axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=(3, 1.4) * rows)
-    upper, lower = axes[::2].ravel(), axes[1::2].ravel()
-    for ax in (*upper[len(panels) :], *lower[len(panels) :]):
+    step_axes, deviation_axes = axes[::2].ravel(), axes[1::2].ravel()
+    for ax in (*step_axes[len(panels) :], *deviation_axes[len(panels) :]):
         ax.remove()
-    for ax, below, panel in zip(upper, lower, panels, strict=False):
+    for ax, lower_ax, panel in zip(step_axes, deviation_axes, panels, strict=False):
         _draw_step(ax, panel)
-        _draw_deviation(below, panel)
+        _draw_deviation(lower_ax, panel)
     return figure
 
 
 def _part_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, Recording]:
-    """Return the time since the step in ms, and the part of a recording that is shown."""
+    """Return the time relative to the step in ms, and the part of a recording that is drawn."""
     step, recording = panel.step, panel.recordings[name]
     tick = recording["t_s"][1] - recording["t_s"][0]
     first_tick = max(step.begin - round(_SHOWN_BEFORE_S / tick), 0)
-    part = recording.slice_ticks(first_tick, min(step.end, step.begin + round(_SHOWN_AFTER_S / tick)))
-    return 1e3 * (part["t_s"] - recording["t_s"][step.begin]), part
+    run = recording.slice_ticks(first_tick, min(step.end, step.begin + round(_SHOWN_AFTER_S / tick)))
+    return 1e3 * (run["t_s"] - recording["t_s"][step.begin]), run
 
 
 def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
-    """Draw how far the gap moves past the new reference, in % of the step height.
+    """Draw the distance of the gap beyond the new reference, in % of the step height.
 
     The vertical axis is scaled to the largest overshoot.
     """
     step, max_deviation = panel.step, 0.0
-    direction = np.sign(step.before - step.after)
+    direction = np.sign(step.gap_before - step.gap_after)
     for name in in_report_order(panel.recordings):
-        time, part = _part_around_step(panel, name)
-        deviation = 100.0 * direction * (step.after - part["gap_m"]) / step.height
+        time, run = _part_around_step(panel, name)
+        deviation = 100.0 * direction * (step.gap_after - run["gap_m"]) / step.height
         max_deviation = max(max_deviation, float(deviation.max()))
         is_after_step = time >= 0.0
         ax.plot(*thin_curves(time[is_after_step], deviation[is_after_step]), **line_style(name))
@@ -108,17 +108,17 @@ def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
 
 
 def _draw_step(ax: Axes, panel: StepPanel) -> None:
-    step, sign = panel.step, float(np.sign(panel.step.before - panel.step.after))
+    step, sign = panel.step, float(np.sign(panel.step.gap_before - panel.step.gap_after))
     for index, name in enumerate(in_report_order(panel.recordings)):
-        time, part = _part_around_step(panel, name)
+        time, run = _part_around_step(panel, name)
         if not index:
-            reference = 1e6 * (step.before - part["reference_m"])
+            reference = 1e6 * (step.gap_before - run["reference_m"])
             ax.plot(time, reference, color=INK_COLOUR, lw=0.9, drawstyle="steps-post", label="reference")
             band = SETTLING_BAND * 1e6 * step.height
-            target = 1e6 * (step.before - step.after)
+            target = 1e6 * (step.gap_before - step.gap_after)
             ax.axhspan(target - band, target + band, color=SHADE_COLOUR, alpha=0.2, lw=0)
         overshoot = interval_text(panel.overshoot.get(name), "%")
-        curve = thin_curves(time, 1e6 * (step.before - part["gap_m"]))
+        curve = thin_curves(time, 1e6 * (step.gap_before - run["gap_m"]))
         ax.plot(*curve, **line_style(name), label=f"{name}: overshoot {overshoot}")
     low, high = ax.get_ylim()
     if sign < 0.0:
@@ -133,7 +133,7 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
 
 @use_report_style
 def figure_forces(recordings: Recordings) -> Figure:
-    """Draw demanded and true force against time and their difference, one column per variant."""
+    """Draw demanded and true force against time, and their difference: one column per variant."""
     names = in_report_order(recordings)
     figure = new_figure(4.6, width=max(9.6, 3.0 * len(names)))
     axes = figure.subplots(2, len(names), squeeze=False, sharex=True, sharey="row", height_ratios=(3, 2))
@@ -159,13 +159,13 @@ def figure_forces(recordings: Recordings) -> Figure:
 
 @use_report_style
 def figure_tracking(recordings: Recordings, title: str) -> Figure:
-    """Draw the position error with a moving reference or a load, and the position or current."""
+    """Draw the position error for a moving reference or a load, and the position or the current."""
     names = in_report_order(recordings)
-    first = recordings[names[0]]
-    factor = 1e3 if first["t_s"][-1] - first["t_s"][0] < 0.5 else 1.0
-    is_moving = bool(np.ptp(first["reference_m"]) > 0.0)
+    first_run = recordings[names[0]]
+    factor = 1e3 if first_run["t_s"][-1] - first_run["t_s"][0] < 0.5 else 1.0
+    is_moving = bool(np.ptp(first_run["reference_m"]) > 0.0)
     figure = new_figure(4.8)
-    above, below = figure.subplots(2, 1, sharex=True)
+    upper_ax, lower_ax = figure.subplots(2, 1, sharex=True)
     for name in names:
         run = recordings[name]
         time = factor * (run["t_s"] - run["t_s"][0])
@@ -174,18 +174,18 @@ def figure_tracking(recordings: Recordings, title: str) -> Figure:
             f"{name}: error {format_number(float(np.sqrt(np.mean(error**2))))} nm rms, "
             f"{format_number(float(np.abs(error).max()))} nm maximum"
         )
-        second = 1e6 * (first["reference_m"][0] - run["gap_m"]) if is_moving else run["current_A"]
-        above.plot(*thin_curves(time, error), **line_style(name), label=label)
-        below.plot(*thin_curves(time, second), **line_style(name))
+        values = 1e6 * (first_run["reference_m"][0] - run["gap_m"]) if is_moving else run["current_A"]
+        upper_ax.plot(*thin_curves(time, error), **line_style(name), label=label)
+        lower_ax.plot(*thin_curves(time, values), **line_style(name))
     if is_moving:
-        reference = 1e6 * (first["reference_m"][0] - first["reference_m"])
-        time = factor * (first["t_s"] - first["t_s"][0])
-        below.plot(*thin_curves(time, reference), color=INK_COLOUR, lw=0.8, ls="--", label="reference")
-    above.set_title(title)
-    above.set_ylabel("error of position (nm)")
-    below.set_ylabel("position (µm)" if is_moving else "current (A)")
-    below.set_xlabel("time (ms)" if factor > 1.0 else "time (s)")
-    legend_below(figure, above, below, columns=2)
+        reference = 1e6 * (first_run["reference_m"][0] - first_run["reference_m"])
+        time = factor * (first_run["t_s"] - first_run["t_s"][0])
+        lower_ax.plot(*thin_curves(time, reference), color=INK_COLOUR, lw=0.8, ls="--", label="reference")
+    upper_ax.set_title(title)
+    upper_ax.set_ylabel("error of position (nm)")
+    lower_ax.set_ylabel("position (µm)" if is_moving else "current (A)")
+    lower_ax.set_xlabel("time (ms)" if factor > 1.0 else "time (s)")
+    legend_below(figure, upper_ax, lower_ax, columns=2)
     return figure
 
 
@@ -195,113 +195,113 @@ def figure_standstill(recordings: Recordings) -> Figure:
     names = in_report_order(recordings)
     figure = new_figure(max(3.2, 1.1 * len(names) + 0.8))
     grid = figure.add_gridspec(len(names), 2)
-    spectrum = figure.add_subplot(grid[:, 1])
-    first: Axes | None = None
-    for row, name in enumerate(names):
+    spectrum_ax = figure.add_subplot(grid[:, 1])
+    first_ax: Axes | None = None
+    for row_index, name in enumerate(names):
         recording = recordings[name]
         deviation = 1e9 * (recording["gap_m"].mean() - recording["gap_m"])
         time = 1e3 * (recording["t_s"] - recording["t_s"][0])
-        ax = figure.add_subplot(grid[row, 0], sharex=first, sharey=first)
-        first = first or ax
+        ax = figure.add_subplot(grid[row_index, 0], sharex=first_ax, sharey=first_ax)
+        first_ax = first_ax or ax
         is_shown = time <= 100.0
         ax.plot(time[is_shown], deviation[is_shown], color=COLOURS[name], lw=0.8)
         ax.set_title(f"{name}: {deviation.std():.2f} nm rms", fontsize=8.5)
         ax.set_ylabel("nm")
-        ax.tick_params(labelbottom=row + 1 == len(names))
-        spectrum.loglog(*_amplitude_density(recording, deviation), **line_style(name), label=name)
-    assert first is not None
+        ax.tick_params(labelbottom=row_index + 1 == len(names))
+        spectrum_ax.loglog(*_amplitude_density(recording, deviation), **line_style(name), label=name)
+    assert first_ax is not None
     figure.axes[-1].set_xlabel("time (ms)")
-    spectrum.set_title("amplitude density of the position")
-    spectrum.set_xlabel("frequency (Hz)")
-    spectrum.set_ylabel("nm/√Hz")
-    spectrum.legend(loc="lower left")
+    spectrum_ax.set_title("amplitude density of the position")
+    spectrum_ax.set_xlabel("frequency (Hz)")
+    spectrum_ax.set_ylabel("nm/√Hz")
+    spectrum_ax.legend(loc="lower left")
     return figure
 
 
 def _amplitude_density(recording: Recording, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
-    from scipy.signal import welch  # slow to import
+    from scipy.signal import welch  # imported here because it loads slowly
 
     rate = 1.0 / (recording["t_s"][1] - recording["t_s"][0])
     frequency, power = welch(deviation, rate, nperseg=min(_MAX_SEGMENT_TICKS, deviation.size))
     frequency, power = frequency[1:], power[1:]
-    # Average in as many bins as are visible on a logarithmic axis.
+    # The spectrum is averaged in as many bins as are visible on a logarithmic axis.
     bin_of = np.digitize(frequency, np.geomspace(frequency[0], frequency[-1] * 1.001, _SPECTRUM_BINS + 1))
-    used = np.unique(bin_of)
-    means = [(frequency[bin_of == i].mean(), power[bin_of == i].mean()) for i in used]
-    middle, mean = np.array(means).T
-    return middle, np.sqrt(mean)
+    used_bins = np.unique(bin_of)
+    bin_means = [(frequency[bin_of == i].mean(), power[bin_of == i].mean()) for i in used_bins]
+    mean_frequency, mean_power = np.array(bin_means).T
+    return mean_frequency, np.sqrt(mean_power)
 
 
-_BRANCH_SAMPLES = 400  # samples per branch of an identified loop
+_BRANCH_SAMPLES = 400  # number of samples on each branch of an identified loop
 
 
 @dataclass(frozen=True)
 class LoopCurve:
     """A loop in the force-current plane."""
 
-    gap: float  # m
-    current: FloatArray  # current in A, force in N
+    gap: float  # gap, m
+    current: FloatArray  # current, A, and force, N
     force: FloatArray
 
 
 def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
-    """Return the measured loops of the nearest gaps: one on each side, if there are two."""
+    """Return the measured loops of the nearest gap on each side, if there is one."""
     loops_by_gap = [(loop.schedule_value, loop) for loop in loops.loops]
     gaps = sorted({value for value, _ in loops_by_gap if value is not None})
     lower_gap = [value for value in gaps if value <= gap][-1:]
-    above = [value for value in gaps if value > gap][:1]
+    gaps_above = [value for value in gaps if value > gap][:1]
     return [
         LoopCurve(value, loop.input, loop.output)
         for value, loop in loops_by_gap
-        if value is not None and value in (*lower_gap, *above)
+        if value is not None and value in (*lower_gap, *gaps_above)
     ]
 
 
 def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCurve:
-    """Return the steady-state loop of a model between two currents."""
-    rising = np.linspace(low, high, _BRANCH_SAMPLES)
-    current = np.concatenate([rising, rising[-2::-1]])
+    """Return the steady-state loop that a model predicts between two currents."""
+    rising_current = np.linspace(low, high, _BRANCH_SAMPLES)
+    current = np.concatenate([rising_current, rising_current[-2::-1]])
     force = model.predict(current, gap, history="settled").output
     return LoopCurve(gap, current, np.asarray(force, dtype=np.float64))
 
 
 @use_report_style
 def figure_force_current(
-    recordings: Recordings, measured: Sequence[LoopCurve], identified: LoopCurve | None
+    recordings: Recordings, measured_loops: Sequence[LoopCurve], identified: LoopCurve | None
 ) -> Figure:
     """Draw true force against true current of a run, with measured and identified loops.
 
-    Below, the single-valued curve through each loop is subtracted from it, because the loop width
-    is only a few per cent of the force.
+    Below, the single-valued curve through each loop is subtracted, because the loop width is only a
+    few per cent of the force.
     """
     figure = new_figure(6.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
-    overview, detail = (figure.add_subplot(grid[0, column]) for column in range(2))
-    _draw_widths(figure.add_subplot(grid[1, :]), measured, identified)
-    for ax in (overview, detail):
-        _draw_loops(ax, measured, identified)
+    overview_ax, detail_ax = (figure.add_subplot(grid[0, column]) for column in range(2))
+    _draw_widths(figure.add_subplot(grid[1, :]), measured_loops, identified)
+    for ax in (overview_ax, detail_ax):
+        _draw_loops(ax, measured_loops, identified)
         for name in in_report_order(recordings):
             run = recordings[name]
             ax.plot(run["current_A"], run["force_N"], **line_style(name), label=f"run, {name}")
         ax.set_xlabel("current (A)")
         ax.set_ylabel("force (N)")
     limits = [_axis_limits([run[column] for run in recordings.values()]) for column in _AXIS_COLUMNS]
-    detail.set_xlim(*limits[0])
-    detail.set_ylim(*limits[1])
-    overview.set_title("whole range")
-    detail.set_title("range of the run")
-    legend_below(figure, overview, columns=3)
+    detail_ax.set_xlim(*limits[0])
+    detail_ax.set_ylim(*limits[1])
+    overview_ax.set_title("whole range")
+    detail_ax.set_title("range of the run")
+    legend_below(figure, overview_ax, columns=3)
     return figure
 
 
 _AXIS_COLUMNS = ("current_A", "force_N")
 
 
-def _draw_widths(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
-    """Draw loops after subtraction of the single-valued curve of their gap."""
+def _draw_widths(ax: Axes, measured_loops: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
+    """Draw loops minus the single-valued curve of their gap."""
     differences = []
-    for gap in dict.fromkeys(loop.gap for loop in measured):
-        differences += _subtract_curve([loop for loop in measured if loop.gap == gap])
+    for gap in dict.fromkeys(loop.gap for loop in measured_loops):
+        differences += _subtract_curve([loop for loop in measured_loops if loop.gap == gap])
     ax.axhline(0.0, color=SHADE_COLOUR, lw=0.7)
     _draw_loops(ax, differences, None if identified is None else _subtract_curve([identified])[0])
     ax.set_title("loops minus the single-valued curve of their gap")
@@ -316,9 +316,9 @@ def _subtract_curve(loops: Sequence[LoopCurve]) -> list[LoopCurve]:
     return [replace(loop, force=loop.force - np.interp(loop.current, *curve)) for loop in loops]
 
 
-def _draw_loops(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
-    colours = dict(zip(sorted({loop.gap for loop in measured}), (SHADE_COLOUR, PALE_COLOUR), strict=False))
-    for loop in measured:
+def _draw_loops(ax: Axes, loops: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
+    colours = dict(zip(sorted({loop.gap for loop in loops}), (SHADE_COLOUR, PALE_COLOUR), strict=False))
+    for loop in loops:
         label = f"measured at {1e3 * loop.gap:.3g} mm"
         ax.plot(loop.current, loop.force, color=colours[loop.gap], lw=0.7, label=label)
     if identified is not None:
@@ -327,23 +327,23 @@ def _draw_loops(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve |
 
 
 def _axis_limits(rows: Sequence[FloatArray]) -> tuple[float, float]:
-    low, high = min(float(row.min()) for row in rows), max(float(row.max()) for row in rows)
+    low, high = min(float(values.min()) for values in rows), max(float(row.max()) for row in rows)
     margin = 0.25 * max(high - low, 1e-9)
     return low - margin, high + margin
 
 
 _ZONE_COLOURS = ("#E4F2EC", "#FFF7DC", "#FCE6D2", "#F8D7DA")
 _MIN_LEVEL_DB = -40.0
-_MAX_LEVEL_DB = 20.0  # upper end of the axis, unless the peak is higher
+_MAX_LEVEL_DB = 20.0  # upper end of the axis, unless a peak is higher
 
 
 @dataclass(frozen=True)
 class Response:
-    """A complex frequency response."""
+    """A complex response as a function of frequency."""
 
-    frequency: FloatArray  # Hz, ascending; shape (n,)
-    value: NDArray[np.complex128]  # sensitivity or loop gain; shape (n,)
-    note: str = ""  # remark for the legend, such as an unstable loop
+    frequency: FloatArray  # frequency, Hz, ascending; shape (n,)
+    value: NDArray[np.complex128]  # value of the sensitivity or of the loop gain; shape (n,)
+    note: str = ""  # remark for the legend, for example that the loop is unstable
 
     @property
     def decibel(self) -> FloatArray:
@@ -361,15 +361,15 @@ Responses = Mapping[MethodName, Response]
 
 
 @use_report_style
-def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
-    """Draw the sensitivity of the running loop and of the linearised loop, with the zones."""
+def figure_sensitivity(responses: Responses, linear: Responses) -> Figure:
+    """Draw the sensitivities of the running loop and of the linearised loop, with the zones."""
     figure = new_figure(4.4)
     ax = figure.add_subplot()
-    highest = max((curve.decibel.max() for curve in measured.values()), default=0.0)
-    top = max(_MAX_LEVEL_DB, 3.0 + float(highest))
-    _draw_zones(ax, top)
-    for name in in_report_order(measured):
-        curve = measured[name]
+    max_level = max((curve.decibel.max() for curve in responses.values()), default=0.0)
+    top_level = max(_MAX_LEVEL_DB, 3.0 + float(max_level))
+    _draw_zones(ax, top_level)
+    for name in in_report_order(responses):
+        curve = responses[name]
         label = f"{name}: peak {curve.peak:.2f}, zone {find_zone(curve.peak)}"
         style = line_style(name)
         ax.semilogx(
@@ -380,8 +380,8 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
         ax.semilogx(curve.frequency, curve.decibel, color=COLOURS[name], lw=0.7, ls=":")
     if linear:
         ax.plot([], [], color=INK_COLOUR, lw=0.7, ls=":", label="linearised loop")
-    ax.set_ylim(_MIN_LEVEL_DB, top)
-    frequencies = [frequency for curve in measured.values() for frequency in curve.frequency[[0, -1]]]
+    ax.set_ylim(_MIN_LEVEL_DB, top_level)
+    frequencies = [frequency for curve in responses.values() for frequency in curve.frequency[[0, -1]]]
     ax.set_xlim(min(frequencies), max(frequencies))
     ax.set_xlabel("frequency (Hz)")
     ax.set_ylabel("sensitivity (dB)")
@@ -389,9 +389,9 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
     return figure
 
 
-def _draw_zones(ax: Axes, top: float) -> None:
-    """Shade and name the zones by which a sensitivity is evaluated."""
-    edges = [_MIN_LEVEL_DB, *(20.0 * math.log10(limit) for limit in ZONE_LIMITS.values()), top]
+def _draw_zones(ax: Axes, top_level: float) -> None:
+    """Shade and label the zones of a sensitivity."""
+    edges = [_MIN_LEVEL_DB, *(20.0 * math.log10(limit) for limit in ZONE_LIMITS.values()), top_level]
     names = [*ZONE_LIMITS, "D"]
     for name, fill, low, high in zip(names, _ZONE_COLOURS, edges[:-1], edges[1:], strict=True):
         ax.axhspan(low, high, color=fill, lw=0, zorder=0)
@@ -408,29 +408,29 @@ def _draw_zones(ax: Axes, top: float) -> None:
 
 @use_report_style
 def figure_bode(loops: Responses) -> Figure:
-    """Draw magnitude and phase of the loop gain of the linearised loop."""
+    """Draw the magnitude and the phase of the linearised loop's gain."""
     figure = new_figure(5.0)
-    above, below = figure.subplots(2, 1, sharex=True)
+    upper_ax, lower_ax = figure.subplots(2, 1, sharex=True)
     for name in in_report_order(loops):
         curve = loops[name]
-        above.semilogx(curve.frequency, curve.decibel, **line_style(name), label=_with_note(name, curve))
+        upper_ax.semilogx(curve.frequency, curve.decibel, **line_style(name), label=_with_note(name, curve))
         phase = np.degrees(np.unwrap(np.angle(curve.value)))
-        turns = 360.0 * np.round((phase[0] + 180.0) / 360.0)
-        below.semilogx(curve.frequency, phase - turns, **line_style(name))
-    above.axhline(0.0, color=INK_COLOUR, lw=0.7)
-    below.axhline(-180.0, color=INK_COLOUR, lw=0.7)
-    below.yaxis.set_major_locator(MultipleLocator(90.0))
-    above.margins(x=0.0)
-    above.set_ylabel("loop gain (dB)")
-    below.set_ylabel("phase (°)")
-    below.set_xlabel("frequency (Hz)")
-    legend_below(figure, above, columns=2)
+        full_turns = 360.0 * np.round((phase[0] + 180.0) / 360.0)
+        lower_ax.semilogx(curve.frequency, phase - full_turns, **line_style(name))
+    upper_ax.axhline(0.0, color=INK_COLOUR, lw=0.7)
+    lower_ax.axhline(-180.0, color=INK_COLOUR, lw=0.7)
+    lower_ax.yaxis.set_major_locator(MultipleLocator(90.0))
+    upper_ax.margins(x=0.0)
+    upper_ax.set_ylabel("loop gain (dB)")
+    lower_ax.set_ylabel("phase (°)")
+    lower_ax.set_xlabel("frequency (Hz)")
+    legend_below(figure, upper_ax, columns=2)
     return figure
 
 
 @use_report_style
 def figure_nyquist(loops: Responses) -> Figure:
-    """Draw the loop gain in the complex plane, with the circle that zone A does not enter."""
+    """Draw the loop gain in the complex plane, with the circle that zone A excludes."""
     figure = new_figure(5.2, width=7.2)
     ax = figure.add_subplot()
     unit_circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 361))

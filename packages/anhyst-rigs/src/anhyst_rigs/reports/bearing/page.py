@@ -1,4 +1,4 @@
-"""The report of a simulated bearing: a self-contained HTML page."""
+"""Write the report of a simulated bearing as a self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _MAX_TILES = 4
 
 
 def render(subject: SimulationSubject) -> str:
-    """Return the text of the report; equal subjects give equal texts."""
+    """Return the text of the report; the same subject always gives the same text."""
     sections = (
         structure_section(subject.rig, subject.controller, subject.all_variants),
         _step_section(subject),
@@ -94,7 +94,7 @@ def plant_text(rig: BodyRig) -> str:
 
 
 def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
-    """Return the overshoot of each step height at the operating gap, and of the best baseline."""
+    """Return the overshoot at the operating gap by step height, also of the best baseline."""
     tiles = []
     gap = subject.rig.settings.gap_m
     for step in subject.steps:
@@ -113,7 +113,7 @@ def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
 
 
 def _overshoot_comparison(step: StepComparison, variant: MethodName) -> Iterable[str]:
-    """Yield the overshoot of a variant, of the strongest baseline and with measured flux."""
+    """Yield texts with the overshoots of a variant, the strongest baseline, and measured flux."""
     yield f"{variant}: {overshoot_text(step, variant)}"
     baseline = strongest_baseline(step.figure(OVERSHOOT))
     if baseline not in (None, variant):
@@ -125,10 +125,10 @@ def _overshoot_comparison(step: StepComparison, variant: MethodName) -> Iterable
 def _loss_notes(subject: SimulationSubject) -> Iterable[Note]:
     """Yield a note about the runs that lost levitation."""
     runs = [
-        f"{name} at {subject.step_text(step)}: {cell.lost} of {subject.seeds} runs"
+        f"{name} at {subject.step_text(step)}: {step_cell.lost} of {subject.seeds} runs"
         for step in subject.steps
-        for name, cell in step.cells.items()
-        if cell.lost
+        for name, step_cell in step.cells.items()
+        if step_cell.lost
     ]
     if runs:
         text = f"{'; '.join(runs)}. A metric has no mean if one of its runs was lost."
@@ -203,11 +203,11 @@ def _force_section(subject: SimulationSubject) -> Section:
 
 
 def _loop_section(subject: SimulationSubject) -> Section | None:
-    if not subject.run or not subject.measured:
+    if not subject.run or not subject.measured_loops:
         return None
-    gaps_m = sorted({loop.gap for loop in subject.measured})
+    gaps_m = sorted({loop.gap for loop in subject.measured_loops})
     gaps = " and ".join(f"{1e3 * gap:g}{NBSP}mm" for gap in gaps_m)
-    figure = figure_force_current(subject.run, subject.measured, subject.identified)
+    figure = figure_force_current(subject.run, subject.measured_loops, subject.identified)
     return Section(
         "loops",
         "Force over current",
@@ -244,15 +244,15 @@ def _tracking_section(subject: SimulationSubject) -> Section:
 
 def _standstill_section(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
-    if subject.standstill:
+    if subject.standstill_runs:
         sensor = subject.rig.settings.gap_sensor
         noise, step = sensor.noise_m, sensor.resolution
         blocks.append(
             picture(
-                figure_standstill(subject.standstill),
+                figure_standstill(subject.standstill_runs),
                 "standstill",
                 "Position at a standstill over time, and its spectrum: "
-                f"{', '.join(in_report_order(subject.standstill))}.",
+                f"{', '.join(in_report_order(subject.standstill_runs))}.",
                 f"True position at standstill, with a sensor of {1e9 * noise:g}{NBSP}nm rms "
                 f"and steps of {1e9 * step:g}{NBSP}nm ({sensor.kind}).",
             )

@@ -1,4 +1,4 @@
-"""The study of a simulated bearing with its page, and the test of its firmware in levitation."""
+"""Run the study of a simulated bearing with its page, or test the firmware during levitation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def simulate(task: SimulationTask) -> Simulation:
 
 
 def run_firmware(task: SimulationTask, board: str) -> BoardComparison:
-    """Run the firmware on a board, and inject faults while the bearing levitates."""
+    """Run the firmware on a board, and inject faults while the armature levitates."""
     comparison = run_board(task.rig, task.out, board, task.controller, task.progress)
     write_json(task.out, comparison.as_dict())
     return comparison

@@ -1,4 +1,4 @@
-"""Data, tables and sentences of the report of a bearing; any part of the data can be missing."""
+"""Collect data, tables and sentences for the report of a bearing; parts of the data may be missing."""
 
 from __future__ import annotations
 
@@ -45,78 +45,78 @@ from anhyst_rigs.study.engine.table import CaseFigures, ComparedFigure, Metric, 
 
 @dataclass(frozen=True)
 class Tracking:
-    """One experiment with every variant: a trajectory, a load step, or a recovery."""
+    """An experiment with every variant: a trajectory, a load step, or a recovery."""
 
     title: str  # name of the experiment
-    recordings: Mapping[MethodName, Recording]  # recordings, cut to the part that is shown
+    recordings: Mapping[MethodName, Recording]  # recordings, reduced to the part that is drawn
 
 
 @dataclass(frozen=True)
 class SimulationSubject:
-    """All data of the report of a simulation."""
+    """All data that the report of a simulation can contain."""
 
     rig: BodyRig
-    # controller; the others are compared with its variant
+    # settings of the controller; all other variants are compared with its variant
     controller: ControllerTable
-    seeds: int  # noise seeds for each interval
-    panels: tuple[StepPanel, ...] = ()  # panels of the step responses (paper, Fig. 11)
-    steps: tuple[StepComparison, ...] = ()  # figures of all steps
-    experiments: Experiments | None = None  # all other experiments
-    # runs for demanded and true force
+    seeds: int  # number of noise seeds for each interval
+    panels: tuple[StepPanel, ...] = ()  # panels of step responses (paper, Fig. 11)
+    steps: tuple[StepComparison, ...] = ()  # metrics of all steps
+    experiments: Experiments | None = None  # metrics of all other experiments
+    # runs for the figure of demanded and true force
     forces: Mapping[MethodName, Recording] = field(default_factory=dict)
-    run: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs that are drawn with the loops
-    measured: tuple[LoopCurve, ...] = ()  # measured loops of the nearest gaps
-    identified: LoopCurve | None = None  # loop of the model at the gap of the run
-    tracked: tuple[Tracking, ...] = ()  # trajectories, load steps, recoveries
-    standstill: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs at standstill, levitated
-    # measured sensitivity; sensitivity and loop gain of the linearised loop
+    run: Mapping[MethodName, Recording] = field(default_factory=dict)  # runs in the figure of loops
+    measured_loops: tuple[LoopCurve, ...] = ()  # measured loops at the nearest gaps
+    identified: LoopCurve | None = None  # loop that the model predicts at the gap of the run
+    tracked: tuple[Tracking, ...] = ()  # trajectories, load steps and recoveries
+    standstill_runs: Mapping[MethodName, Recording] = field(default_factory=dict)  # at standstill
+    # measured sensitivity, then sensitivity and loop gain of the linearised loop
     sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     linear_sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     loop_gain: Mapping[MethodName, Response] = field(default_factory=dict)
-    margins: Mapping[MethodName, Margins] = field(default_factory=dict)  # margins of the linearised loop
-    notes: tuple[Note, ...] = ()  # for the head of the page
-    # SHA-256 of the input files by name
+    margins: Mapping[MethodName, Margins] = field(default_factory=dict)  # of the linearised loop
+    notes: tuple[Note, ...] = ()  # notes for the head of the page
+    # SHA-256 of each input file, by file name
     files: Mapping[str, str] = field(default_factory=dict)
     command: str = ""  # command that repeats the study
 
     @property
     def variant(self) -> MethodName:
-        """Variant of the controller, with which the others are compared."""
+        """Variant of the controller, with which all other variants are compared."""
         return self.controller.compensation.variant
 
     @property
     def baselines(self) -> list[MethodName]:
-        """The other variants of the steps, in report order."""
+        """All other variants of the steps, in report order."""
         methods = {name for step in self.steps for name in step.cells}
         return [name for name in in_report_order(methods) if name != self.variant]
 
     @property
     def all_variants(self) -> list[MethodName]:
         """All variants that the page shows."""
-        variants = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
+        variants = (*self.baselines, *self.sensitivity, *self.standstill_runs, *self.forces)
         return in_report_order({self.variant, *variants})
 
     def step_text(self, step: StepComparison) -> str:
-        """Return a step as text, with the load only if there are several loads."""
-        place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
+        """Return a description of a step; it mentions the load only if there are several loads."""
+        height_and_gap = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
         has_several_loads = len({step.load for step in self.steps}) > 1
-        return f"{place}, {step.load:g}{NBSP}N" if has_several_loads else place
+        return f"{height_and_gap}, {step.load:g}{NBSP}N" if has_several_loads else height_and_gap
 
 
-_SHOWN_S = 0.03  # length of the shown part of a step, s
+_SHOWN_S = 0.03  # length of the part of a step that is drawn, s
 _FORCE_VARIANTS = (
     "ratio",
     "single-valued",
     "full",
-)  # variants whose forces are shown, in addition to that of the controller
+)  # variants whose forces are drawn, in addition to that of the controller
 _FREQUENCY_COUNT = 400
 
 
 def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
-    """Gather the data of a report; trajectories and load steps are simulated again."""
+    """Return the data of a report; trajectories and load steps are simulated again."""
     rig, settings = simulation.rig, simulation.rig.settings
     steps = group_by_step(simulation.cells)
-    upward_steps = [step for step in simulation.scenario.steps if step.after < step.before]
+    upward_steps = [step for step in simulation.scenario.steps if step.gap_after < step.gap_before]
     steps_at_gap = {step.height: step for step in steps if step.gap == settings.gap_m}
     all_ticks = simulation.scenario.ticks
     complete_runs = {name: run for name, run in simulation.step_recordings.items() if len(run) == all_ticks}
@@ -132,7 +132,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         )
         for step in upward_steps
     )
-    standstill = experiments.plan_standstill(simulation.setups[simulation.main_variant])
+    standstill_plan = experiments.plan_standstill(simulation.setups[simulation.main_variant])
     chosen = {
         name: run
         for name, run in complete_runs.items()
@@ -149,12 +149,12 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         steps=steps,
         forces=_cut_around_step(chosen, rig.dt, upward_steps[-1]),
         run=_cut_around_step(chosen, rig.dt, upward_steps[-1]) if has_one_magnet else {},
-        measured=tuple(nearest_loops(loops, settings.gap_m)) if has_one_magnet else (),
+        measured_loops=tuple(nearest_loops(loops, settings.gap_m)) if has_one_magnet else (),
         identified=identified_loop(simulation.knowledge.model.at_rest, settings.gap_m, 0.0, current)
         if has_one_magnet
         else None,
-        tracked=tuple(item for item in _run_tracking(simulation.setups, settings) if item.recordings),
-        standstill=_run_variants(simulation.setups, *standstill),
+        tracked=tuple(runs for runs in _run_tracking(simulation.setups, settings) if runs.recordings),
+        standstill_runs=_run_variants(simulation.setups, *standstill_plan),
         sensitivity={
             name: Response(response.frequency, response.ratio)
             for name, response in simulation.sensitivity.items()
@@ -180,8 +180,8 @@ def _cut_around_step(
     runs: Mapping[MethodName, Recording], tick: float, step: ReferenceStep
 ) -> Mapping[MethodName, Recording]:
     """Return the part of each recording around a step."""
-    first, last = step.begin - round(0.1 * _SHOWN_S / tick), step.begin + round(_SHOWN_S / tick)
-    return {name: run.slice_ticks(first, min(last, step.end)) for name, run in runs.items()}
+    first_tick, last_tick = step.begin - round(0.1 * _SHOWN_S / tick), step.begin + round(_SHOWN_S / tick)
+    return {name: run.slice_ticks(first_tick, min(last_tick, step.end)) for name, run in runs.items()}
 
 
 def _linear_responses(
@@ -189,8 +189,8 @@ def _linear_responses(
 ) -> tuple[dict[MethodName, Response], dict[MethodName, Response]]:
     """Return loop gain and sensitivity of the linearised loops.
 
-    The loops use `ratio` and the variant of the controller file. This variant is treated as if it
-    knew the static slopes, unless it consists of constants.
+    The loops are those of `ratio` and of the variant in the controller file. Unless this variant
+    consists of constants, it is treated as if it knew the static slopes exactly.
     """
     frequency = np.geomspace(5.0, 0.4 * simulation.rig.settings.timing.rate_Hz, _FREQUENCY_COUNT)
     gains: dict[MethodName, Response] = {}
@@ -205,28 +205,28 @@ def _linear_responses(
 
 
 def _run_variants(
-    setups: Mapping[MethodName, BearingSetup], scenario: Scenario, begin: int
+    setups: Mapping[MethodName, BearingSetup], scenario: Scenario, begin_tick: int
 ) -> Mapping[MethodName, Recording]:
-    """Simulate a scenario with every variant; return the part after a tick.
+    """Simulate a scenario with every variant; return the recordings from a tick on.
 
     Runs that lost levitation are omitted.
     """
-    parts = {}
+    recordings = {}
     for name, setup in setups.items():
         recording = SimulatedLoop(setup).run(scenario)
         loss_time = levitation_loss_time(setup.rig, recording, scenario.lift_end_tick)
         if loss_time is None and len(recording) == scenario.ticks:
-            parts[name] = recording.slice_ticks(begin, len(recording))
-    return parts
+            recordings[name] = recording.slice_ticks(begin_tick, len(recording))
+    return recordings
 
 
 def _run_tracking(setups: Mapping[MethodName, BearingSetup], settings: RigFile) -> Iterator[Tracking]:
-    """Simulate trajectories and load steps for figures."""
+    """Simulate the trajectories and load steps for the figures."""
     setup = next(iter(setups.values()))
-    for shape in settings.trajectories:
-        recordings = _run_variants(setups, *experiments.plan_trajectory(setup, shape))
-        size = f"{1e6 * shape.amplitude_m:g}{NBSP}µm"
-        yield Tracking(f"{shape.kind} of {size} at {shape.frequency_Hz:g}{NBSP}Hz", recordings)
+    for trajectory in settings.trajectories:
+        recordings = _run_variants(setups, *experiments.plan_trajectory(setup, trajectory))
+        amplitude = f"{1e6 * trajectory.amplitude_m:g}{NBSP}µm"
+        yield Tracking(f"{trajectory.kind} of {amplitude} at {trajectory.frequency_Hz:g}{NBSP}Hz", recordings)
     for force in settings.load_steps_N:
         scenario, begin = experiments.plan_load_step(setup, force)
         ticks = round(0.1 / setup.rig.dt)
@@ -237,7 +237,7 @@ def _run_tracking(setups: Mapping[MethodName, BearingSetup], settings: RigFile) 
 
 
 WITHIN_NOISE = "≤ noise"
-"""Remark on an overshoot that is not certainly larger than the noise at standstill."""
+"""Remark on an overshoot that is not significantly larger than the noise at standstill."""
 SETTLING = Metric("settling_in_noise_s", "Settling time", "ms", 1e3)
 STANDSTILL_OF_STEP = Metric("standstill_rms_m", "Standstill", "nm", 1e9)
 STEADY_ERROR = Metric("steady_error_m", "Steady-state error", "nm", 1e9)
@@ -263,7 +263,7 @@ STEP_TABLES: Mapping[Metric, str] = {
     Metric("current_rate_rms_A_per_s", "Current effort", "A/s"): "Root mean square of the "
     "current's rate of change.",
 }
-"""Metrics of steps, and the captions of their tables."""
+"""Metrics of steps, with the captions of their tables."""
 STANDSTILL_METRICS = (
     Metric("rms_m", "Position at a standstill, rms", "nm", 1e9),
     Metric("mean_error_m", "Mean error at a standstill", "nm", 1e9),
@@ -282,7 +282,7 @@ EVENT_EXCESS = (
 
 
 def difference_text(figure: ComparedFigure) -> str:
-    """Return a comparison as text, such as "54 % less"."""
+    """Return the result of a comparison as text, such as "54 % less"."""
     if figure.is_better:
         return f"{format_number(100.0 * (1.0 - figure.ratio), 2)}{NBSP}% less"
     if figure.is_worse:
@@ -290,32 +290,32 @@ def difference_text(figure: ComparedFigure) -> str:
     return "equal" if math.isfinite(figure.model_value + figure.baseline_value) else UNKNOWN_TEXT
 
 
-def _noise_remark(cell: CaseFigures) -> str:
-    """Return the remark on an overshoot that is not larger than the noise at standstill."""
-    is_noise = isinstance(cell, StepCell) and not cell.has_overshoot and not cell.lost
+def _noise_remark(step_cell: CaseFigures) -> str:
+    """Return the remark on an overshoot if it does not exceed the noise at standstill."""
+    is_noise = isinstance(step_cell, StepCell) and not step_cell.has_overshoot and not step_cell.lost
     return WITHIN_NOISE if is_noise else ""
 
 
 def overshoot_text(step: StepComparison, name: MethodName) -> str:
-    """Return the overshoot of a variant, and whether it is noise."""
+    """Return the overshoot of a variant as text, with a remark if it may be only noise."""
     return f"{interval_text(step.figure(OVERSHOOT)[name], '%')} {_noise_remark(step.cells[name])}".rstrip()
 
 
 def benefit_table(subject: SimulationSubject) -> PageTable | None:
-    """Return a table with the reduction of the overshoot for each step and baseline."""
+    """Return a table with the reduction of the overshoot for each step and each baseline."""
     steps = [step for step in subject.steps if subject.variant in step.cells]
     baselines = subject.baselines
     if not steps or not baselines:
         return None
     rows: list[list[str | Cell]] = []
     for step in steps:
-        row: list[str | Cell] = [subject.step_text(step), overshoot_text(step, subject.variant)]
+        table_row: list[str | Cell] = [subject.step_text(step), overshoot_text(step, subject.variant)]
         for name in baselines:
             has_step = name in step.cells
             difference = compare_overshoots(step, subject.variant, name) if has_step else None
             text = UNKNOWN_TEXT if difference is None else difference_text(difference)
-            row.append(Cell(text, strong=difference is not None and difference.is_better))
-        rows.append(row)
+            table_row.append(Cell(text, strong=difference is not None and difference.is_better))
+        rows.append(table_row)
     return make_table(
         f"Overshoot of {subject.variant} compared with each baseline",
         ["step", "overshoot", *baselines],
@@ -336,13 +336,13 @@ def terminal_summary(simulation: Simulation) -> TerminalSummary:
     steps = [step for step in group_by_step(simulation.cells) if step.gap == file.gap_m]
     rows = []
     for name in simulation.setups:
-        last = steps[-1].cells[name]
+        last_cell = steps[-1].cells[name]
         other_cells = (
-            interval_text(last.interval(metric.key), factor=metric.factor)
+            interval_text(last_cell.interval(metric.key), factor=metric.factor)
             for metric in (SETTLING, STANDSTILL_OF_STEP)
         )
-        mark = " *" if name == simulation.main_variant else ""
-        rows.append([f"{name}{mark}", *(overshoot_text(step, name) for step in steps), *other_cells])
+        main_mark = " *" if name == simulation.main_variant else ""
+        rows.append([f"{name}{main_mark}", *(overshoot_text(step, name) for step in steps), *other_cells])
     heights = [f"{1e6 * step.height:g} µm" for step in steps]
     overshoots = make_table(
         f"Overshoot of steps at {1e3 * file.gap_m:g} mm",
@@ -353,7 +353,7 @@ def terminal_summary(simulation: Simulation) -> TerminalSummary:
         "the noise at standstill",
     )
     slope = (
-        f"{iron.label} iron: just after a reversal {100.0 * iron.slope_ratio:.0f} % of the static N/A; "
+        f"{iron.label} iron: slope just after a reversal {100.0 * iron.slope_ratio:.0f} % of the static one; "
         f"unstable pole {simulation.operating_point.bearing.current_drive_pole:.0f} Hz"
     )
     return TerminalSummary([overshoots], [*simulation.plant.report_lines, slope])
@@ -370,7 +370,7 @@ def step_tables(subject: SimulationSubject) -> list[PageTable]:
 
 
 def standstill_tables(figures: VariantFigures) -> list[PageTable]:
-    """Return the metrics at standstill, and the variants whose armature has a limit cycle."""
+    """Return the metrics at standstill, and the limit cycles of each variant."""
     cycles = make_table(
         "Limit cycles at a standstill",
         ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
@@ -383,21 +383,21 @@ def standstill_tables(figures: VariantFigures) -> list[PageTable]:
 def _cycle_row(figures: ExperimentFigures) -> tuple[str, str, str]:
     if figures.lost:
         return interval_text(lost_interval(figures.lost, figures.runs)), UNKNOWN_TEXT, UNKNOWN_TEXT
-    size, period = figures.median("amplitude"), figures.median("period")
+    amplitude, period = figures.median("amplitude"), figures.median("period")
     return (
         f"{len(figures.cycles or ())} of {figures.runs}",
-        UNKNOWN_TEXT if size is None else format_number(1e9 * size, 3),
+        UNKNOWN_TEXT if amplitude is None else format_number(1e9 * amplitude, 3),
         UNKNOWN_TEXT if period is None else format_number(1e3 * period, 3),
     )
 
 
 def experiment_tables(experiments: Experiments) -> list[PageTable]:
-    """Return the metrics of trajectories, load steps and disturbing events."""
+    """Return the metrics of the trajectories, the load steps and the disturbing events."""
     trajectories = {
         f"{shape.kind} of {1e6 * shape.amplitude_m:g}{NBSP}µm at {shape.frequency_Hz:g}{NBSP}Hz": by_variant
         for shape, by_variant in experiments.trajectories
     }
-    loads = {f"load step of {force:g}{NBSP}N": one for force, one in experiments.load_steps}
+    loads = {f"load step of {force:g}{NBSP}N": step_figures for force, step_figures in experiments.load_steps}
     recovery: dict[str, VariantFigures] = dict(loads)
     events: dict[str, VariantFigures] = {}
     for event, one in experiments.events.items():
@@ -447,7 +447,7 @@ def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
 
 
 def settling_sentence(subject: SimulationSubject) -> str:
-    """Return a sentence about settling time and steady-state error, as in the paper."""
+    """Return a sentence about settling time and steady-state error, which the paper also compares."""
     if "ratio" not in subject.baselines:
         return ""
     counts = []
@@ -457,7 +457,7 @@ def settling_sentence(subject: SimulationSubject) -> str:
             for row in [step.figure(metric.key) for step in subject.steps]
             if subject.variant in row and "ratio" in row
         ]
-        pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # levitation was lost
+        pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # Levitation was lost.
         if pairs:
             own_range, ratio_range = (
                 _range_text([metric.factor * value for value in values], metric.unit)

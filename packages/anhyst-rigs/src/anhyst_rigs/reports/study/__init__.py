@@ -1,1 +1,1 @@
-"""Parts that the pages and figures of all studies share."""
+"""Provide the parts that the pages and figures of all studies share."""

@@ -1,4 +1,4 @@
-"""Provide the common parts of the pages of all studies: colours, diagrams, tables, file origins."""
+"""Provide common parts for the pages of all studies: colours, diagrams, tables, origin of files."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ INK_COLOUR = "#000000"
 SHADE_COLOUR = "#8C8C8C"
 PALE_COLOUR = "#C4C4C4"
 
-# Okabe-Ito colours, and dashes for print without colour.
+# These are Okabe-Ito colours, and dashes for prints without colour.
 _LINE_STYLES: Mapping[MethodName, tuple[str, Any]] = {
     "ratio": (FALLING_COLOUR, "-"),
     "secant": ("#7A4B21", (0, (1, 1))),
@@ -71,7 +71,7 @@ _INTERVAL_DIGITS = 2
 _MEAN_DIGITS = 4
 _MAX_DECIMALS = 3
 MAX_CURVE_POINTS = 1200
-"""Maximum number of points per curve in a figure."""
+"""Maximum number of points of a curve in a figure."""
 
 
 def line_style(variant: MethodName) -> dict[str, Any]:
@@ -82,33 +82,32 @@ def line_style(variant: MethodName) -> dict[str, Any]:
 
 def in_report_order(variants: Iterable[str]) -> list[MethodName]:
     """Return variants in the order of all figures and tables."""
-    present = set(variants)
-    return [name for name in COLOURS if name in present]
+    present_names = set(variants)
+    return [name for name in COLOURS if name in present_names]
 
 
 def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
     """Return rows of equal length with no more points than a plot can show.
 
-    In each interval, the lowest and the highest value of the last row are kept, so that peaks
-    remain.
+    In each interval, the lowest and the highest value of the last row remain, so that peaks do.
     """
     values = rows[-1]
-    stretch = math.ceil(2 * values.size / MAX_CURVE_POINTS)
-    if stretch <= 2:
+    interval_rows = math.ceil(2 * values.size / MAX_CURVE_POINTS)
+    if interval_rows <= 2:
         return rows
-    extremes = {
-        start + int(extreme(values[start : start + stretch]))
-        for start in range(0, values.size, stretch)
-        for extreme in (np.argmin, np.argmax)
+    extreme_indices = {
+        start + int(find_extreme(values[start : start + interval_rows]))
+        for start in range(0, values.size, interval_rows)
+        for find_extreme in (np.argmin, np.argmax)
     }
-    index = np.array(sorted({0, *extremes, values.size - 1}))
-    return tuple(row[index] for row in rows)
+    index = np.array(sorted({0, *extreme_indices, values.size - 1}))
+    return tuple(curve[index] for curve in rows)
 
 
 def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0) -> str:
-    """Return a mean with the half width of its confidence interval, rounded up.
+    """Return a mean and the half-width of its confidence interval, rounded up, as text.
 
-    An infinite time is "never". If levitation was lost, the number of losses is returned.
+    An infinite time becomes "never". If levitation was lost, the text is the number of losses.
 
     >>> interval_text(Interval(8.1234, 0.213, 20), "%").replace(NBSP, " ")
     '8.12 ± 0.22 %'
@@ -138,11 +137,11 @@ def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0
 
 
 def legend_below(figure: Figure, *axes: Axes, columns: int = 4) -> None:
-    """Add one legend for several panels below them, with each label once."""
+    """Add a common legend below several panels; each label occurs once."""
     labels: dict[str, Any] = {}
     for ax in axes:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            labels.setdefault(str(label), handle)
+        for legend_handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            labels.setdefault(str(label), legend_handle)
     figure.legend(list(labels.values()), list(labels), loc="outside lower center", ncols=columns)
 
 
@@ -150,7 +149,7 @@ _TONE_OF_LEVEL: Mapping[Level, Tone] = {"yes": "good", "mixed": "warn", "no": "w
 
 
 def verdict_note(judgement: Judgement) -> Note:
-    """Return a verdict as a note."""
+    """Return a note with a verdict."""
     text = f"{judgement.text[:1].upper()}{judgement.text[1:]}."
     return Note(_TONE_OF_LEVEL[judgement.level], VERDICT_TITLES[judgement.level], text)
 
@@ -162,8 +161,8 @@ PLANT_FILL = "#F4F6F8"
 _BOX_EDGE_COLOUR = "#333333"
 _TITLE_SIZE_PT = 8.5
 _TEXT_SIZE_PT = 7.5
-_LINE_SPACING_IN = 0.155  # distance between lines
-_MAX_TEXT_SHARE = 0.86  # largest width of a text, as a fraction of the width of its box
+_LINE_SPACING_IN = 0.155  # distance from one line of text to the next
+_MAX_TEXT_RATIO = 0.86  # largest width of a text, as a fraction of the width of its box
 Point = tuple[float, float]
 
 
@@ -171,12 +170,12 @@ Point = tuple[float, float]
 class DiagramBlock:
     """A block of a diagram."""
 
-    title: str  # title
-    lines: tuple[str, ...]  # values
+    title: str  # title of the block
+    lines: tuple[str, ...]  # further lines with values
 
 
 def new_diagram(width: float, height: float) -> tuple[Figure, Axes]:
-    """Create a diagram with a scale of one unit per inch."""
+    """Create an empty diagram whose unit of length is one inch."""
     figure = new_figure(height, width=width)
     figure.set_layout_engine("none")
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -190,9 +189,9 @@ def new_diagram(width: float, height: float) -> tuple[Figure, Axes]:
 def draw_box(
     ax: Axes, centre: Point, name: str, block: DiagramBlock, fill: str, height: float = BOX_HEIGHT_IN
 ) -> None:
-    """Draw a box with its title and the lines below it."""
+    """Draw a box with its title and further lines of text."""
     x, y = centre
-    shape = FancyBboxPatch(
+    box_patch = FancyBboxPatch(
         (x - 0.5 * BOX_WIDTH_IN, y - 0.5 * height),
         BOX_WIDTH_IN,
         height,
@@ -201,14 +200,14 @@ def draw_box(
         ec=_BOX_EDGE_COLOUR,
         lw=0.9,
     )
-    shape.set_gid(f"box-{name}")
-    ax.add_patch(shape)
-    top = y + 0.5 * height - 0.14
-    text = ax.text(x, top, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE_SIZE_PT)
+    box_patch.set_gid(f"box-{name}")
+    ax.add_patch(box_patch)
+    top_line = y + 0.5 * height - 0.14
+    text = ax.text(x, top_line, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE_SIZE_PT)
     text.set_gid(f"title-{name}")
     _shrink_to_box(text)
     free_height = height - 0.28 - _LINE_SPACING_IN * len(block.lines)
-    first = top - 0.14 - 0.5 * max(free_height, 0.0) - 0.5 * _LINE_SPACING_IN
+    first = top_line - 0.14 - 0.5 * max(free_height, 0.0) - 0.5 * _LINE_SPACING_IN
     for row, line in enumerate(block.lines):
         text = ax.text(
             x, first - row * _LINE_SPACING_IN, line, ha="center", va="center", fontsize=_TEXT_SIZE_PT
@@ -222,25 +221,25 @@ def _shrink_to_box(text: Text) -> None:
     figure = text.get_figure(root=True)
     assert figure is not None
     width = text.get_window_extent(FigureCanvasAgg(figure).get_renderer()).width  # type: ignore[no-untyped-call]
-    max_width = _MAX_TEXT_SHARE * BOX_WIDTH_IN * figure.dpi
+    max_width = _MAX_TEXT_RATIO * BOX_WIDTH_IN * figure.dpi
     if width > max_width:
         text.set_fontsize(float(text.get_fontsize()) * max_width / width)
 
 
 def draw_arrow(ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, **style: Any) -> None:
-    """Draw an arrow along several points, with its head at the last one."""
+    """Draw an arrow through several points, with its head at the last point."""
     xs, ys = zip(*corners, strict=True)
     if len(corners) > 2:
         ax.plot(xs[:-1], ys[:-1], color=colour, lw=1.3, solid_joinstyle="round")
-    head = {"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", corners[-1], corners[-2], arrowprops=head | style)
+    arrow_style = {"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", corners[-1], corners[-2], arrowprops=arrow_style | style)
 
 
 def draw_label(
-    ax: Axes, at: Point, text: str, horizontal_alignment: str = "center", vertical_alignment: str = "bottom"
+    ax: Axes, xy: Point, text: str, horizontal_alignment: str = "center", vertical_alignment: str = "bottom"
 ) -> None:
-    """Write a label at a point."""
-    ax.text(*at, text, ha=horizontal_alignment, va=vertical_alignment, fontsize=_TEXT_SIZE_PT)
+    """Write a label at a given point."""
+    ax.text(*xy, text, ha=horizontal_alignment, va=vertical_alignment, fontsize=_TEXT_SIZE_PT)
 
 
 REPORT_NAME = "report.html"
@@ -260,18 +259,18 @@ _METHOD_REMARKS: Mapping[MethodName, str] = {
 
 
 class TerminalSummary(NamedTuple):
-    """Terminal output of a study, except losses and verdict."""
+    """Terminal output of a study, without losses and verdict."""
 
     tables: Sequence[PageTable]
     lines: Sequence[str]
 
 
 def page_text(
-    kind: str, head: Headline, sections: Sequence[Section | None], source: str = "a simulation"
+    kind: str, headline: Headline, sections: Sequence[Section | None], source: str = "a simulation"
 ) -> str:
-    """Return the page of a study; empty sections are omitted."""
-    nonempty = [section for section in sections if section is not None and section.blocks]
-    return render_page(head, nonempty, running_version(), kind=kind, source=source)
+    """Return the page of a study; sections without content are omitted."""
+    filled_sections = [section for section in sections if section is not None and section.blocks]
+    return render_page(headline, filled_sections, running_version(), kind=kind, source=source)
 
 
 def write_page(path: PathLike, text: str) -> None:
@@ -281,29 +280,29 @@ def write_page(path: PathLike, text: str) -> None:
 
 
 def origin_section(files: Mapping[str, str], command: str = "", seed: int | None = None) -> Section:
-    """Return the section with the files of a study, their SHA-256, and the command that repeats it."""
+    """Return the section with the SHA-256 of all input files and the command that repeats a study."""
     rows: list[list[str | Cell]] = [
         [name, Cell(f"{digest[:16]}…", code=True)] for name, digest in files.items()
     ]
     texts = [] if seed is None else [f"Seed {seed}; the same seed gives the same results."]
     texts += [f"Made by: {command}"] if command else []
     blocks = [make_table("Files", ["file", "SHA-256"], rows, texts=2)] if rows else []
-    items = [Items("How to repeat the study", tuple(texts))] if texts else []
-    return Section("origin", "Origin", (*blocks, *items))
+    page_items = [Items("How to repeat the study", tuple(texts))] if texts else []
+    return Section("origin", "Origin", (*blocks, *page_items))
 
 
 def file_hashes(files: Sequence[Path]) -> dict[str, str]:
-    """Return the SHA-256 of files by name."""
+    """Return the SHA-256 of each file, by file name."""
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 def picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
-    """Return a figure with its description in words and its caption."""
+    """Return a figure with its caption and with a description in words."""
     return Picture(svg_text(figure, key), alt, caption)
 
 
 def comparison_tile(metric: Metric, own_value: float, other_value: float, name: str) -> Tile:
-    """Return a tile with a large number and the value with which it is compared."""
+    """Return a tile with a number in large type, and with the value for comparison."""
     texts = [
         f"{format_number(metric.factor * value, 2)}{NBSP}{metric.unit}" for value in (own_value, other_value)
     ]
@@ -316,9 +315,9 @@ def method_table(
     methods: Mapping[str, Callable[[str], Interval | None]],
     caption: str = "",
 ) -> PageTable:
-    """Return a table of one case: one row per method and one column per metric.
+    """Return a table for one case: one row per method and one column per metric.
 
-    Each method is given as a function from the key of a metric to its value.
+    Each method is given as a function that returns its value for the key of a metric.
     """
 
     def cell(interval_of: Callable[[str], Interval | None], metric: Metric) -> str:
@@ -331,17 +330,17 @@ def method_table(
 def case_table(
     metric: Metric, cases: Cases, caption: str = "", remark: Callable[[CaseFigures], str] | None = None
 ) -> PageTable:
-    """Return a table of one metric: one row per case and one column per method."""
-    methods = in_report_order(name for row in cases.values() for name in row)
+    """Return a table for one metric: one row per case and one column per method."""
+    methods = in_report_order(name for method_cells in cases.values() for name in method_cells)
 
     def cell(case: str, name: MethodName) -> str:
-        """Return a value and its remark; a line can break only between them."""
+        """Return a value and its remark; a line break is possible only between them."""
         if name not in cases[case]:
             return interval_text(None)
         figures = cases[case][name]
         text = interval_text(figures.interval(metric.key), factor=metric.factor)
-        parts = (text, "" if remark is None else remark(figures))
-        return " ".join(part.replace(" ", NBSP) for part in parts if part)
+        text_parts = (text, "" if remark is None else remark(figures))
+        return " ".join(text_part.replace(" ", NBSP) for text_part in text_parts if text_part)
 
     rows = [[case, *(cell(case, name) for name in methods)] for case in cases]
     counts = [figures.interval(metric.key).count for row in cases.values() for figures in row.values()]

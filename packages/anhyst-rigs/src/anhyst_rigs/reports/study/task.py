@@ -1,4 +1,4 @@
-"""The task of simulating a rig file, and the files that its study writes."""
+"""Define the task of simulating a rig file, and write the files of its study."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
 from anhyst_rigs.study.engine.table import FIGURES_FILE, StudyResult
 
 MONTE_CARLO_NAME = "montecarlo.json"
-"""File name of the metrics of drifted plants, in the folder of their results."""
+"""File name for the metrics of drifted plants, in the folder of their results."""
 Result = TypeVar("Result", bound=StudyResult)
 
 
@@ -46,7 +46,7 @@ class SimulationTask:
         render: Callable[[Result, str], str],
         input_files: Sequence[PathLike],
     ) -> Result:
-        """Run the study of a rig, and write the recording, the figures and the page on request."""
+        """Run the study of a rig; on request, write the recording, the figures and the page."""
         if not self.writes_files:
             return explore()
         check_recording(self.out, input_files)
@@ -56,19 +56,19 @@ class SimulationTask:
             result = explore()
             text = render(result, self.command())
         except NegativeResult:
-            self.report_path.unlink(missing_ok=True)  # it belongs to another recording
+            self.report_path.unlink(missing_ok=True)  # removes a page of another recording
             raise
         result.save(self.out)
         write_page(self.report_path, text)
         return result
 
     def require_suffix(self, suffix: str, what: str) -> None:
-        """Raise an error if the output file has another suffix."""
+        """Raise an error if the output file has another extension."""
         if self.out.suffix != suffix:
             raise InputError(f"{self.out}: {what} written as {suffix}; name it so", code="wrong-ending")
 
 
 def files_written(result: StudyResult, out: Path) -> str:
-    """Return a text that names the files of a study: recording, figures and page."""
+    """Return a text with the names of the written files: recording, figures and page."""
     figures = MONTE_CARLO_NAME if isinstance(result, MonteCarlo) else FIGURES_FILE
     return ", ".join(map(str, (out, out.parent / figures, out.parent / REPORT_NAME)))

@@ -1,1 +1,1 @@
-"""The rig of a magnetic bearing: plant, instruments and controller in lock-step."""
+"""Simulate the rig of a magnetic bearing: plant, instruments and controller advance tick by tick."""

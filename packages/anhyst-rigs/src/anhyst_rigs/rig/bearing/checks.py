@@ -37,7 +37,7 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
         text = "a single magnet cannot push; raise it to 0 or more"
         yield FileFault(("limits", "force_low_N"), text, code="cannot-push")
     if len(rig.settings.body_magnets) == 1 and not rig.static_load < limits.force_high_N:
-        text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.static_load:g} N"
+        text = f"{limits.force_high_N:g} N cannot lift the load of {rig.path}, {rig.static_load:g} N"
         yield FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
     variant = settings.compensation.variant
     if variant in FLUX_PROBE_METHODS and plant.hall_probe is None:
@@ -45,24 +45,24 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
         yield FileFault(("compensation", "variant"), text, code="no-hall-probe")
     yield from _amplifier_faults(settings, rig)
     steps = ((gap, height) for gap in plant.step_gaps_m for height in plant.step.heights_m)
-    lows = [step_ends(gap, height)[1] for gap, height in steps]
-    lowest = min(lows + [plant.gap_m - case.amplitude_m for case in plant.trajectories])
+    low_gaps = [step_ends(gap, height)[1] for gap, height in steps]
+    lowest = min(low_gaps + [plant.gap_m - case.amplitude_m for case in plant.trajectories])
     highest = plant.body.stop_high_m
     if not limits.gap_low_m < lowest:
-        text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
+        text = f"the armature of {rig.path} moves to a gap of {lowest:.5g} m; lower it"
         yield FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered")
     step = plant.gap_sensor.resolution
     if limits.step_m < step:
-        text = f"the position sensor of {rig.path} has steps of {step:.4g} m; raise it"
+        text = f"the position sensor of {rig.path} has a resolution of {step:.4g} m; raise it"
         yield FileFault(("limits", "step_m"), text, code="step-too-fine")
     if not limits.gap_high_m > highest:
-        text = f"{rig.path} rests at a gap of {highest:.5g} m; raise it"
+        text = f"the armature of {rig.path} rests at a gap of {highest:.5g} m; raise it"
         yield FileFault(("limits", "gap_high_m"), text, code="gaps-not-covered")
     yield from _ramp_faults(settings, rig, lowest)
 
 
 def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iterator[FileFault]:
-    """Find ramps whose lift-off or landing would take too long to simulate."""
+    """Find a lift-off or landing ramp that would take too long to simulate."""
     travel = rig.settings.body.stop_high_m - lowest
     for table, action, ramp, seconds in (
         ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
@@ -70,22 +70,22 @@ def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iter
     ):
         if seconds > MAX_RAMP_S:
             forces = settings.limits.force_high_N / ramp.force_rate_N_per_s
-            longer = forces > travel / ramp.speed_m_per_s
-            key = "force_rate_N_per_s" if longer else "speed_m_per_s"
+            is_too_long = forces > travel / ramp.speed_m_per_s
+            key = "force_rate_N_per_s" if is_too_long else "speed_m_per_s"
             text = f"{action} takes {seconds:.4g} s, but at most {MAX_RAMP_S:g} s are simulated"
             yield FileFault((table, key), f"{text}; raise it", code="too-slow")
 
 
 def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
-    """Find conflicts about the amplifier's converter and about the second magnet of a pair."""
+    """Find conflicts about the converter of the amplifier and about the second magnet of a pair."""
     converter, amplifier = settings.converter, rig.settings.amplifier
     if converter is not None:
-        ends = {
+        amplifier_values = {
             "low_A": amplifier.current_low_A,
             "high_A": amplifier.current_high_A,
             "bits": amplifier.dac_bits,
         }
-        for key, value in ends.items():
+        for key, value in amplifier_values.items():
             if getattr(converter, key) != value:
                 text = f"the amplifier of {rig.path} has {value:g}; make them equal"
                 yield FileFault(("converter", key), text, code="differs-from-rig")

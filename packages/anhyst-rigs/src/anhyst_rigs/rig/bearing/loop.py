@@ -23,7 +23,7 @@ from anhyst_rigs.rig.recording import COLUMNS
 
 
 def pair_table(rig: BodyRig) -> PairTable | None:
-    """Return the controller's parameters of a pair of magnets; None for a single magnet."""
+    """Return the parameters of a pair of magnets for the controller; None for a single magnet."""
     bias, total = rig.settings.bias_N, rig.settings.gap_total_m
     if bias is None or total is None:
         return None
@@ -38,11 +38,11 @@ class BearingSetup(Setup):
     """Everything that a run of a bearing needs."""
 
     recorded_columns = COLUMNS
-    controller: ControllerTable  # gains, limits and lift-off
+    controller: ControllerTable  # gains, limits and lift-off settings
 
     @cached_property
     def position_control(self) -> PositionControl:
-        """Controller in SI units."""
+        """Position controller in SI units."""
         amplifier, parameters = self.rig.settings.amplifier, self.compensator.parameters
         return self.controller.position_control(
             parameters.scales,
@@ -68,7 +68,7 @@ def make_setup(
     variant: MethodName,
     number_format: NumberFormat,
 ) -> BearingSetup:
-    """Fit a variant with the calibration of the rig, and combine it with a controller."""
+    """Fit the compensators of a variant with the calibration of the rig; add a controller."""
     magnets = calibrated_magnets(rig, magnet, variant)
     compensators = fit_bearing_compensators(rig, controller, magnets, variant, number_format)
     compensation = controller.compensation.model_copy(update={"variant": variant, "format": number_format})
@@ -85,23 +85,23 @@ def fit_bearing_compensators(
     variant: MethodName,
     number_format: NumberFormat,
 ) -> list[ForceController]:
-    """Fit a variant to each magnet."""
+    """Fit the compensator of a variant to each magnet."""
     point = operating_point(rig, controller, *(magnet.loops for magnet in magnets))
     return fit_compensators(rig, point, magnets, variant, number_format)
 
 
 def calibrated_magnets(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName) -> list[IdentifiedMagnet]:
-    """Return each magnet with the calibration of a variant, or a single uncorrected one without it.
+    """Return each magnet corrected by the calibration of a variant, or one uncorrected magnet.
 
-    The gap of the second magnet is the total minus that of the first. Therefore, its zero error has
-    the opposite sign.
+    The gap of the second magnet is the sum of both gaps minus the gap of the first magnet.
+    Therefore, its zero error has the opposite sign.
     """
     calibration = rig.method_calibration(variant)
     if calibration is None or not calibration.is_applied:
         return [magnet]
     widths = calibration.width_changes(len(rig.settings.body_magnets))
     gap_zero = calibration.value("gap_zero_m")
-    # the same range of gaps for both magnets of a pair
+    # The compensators of both magnets of a pair cover the same range of gaps.
     gap_margin = 2.0 * abs(gap_zero) if len(widths) > 1 else 0.0
     return [
         calibrate_magnet(
@@ -116,7 +116,7 @@ def calibrated_magnets(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodNa
 
 
 def model_to_compile(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName) -> Model:
-    """Return the model that is compiled to a parameter block, with the calibration of a variant."""
+    """Return the model for the parameter block, corrected by the calibration of a variant."""
     magnets = calibrated_magnets(rig, magnet, variant)
     if len(magnets) > 1:
         raise InputError(
@@ -131,18 +131,18 @@ def model_to_compile(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName
 def make_setups(
     rig: BodyRig, controller: ControllerFile, magnet: IdentifiedMagnet, variants: tuple[MethodName, ...]
 ) -> Mapping[MethodName, BearingSetup]:
-    """Fit several variants with the number format of a controller file that fits the rig."""
+    """Make the setups of several variants in the number format of a matching controller file."""
     table = controller.settings
     setups = {}
     for variant in variants:
-        modelled = variant in MODEL_METHODS and controller.model is not None
+        has_model = variant in MODEL_METHODS and controller.model is not None
         try:
             setups[variant] = make_setup(rig, table, magnet, variant, table.compensation.format)
         except InputError as error:
             raise error.with_location(
-                controller.model if modelled else rig.measured_loops.description
+                controller.model if has_model else rig.measured_loops.description
             ) from error
-        with error_at_key(controller):  # gains that do not fit the compensator or format
+        with error_at_key(controller):  # gains that do not suit the compensator or its format
             control = setups[variant].position_control
             control.gains(table.compensation.format)
             control.settings(table.compensation.format)
@@ -150,14 +150,14 @@ def make_setups(
 
 
 def operating_point(rig: BodyRig, controller: ControllerTable, *loops: Loops) -> OperatingRange:
-    """Return the operating point and ranges of a bearing, for a pair at its bias force."""
+    """Return the operating point and the ranges of a bearing; for a pair, at its bias force."""
     pair = pair_table(rig)
-    measured = [gap for loop in loops for gap in loop.by_schedule() if gap is not None]
+    measured_gaps = [gap for loop in loops for gap in loop.by_schedule() if gap is not None]
     return OperatingRange(
         gap=rig.settings.gap_m,
         force=rig.static_load if pair is None else pair.bias_force_N,
         rate=controller.rate_Hz,
-        gap_range=controller.working_gaps(pair, (min(measured), max(measured))),
+        gap_range=controller.working_gaps(pair, (min(measured_gaps), max(measured_gaps))),
         force_max=controller.force_max(pair),
         current_max=controller.limits.current_high_A,
     )

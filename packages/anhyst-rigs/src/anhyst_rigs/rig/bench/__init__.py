@@ -1,1 +1,1 @@
-"""Benches: a rig and its controller, virtual or of hardware, as one sees and operates them."""
+"""Provide benches: a virtual or real rig with its controller, for interactive use by an operator."""

@@ -1,4 +1,4 @@
-"""Simulate a bearing and its firmware interactively, in lock-step."""
+"""Simulate a bearing and its firmware interactively; both advance together tick by tick."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from anhyst_rigs.rig.recording import Recording, column_name
 
 
 class LoadDrive:
-    """The load drive of a bearing: force, damping, stiffness and a sinusoidal disturbance."""
+    """A load drive of a bearing with force, damping, stiffness and a sinusoidal disturbance."""
 
     def __init__(self, rig: BodyRig, bearing: Plant) -> None:
         load, mass = rig.settings.load, rig.settings.body.mass_kg
@@ -53,8 +53,8 @@ class LoadDrive:
         self._bearing = bearing
         self._dt = rig.dt
         self._phase_zero_tick = 0  # tick at which the phase of the disturbance is zero
-        # The drive renders both with a lag. Values beyond these fractions of its bandwidth would
-        # make it unstable.
+        # The drive produces damping and stiffness with a lag. Larger values relative to its
+        # bandwidth would make the drive unstable.
         max_damping = mass * 2.0 * math.pi * load.velocity_bandwidth_Hz / 4.0
         max_stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
         max_frequency = rig.settings.timing.rate_Hz / 4.0
@@ -76,18 +76,18 @@ class LoadDrive:
         self.parameters = self._knobs.parameters
 
     def apply(self, values: Mapping[str, float], tick: int) -> None:
-        """Set values from a tick on; names of other parameters are ignored."""
+        """Set values that apply from a tick on; unknown parameter names are ignored."""
         self._knobs.apply(values)
         if "disturbance_frequency" in values:
             self._phase_zero_tick = tick
         self._bearing.set_load(self._knobs["load_damping"], self._knobs["load_stiffness"])
 
-    def forces(self, first: int, ticks: int) -> FloatArray:
-        """Return the commanded force at some ticks, N, shape (ticks,)."""
+    def forces(self, begin: int, ticks: int) -> FloatArray:
+        """Return the commanded force at the next ticks, N, shape (ticks,)."""
         amplitude = self._knobs["disturbance_force"]
         if amplitude == 0.0:
             return np.full(ticks, self.force)
-        ticks_since = np.arange(first - self._phase_zero_tick, first - self._phase_zero_tick + ticks)
+        ticks_since = np.arange(begin - self._phase_zero_tick, begin - self._phase_zero_tick + ticks)
         phase = self._knobs["disturbance_frequency"] * self._dt * ticks_since
         wave: FloatArray = self.force + amplitude * sine(phase)
         return wave
@@ -108,7 +108,7 @@ _PLANT_SIGNALS = {
     "flux_density_T": Signal("flux_density", "T", "flux density in the gap of the first magnet"),
     **current_signals(2, POSITION_MAGNETS),
 }
-"""Signals of the plant, by the columns of a simulated loop."""
+"""Signals of the plant, keyed by the columns of a simulated loop."""
 _FIRMWARE_SIGNALS = (
     Signal("expected", "N", "force that the first magnet's model predicts after the tick"),
     Signal("model_flux", "", "flux of this model, as a fraction of its full scale"),
@@ -117,59 +117,59 @@ _FIRMWARE_SIGNALS = (
     Signal("fault", "", "latched fault: Fault"),
     Signal("flags", "", "flags of this tick: Flag"),
 )
-"""Signals that only the controller provides."""
+"""Signals that only the firmware provides."""
 _FULL_SCALE_NAMES = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
 _STATE_COLUMN = 1 + len(_PLANT_SIGNALS) + [signal.name for signal in _FIRMWARE_SIGNALS].index("state")
-"""Column of the state in the rows of a bench; the fault is two columns after it."""
+"""Index of the controller state in the rows of a bench; the fault is two columns after it."""
 _WORD_INDEX = {field.name: at for at, field in enumerate(fields(PlantDrive))}
 _TickFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
 
 
 class BusTap:
-    """A firmware on any board whose samples may be changed or withheld."""
+    """An exchange with a firmware that can change sensor samples or withhold them."""
 
     def __init__(self, exchange: Exchange) -> None:
-        # changes a sensor sample; None: unchanged
+        # function that changes a sensor sample; None: unchanged
         self.change_sample: Callable[[PlantSample], PlantSample] | None = None
-        self.ticks_to_skip = 0  # number of next ticks that are withheld from the firmware
+        self.ticks_to_skip = 0  # number of the next samples that are withheld from the firmware
         self.exchange, self._call = exchange, _TickFunction(self._exchange_tick)
         self._last_answer = PlantDrive(*(0 for _ in fields(PlantDrive)))
 
     @property
     def tick(self) -> tuple[int, int]:
-        """Addresses of the tick function and of its memory (0) for the core's BusController."""
+        """Addresses of the tick function and its memory (0), for the BusController of the core."""
         return ctypes.cast(self._call, ctypes.c_void_p).value or 0, 0
 
     def _exchange_tick(self, memory: int | None, sample: int, drive: int) -> None:
-        del memory  # the exchange has the memory of the firmware
+        del memory  # not used: the exchange object refers to the firmware's memory
         ctypes.memset(drive, 0, PlantDrive.FIXED.size)  # no answer yet
         sample_bytes = ctypes.string_at(sample, PlantSample.FIXED.size)
-        received = PlantSample(*PlantSample.FIXED.unpack(sample_bytes))
+        plant_sample = PlantSample(*PlantSample.FIXED.unpack(sample_bytes))
         if self.ticks_to_skip:
             self.ticks_to_skip -= 1
-            self._last_answer = replace(self._last_answer, tick=received.tick)
+            self._last_answer = replace(self._last_answer, tick=plant_sample.tick)
         else:
-            changed_sample = received if self.change_sample is None else self.change_sample(received)
+            changed_sample = plant_sample if self.change_sample is None else self.change_sample(plant_sample)
             try:
                 self._last_answer = self.exchange(changed_sample)
             except (OSError, ValueError):
-                return  # the loop detects the missing answer
+                return  # The closed loop detects that the answer is missing.
         answer = self._last_answer.FIXED.pack(*vars(self._last_answer).values())
         ctypes.memmove(drive, answer, len(answer))
 
 
 class _NoPlant:
-    """Placeholder for the plant of a board's bus, because the loop computes the plant."""
+    """Placeholder for the plant of a board's bus; the closed loop simulates the plant instead."""
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         raise NotImplementedError
 
 
 class BearingBench(LockStepBench):
-    """A bearing and the firmware that levitates it, in lock-step.
+    """A bearing and the firmware that levitates it; both advance together tick by tick.
 
     The firmware runs in this process, or with a :class:`BusTap` on one of
-    :data:`anhyst_rigs.link.virtual_boards.VIRTUAL_BOARDS`. Its heartbeat period counts ticks.
+    :data:`anhyst_rigs.link.virtual_boards.VIRTUAL_BOARDS`. Its heartbeat timeout is in ticks.
     """
 
     signals = (*_PLANT_SIGNALS.values(), *_FIRMWARE_SIGNALS)
@@ -178,7 +178,7 @@ class BearingBench(LockStepBench):
     state = State.INIT  # state of the controller after the last tick
     fault = Fault.NONE  # fault of the controller after the last tick
     gap = math.nan  # gap at the last tick, m
-    sends_heartbeat = True  # whether heartbeats of the operator are sent
+    sends_heartbeat = True  # whether the bench sends the heartbeats of the operator
 
     def __init__(
         self, setup: BearingSetup, firmware: Path, board: str = "", bearing: Plant | None = None
@@ -197,9 +197,9 @@ class BearingBench(LockStepBench):
             source: LibraryBoard | BusTap
             port: str | LinkPort
             if board:
-                running = self._resources.enter_context(VIRTUAL_BOARDS[board](firmware, _NoPlant()))
-                self.tap = source = BusTap(running.bus.exchange)
-                port = running.link
+                running_firmware = self._resources.enter_context(VIRTUAL_BOARDS[board](firmware, _NoPlant()))
+                self.tap = source = BusTap(running_firmware.bus.exchange)
+                port = running_firmware.link
             else:
                 port = source = LibraryBoard(firmware)
                 self._resources.callback(source.switch_off)
@@ -219,17 +219,17 @@ class BearingBench(LockStepBench):
             raise
 
     def advance(self, ticks: int) -> FloatArray:
-        """Compute some ticks and return their rows."""
+        """Simulate some ticks and return their rows."""
         load = self.load_drive.forces(self.tick + 1, ticks)
         return self._run_with_heartbeat(Scenario(np.zeros(ticks), load))
 
     def step(self) -> dict[str, float]:
-        """Advance by one tick and return its signals by name."""
+        """Advance by one tick and return its signals, keyed by their names."""
         names = (signal.name for signal in self.signals)
         return dict(zip(names, self.advance(1)[0, 1:].tolist(), strict=True))
 
     def run(self, scenario: Scenario, progress: Progress | None = None) -> Recording:
-        """Run a scenario, with its targets and commands sent over the link.
+        """Run a scenario; its targets and commands are sent over the link.
 
         The recording has the columns of a simulated loop for the plant, and those of the firmware.
         """
@@ -248,14 +248,14 @@ class BearingBench(LockStepBench):
         return Recording.from_table(np.concatenate(rows), ["tick", *_PLANT_SIGNALS, *firmware_columns])
 
     def _run_with_heartbeat(self, scenario: Scenario) -> FloatArray:
-        """Run a scenario without its targets and commands, and send the heartbeats that are due."""
-        parts, begin = [], 0
+        """Run a scenario without targets and commands, and send each heartbeat when it is due."""
+        recordings, begin = [], 0
         while begin < scenario.ticks:
-            remaining = scenario.ticks - begin
-            count = self._heartbeat.count_ticks(remaining) if self.sends_heartbeat else remaining
-            parts.append(self._run(scenario.slice_ticks(begin, begin + count)))
+            remaining_ticks = scenario.ticks - begin
+            count = self._heartbeat.count_ticks(remaining_ticks) if self.sends_heartbeat else remaining_ticks
+            recordings.append(self._run(scenario.slice_ticks(begin, begin + count)))
             begin += count
-        return np.concatenate(parts)
+        return np.concatenate(recordings)
 
     def _run(self, scenario: Scenario) -> FloatArray:
         first_tick = self.tick + 1
@@ -270,13 +270,13 @@ class BearingBench(LockStepBench):
         return rows
 
     def _firmware_columns(self, words: NDArray[np.uint32]) -> FloatArray:
-        """Return the signals of the firmware, one column each, from the words of its answers."""
-        signed = words.view(np.int32).astype(np.float64)
+        """Return one column for each signal of the firmware, from the words of its answers."""
+        signed_words = words.view(np.int32).astype(np.float64)
         state, mode = words[:, _WORD_INDEX["state"]], words[:, _WORD_INDEX["mode"]]
         return np.column_stack(
             (
-                signed[:, _WORD_INDEX["expected"]] / Q31 * self._scales["demand_full"],
-                signed[:, _WORD_INDEX["flux"]] / Q30,
+                signed_words[:, _WORD_INDEX["expected"]] / Q31 * self._scales["demand_full"],
+                signed_words[:, _WORD_INDEX["flux"]] / Q30,
                 state & 0xFF,
                 mode >> 16,
                 state >> 8 & 0xFF,
@@ -291,8 +291,8 @@ class BearingBench(LockStepBench):
 
     def demand(self, value: float) -> None:
         """Demand a gap, m."""
-        part = (self._scales["gap_middle"] - value) / self._scales["position_full"]
-        code = max(-(1 << 31), min((1 << 31) - 1, math.floor(part * Q31 + 0.5)))
+        position_code = (self._scales["gap_middle"] - value) / self._scales["position_full"]
+        code = max(-(1 << 31), min((1 << 31) - 1, math.floor(position_code * Q31 + 0.5)))
         if code != self._target_code:
             self.link.request(TargetRequest(code), StatusAnswer)
             self._target_code = code
@@ -307,7 +307,7 @@ class BearingBench(LockStepBench):
         return (*self._settings.parameters(), *self.load_drive.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Set parameters together from the next tick on, and return this tick."""
+        """Set parameters, all from the next tick on, and return this tick."""
         check_values(values, self.parameters())
         self._settings.write(values, is_running=True)
         self._heartbeat.restart()

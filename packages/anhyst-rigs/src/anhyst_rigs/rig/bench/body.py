@@ -1,4 +1,4 @@
-"""Provide the data for the live picture of a stage's body, and its readings at rest."""
+"""Provide the data for the live picture of a stage's body, and the readings of a resting body."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from anhyst_rigs.rig.stage.geometry import head_lines, magnet_rows, scan_directi
 
 
 def body_layout(file: RigFile) -> dict[str, Any]:
-    """Return magnets and heads; the matrix `see` converts gap reductions to a pose."""
+    """Return magnets, heads and the matrix ``see``, which converts gap reductions to a pose."""
     return {
         "free": list(file.body.free),
         "along": list(file.scan.direction),
@@ -33,20 +33,20 @@ def body_layout(file: RigFile) -> dict[str, Any]:
     }
 
 
-def resting_values(file: RigFile, place: float) -> dict[str, float]:
-    """Return the readings of a body that lies at rest on an end stop.
+def resting_values(file: RigFile, position: float) -> dict[str, float]:
+    """Return the readings for a body that rests on an end stop.
 
-    It lies at the lower end in z if its weight acts there, and otherwise at the lower end of the
-    set-point's direction.
+    If the body is free in z and has a weight, it rests at the lower end in z. Otherwise, it rests
+    at the lower end along the set-point.
     """
     axes = file.body.free
-    along, down_direction = scan_direction(file), np.array([float(axis == "z") for axis in axes])
+    axis_components, down_direction = scan_direction(file), np.array([float(axis == "z") for axis in axes])
     is_pulled_down = file.body.weight_N > 0.0 and down_direction.any()
-    offset = -travel_m(file) * (down_direction if is_pulled_down else along)
-    scan_offset = float(offset @ along)
-    values = {"reference": place, "position": place + scan_offset, "error": -scan_offset}
+    offset = -travel_m(file) * (down_direction if is_pulled_down else axis_components)
+    scan_offset = float(offset @ axis_components)
+    values = {"reference": position, "position": position + scan_offset, "error": -scan_offset}
     values |= {f"error_{axis}": -value for axis, value in zip(axes, offset.tolist(), strict=True)}
-    pose_values = zip(axes, (place * along + offset).tolist(), strict=True)
+    pose_values = zip(axes, (position * axis_components + offset).tolist(), strict=True)
     values |= {f"pose_read_{axis}": value for axis, value in pose_values}
     gap_reductions = (magnet_rows(file) @ offset).tolist()
     for number, (magnet, reduction) in enumerate(zip(file.body_magnets, gap_reductions, strict=True), 1):

@@ -1,4 +1,4 @@
-"""Open a line to a controller on a board, check that it is the expected one, and read it.
+"""Open the line to a controller on a board, check that it is the expected one, and read it.
 
 The manifest of the compiled folder gives the scale of each signal. A controller with other scales
 or another rate is rejected.
@@ -34,11 +34,11 @@ from anhyst_rigs.rig.bench.settings import (
 from anhyst_rigs.rig.recording import column_name
 
 _NO_VALUE_CODE = -(1 << 31)
-"""Code of a sensor without a value."""
+"""Code that stands for a missing sensor reading."""
 
 
 class _Column(NamedTuple):
-    """A signal of the bench, computed from a signal of the controller as slope*code + offset."""
+    """A signal of the bench, computed from the code of a controller signal as slope*code + offset."""
 
     signal: Signal
     source: str
@@ -47,7 +47,7 @@ class _Column(NamedTuple):
 
 
 class BoardColumns:
-    """Signals, demand and settings of a controller in SI units."""
+    """Conversion of a controller's signals, demand and settings to SI units."""
 
     def __init__(self, body: Body, sources: Sequence[str], manifest: Mapping[str, Any]) -> None:
         force, rate = body is Body.FORCE, float(manifest["rate_Hz"])
@@ -74,17 +74,17 @@ class BoardColumns:
         self.settings: tuple[SettingSpec, ...] = (*setting_specs, heartbeat_setting(rate))
 
     def values(self, codes: NDArray[np.int64]) -> FloatArray:
-        """Convert rows of tick and codes to rows of tick and signals in SI units."""
-        mine = codes[:, self._source_columns]
-        values = np.where(mine == _NO_VALUE_CODE, np.nan, mine * self._slopes + self._offsets)
+        """Convert rows of a tick number and codes to rows of a tick number and signals in SI units."""
+        source_codes = codes[:, self._source_columns]
+        values = np.where(source_codes == _NO_VALUE_CODE, np.nan, source_codes * self._slopes + self._offsets)
         return np.column_stack((codes[:, 0].astype(np.float64), values))
 
     def demand_range(self, code: int) -> DemandRange:
-        """Return the range of the demand, with the present demand given as q31 of full scale."""
+        """Return the range of the demand; the argument is the present demand, q31 of full scale."""
         return self._demand_range._replace(value=float(code / self._codes_per_unit + self._zero))
 
     def demand_code(self, value: float) -> int:
-        """Return a force, N, or a gap, m, as q31 of full scale."""
+        """Return the q31 code of a force, N, or a gap, m, relative to full scale."""
         code = round((value - self._zero) * self._codes_per_unit)
         return max(-int(Q31), min(int(Q31) - 1, code))
 
@@ -118,14 +118,14 @@ def _position_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
     )
 
 
-def _current_columns(full: float, number: int = 1) -> tuple[_Column, ...]:
-    magnet_text = f", of magnet {number}" if number > 1 else ""
+def _current_columns(full_scale: float, magnet_number: int = 1) -> tuple[_Column, ...]:
+    magnet_text = f", of magnet {magnet_number}" if magnet_number > 1 else ""
     read_name, command_name, drive_name = (
-        column_name(name, "", number) for name in ("current", "command", "drive")
+        column_name(name, "", magnet_number) for name in ("current", "command", "drive")
     )
     return (
-        _Column(Signal(read_name, "A", f"measured current{magnet_text}"), read_name, full / Q30),
-        _Column(Signal(command_name, "A", f"commanded current{magnet_text}"), drive_name, full / Q31),
+        _Column(Signal(read_name, "A", f"measured current{magnet_text}"), read_name, full_scale / Q30),
+        _Column(Signal(command_name, "A", f"commanded current{magnet_text}"), drive_name, full_scale / Q31),
     )
 
 
@@ -140,18 +140,18 @@ def _common_columns(force: float) -> tuple[_Column, ...]:
 
 
 OpenLine = Callable[[], XcpMaster]
-"""Function that opens a line; it raises an InputError if no controller responds."""
+"""Function that opens a line. It raises an InputError if no controller responds."""
 
 
 class OtherFirmware(InputError):  # noqa: N818 - not an error of the controller
-    """The controller that responds is not the one for which the folder was compiled."""
+    """Error: the controller that responds is not the one for which the folder was compiled."""
 
 
 class Contact:
-    """An open line to a controller, with its first readings; nothing is commanded."""
+    """An open line to a controller with its first readings; no command has been sent."""
 
     def __init__(self, line: XcpMaster, manifest: Mapping[str, Any]) -> None:
-        _check(line, manifest)
+        _check_scales(line, manifest)
         self.line = line
         self.columns = BoardColumns(line.body, line.signals, manifest)
         self.settings = ControllerSettings(line, self.columns.settings)
@@ -167,15 +167,15 @@ class Contact:
 
     @property
     def fault(self) -> Fault:
-        """Latched fault of the controller."""
+        """Fault that the controller has latched."""
         return Fault(self._last_value("fault"))
 
     def _last_value(self, signal: str) -> int:
         return int(self.rows[-1, 1 + self.line.signals.index(signal)])
 
-    def check_same_controller(self, before: Contact) -> None:
-        """Raise OtherFirmware if this controller differs from that of an earlier contact."""
-        line, earlier_line = self.line, before.line
+    def check_same_controller(self, earlier_contact: Contact) -> None:
+        """Raise OtherFirmware if the controller of an earlier contact was a different one."""
+        line, earlier_line = self.line, earlier_contact.line
         identity = attrgetter("name", "body", "signals", "tick_interval")
         if identity(line) != identity(earlier_line):
             raise OtherFirmware(
@@ -187,7 +187,7 @@ class Contact:
 
 
 def open_contact(open_line: OpenLine, manifest: Mapping[str, Any], before: Contact | None = None) -> Contact:
-    """Open a line and return the contact; close it if it is not the expected controller."""
+    """Open a line and return the contact; close the line if the controller is not the expected one."""
     line = open_line()
     try:
         contact = Contact(line, manifest)
@@ -200,28 +200,28 @@ def open_contact(open_line: OpenLine, manifest: Mapping[str, Any], before: Conta
 
 
 def active_block_checksum(line: XcpMaster) -> list[int]:
-    """Return the checksum of the active parameter block, which identifies the block."""
+    """Return the checksum of the active parameter block, which identifies this block."""
     return line.read_words(CRC_INDEX, 2)
 
 
-def _check(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
-    """Raise OtherFirmware if the controlled quantity, scales or rate differ from the folder's."""
+def _check_scales(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
+    """Raise OtherFirmware if controlled quantity, scales or rate differ from those of the folder."""
     signals = manifest["signals"]
     if (manifest["controller"] is None) is not (line.body is Body.FORCE):
         raise OtherFirmware(
             f"{line.url}: controls a {line.body.name.lower()}, but the folder does not", code="other-firmware"
         )
-    expected = {
+    expected_values = {
         "SCALE_DEMAND": ("full scale of the demand", signals["demand"]["scale"]),
         "SCALE_CURRENT": ("full scale of the current", signals["current"]["scale"]),
         "SCALE_RATE": ("rate", manifest["rate_Hz"]),
     }
-    for word, (name, value) in expected.items():
-        words = line.read_words(WORD_INDEX[word], 2)
-        (found,) = struct.unpack("<f", struct.pack("<2h", *words))
-        if not abs(found - value) <= 1e-6 * abs(value):
+    for word_name, (name, value) in expected_values.items():
+        scale_words = line.read_words(WORD_INDEX[word_name], 2)
+        (board_value,) = struct.unpack("<f", struct.pack("<2h", *scale_words))
+        if not abs(board_value - value) <= 1e-6 * abs(value):
             raise OtherFirmware(
-                f"{line.url}: the {name} of its block is {found:g}, but {value:g} in the folder; "
+                f"{line.url}: the {name} of its block is {board_value:g}, but {value:g} in the folder; "
                 "name the folder from which the firmware was built",
                 code="other-firmware",
                 key=name,

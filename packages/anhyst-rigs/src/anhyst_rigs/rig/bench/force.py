@@ -1,4 +1,4 @@
-"""Simulate a force rig and its firmware interactively, or run a demand through the firmware."""
+"""Simulate a force rig and its firmware interactively, or send a demand through the firmware."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ _MAX_FREQUENCY = 20.0
 
 
 class Armature(Knobs):
-    """An armature that moves to a gap at a given speed, with a sinusoidal motion about it."""
+    """An armature that moves to a gap at a given speed, and oscillates sinusoidally about this gap."""
 
     def __init__(self, low: float, high: float, rate: float) -> None:
         self._low, self._high, self._dt = low, high, 1.0 / rate
-        self._position = middle = 0.5 * (low + high)
-        self._phase, swing = 0.0, 0.5 * (high - low)
+        self._position = middle_gap = 0.5 * (low + high)
+        self._phase, amplitude = 0.0, 0.5 * (high - low)
         super().__init__(
-            Parameter("gap", "m", low, high, "gap of the armature", middle),
+            Parameter("gap", "m", low, high, "gap of the armature", middle_gap),
             Parameter("gap_speed", "m/s", 1e-4, _MAX_SPEED, "speed of its motion", _DEFAULT_SPEED),
-            Parameter("gap_swing", "m", 0.0, swing, "amplitude of a sine about this gap", 0.0),
+            Parameter("gap_swing", "m", 0.0, amplitude, "amplitude of a sine about this gap", 0.0),
             Parameter("gap_frequency", "Hz", 0.0, _MAX_FREQUENCY, "frequency of this sine", 1.0),
         )
 
@@ -76,7 +76,7 @@ _SIGNALS = (
 
 
 class PrescribedMotion(Knobs):
-    """An armature that follows given gaps, m, once ``has_begun`` is set."""
+    """An armature that follows given gaps, m, after ``has_begun`` is set."""
 
     def __init__(self, gap: FloatArray) -> None:
         super().__init__()
@@ -91,7 +91,7 @@ class PrescribedMotion(Knobs):
 
 
 class StandPlant:
-    """The actuator in the form that the plant bus needs."""
+    """An actuator with the interface that the plant bus needs."""
 
     def __init__(self, stand: ActuatorStand, scales: Scales, armature: Armature | PrescribedMotion) -> None:
         self._stand, self._scales = stand, scales
@@ -107,8 +107,8 @@ class StandPlant:
         return cls(ActuatorStand(rig, [2, seed]), program.scales, armature)
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Advance by one tick with currents relative to full scale; return the readings."""
-        del tick  # the stand counts its own ticks
+        """Advance by one tick with currents relative to full scale; return the sensor readings."""
+        del tick  # not used: the actuator stand counts its own ticks
         self.gap = self.armature.move()
         self.last_tick = self._stand.step(currents[0] * self._scales.current, self.gap)
         scales = self._scales
@@ -120,9 +120,9 @@ class StandPlant:
 
 
 class ForceBench(LockStepBench):
-    """An actuator with a held or moving armature, and the firmware that controls its force.
+    """An actuator whose armature is held or moves, and the firmware that controls its force.
 
-    Virtual time passes only in :meth:`advance`. The motion of the armature is set by parameters.
+    Virtual time passes only in :meth:`advance`. Parameters set the motion of the armature.
     """
 
     _bus: PlantBus
@@ -139,9 +139,9 @@ class ForceBench(LockStepBench):
         self._resources = ExitStack()
         try:
             started = VIRTUAL_BOARDS[board](program.firmware, self._stand)
-            running = self._resources.enter_context(started)
-            self._bus = running.bus
-            self.link = self._resources.enter_context(ControllerLink(running.link))
+            running_firmware = self._resources.enter_context(started)
+            self._bus = running_firmware.bus
+            self.link = self._resources.enter_context(ControllerLink(running_firmware.link))
             self._heartbeat = Heartbeat(self.link)
             slew = rig.settings.amplifier.slew
             set_expected_amplifier(self.link, rig.settings, slew, self._scales.current)
@@ -153,35 +153,35 @@ class ForceBench(LockStepBench):
             raise
 
     def advance(self, ticks: int) -> FloatArray:
-        """Compute some ticks and return their rows."""
+        """Simulate some ticks and return their rows."""
         rows = np.empty((ticks, 1 + len(self.signals)))
-        row = 0
-        while row < ticks:
-            for _ in range(self._heartbeat.count_ticks(ticks - row)):
+        tick_index = 0
+        while tick_index < ticks:
+            for _ in range(self._heartbeat.count_ticks(ticks - tick_index)):
                 self._bus.step()
                 self._state = self._bus.state
-                rows[row] = self._row()
-                row += 1
+                rows[tick_index] = self._tick_row()
+                tick_index += 1
         return rows
 
-    def _row(self) -> tuple[float, ...]:
-        stand_tick, answer, scales = self._stand.last_tick, self._bus.answer, self._scales
-        assert answer is not None
+    def _tick_row(self) -> tuple[float, ...]:
+        stand_tick, bus_answer, scales = self._stand.last_tick, self._bus.answer, self._scales
+        assert bus_answer is not None
         return (
             self._bus.tick,
             self._stand.gap,
             stand_tick.gap_read,
-            answer.demand / Q31 * scales.demand,
+            bus_answer.demand / Q31 * scales.demand,
             stand_tick.force,
             stand_tick.force_read,
-            answer.drive / Q31 * scales.current,
+            bus_answer.drive / Q31 * scales.current,
             stand_tick.current,
             stand_tick.current_read,
-            answer.expected / Q31 * scales.demand,
-            answer.flux / Q30,
-            answer.state & 0xFF,
-            answer.state >> 8 & 0xFF,
-            answer.mode & 0xFFFF,
+            bus_answer.expected / Q31 * scales.demand,
+            bus_answer.flux / Q30,
+            bus_answer.state & 0xFF,
+            bus_answer.state >> 8 & 0xFF,
+            bus_answer.mode & 0xFFFF,
         )
 
     def command(self, command: Command) -> None:
@@ -190,7 +190,7 @@ class ForceBench(LockStepBench):
         self._heartbeat.restart()
 
     def demand(self, value: float) -> None:
-        """Demand a force, N, up to the largest one of the rig; a run begins at zero."""
+        """Demand a force, N, up to the largest force of the rig; a run begins at zero."""
         check_demand(self.demand_range, value, self._state)
         self.link.demand(self._program.demand_code(value))
         self._heartbeat.restart()
@@ -206,7 +206,7 @@ class ForceBench(LockStepBench):
         return (*self._stand.armature.parameters(), *self._settings.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Set parameters together from the next tick on, and return this tick."""
+        """Set parameters, all from the next tick on, and return this tick."""
         check_values(values, self.parameters())
         self._settings.write(values, self._state is State.RUN)
         self._stand.armature.apply(values)
@@ -215,41 +215,41 @@ class ForceBench(LockStepBench):
 
 
 def check_demand(demand_range: DemandRange, value: float, state: State) -> None:
-    """Raise an InputError if a controller would refuse a force, N."""
+    """Raise an InputError if a controller would refuse to produce a force, N."""
     demand_range.check(value)
     if reason := demand_refusal(state):
         raise InputError(f"demand: {reason}", code="wrong-state", key="demand")
 
 
 def demand_refusal(state: State) -> str:
-    """Return why a force controller accepts no demand in a state; empty if it does."""
+    """Return why a force controller refuses a demand in a state; empty if it accepts one."""
     if state is State.RUN:
         return ""
     return f"a force is demanded in the state run, not in {state.name.lower()}"
 
 
 _SELFTEST_TICKS = 40
-"""Ticks after power-on until the self-test must have passed."""
+"""Number of ticks after power-on within which the self-test must pass."""
 _POLL_TICKS = 40
 """Ticks between two queries of the state during start-up."""
 _MAX_START_UP_TICKS = 200_000
-"""Largest number of ticks of a start-up sequence; a longer one is a failure."""
+"""Largest number of ticks of a start-up sequence; a longer sequence counts as failed."""
 _RECORDED_SIGNALS = ("command", "current", "force", "gap", "gap_read", "force_read", "current_read")
-"""Signals of the bench in a recording."""
+"""Signals of the bench that a recording contains."""
 
 
 def run_firmware(
     rig: ForceControlRig,
     program: Program,
-    stand: ActuatorStand,
+    actuator_stand: ActuatorStand,
     gap: FloatArray,
     demand: Demand,
     board: str,
     is_demagnetised: bool,
 ) -> tuple[Recording, FirmwareSession]:
-    """Run a demand through a firmware from power-on, with one demand request per tick."""
+    """Send a demand through a firmware from power-on, with one demand request per tick."""
     motion = PrescribedMotion(gap)
-    plant = StandPlant(stand, program.scales, motion)
+    plant = StandPlant(actuator_stand, program.scales, motion)
     with closing(ForceBench(rig, program, plant, board)) as bench:
         start_up = _start_up(bench, is_demagnetised)
         bench.command(Command.RUN)
@@ -263,9 +263,9 @@ def run_firmware(
             raise NegativeResult(text, code="wrong-state")
     run = np.concatenate(rows)
     all_rows = np.concatenate([start_up, run])
-    drive = _columns(all_rows, "command")[:, 0]
-    return bench_recording(_columns(run, *_RECORDED_SIGNALS), rig.dt), FirmwareSession(
-        program.gap_codes(_columns(all_rows, "gap_read")[:, 0]),
+    drive = _stack_columns(all_rows, "command")[:, 0]
+    return bench_recording(_stack_columns(run, *_RECORDED_SIGNALS), rig.dt), FirmwareSession(
+        program.gap_codes(_stack_columns(all_rows, "gap_read")[:, 0]),
         np.rint(drive / program.scales.current * Q31_ONE).astype(np.int64),
         np.array([program.demand_code(force) for force in demand.force.tolist()]),
         len(start_up),
@@ -273,13 +273,13 @@ def run_firmware(
     )
 
 
-def _columns(rows: FloatArray, *names: str) -> FloatArray:
+def _stack_columns(rows: FloatArray, *names: str) -> FloatArray:
     signals = [signal.name for signal in _SIGNALS]
     return rows[:, [1 + signals.index(name) for name in names]]
 
 
 def _start_up(bench: ForceBench, is_demagnetised: bool) -> FloatArray:
-    """Bring a controller from power-on to the state ready, and return the rows of all ticks."""
+    """Bring a controller from power-on to the state READY, and return the rows of all ticks."""
     rows = [bench.advance(_SELFTEST_TICKS)]
     bench.command(Command.DEMAGNETISED if is_demagnetised else Command.CONDITION)
     end = bench.tick + _MAX_START_UP_TICKS

@@ -1,4 +1,4 @@
-"""Bench of a controller on a board, or of other firmware with its own clock.
+"""Connect a bench to a controller on a board, or to other firmware with its own clock.
 
 The bench reads and commands the controller over a line. If the controller stops responding, the
 bench searches for it and reconnects.
@@ -31,28 +31,28 @@ from anhyst_rigs.rig.bench.protocol import BEARING_COMMANDS, FORCE_COMMANDS, Ben
 from anhyst_rigs.rig.bench.settings import check_values
 
 _HEARTBEAT_PERIOD_S = 0.02
-"""Time between two heartbeats to a controller, s; it waits for 0.1 s."""
+"""Time between two heartbeats, s. A controller waits 0.1 s for the next heartbeat."""
 SEARCH_TIME_S = 600.0
-"""How long the bench searches for a controller that stopped responding, s."""
+"""Longest search for a controller that stopped responding, s."""
 _MAX_CLOCK_RATIO = 1.01
 _MIN_CLOCK_RATIO = 0.9
 _CLOCK_MARGIN_S = 1.0
-"""Margin of the test whether a controller continued to count.
+"""Margin of the test whether a controller has continued to count ticks, s.
 
-It did if its ticks correspond to the elapsed time times a ratio within both limits, with this
-margin. Otherwise it was restarted.
+It has continued if its ticks lie, within this margin, between both ratios times the elapsed time.
+Otherwise, it was restarted.
 """
 _TICK_MODULUS = 1 << 32
-"""Number of ticks after which the counter of a controller starts again at 0."""
+"""Number of ticks after which the tick counter of a controller starts again at 0."""
 
 
 class HardwareBench(Bench):
     """A controller with its own clock, which is read and commanded over a line.
 
-    Whoever calls :meth:`advance` is the controller's operator. Without these calls there is no
-    heartbeat, and the controller goes to its safe state. A lost controller is searched for, and
-    :meth:`advance` returns no rows meanwhile. After its return the bench only reads its settings,
-    and sends no command or setting.
+    The caller of :meth:`advance` is the operator of the controller. Without these calls there is no
+    heartbeat, and the controller enters its safe state. While the bench searches for a lost
+    controller, :meth:`advance` returns no rows. After reconnecting, the bench only reads the
+    settings; it sends neither commands nor settings.
     """
 
     has_own_clock = True
@@ -77,13 +77,13 @@ class HardwareBench(Bench):
         self._adopt_contact(contact, 0)
 
     def advance(self, ticks: int) -> FloatArray:
-        """Wait for some ticks and return all new rows; none while the controller is lost."""
+        """Wait for some ticks and return all new rows; return none while the controller is lost."""
         if self._search is not None:
             contact = self._search.wait(ticks / self.rate)
             if contact is None:
                 return self._columns.values(np.empty((0, 1 + len(self._sources)), dtype=np.int64))
-            self._resume(contact)
-        parts, end_tick = [self._new_rows(self._first_rows)], self.tick + ticks
+            self._resume_rows(contact)
+        row_blocks, end_tick = [self._new_rows(self._first_rows)], self.tick + ticks
         self._first_rows = self._first_rows[:0]
         try:
             while self.tick < end_tick:
@@ -94,16 +94,16 @@ class HardwareBench(Bench):
                 wait_tick = max(
                     self.tick + self.ticks_per_row, min(end_tick, self.tick + self._max_wait_ticks)
                 )
-                parts.append(self._new_rows(self._line.take_samples(wait_tick - self._offset)))
+                row_blocks.append(self._new_rows(self._line.take_samples(wait_tick - self._offset)))
         except InputError as error:
             self._start_search(error)
-        codes = np.concatenate(parts)
+        codes = np.concatenate(row_blocks)
         if len(codes):
             self._state = State(int(codes[-1, 1 + self._sources.index("state")]))
         return self._columns.values(codes)
 
     def _new_rows(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the rows after the last one, with ticks as the bench counts them."""
+        """Return the rows after the last one, numbered by the ticks of the bench."""
         codes = codes + np.eye(1, codes.shape[1], dtype=np.int64) * self._offset
         codes = codes[codes[:, 0] > self.tick]
         if len(codes):
@@ -111,7 +111,7 @@ class HardwareBench(Bench):
         return codes
 
     def _adopt_contact(self, contact: Contact, offset: int) -> None:
-        """Use a contact; `offset` converts its ticks to those of the bench."""
+        """Use a contact; the bench adds `offset` to its tick numbers."""
         self._contact, self._line, self._offset = contact, contact.line, offset
         self._columns, self._settings = contact.columns, contact.settings
         self._sources = contact.line.signals
@@ -121,20 +121,20 @@ class HardwareBench(Bench):
         self.demand_range = contact.columns.demand_range(contact.demand_code)
 
     def _start_search(self, error: InputError) -> None:
-        """Search for a controller that does not respond any more."""
-        before = self._contact
+        """Search for a controller that no longer responds."""
+        earlier_contact = self._contact
         self.loss_reason = str(error)
         self._messages.append(f"lost: {error}; searching for at most {self._search_time / 60.0:g} min")
         self._search = ContactSearch(
-            lambda: open_contact(self._open_line, self._manifest, before),
-            before.line.close,
+            lambda: open_contact(self._open_line, self._manifest, earlier_contact),
+            earlier_contact.line.close,
             self._search_time,
         )
 
-    def _resume(self, found: Contact) -> None:
+    def _resume_rows(self, contact: Contact) -> None:
         """Continue with a controller that responds again, and add a message about its state."""
-        newest_tick = int(found.rows[-1, 0])
-        lost_time = found.contact_time - self._last_row_time
+        newest_tick = int(contact.rows[-1, 0])
+        lost_time = contact.contact_time - self._last_row_time
         counted_ticks = (newest_tick - (self.tick - self._offset)) % _TICK_MODULUS
         counted_time = counted_ticks / self.rate
         has_continued = (
@@ -148,21 +148,21 @@ class HardwareBench(Bench):
             if has_continued
             else f"it was restarted and is at its tick {newest_tick}"
         )
-        parts = [f"back after {lost_time:.1f} s, {_state_text(found)}", ticks]
-        if found.block != self._block:
-            parts.append("the active parameter block has changed")
+        message_parts = [f"back after {lost_time:.1f} s, {_state_text(contact)}", ticks]
+        if contact.block != self._block:
+            message_parts.append("the active parameter block has changed")
         old_values = {parameter.name: parameter.value for parameter in self.parameters()}
         self._search, self.loss_reason = None, ""
-        self._adopt_contact(found, self.tick + passed_ticks - newest_tick)
-        parts += [
+        self._adopt_contact(contact, self.tick + passed_ticks - newest_tick)
+        message_parts += [
             f"{parameter.name} changed from {old_values[parameter.name]:g} to {parameter.value:g}"
             for parameter in self.parameters()
             if parameter.value != old_values[parameter.name]
         ]
-        self._messages.append("; ".join(parts))
+        self._messages.append("; ".join(message_parts))
 
     def take_messages(self) -> Sequence[str]:
-        """Return messages about loss and return of the controller since the last call."""
+        """Return messages about lost and restored connections since the last call."""
         messages, self._messages = self._messages, []
         return messages
 
@@ -192,7 +192,7 @@ class HardwareBench(Bench):
         return self._settings.parameters()
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Write settings one after the other; return the first tick with all of them active."""
+        """Write settings one after the other; return the first tick at which all are active."""
         self._connected_line()
         check_values(values, self.parameters())
         self._settings.write(values, self._state is State.RUN)
@@ -203,7 +203,7 @@ class HardwareBench(Bench):
         return self._connected_line().read_block()
 
     def swap_block(self, words: Sequence[int]) -> int:
-        """Activate another parameter block; return the first tick that is certain to use it."""
+        """Activate another parameter block; return the first tick that certainly uses it."""
         line = self._connected_line()
         line.swap_block(words)
         self._block = active_block_checksum(line)
@@ -214,31 +214,31 @@ class HardwareBench(Bench):
         return self.tick + passed_ticks + 1
 
     def close(self) -> None:
-        """Close the line; a controller that drives current goes to its safe state by itself."""
+        """Close the line. A controller that drives a current then enters its safe state by itself."""
         if self._search is not None:
             self._search.close()
         else:
             self._line.close()
 
 
-def _state_text(found: Contact) -> str:
+def _state_text(contact: Contact) -> str:
     """Return the state of a controller in words."""
-    state = f"in the state {found.state.name.lower()}"
-    if found.fault is Fault.NONE:
+    state = f"in the state {contact.state.name.lower()}"
+    if contact.fault is Fault.NONE:
         return state
-    return f"{state} ({found.fault.name.lower().replace('_', ' ')})"
+    return f"{state} ({contact.fault.name.lower().replace('_', ' ')})"
 
 
 _FIRST_PAUSE_S = 0.1
 _PAUSE_GROWTH = 1.5
 _MAX_PAUSE_S = 2.0
-"""Longest pause between two attempts; each pause is longer than the last by the factor above."""
+"""Longest pause between two attempts; the pauses grow by the factor _PAUSE_GROWTH up to this."""
 _JOIN_TIME_S = 1.0
-"""How long the end of a search waits for an attempt in progress, s."""
+"""Time for which :meth:`ContactSearch.close` waits for an attempt in progress, s."""
 
 
 class ContactSearch:
-    """Try to reconnect with increasing pauses, in a thread, for a limited time."""
+    """Search for a controller in a thread for a limited time, with growing pauses in between."""
 
     def __init__(
         self, find_contact: Callable[[], Contact], close_line: Callable[[], None], search_time: float
@@ -254,14 +254,14 @@ class ContactSearch:
         self._thread.start()
 
     def wait(self, seconds: float) -> Contact | None:
-        """Return the contact, or None if there is none after this time."""
+        """Wait for at most a time, s; return the contact, or None if the search has found none."""
         self._finished.wait(seconds)
         if self._failure is not None:
             raise self._failure
         return self._found
 
     def close(self) -> None:
-        """End the search; a line that it has opened or still opens is closed."""
+        """End the search, and close every line that the search has opened or is opening."""
         with self._lock:
             self._cancelled.set()
             contact, self._found = self._found, None
@@ -282,16 +282,16 @@ class ContactSearch:
                 if time.monotonic() > self._end:
                     self._failure = error
             else:
-                self._deliver(contact)
+                self._store_contact(contact)
             if self._found is not None or self._failure is not None:
                 self._finished.set()
                 return
 
-    def _deliver(self, found: Contact) -> None:
+    def _store_contact(self, contact: Contact) -> None:
         """Store the contact, or close its line if the search was cancelled."""
         with self._lock:
             is_wanted = not self._cancelled.is_set()
             if is_wanted:
-                self._found = found
+                self._found = contact
         if not is_wanted:
-            found.line.close()
+            contact.line.close()

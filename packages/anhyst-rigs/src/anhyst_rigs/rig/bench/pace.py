@@ -1,8 +1,8 @@
 """Run a bench in step with the clock.
 
-Only the thread of the pacer uses the bench. It computes the ticks of about 10 ms together, as soon
-as the last of them is due, and distributes them as one chunk. Actions on the bench are executed
-between two chunks, so that each action takes effect on one tick.
+Only the thread of the pacer uses the bench. It simulates about 10 ms of ticks when the last of
+these ticks is due, and sends their rows as one chunk to all subscribers. Actions on the bench are
+executed between two chunks, so that each action takes effect at one tick.
 """
 
 from __future__ import annotations
@@ -27,42 +27,43 @@ from anhyst_rigs.rig.bench.protocol import Bench, Subscription
 
 MIN_SPEED = 0.01
 MAX_SPEED = 1.0
-"""Limits of the speed relative to the clock."""
+"""Limits of the simulation speed, as a multiple of real time."""
 CHUNK_S = 0.01
-"""Duration of a chunk on the clock, s."""
+"""Duration of a chunk in real time, s."""
 MAX_LATENESS_S = 0.1
-"""Largest lateness, s on the clock; a later bench skips the lost time instead of catching up."""
+"""Largest lateness in real time, s; a later bench skips the excess instead of catching up."""
 _PACER_PRIORITY = 2
 """Real-time priority of the pacer's thread."""
-_REST_SHARE = 0.05
-"""Sleep after each chunk relative to its computing time, if the thread has real-time priority."""
+_SLEEP_RATIO = 0.05
+"""Sleep after each chunk as a fraction of its computing time, if the thread has real-time priority.
+"""
 _WINDOW_S = 1.0
-"""Time window of the measured speed and lateness, s on the clock."""
+"""Length of the window in which speed and lateness are measured, s in real time."""
 
 _Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True, slots=True)
 class Pacing:
-    """How closely a bench follows the clock."""
+    """Data on how closely a bench follows the clock."""
 
     tick: int  # number of the last tick
     is_paused: bool
-    speed: float  # requested speed relative to the clock
-    measured_speed: float  # speed in the last second relative to the clock; 0 while paused
-    # mean and largest lateness of the chunks of the last second, s: time from when the last tick of
-    # a chunk was due until the chunk was distributed
+    speed: float  # requested simulation speed as a multiple of real time
+    measured_speed: float  # the same, measured over the last second; 0 while paused
+    # mean and largest lateness of the chunks in the last second, s: the time from the due time of a
+    # chunk's last tick until its rows were sent
     mean_lateness: float
     max_lateness: float
-    # number of times since the start that lateness above :data:`MAX_LATENESS_S` was skipped
+    # number of times since the start at which lateness above :data:`MAX_LATENESS_S` was skipped
     slip_count: int
-    lost_time: float  # total skipped time, s on the clock
-    # recorder whose full queue stops the bench; empty if there is none
+    lost_time: float  # sum of the skipped times, s in real time
+    # recorder whose full queue blocks the bench; empty if there is none
     awaited_recorder: str
 
 
 class PacedBench:
-    """Run a bench in step with the clock, or with its own clock, until it is closed."""
+    """A thread that runs a bench in step with the clock, or with the bench's own clock."""
 
     def __init__(self, bench: Bench, speed: float = 1.0, is_paused: bool = False) -> None:
         self.error: InputError | None = None
@@ -93,8 +94,8 @@ class PacedBench:
     def execute(self, action: Callable[[Bench], _Result]) -> _Result:
         """Execute an action on the bench between two chunks, and return its result.
 
-        The action takes effect on one tick, also while the bench is paused. Its exception is raised
-        here.
+        The action takes effect at one tick, also while the bench is paused. An exception of the
+        action is raised in the caller.
         """
         future: Future[_Result] = Future()
 
@@ -112,32 +113,32 @@ class PacedBench:
         return future.result()
 
     def set_speed(self, speed: float) -> None:
-        """Change the speed relative to the clock."""
+        """Change the simulation speed, as a multiple of real time."""
         with self._wake:
             self._speed = _check_speed(speed)
             self._restart_clock()
 
     def pause(self) -> None:
-        """Stop after the current chunk."""
+        """Pause the bench after the chunk that is being computed."""
         with self._wake:
             self._is_paused = True
             self._window.clear()
 
     def resume(self) -> None:
-        """Continue after a pause."""
+        """Continue the bench after a pause."""
         with self._wake:
             self._is_paused, self._ticks_to_step = False, 0
             self._restart_clock()
 
     def step(self, ticks: int = 1) -> None:
-        """Advance a paused bench by some ticks; without effect if it is not paused."""
+        """Advance a paused bench by some ticks; do nothing if it is not paused."""
         with self._wake:
             if self._is_paused:
                 self._ticks_to_step += ticks
                 self._wake.notify_all()
 
     def pacing(self) -> Pacing:
-        """Return how closely the bench follows the clock."""
+        """Return data on how closely the bench follows the clock."""
         with self._wake:
             lateness, measured_speed = [entry[2] for entry in self._window], 0.0
             if len(lateness) > 1:
@@ -156,20 +157,20 @@ class PacedBench:
             )
 
     def close(self) -> None:
-        """Distribute the last computed chunk, and end all queues; the bench stays open."""
+        """Send the last computed chunk to the subscribers; end all queues. The bench stays open."""
         with self._wake:
             self._is_closing = True
             self._wake.notify_all()
         self._thread.join()
 
     def _restart_clock(self) -> None:
-        """Count time from now on; the caller holds the lock."""
+        """Restart the measurement of time; the caller holds the lock."""
         self._origin = (time.monotonic(), self._tick)
         self._window.clear()
         self._wake.notify_all()
 
     def _due_time(self, tick: int) -> float:
-        """Return when a tick is due, s of the monotonic clock."""
+        """Return the time at which a tick is due, s of the monotonic clock."""
         begin, first_tick = self._origin
         return begin + (tick - first_tick) / (self._bench.rate * self._speed)
 
@@ -177,17 +178,17 @@ class PacedBench:
         try:
             with raised_priority(_PACER_PRIORITY) as has_priority:
                 while (ticks := self._next_ticks()) is not None:
-                    start = time.monotonic()
+                    start_time = time.monotonic()
                     self._advance(ticks)
                     if has_priority:
-                        time.sleep(_REST_SHARE * (time.monotonic() - start))
+                        time.sleep(_SLEEP_RATIO * (time.monotonic() - start_time))
         except InputError as error:
             self.error = error
         finally:
             self._end()
 
     def _next_ticks(self) -> int | None:
-        """Execute actions until ticks are due; return their number, or None at the end."""
+        """Execute actions until ticks are due; return the number of due ticks, or None when closed."""
         while True:
             with self._wake:
                 if not self._todo:
@@ -202,20 +203,20 @@ class PacedBench:
             action()
 
     def _ticks_due(self) -> tuple[int, float | None]:
-        """Return the ticks to run now, or 0 and the time to wait, s; requires the lock."""
+        """Return the number of ticks to run now, or 0 and the waiting time, s; requires the lock."""
         full_queues = [subscription.name for subscription in self._subscriptions if subscription.needs_wait()]
         self._awaited_recorder = full_queues[0] if full_queues else ""
         if full_queues:
             return 0, CHUNK_S
-        chunk = max(1, math.floor(CHUNK_S * self._bench.rate * self._speed))
+        chunk_ticks = max(1, math.floor(CHUNK_S * self._bench.rate * self._speed))
         if self._is_paused:
-            ticks = min(self._ticks_to_step, chunk)
+            ticks = min(self._ticks_to_step, chunk_ticks)
             self._ticks_to_step -= ticks
             return ticks, None
         if self._bench.has_own_clock:
-            return chunk, None  # the bench itself waits for these ticks
-        remaining_time = self._due_time(self._tick + chunk) - time.monotonic()
-        return (0, remaining_time) if remaining_time > 0.0 else (chunk, None)
+            return chunk_ticks, None  # The bench itself waits until these ticks have passed.
+        remaining_time = self._due_time(self._tick + chunk_ticks) - time.monotonic()
+        return (0, remaining_time) if remaining_time > 0.0 else (chunk_ticks, None)
 
     def _advance(self, ticks: int) -> None:
         rows = self._bench.advance(ticks)
@@ -232,7 +233,7 @@ class PacedBench:
                 self._record_lateness()
 
     def _record_lateness(self) -> None:
-        """Record the lateness of the chunk; skip the lost time above :data:`MAX_LATENESS_S`."""
+        """Record the lateness of a chunk; skip lateness in excess of :data:`MAX_LATENESS_S`."""
         present_time = time.monotonic()
         lateness = 0.0 if self._bench.has_own_clock else present_time - self._due_time(self._tick)
         self._window.append((present_time, self._tick, lateness))
@@ -256,25 +257,25 @@ class PacedBench:
 
 @contextmanager
 def raised_priority(order: int = 1) -> Iterator[bool]:
-    """Give the calling thread real-time priority in the block; yield whether the system permits it.
+    """Run a block with real-time priority, and yield whether the system permits this.
 
-    Threads that run all the time next to the pacer need it too. Otherwise they could be suspended
-    while they hold the interpreter's lock, and delay the pacer.
+    Threads that run continuously in parallel to the pacer need it too. Otherwise, they could be
+    suspended while they hold the interpreter's lock, and delay the pacer.
     """
     if sys.platform != "linux":
         yield False
         return
-    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    old_priority = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
-        policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK  # child processes do not inherit the priority
+        policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK  # Child processes do not get this priority.
         os.sched_setscheduler(0, policy, os.sched_param(order))
-    except OSError:  # usually not permitted
+    except OSError:  # The system usually does not permit it.
         yield False
         return
     try:
         yield True
     finally:
-        os.sched_setscheduler(0, *before)
+        os.sched_setscheduler(0, *old_priority)
 
 
 def _check_speed(speed: float) -> float:
@@ -285,11 +286,12 @@ def _check_speed(speed: float) -> float:
 
 
 _HEARTBEAT_PERIOD_S = 0.04
-"""Longest time without a request before a heartbeat, s of virtual time; controllers wait 0.1 s."""
+"""Time without a request after which a heartbeat is due, s of virtual time; controllers wait 0.1 s.
+"""
 
 
 class Heartbeat:
-    """Tell a controller at the required rate that its operator is present."""
+    """Periodic requests that tell a controller that its operator is present."""
 
     def __init__(self, link: ControllerLink) -> None:
         self._link = link
@@ -297,7 +299,7 @@ class Heartbeat:
         self._silent_ticks = 0
 
     def count_ticks(self, ticks: int) -> int:
-        """Return how many ticks may pass before the next heartbeat, after sending one if due."""
+        """Send a heartbeat if it is due; return how many ticks may pass until the next one."""
         if self._silent_ticks >= self._period_ticks:
             self._link.status()
             self._silent_ticks = 0
@@ -306,20 +308,20 @@ class Heartbeat:
         return count
 
     def restart(self) -> None:
-        """Restart the period after another request, which also counts as a heartbeat."""
+        """Restart the period after any other request, because it also counts as a heartbeat."""
         self._silent_ticks = 0
 
 
 class LockStepBench(Bench):
     """A bench whose virtual time passes only while it advances, also for the firmware.
 
-    It is a :class:`anhyst_rigs.dashboard.improver.BlockHolder`. Its parts are in ``_resources``,
-    which closes them.
+    It implements :class:`anhyst_rigs.dashboard.improver.BlockHolder`. The attribute ``_resources``
+    closes its firmware and connections.
     """
 
     _resources: ExitStack
     _bus: BusController | PlantBus
-    link: ControllerLink  # session through which all commands pass
+    link: ControllerLink  # session that carries all commands
     _heartbeat: Heartbeat
 
     @property
@@ -333,7 +335,7 @@ class LockStepBench(Bench):
         return self.link.read_block()
 
     def swap_block(self, words: Sequence[int]) -> int:
-        """Activate another parameter block on the next tick, and return this tick."""
+        """Activate another parameter block at the next tick, and return this tick."""
         self.link.write_block(words)
         self._heartbeat.restart()
         return self.tick + 1

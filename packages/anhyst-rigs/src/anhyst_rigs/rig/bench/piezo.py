@@ -1,7 +1,7 @@
-"""Simulate a piezo stage interactively, in this process; the bench repeats its triangle.
+"""Simulate a piezo stage interactively; the bench repeats the triangle of the rig file.
 
-Changes take effect at the start of a period, or immediately while the stage is held. A disturbance
-takes effect immediately.
+Changes take effect at the start of a period, or immediately while the stage is held. Disturbances
+always take effect immediately.
 """
 
 from __future__ import annotations
@@ -54,8 +54,7 @@ _PIEZO_SIGNALS = (
 class PiezoBench(CycleBench):
     """A piezo stage that repeats its triangle.
 
-    The parameter ``compensation`` selects one of two inverses: 0 without hysteresis compensation, 1
-    with the compensator.
+    The parameter ``compensation`` is 0 without hysteresis compensation, 1 with the compensator.
     """
 
     signals = (*_PIEZO_SIGNALS, *STAGE_STATE_SIGNALS)
@@ -65,7 +64,7 @@ class PiezoBench(CycleBench):
         case, rate = rig.settings.displacement_case, float(rig.settings.timing.rate_Hz)
         self.rig, self.rate = rig, rate
         self._inverses = tuple(inverses)
-        # largest displacement of the measured loops, m
+        # largest displacement in the measured loops, m
         self._max_displacement = inverses[0].scales.demand
         self.demand_range = DemandRange(
             "position", "reference", "m", -case.low_m, self._max_displacement - case.low_m, 0.0
@@ -88,9 +87,9 @@ class PiezoBench(CycleBench):
         self._offset, self._triangle_height = (
             0.0,
             0.0,
-        )  # m: target offset; height of the triangle above its low end
-        # ticks since the path began, complete periods since then, and phase at its start, in
-        # periods
+        )  # offset of the target, and height of the triangle above its low end, m
+        # number of ticks since the path began, number of complete periods since then, and phase at
+        # its start as a fraction of a period
         self._path_ticks, self._whole_periods, self._start_phase = 0, 0, 0.0
         self._reset_plant()
 
@@ -106,22 +105,22 @@ class PiezoBench(CycleBench):
         self._drives = [copy_at_rest(inverse) for inverse in self._inverses]
         # displacement that each inverse predicts, m
         self._expected_displacements = np.zeros(len(self._drives))
-        self._plant_ticks = 0  # ticks of the present plant
+        self._plant_ticks = 0  # number of ticks since the present plant was reset
         self._delay_ticks = math.ceil(self.rig.response_delay * self.rate) + 1
         self._past = np.full(self.rig.corner_ticks + self._delay_ticks, settings.displacement_case.low_m)
         self._triangle_height = 0.0
         self._set_controller(None)
 
-    def _set_controller(self, before: int | None) -> None:
-        """Activate the selected controller, from rest or with a bumpless transfer."""
-        selected, output_change = int(self._values["compensation"]), None
-        if before is not None:
+    def _set_controller(self, old_number: int | None) -> None:
+        """Activate the selected controller, from rest or by a bumpless transfer from another one."""
+        selected_number, output_change = int(self._values["compensation"]), None
+        if old_number is not None:
             output_change = float(
-                self._expected_displacements[selected] - self._expected_displacements[before]
+                self._expected_displacements[selected_number] - self._expected_displacements[old_number]
             )
         bandwidth = {"control.bandwidth_Hz": self._values["bandwidth"]}
         rig = replace(self.rig, settings=self.rig.settings.with_changes(bandwidth))
-        drive = self._drives[selected]
+        drive = self._drives[selected_number]
         self._loop.control(drive.native, **controller_arguments(rig, drive), change=output_change)
 
     def _apply_staged(self) -> None:
@@ -136,23 +135,23 @@ class PiezoBench(CycleBench):
             self._path_ticks = 0
         if self._state is State.RUN and not self._path_ticks:
             stroke = self._values["stroke"]
-            # start on the ascending side, from the height at which the stage is held
+            # Start on the ascending side of the triangle, at the height at which the stage is held.
             self._start_phase = min(0.5 * self._triangle_height / stroke, 0.5) if stroke else 0.0
             self._whole_periods = 0
 
     def _take_staged(self) -> None:
-        before, staged, self._staged = int(self._values["compensation"]), self._staged, {}
-        self._values |= staged
-        if "plant" in staged:
+        old_number, staged_values, self._staged = int(self._values["compensation"]), self._staged, {}
+        self._values |= staged_values
+        if "plant" in staged_values:
             self._reset_plant()
-        elif not staged.keys().isdisjoint(("compensation", "bandwidth")):
-            self._set_controller(before)
+        elif not staged_values.keys().isdisjoint(("compensation", "bandwidth")):
+            self._set_controller(old_number)
 
     def _period_phases(self, n: int) -> FloatArray:
-        """Return the phases of the next n ticks within the present period, in periods."""
+        """Return the phase of each of the next n ticks, as a fraction of the present period."""
         ticks = np.arange(self._path_ticks, self._path_ticks + n, dtype=np.float64)
-        turns: FloatArray = ticks * self._values["frequency"] / self.rate + self._start_phase
-        return turns[np.floor(turns) <= self._whole_periods]
+        phases: FloatArray = ticks * self._values["frequency"] / self.rate + self._start_phase
+        return phases[np.floor(phases) <= self._whole_periods]
 
     def _run_ticks(self, n: int) -> FloatArray:
         is_running = self._state is State.RUN
@@ -165,26 +164,26 @@ class PiezoBench(CycleBench):
         time = rig.dt * np.arange(
             self._plant_ticks - self._delay_ticks, self._plant_ticks + n, dtype=np.float64
         )
-        expected = np.interp(time[self._delay_ticks :] - rig.response_delay, time, reference)
+        expected_displacement = np.interp(time[self._delay_ticks :] - rig.response_delay, time, reference)
         reference = reference[self._delay_ticks :]
         noise = settings.position_sensor.noise_m * self._rng.standard_normal(n)
         ticks = np.arange(n) + (self.tick + 1 - self._phase_zero_tick)
         wave = sine(self._knobs["disturbance_frequency"] * rig.dt * ticks)
-        load = self._knobs["disturbance_stroke"] * wave + 0.0  # avoids -0.0 without a disturbance
-        table = self._loop.run(reference, expected, noise, load)
+        load = self._knobs["disturbance_stroke"] * wave + 0.0  # avoids -0.0 if there is no load
+        table = self._loop.run(reference, expected_displacement, noise, load)
         position, position_read, demand, voltage = table.T.copy()
-        error = position - expected
+        error = position - expected_displacement
         loss = find_piezo_loss(rig, error, demand - reference)
         row_count = n if loss is None else loss.tick + 1
         self._past, self._triangle_height = path[n:], float(height[-1])
         self._plant_ticks = self._plant_ticks + n
         self._path_ticks = self._path_ticks + n if is_running else 0
-        for k, drive in enumerate(self._drives):
-            in_force = k == int(self._values["compensation"])
-            self._expected_displacements[k] = (
+        for number, drive in enumerate(self._drives):
+            in_force = number == int(self._values["compensation"])
+            self._expected_displacements[number] = (
                 demand[-1] if in_force else drive.follow(voltage, np.zeros(n))[-1]
             )
-        signals = (reference, expected, position, position_read, error, demand, voltage, load)
+        signals = (reference, expected_displacement, position, position_read, error, demand, voltage, load)
         rows = self._rows(row_count, *(signal[:row_count] for signal in signals))
         if loss is not None:
             self._state, self._fault = State.FAULT, Fault.POSITION_RANGE
@@ -197,11 +196,11 @@ class PiezoBench(CycleBench):
         self.tick += n
         return np.column_stack([numbers, *signals, *state_columns])
 
-    def _lost_rows(self, n: int) -> FloatArray:  # at 0 V
+    def _lost_rows(self, n: int) -> FloatArray:  # the stage is at 0 V
         return self._rows(n, *np.zeros((len(_PIEZO_SIGNALS), n)))
 
     def command(self, command: Command) -> None:
-        """Execute a command; the command stop holds the stage at its position in any state."""
+        """Execute a command; in any state, the command STOP holds the stage at its position."""
         if command is Command.STOP:
             if self._state is State.RUN:
                 self._state = State.READY
@@ -215,14 +214,14 @@ class PiezoBench(CycleBench):
             self._reset_plant()
 
     def demand(self, value: float) -> None:
-        """Demand an offset from the triangle or from the held position, m."""
+        """Demand an offset, m, from the triangle or from the held position."""
         self.demand_range.check(value)
         self._check_displacement(value, self._staged)
         self._offset = value
 
-    def _check_displacement(self, offset: float, staged: Mapping[str, float]) -> None:
-        """Raise an InputError if the stack cannot reach active or staged displacements."""
-        strokes = self._values["stroke"], staged.get("stroke", 0.0)
+    def _check_displacement(self, offset: float, staged_values: Mapping[str, float]) -> None:
+        """Raise an InputError if the stack cannot reach the active or staged displacements."""
+        strokes = self._values["stroke"], staged_values.get("stroke", 0.0)
         height = max(strokes) if self._state is State.RUN else self._triangle_height
         highest = self.rig.settings.displacement_case.low_m + height + offset
         if highest > self._max_displacement * (1.0 + 1e-9):
@@ -237,34 +236,34 @@ class PiezoBench(CycleBench):
         raise InputError("load: a piezo stage has no load drive", code="option-not-for-this")
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return all parameters, with the values that will be active in the next period."""
+        """Return all parameters, with the values that will be active from the next period on."""
         settings = self.rig.settings
         case = self.rig.settings.displacement_case
         values = self._values | self._staged
         bandwidth, nominal_frequency = settings.displacement.bandwidth_Hz, case.frequency_Hz
         max_frequency = max(nominal_frequency, min(self.rate / 20.0, 0.25 / max(case.corner_s, self.rig.dt)))
         baseline, compensator = (inverse.method for inverse in self._inverses)
-        specs = (
+        entries = (
             ("compensation", "", 0.0, 1.0, f"1: {compensator}; 0: {baseline}"),
             ("bandwidth", "Hz", 0.1 * bandwidth, 5.0 * bandwidth, "bandwidth of the integrator"),
             ("stroke", "m", 0.0, self._max_displacement - case.low_m, "stroke of the triangle, peak to peak"),
             ("frequency", "Hz", 0.05 * nominal_frequency, max_frequency, "frequency of the triangle"),
-            ("plant", "", 0.0, float(MAX_PLANT_NUMBER), "0: rig file; n: n-th sample of [spread]"),
+            ("plant", "", 0.0, float(MAX_PLANT_NUMBER), "0: rig file; n: n-th plant of [spread]"),
         )
-        return (*(Parameter(*spec, values[spec[0]]) for spec in specs), *self._knobs.parameters())
+        return (*(Parameter(*entry, values[entry[0]]) for entry in entries), *self._knobs.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Stage parameters for the next period; disturbances take effect on the next tick."""
+        """Stage parameters until the next period; disturbances take effect at the next tick."""
         check_values(values, self.parameters(), integer_names=("compensation", "plant"))
-        staged = {name: value for name, value in values.items() if name in self._values}
-        if staged and self._state is State.FAULT:
+        staged_values = {name: value for name, value in values.items() if name in self._values}
+        if staged_values and self._state is State.FAULT:
             raise InputError("the stage has lost control: press clear first", code="wrong-state")
-        self._check_displacement(self._offset, self._staged | staged)
+        self._check_displacement(self._offset, self._staged | staged_values)
         self._knobs.apply(values)
         if "disturbance_frequency" in values:
             self._phase_zero_tick = self.tick + 1
-        self._staged |= staged
-        return self._next_period_tick if staged else self.tick + 1
+        self._staged |= staged_values
+        return self._next_period_tick if staged_values else self.tick + 1
 
     @property
     def _next_period_tick(self) -> int:

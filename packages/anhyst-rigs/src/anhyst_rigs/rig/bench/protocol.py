@@ -1,8 +1,7 @@
 """Define the interface of all benches, and the commands that a controller permits in each state.
 
 A bench is a rig with its controller, virtual or real, that an operator uses interactively. The
-state machine of the core decides which commands are permitted. This module explains the decision in
-words.
+state machine of the core decides which commands are permitted. This module explains its decisions.
 """
 
 from __future__ import annotations
@@ -22,19 +21,19 @@ from anhyst_rigs.rig.stage.recording import WRENCH_UNITS
 
 
 class Signal(NamedTuple):
-    """A measured column of a bench."""
+    """A column of the rows of a bench."""
 
     name: str  # lower case, without the unit: ``gap``, ``current_read``
-    unit: str  # SI; empty for counts and codes
+    unit: str  # SI unit; empty for counts and codes
     doc: str  # description
 
 
-def current_signals(first: int, last: int) -> dict[str, Signal]:
+def current_signals(first_magnet: int, last_magnet: int) -> dict[str, Signal]:
     """Return the current signals of some magnets, keyed by the columns of a simulated loop."""
     texts = {"command": "commanded current of magnet", "current": "true current of magnet"}
     return {
         column_name(name, "A", number): Signal(column_name(name, "", number), "A", f"{text} {number}")
-        for number in range(first, last + 1)
+        for number in range(first_magnet, last_magnet + 1)
         for name, text in texts.items()
     }
 
@@ -47,7 +46,7 @@ SCAN_SIGNALS = (
     Signal("force", "N", "true force of the magnets along the set-point"),
     Signal("load", "N", "true force of the load drive along the set-point"),
 )
-"""Signals of a stage along its set-point."""
+"""Signals of a stage along the direction of its set-point."""
 STAGE_STATE_SIGNALS = (
     Signal("state", "", "ready: held at rest; run: follows its set-point; fault: lost, no current"),
     Signal("fault", "", "latched fault: Fault of anhyst.support.states"),
@@ -63,7 +62,7 @@ BEARING_COMMANDS = (*_START_UP_COMMANDS, Command.LIFT, Command.LAND, *_STOP_COMM
 CYCLE_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
 """Commands of a bench that repeats its set-point."""
 STAGE_COMMANDS = (*CYCLE_COMMANDS[:2], Command.LIFT, Command.LAND, Command.IDLE, Command.CLEAR)
-"""Commands of a stage, including lifting and landing of its body."""
+"""Commands of a stage, including those that lift and land its body."""
 _AXIS_SIGNALS = (
     ("error", ("m", "rad"), "error along {}, or about it"),
     ("demand", WRENCH_UNITS, "demanded force along {}, or moment about it"),
@@ -79,12 +78,12 @@ _MAGNET_SIGNALS = (
 )
 
 
-def axis_and_magnet_signals(free: Sequence[str], magnets: Sequence[str]) -> list[Signal]:
-    """Return the signals of the coordinates and of the magnets, by their names."""
+def axis_and_magnet_signals(axes: Sequence[str], magnets: Sequence[str]) -> list[Signal]:
+    """Return the signals of the coordinates and of the magnets, keyed by their names."""
     axis_signals = [
         Signal(f"{name}_{axis}", units[axis.startswith("r")], text.format(axis))
         for name, units, text in _AXIS_SIGNALS
-        for axis in free
+        for axis in axes
     ]
     magnet_signals = [
         Signal(column_name(name, "", number), unit, text.format(magnet))
@@ -102,7 +101,7 @@ class DemandRange(NamedTuple):
     unit: str  # m or N
     low: float  # permitted range, including both ends
     high: float
-    value: float  # demand when the bench was opened
+    value: float  # demand at the time when the bench was opened
 
     def check(self, value: float) -> None:
         """Raise an InputError if a demand is outside the range."""
@@ -116,10 +115,10 @@ class DemandRange(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """A quantity that may be changed while a bench runs."""
+    """A quantity that the operator may change while a bench runs."""
 
     name: str  # lower case: ``load_damping``
-    unit: str  # SI; empty for counts and switches
+    unit: str  # SI unit; empty for counts and switches
     low: float  # permitted range, including both ends
     high: float
     doc: str  # description
@@ -127,7 +126,7 @@ class Parameter(NamedTuple):
 
 
 class Knobs:
-    """Adjustable parameters of a rig that are not settings of its controller."""
+    """Adjustable parameters of a rig that do not belong to its controller."""
 
     def __init__(self, *parameters: Parameter) -> None:
         self._parameters = {parameter.name: parameter for parameter in parameters}
@@ -140,21 +139,21 @@ class Knobs:
         return tuple(self._parameters.values())
 
     def apply(self, values: Mapping[str, float]) -> None:
-        """Set values; names of other parameters are ignored."""
+        """Set values; unknown parameter names are ignored."""
         for name in values.keys() & self._parameters.keys():
             self._parameters[name] = self._parameters[name]._replace(value=values[name])
 
 
 class Bench(ABC):
-    """A rig and its controller, to be used by one thread at a time."""
+    """A rig and its controller. Only one thread at a time may use it."""
 
     rate: float  # sample rate, Hz
-    signals: tuple[Signal, ...]  # columns of the rows after the tick number
+    signals: tuple[Signal, ...]  # columns of the rows, after the tick number
     demand_range: DemandRange  # range and present value of the demand
     commands: tuple[Command, ...]  # all commands of this kind of controller, in any state
     max_load = 0.0  # largest force of the load drive in both directions, N; 0: no load drive
-    has_own_clock = False  # whether the ticks come from a clock of the controller
-    ticks_per_row = 1  # ticks between two rows
+    has_own_clock = False  # whether the controller has its own clock, which gives the ticks
+    ticks_per_row = 1  # number of ticks from one row to the next
     loss_reason = ""  # why the controller is lost and searched for; empty while it responds
 
     @property
@@ -164,10 +163,10 @@ class Bench(ABC):
 
     @abstractmethod
     def advance(self, ticks: int) -> FloatArray:
-        """Advance by some ticks and return their rows: tick number and signals."""
+        """Advance by some ticks and return their rows: tick number, then signals."""
 
     def take_messages(self) -> Sequence[str]:
-        """Return messages about loss and return of the controller since the last call.
+        """Return messages about lost and restored connections since the last call.
 
         After a message, the caller must read :attr:`demand_range` and the parameters again.
         """
@@ -179,11 +178,11 @@ class Bench(ABC):
 
     @abstractmethod
     def demand(self, value: float) -> None:
-        """Demand a gap, m, of a bearing or a force, N, of a magnet from the next tick on."""
+        """Demand the gap of a bearing, m, or the force of a magnet, N, from the next tick on."""
 
     @abstractmethod
     def load(self, force: float) -> None:
-        """Command a force, N, of the load drive from the next tick on."""
+        """Command a force of the load drive, N, from the next tick on."""
 
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
@@ -195,7 +194,7 @@ class Bench(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Release the rig."""
+        """Close the bench and release what it uses."""
 
 
 class Subscription:
@@ -205,33 +204,33 @@ class Subscription:
         self.name = name
         self.needs_every_tick = needs_every_tick
         self.missed_ticks = 0
-        self.has_ended = False  # no further chunks are added
+        self.has_ended = False  # whether the queue accepts no more chunks
         self._max_chunks = max_chunks
         self._chunks: deque[FloatArray] = deque()
         self._changed = threading.Condition()
 
     def get(self, timeout: float | None = None) -> FloatArray | None:
-        """Return the next chunk, with rows as of :meth:`Bench.advance`; None at the end."""
+        """Return the next chunk of rows, as :meth:`Bench.advance` returns them; None at the end."""
         with self._changed:
             if not self._changed.wait_for(lambda: self._chunks or self.has_ended, timeout):
                 raise TimeoutError(f"{self.name}: no chunk in {timeout:g} s")
             return self._chunks.popleft() if self._chunks else None
 
     def close(self) -> None:
-        """Accept no further chunks; chunks in the queue can still be read."""
+        """Accept no more chunks; the chunks in the queue can still be read."""
         with self._changed:
             self.has_ended = True
             self._changed.notify_all()
 
     def needs_wait(self) -> bool:
-        """Whether the bench must wait for a full queue of a subscriber that needs every tick."""
+        """Whether the bench must wait: the queue is full and the subscriber needs every tick."""
         with self._changed:
             return self.needs_every_tick and not self.has_ended and len(self._chunks) >= self._max_chunks
 
     def put(self, chunk: FloatArray) -> None:
         """Append a chunk.
 
-        A full queue drops its oldest chunks, unless the subscriber needs every tick.
+        If the queue is full, its oldest chunks are dropped, unless the subscriber needs every tick.
         """
         with self._changed:
             if self.has_ended:
@@ -243,9 +242,10 @@ class Subscription:
 
 
 _STEPS_TO_RUN = ((Command.CLEAR,), (Command.CONDITION, Command.DEMAGNETISED), (Command.LIFT,), (Command.RUN,))
-"""Commands from a fault to the state run, in order; each step needs one command of its group."""
+"""Groups of commands that lead from the state FAULT to RUN, in order; one command of each suffices.
+"""
 _STAGE_COMMAND_STATES = {Command.LIFT: State.IDLE, Command.LAND: State.READY}
-"""State in which a stage permits the commands for lifting and landing."""
+"""State in which a stage permits each command that lifts or lands its body."""
 
 
 class ControllerStatus(NamedTuple):
@@ -265,10 +265,9 @@ class ControllerStatus(NamedTuple):
 
 
 def controller_status(values: Mapping[str, float]) -> ControllerStatus:
-    """Return the state of a controller at a tick from its signals.
+    """Return the state of a controller at a tick, from its signals.
 
-    Only position controllers have a phase. Without a signal ``flags``, as for a stage, the current
-    counts as zero.
+    Only position controllers have a phase. Without a signal ``flags``, the current counts as zero.
     """
     flags = Flag(int(values.get("flags", Flag.CURRENT_ZERO)))
     phase = values.get("phase")
@@ -283,15 +282,15 @@ def controller_status(values: Mapping[str, float]) -> ControllerStatus:
 
 
 def refusal_reason(command: Command, status: ControllerStatus) -> str:
-    """Return why a controller would refuse a command; empty if it would execute it."""
+    """Return why a controller would refuse a command; empty if it would execute the command."""
     states = _permitted_states(command, status.levitates)
     if command in _STAGE_COMMAND_STATES and not status.levitates:
         return "" if status.name in states else f"only in the state {states[0]}, not in {status.name}"
-    hindrance = obstacle(command, **status._asdict())
-    if hindrance == "current":
+    obstacle_text = obstacle(command, **status._asdict())
+    if obstacle_text == "current":
         return "only once the current is zero"
-    if hindrance != "state":
-        return hindrance and "this controller has no such command"
+    if obstacle_text != "state":
+        return obstacle_text and "this controller has no such command"
     if status.name not in states:
         return f"only in the state {' or '.join(states)}, not in {status.name}"
     return "only once the armature is down" if status.plausible else "only with a plausible sample"
@@ -308,11 +307,11 @@ def check_stage_command(command: Command, commands: Sequence[Command], state: St
 
 
 def describe_next_step(commands: Sequence[Command], status: ControllerStatus) -> str:
-    """Return in words which commands lead to the state run; empty in this state."""
+    """Describe which commands lead to the state RUN; return an empty text in this state."""
     if status.state is State.RUN:
         return ""
     if Command.RUN in commands and status.state is not State.IDLE:
-        # The body is lifted already, or is lifted after the command clear.
+        # The body has already been lifted, or will be lifted after the command CLEAR.
         commands = [command for command in commands if command is not Command.LIFT]
     permitted_steps = [[command for command in step if command in commands] for step in _STEPS_TO_RUN]
     path = [step for step in permitted_steps if step]
@@ -321,15 +320,15 @@ def describe_next_step(commands: Sequence[Command], status: ControllerStatus) ->
         for n, step in enumerate(path)
         if any(status.name in _permitted_states(command, status.levitates) for command in step)
     ]
-    start = possible_starts[-1] if possible_starts else 1 + status.conditioning
-    steps = ", then ".join(_step_text(step) for step in path[start:])
-    reason = refusal_reason(path[start][0], status) if possible_starts else f"after {status.name}"
+    start_index = possible_starts[-1] if possible_starts else 1 + status.conditioning
+    steps = ", then ".join(_step_text(step) for step in path[start_index:])
+    reason = refusal_reason(path[start_index][0], status) if possible_starts else f"after {status.name}"
     return f"{reason}: press {steps}" if reason else f"press {steps}"
 
 
 def _step_text(step: Sequence[Command]) -> str:
-    first, *others = (command.name.lower() for command in step)
-    return f"{first} (or {others[0]}, if the iron is)" if others else first
+    first_name, *other_names = (command.name.lower() for command in step)
+    return f"{first_name} (or {other_names[0]}, if the iron is)" if other_names else first_name
 
 
 def _permitted_states(command: Command, levitates: bool) -> list[str]:

@@ -20,32 +20,32 @@ _GAIN_SETTINGS = {
     Setting.GAIN_D: ("N s/m", "K_d of the position controller"),
     Setting.GAIN_DD: ("N s^2/m", "K_dd of the position controller"),
 }
-"""Gains that the firmware scales relative to the compiled values; a gain of zero stays zero."""
+"""Gains that the firmware scales relative to their compiled values; a compiled zero stays zero."""
 
 
 MAX_PLANT_NUMBER = 999
-"""Largest number of a sampled plant."""
+"""Largest number by which a random plant can be selected."""
 
 
 class SettingsLine(Protocol):
     """A line that reads and writes settings."""
 
     def read_setting(self, setting: Setting) -> int:
-        """Read the code of a setting."""
+        """Return the code of a setting."""
 
     def write_setting(self, setting: Setting, value: int) -> int:
-        """Write the code of a setting for the next tick; return the controller's new code."""
+        """Write the code of a setting for the next tick; return the new code of the controller."""
 
 
 class SettingSpec(NamedTuple):
     """Range, unit and code of a setting."""
 
-    name: str  # as in :class:`anhyst_rigs.rig.bench.protocol.Parameter`
+    name: str  # name as in :class:`anhyst_rigs.rig.bench.protocol.Parameter`
     setting: Setting  # number of the setting in the protocol
     unit: str
     low: float
     high: float
-    # value of one code in SI units; 1: the value must be an integer
+    # value of one code in SI units; if it is 1, the value must be an integer
     value_per_code: float
     doc: str
 
@@ -59,11 +59,11 @@ class SettingSpec(NamedTuple):
 
 
 class ControllerSettings:
-    """Settings that are read and written over a line."""
+    """Settings of a controller that are read and written over a line."""
 
-    def __init__(self, line: SettingsLine, known: Sequence[SettingSpec]) -> None:
+    def __init__(self, line: SettingsLine, setting_specs: Sequence[SettingSpec]) -> None:
         self._line = line
-        self._specs = tuple(known)
+        self._specs = tuple(setting_specs)
         self._codes = {spec.setting: line.read_setting(spec.setting) for spec in self._specs}
 
     def parameters(self) -> tuple[Parameter, ...]:
@@ -81,7 +81,7 @@ class ControllerSettings:
         )
 
     def write(self, values: Mapping[str, float], is_running: bool) -> None:
-        """Write several settings, or none if one is refused; other names are ignored."""
+        """Write several settings, or none if one is refused; unknown names are ignored."""
         codes = {spec: spec.encode(values[spec.name]) for spec in self._specs if spec.name in values}
         changed_codes = {
             spec.setting: code for spec, code in codes.items() if code != self._codes[spec.setting]
@@ -95,16 +95,16 @@ class ControllerSettings:
                 )
         old_codes = {setting: self._codes[setting] for setting in changed_codes}
         try:
-            self._send(changed_codes)
+            self._send_settings(changed_codes)
         except RequestRefusedError:
-            self._send(old_codes)
+            self._send_settings(old_codes)
             raise
 
-    def _send(self, codes: Mapping[Setting, int]) -> None:
+    def _send_settings(self, codes: Mapping[Setting, int]) -> None:
         for setting, code in codes.items():
             self._codes[setting] = self._line.write_setting(setting, code)
         if not _GAIN_SETTINGS.keys().isdisjoint(codes):
-            self._line.write_setting(Setting.GAINS, 1)  # activates the written gains
+            self._line.write_setting(Setting.GAINS, 1)  # A 1 activates the written gains.
 
 
 _COMPENSATION_DOC = "1: the compensator; 0: the constant ratio"
@@ -112,7 +112,7 @@ _COMPENSATION = SettingSpec("compensation", Setting.COMPENSATION, "", 0.0, 1.0, 
 
 
 def force_settings(demand: float, current: float, rate: float) -> tuple[SettingSpec, ...]:
-    """Return the settings of a force controller for full scales, N and A, and a rate, Hz."""
+    """Return the settings of a force controller from its full scales, N and A, and its rate, Hz."""
     max_slew, ratio = demand * rate, current / demand
     slew_doc, ratio_doc = "largest slope of the demand", "constant ratio of current to force"
     follow_doc = "current that updates the hysteresis state: 0: driven; 1: measured"
@@ -139,23 +139,23 @@ def position_settings(gains: Sequence[float]) -> tuple[SettingSpec, ...]:
 
 
 _AMPLIFIER_MARGIN = 2.0
-"""Factor on the lag and sweep of the amplifier that a controller expects."""
+"""Ratio of the lag and the sweep time that a controller expects to the nominal values."""
 _MAX_DELAY_TICKS = 2.0
-"""Largest number of ticks between a driven current and the sample that shows it."""
+"""Largest number of ticks between a driven current and the sample that measures it."""
 
 
 def set_expected_amplifier(line: SettingsLine, file: RigFile, slew: float, full_scale: float) -> None:
-    """Set the lag and sweep time that a controller expects, unless its present values are larger.
+    """Raise the lag and the sweep time that a controller expects to those of the amplifier.
 
-    The current changes by up to `slew`, A/s. The full scale of the controller is `full_scale`, A.
+    The current changes by up to `slew`, A/s. Its full scale in the controller is `full_scale`, A.
     """
     rate, amplifier = file.timing.rate_Hz, file.amplifier
     lag = (1.0 / amplifier.bandwidth_Hz + 1.0 / file.current_sensor.bandwidth_Hz) / math.tau
-    times = {
+    time_constants = {
         Setting.CURRENT_LAG_TICKS: lag + amplifier.delay_s + _MAX_DELAY_TICKS / rate,
         Setting.CURRENT_SWEEP_TICKS: full_scale / slew,
     }
-    for setting, seconds in times.items():
+    for setting, seconds in time_constants.items():
         ticks = math.ceil(min(_AMPLIFIER_MARGIN * seconds, 1e-3 * HEARTBEAT_MS) * rate)
         if ticks > line.read_setting(setting):
             line.write_setting(setting, min(ticks, int(1e-3 * HEARTBEAT_MS * rate)))
@@ -172,12 +172,12 @@ def check_values(
     values: Mapping[str, float], parameters: Sequence[Parameter], integer_names: Sequence[str] = ()
 ) -> None:
     """Raise an InputError for an unknown name, a value out of range, or a non-integer."""
-    known = {parameter.name: parameter for parameter in parameters}
+    parameters_by_name = {parameter.name: parameter for parameter in parameters}
     for name, value in values.items():
-        if name not in known:
-            text = f"{name}: is not a parameter of this bench; it has {', '.join(known)}"
+        if name not in parameters_by_name:
+            text = f"{name}: is not a parameter of this bench; it has {', '.join(parameters_by_name)}"
             raise InputError(text, code="unknown-parameter", key=name)
-        parameter = known[name]
+        parameter = parameters_by_name[name]
         if not parameter.low <= value <= parameter.high:
             raise InputError(
                 f"{name}: is {value:g} {parameter.unit}".rstrip()
@@ -193,7 +193,7 @@ def check_values(
 def stage_parameters(
     values: Mapping[str, float], methods: tuple[str, str], crossover: float
 ) -> tuple[Parameter, ...]:
-    """Return the parameters of a running stage, for methods without and with compensation."""
+    """Return the parameters of a running stage; the methods are without and with compensation."""
     baseline_method, compensated_method = methods
     specs = (
         (
@@ -208,6 +208,6 @@ def stage_parameters(
         ("gain_snap", "s2", -1e-6, 1e-6, "feedforward gain of the snap"),
         ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "crossover of the position loop"),
         ("motion", "", 0.1, 1.0, "accelerations relative to the rig file"),
-        ("plant", "", 0.0, float(MAX_PLANT_NUMBER), "0: rig file; n: n-th sample of [spread]"),
+        ("plant", "", 0.0, float(MAX_PLANT_NUMBER), "0: rig file; n: n-th plant of [spread]"),
     )
     return tuple(Parameter(name, unit, low, high, doc, values[name]) for name, unit, low, high, doc in specs)

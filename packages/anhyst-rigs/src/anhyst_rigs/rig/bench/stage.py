@@ -1,8 +1,9 @@
-"""Simulate a stage interactively: plant and controller of the core in lock-step, in this process.
+"""Simulate a stage interactively; its plant and its controller advance together tick by tick.
 
 The firmware does not contain a controller of a stage, so the bench runs the controller of the core.
 The bench repeats the set-point, forward and backward alternately, with a rest in between. Changes
-take effect on one tick while the body rests, so that no law, gain or filter changes under force.
+take effect at one tick while the body rests. Therefore, the hysteresis law, the gains and the
+filters never change while force is demanded.
 """
 
 from __future__ import annotations
@@ -69,32 +70,32 @@ from anhyst_rigs.rig.stage.setpoint import (
     scan_motion,
 )
 
-CARRY_OVER_S = 1e-3
-"""Time over which the wrench of the integral is averaged before a new controller starts from it, s.
-"""
-REMEMBERED_CYCLES = 4
+INTEGRAL_AVERAGING_TIME_S = 1e-3
+"""Averaging time of the integral wrench, from which a new controller starts, s."""
+STORED_CYCLES = 4
 """Number of cycles of the set-point whose currents and gaps are stored for new compensators."""
 MAX_LOAD_SHARE = 0.5
-"""Largest force of the load drive relative to the force that the set-point leaves available."""
+"""Largest force of the load drive, as a fraction of the force that the set-point does not need."""
 FEEDFORWARD_GAINS = ("acceleration", "jerk", "snap")
 """Names of the gains of :class:`anhyst_rigs.rig.stage.loop.Feedforward`."""
 PHASES_PER_STATE = 16
-"""Factor of the controller's state in the recorded column ``state``; the phase is added."""
+"""Factor of the controller's state in the recorded column ``state``, to which the phase is added.
+"""
 MAX_CYCLES = 100
-"""Number of past cycles in the record of the bench."""
+"""Number of cycles in the record of the bench."""
 
 
 class StageCycle(NamedTuple):
-    """A completed or active run along the set-point."""
+    """A completed or active motion along the set-point."""
 
     number: int
     first_tick: int
     tick_count: int
-    # first tick of the stored currents; the iron was demagnetised before
+    # first tick of the stored currents, before which the iron was demagnetised
     history_start: int
     motion: SetPoint
-    conditions: tuple[object, ...]  # all conditions except corrections, such as plant and gains
-    setup: StageSetup  # active setup with its estimated corrections
+    conditions: tuple[object, ...]  # all conditions except the corrections, such as plant and gains
+    setup: StageSetup  # active setup, including its estimated corrections
 
     @property
     def last_tick(self) -> int:
@@ -111,14 +112,14 @@ class StageBench(CycleBench):
     """A stage that repeats its set-point.
 
     The parameter ``compensation`` selects one of two setups: 0 without hysteresis compensation, 1
-    with the compensator. A load, unknown to the controller, pushes along the set-point. The
-    parameters `push_` add to the wrench demanded of the magnets immediately. The controller lifts
-    and lands the body. In the state idle the body lies without current; in the state ready it is
-    levitated.
+    with the compensator. A load that the controller does not know acts along the set-point. The
+    parameters that begin with ``push_`` are added immediately to the wrench that the magnets must
+    apply. The controller lifts and lands the body. In the state IDLE the body rests without
+    current; in the state READY it levitates.
     """
 
     lift_tick = 0  # tick of the last lift-off from a rest without current
-    _is_lifting_or_landing = False  # whether a lift-off or landing is in progress
+    _is_lifting_or_landing = False  # whether the body is being lifted or landed
     _next_command = Command.NONE  # command to the controller for the next tick
     commands = STAGE_COMMANDS
 
@@ -144,11 +145,11 @@ class StageBench(CycleBench):
             f"push_{axis}": MAX_LOAD_SHARE * largest_wrench_factor(file, direction)
             for axis, direction in axis_directions
         }
-        self._pushes = dict.fromkeys(self._max_pushes, 0.0)  # active values
-        # A step of the target by this amount demands the largest force immediately.
+        self._pushes = dict.fromkeys(self._max_pushes, 0.0)  # active value of each push, N or N m
+        # A step of the target by this offset immediately demands the largest force.
         max_offset = file.tracking.force_max_N / pid_coefficients(rig)["b0"]
         self.demand_range = DemandRange("position", "reference", "m", -max_offset, max_offset, 0.0)
-        self.setups = tuple(setups)  # as in the files
+        self.setups = tuple(setups)  # setups without corrections, as read from the files
         self._setups, self._gains = list(setups), list(gains)
         self._values = {
             "compensation": 1.0,
@@ -160,7 +161,7 @@ class StageBench(CycleBench):
         self._corrected_setups: dict[int, StageSetup] = {}
         self._cycle_count, self._cycle_number = 0, 0
         self._offset, self._load, self._next_direction = 0.0, 0.0, 1.0
-        # Phases of the controller at the last ticks.
+        # phase of the controller at each of the last ticks
         self._phases = np.zeros(0)
         self._set_motion(1.0)
         self._reset_plant()
@@ -174,10 +175,10 @@ class StageBench(CycleBench):
     def _setup(self) -> StageSetup:
         return self._setups[int(self._values["compensation"])]
 
-    def _set_motion(self, share: float) -> None:
-        """Scale the accelerations of the rig file; the set-point ends at rest."""
+    def _set_motion(self, acceleration_factor: float) -> None:
+        """Multiply the accelerations of the rig file by a factor; the set-point ends at rest."""
         scan = self.rig.settings.scan
-        peaks = [share * peak for peak in (*scan.test_m_per_s2, scan.test_m_per_s2[0])]
+        peaks = [acceleration_factor * peak for peak in (*scan.test_m_per_s2, scan.test_m_per_s2[0])]
         self._motion = replace(scan_motion(scan, peaks), has_final_rest=True)
         self._scan_course = sample_motion(self._motion, self.rig.dt, self.rig.loop_delay)
 
@@ -190,35 +191,35 @@ class StageBench(CycleBench):
             drift, noise = sample_plant(settings, settings.seed, number - 1)
         self._cable_stiffness = drift.cable
         self._plant = drifted_plant(self.rig, drift, noise)
-        along, stray = scan_direction(settings), float(self._next_stray(1, 0.0)[0])
-        self._plant.place((-stray * along).tolist(), [0.0] * along.size)
+        scan_axis, stray = scan_direction(settings), float(self._next_stray(1, 0.0)[0])
+        self._plant.place((-stray * scan_axis).tolist(), [0.0] * scan_axis.size)
         self._active_course: SampledMotion | None = None
         self._course_tick, self._course_start = 0, 0.0
         self._past_accelerations = np.zeros(round(STRAY_DELAY_S / self.rig.dt))
         self._history: deque[FloatArray] = deque()
-        free = len(self.rig.settings.body.free)
-        self._latest_history = np.zeros((0, 2 * (self._magnets + free)))
-        self._integral_wrench = np.zeros(free)
+        axis_count = len(self.rig.settings.body.free)
+        self._latest_history = np.zeros((0, 2 * (self._magnets + axis_count)))
+        self._integral_wrench = np.zeros(axis_count)
         self._history_start = self.plant_tick = self.tick + 1  # first tick with demagnetised iron
         self._set_controller()
 
     def _set_controller(self) -> None:
-        """Activate a controller with the history of the iron and the present integral."""
+        """Activate a controller with the hysteresis states of the magnets and the present integral."""
         rig = self._setup.rig
         settings = rig.settings.with_changes({"control.crossover_Hz": self._values["crossover"]})
         setup = replace(self._setup, rig=replace(rig, settings=settings))
-        # The loop keeps a reference to the drives.
-        drives = [self._compensator_with_history(setup, k) for k in range(self._magnets)]
+        # The loop refers to the same drives.
+        drives = [self._compensator_with_history(setup, magnet) for magnet in range(self._magnets)]
         controller = setup.make_controller(drives)
         self._loop = ClosedLoop(self._plant, controller, current_controllers(setup.rig))
         if len(self._latest_history):
-            demanded, fed = np.split(self._latest_history[:, 2 * self._magnets :], 2, axis=1)
-            self._integral_wrench = np.array([np.mean(values) for values in (demanded - fed).T])
-        # A controller starts in the levitated state.
+            demand, feedforward = np.split(self._latest_history[:, 2 * self._magnets :], 2, axis=1)
+            self._integral_wrench = np.array([np.mean(values) for values in (demand - feedforward).T])
+        # A controller starts in a levitated state.
         self._next_command = Command.IDLE if self._state is State.IDLE else Command.NONE
 
     def _compensator_with_history(self, setup: StageSetup, magnet: int) -> ForceController:
-        """Return a compensator that has followed the past currents and gaps of a magnet."""
+        """Return a compensator that has processed the past currents and gaps of a magnet."""
         drive = setup.make_compensators()[magnet]
         path = np.concatenate([*self._history, self._latest_history[-1:]])
         if len(path):
@@ -247,112 +248,112 @@ class StageBench(CycleBench):
             external_forces = self._load, *self._pushes.values()
             conditions = (*self._values.values(), *self._gains, *external_forces)
             begin, ticks = self.tick + 1, len(self._scan_course)
-            lap = StageCycle(
+            cycle = StageCycle(
                 self._cycle_number, begin, ticks, self._history_start, self._motion, conditions, self._setup
             )
-            self.cycles.append(lap)
+            self.cycles.append(cycle)
 
     def _begin_course(self, course: SampledMotion) -> None:
         self._active_course, self._course_tick = course, 0
         # Minor loops at rest are not stored, because the next cycle wipes them out.
         self._history.append(self._latest_history[-1:])
-        while sum(map(len, self._history)) > REMEMBERED_CYCLES * len(self._scan_course):
+        while sum(map(len, self._history)) > STORED_CYCLES * len(self._scan_course):
             self._history.popleft()
 
     def _take_staged(self) -> None:
-        staged, self._staged = self._staged, {}
-        corrected, self._corrected_setups = self._corrected_setups, {}
-        for selected, setup in corrected.items():
-            self._setups[selected] = setup
-        self._values |= {name: value for name, value in staged.items() if name in self._values}
-        selected = int(self._values["compensation"])
-        gains = {name: staged[f"gain_{name}"] for name in FEEDFORWARD_GAINS if f"gain_{name}" in staged}
-        self._gains[selected] = replace(self._gains[selected], **gains)
-        if "motion" in staged:
-            self._set_motion(staged["motion"])
-        if "plant" in staged:
+        changes, self._staged = self._staged, {}
+        setups, self._corrected_setups = self._corrected_setups, {}
+        for number, setup in setups.items():
+            self._setups[number] = setup
+        self._values |= {name: value for name, value in changes.items() if name in self._values}
+        number = int(self._values["compensation"])
+        gains = {name: changes[f"gain_{name}"] for name in FEEDFORWARD_GAINS if f"gain_{name}" in changes}
+        self._gains[number] = replace(self._gains[number], **gains)
+        if "motion" in changes:
+            self._set_motion(changes["motion"])
+        if "plant" in changes:
             self._reset_plant()
-        elif selected in corrected or not staged.keys().isdisjoint(("compensation", "crossover")):
+        elif number in setups or not changes.keys().isdisjoint(("compensation", "crossover")):
             self._set_controller()
 
     def _next_feedforward(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return n + 1 positions, n accelerations and n feedforward forces of the next ticks."""
+        """Return the next n + 1 positions, n accelerations and n feedforward forces."""
         course, tick = self._active_course, self._course_tick
         if course is None:
-            positions, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
+            positions, accelerations, setpoints = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
         else:
             positions = course.position[tick : tick + n + 1]
             accelerations = course.acceleration[tick : tick + n]
-            ahead = course.early_derivatives[tick : tick + n]
+            setpoints = course.early_derivatives[tick : tick + n]
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
         mass = setup.assumed_rig.settings.body.mass_kg
-        mass_acceleration = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
-        forward = mass * mass_acceleration + setup.cable_stiffness * (self._course_start + ahead[:, 3])
+        mass_acceleration = setpoints[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
+        forward = mass * mass_acceleration + setup.cable_stiffness * (self._course_start + setpoints[:, 3])
         return self._course_start + positions, accelerations, forward
 
     def _next_stray(self, n: int, delayed_acceleration: FloatArray | float) -> FloatArray:
-        """Return the path error of the long stroke at the next ticks, m, as in a simulation."""
+        """Return the path error of the long stroke at the next ticks, m, as in other simulations."""
         ticks = np.arange(self.tick, self.tick + n, dtype=np.float64)
         return frame_stray_from(self.rig, delayed_acceleration, self.rig.dt * ticks)
 
     def _run_ticks(self, n: int) -> FloatArray:
         if self._active_course is not None:
             n = min(n, len(self._active_course) - self._course_tick)
-        place, accelerations, forward = self._next_feedforward(n)
-        past = np.concatenate([self._past_accelerations, accelerations])
-        stray = self._next_stray(n + 1, past[: n + 1] / self._max_acceleration)
-        signals, history, loss = self._simulate(place, stray, forward)
+        positions, accelerations, feedforward = self._next_feedforward(n)
+        all_accelerations = np.concatenate([self._past_accelerations, accelerations])
+        stray = self._next_stray(n + 1, all_accelerations[: n + 1] / self._max_acceleration)
+        signals, history, loss = self._simulate_ticks(positions, stray, feedforward)
         row_count = len(history)
         rows = self._rows(row_count, *signals)
-        self._past_accelerations = past[row_count : row_count + self._past_accelerations.size]
+        self._past_accelerations = all_accelerations[row_count : row_count + self._past_accelerations.size]
         self._course_tick = self._course_tick + row_count
         self._record_history(history)
-        carry_over_ticks = round(CARRY_OVER_S / self.rig.dt)
+        carry_over_ticks = round(INTEGRAL_AVERAGING_TIME_S / self.rig.dt)
         self._latest_history = np.concatenate([self._latest_history, history])[-carry_over_ticks:]
         if loss is not None:
             self._state, self._fault, self._cycle_number = State.FAULT, Fault.POSITION_RANGE, 0
         return rows
 
-    def _record_history(self, flowed: FloatArray) -> None:
-        """Store currents and gaps for new compensators, except at rest."""
+    def _record_history(self, history_rows: FloatArray) -> None:
+        """Store currents and gaps for new compensators, except while the body rests."""
         is_driven = bool(self._history) and self._history[-1][-1:, : self._magnets].any()
         if self._active_course is not None or self._is_lifting_or_landing:
-            self._history.append(flowed)
+            self._history.append(history_rows)
         elif self._state is State.IDLE and is_driven:
-            self._history.append(flowed[-1:])
+            self._history.append(history_rows[-1:])
 
-    def _simulate(
-        self, place: FloatArray, stray: FloatArray, forward: FloatArray
+    def _simulate_ticks(
+        self, positions: FloatArray, stray: FloatArray, feedforward: FloatArray
     ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
         """Return the signals of some ticks, the history of the magnets, and a loss of control.
 
         The history has one row per tick: current and measured gap of each magnet, then the demanded
-        and the feedforward wrench along each coordinate.
+        and the feedforward wrench of each coordinate.
         """
-        rig, free = self.rig, self.rig.settings.body.free
-        fed = feedforward_wrench(self._setup.assumed_rig, forward) + list(self._pushes.values())
-        scenario = scan_scenario(rig, place, stray, fed + self._integral_wrench, self._offset)
+        rig, axes = self.rig, self.rig.settings.body.free
+        wrench = feedforward_wrench(self._setup.assumed_rig, feedforward) + list(self._pushes.values())
+        scenario = scan_scenario(rig, positions, stray, wrench + self._integral_wrench, self._offset)
         scenario.command[0], self._next_command = self._next_command, Command.NONE
-        load = self._load - self._cable_stiffness * place[:-1]
+        load = self._load - self._cable_stiffness * positions[:-1]
         run = self._loop.run(replace(scenario, load=load))
-        # otherwise it may lie on a stop
+        # A body that is not held may touch a stop.
         is_held = self._state is not State.IDLE and not self._is_lifting_or_landing
-        loss = find_stage_loss(rig, run, len(fed)) if is_held else None
-        run = run.slice_ticks(0, len(fed) if loss is None else loss.tick + 1)
+        loss = find_stage_loss(rig, run, len(wrench)) if is_held else None
+        run = run.slice_ticks(0, len(wrench) if loss is None else loss.tick + 1)
         columns = dict(run.columns) | recording_columns(rig, run, scenario) | self._bench_columns(run)
-        demanded = [run[name] for name in axis_columns("demand", free, WRENCH_UNITS)]
+        demanded_wrench = [run[name] for name in axis_columns("demand", axes, WRENCH_UNITS)]
         currents = [run[name] for name in magnet_columns(CURRENT_SIGNALS[:1], 1, self._magnets)]
         gaps = [run[name] for name in magnet_columns([("gap_read", "m")], 1, self._magnets)]
-        history = [*currents, *gaps, *demanded, fed[: len(run)]]
+        history = [*currents, *gaps, *demanded_wrench, wrench[: len(run)]]
         signals = [columns[column_name(signal.name, signal.unit)] for signal in self._loop_signals]
         return signals, np.column_stack(history), loss
 
     def _bench_columns(self, run: Recording) -> dict[str, FloatArray]:
-        """Return the phase, the pull of each magnet, and the wrench of all magnets."""
+        """Return the phase, the pull of each magnet, and the wrench of all magnets together."""
         settings = self.rig.settings
-        free = settings.body.free
-        wrench = [run[name] for name in axis_columns("wrench", free, WRENCH_UNITS)]
-        wrench_columns = dict(zip(demand_columns(free, "wrench"), wrench, strict=True))
+        axes = settings.body.free
+        wrench = [run[name] for name in axis_columns("wrench", axes, WRENCH_UNITS)]
+        wrench_columns = dict(zip(demand_columns(axes, "wrench"), wrench, strict=True))
         self._phases = run["state"] % PHASES_PER_STATE
         if self._is_lifting_or_landing and self._phases[-1] in (Phase.HOVER, Phase.REST):
             self._is_lifting_or_landing = False
@@ -369,25 +370,25 @@ class StageBench(CycleBench):
         self.tick += n
         return np.column_stack([numbers, *signals, state, *state_columns])
 
-    def _lost_rows(self, n: int) -> FloatArray:  # on a stop without current
+    def _lost_rows(self, n: int) -> FloatArray:  # the body is on a stop without current
         values = resting_values(self.rig.settings, self._course_start)
         return self._rows(n, *(np.full(n, values.get(signal.name, 0.0)) for signal in self._loop_signals))
 
     @property
     def _loop_signals(self) -> Sequence[Signal]:
-        """Signals from the loop; the bench adds the others."""
+        """Signals that the loop computes; the bench adds the other signals."""
         return self.signals[: -len(STAGE_STATE_SIGNALS)]
 
     def command(self, command: Command) -> None:
         """Execute a command.
 
-        The command stop brakes immediately in any state, and the body is then held. A body that is
+        In any state, the command STOP brakes immediately, and the body is then held. A body that is
         being lifted is landed again.
         """
         if command is Command.STOP and self._is_lifting_or_landing:
             self._next_command = Command.LAND
         elif command is Command.STOP:
-            self._brake()
+            self._begin_braking()
         else:
             check_stage_command(command, self.commands, self._state)
             self._execute_command(command)
@@ -395,21 +396,21 @@ class StageBench(CycleBench):
     def _execute_command(self, command: Command) -> None:
         """Execute a command that the state permits."""
         if command is Command.RUN:
-            # The first motion leads back to the origin.
-            side = -1.0 if self._course_start > 0.0 else 1.0
-            self._state, self._next_direction, self._offset = State.RUN, side, 0.0
+            # The first motion after this leads back to the origin.
+            direction = -1.0 if self._course_start > 0.0 else 1.0
+            self._state, self._next_direction, self._offset = State.RUN, direction, 0.0
         elif command is Command.CLEAR:
             self._state, self._fault = State.READY, Fault.NONE
             self._reset_plant()
         else:
             if not self._is_lifting_or_landing:
-                self._brake()
+                self._begin_braking()
             self._next_command, self._is_lifting_or_landing = command, command is not Command.IDLE
             self._state = State.RUN if self._is_lifting_or_landing else State.IDLE
             if command is Command.LIFT:
                 self._history_start = self.lift_tick = self.tick + 1
 
-    def _brake(self) -> None:
+    def _begin_braking(self) -> None:
         if self._state is not State.RUN:
             return
         self._state, self._cycle_number = State.READY, 0
@@ -417,27 +418,27 @@ class StageBench(CycleBench):
         if course is not None and self._course_tick < len(course):
             self._course_start += float(course.position[self._course_tick])
             motion = course.motion_at(self._course_tick, dt)
-            scan = self.rig.settings.scan  # largest acceleration, also for a slower cycle
-            hardest = scan_motion(scan, scan.test_m_per_s2)
-            self._begin_course(plan_braking(*motion, hardest, dt, self.rig.loop_delay))
+            scan = self.rig.settings.scan  # has the largest acceleration, also for a slower cycle
+            hardest_motion = scan_motion(scan, scan.test_m_per_s2)
+            self._begin_course(plan_braking(*motion, hardest_motion, dt, self.rig.loop_delay))
 
     def demand(self, value: float) -> None:
-        """Demand an offset from the set-point, m."""
+        """Demand an offset, m, from the set-point."""
         self.demand_range.check(value)
         self._offset = value
 
     def load(self, force: float) -> None:
-        """Push the body towards larger positions by a force, N, unknown to the controller."""
+        """Push the body towards larger positions by a force, N, which the controller does not know."""
         self._load = min(max(force, -self.max_load), self.max_load)
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return all parameters, with the values that are active once the body rests."""
+        """Return all parameters, with the values that will be active from the next rest on."""
         crossover = self.rig.settings.tracking.crossover_Hz
         values = {**self._values, **self._staged}
         gains = self._gains[int(values["compensation"])]
         values = {**{f"gain_{name}": getattr(gains, name) for name in FEEDFORWARD_GAINS}, **values}
         baseline_method, compensated_method = (setup.method for setup in self._setups)
-        pushes = (
+        push_parameters = (
             Parameter(
                 name,
                 WRENCH_UNITS["_r" in name],
@@ -448,23 +449,23 @@ class StageBench(CycleBench):
             )
             for (name, limit), value in zip(self._max_pushes.items(), self._pushes.values(), strict=True)
         )
-        return (*stage_parameters(values, (baseline_method, compensated_method), crossover), *pushes)
+        return (*stage_parameters(values, (baseline_method, compensated_method), crossover), *push_parameters)
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Stage parameters until the body next rests; pushes take effect on the next tick."""
+        """Stage parameters until the body next rests; pushes take effect at the next tick."""
         check_values(values, self.parameters(), integer_names=("compensation", "plant"))
-        pushes = {name: force for name, force in values.items() if name in self._pushes}
-        staged = {name: value for name, value in values.items() if name not in self._pushes}
-        due = self.tick + 1
-        if staged or not pushes:
+        push_forces = {name: force for name, force in values.items() if name in self._pushes}
+        staged_values = {name: value for name, value in values.items() if name not in self._pushes}
+        active_tick = self.tick + 1
+        if staged_values or not push_forces:
             if self._is_lifting_or_landing:
                 raise InputError("the stage is lifting or landing: wait", code="wrong-state")
             if self._state is State.FAULT:
                 raise InputError("the stage has lost control: press clear first", code="wrong-state")
-            self._staged |= staged
-            due = self._next_rest_tick
-        self._pushes |= pushes
-        return due
+            self._staged |= staged_values
+            active_tick = self._next_rest_tick
+        self._pushes |= push_forces
+        return active_tick
 
     def correct(self, setup: StageSetup) -> int:
         """Stage a setup with estimated corrections until the body next rests."""
@@ -474,5 +475,5 @@ class StageBench(CycleBench):
 
     @property
     def _next_rest_tick(self) -> int:
-        remaining = 0 if self._active_course is None else len(self._active_course) - self._course_tick
-        return self.tick + remaining + 1
+        remaining_ticks = 0 if self._active_course is None else len(self._active_course) - self._course_tick
+        return self.tick + remaining_ticks + 1

@@ -1,1 +1,1 @@
-"""The rig of open-loop force control: solenoid, instruments and firmware in lock-step."""
+"""Simulate the rig of open-loop force control: solenoid, instruments and firmware, tick by tick."""

@@ -1,6 +1,6 @@
 """Read the rig file of force control, where an actuator holds its armature, and its solenoid file.
 
-All values are SI, and each key ends with its unit. docs/force-control.md describes every key.
+All values are in SI units, and each key ends with its unit. docs/force-control.md describes all.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from anhyst_rigs.rig.parts.magnet import CircuitTable, FluxPath, make_iron_magne
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
 
 SENSOR_ORDER = ("gap", "force", "current")
-"""Quantities that the plant's sensors read, in the order of ``anhyst_plant/held.h``."""
+"""Quantities that the sensors of the plant measure, in the order of ``anhyst_plant/held.h``."""
 
 
 class CellPathTable(CellSteel, FluxPath):
-    """``[iron]``: a flux path of play cells."""
+    """``[iron]``: a flux path in iron of play cells."""
 
 
 class PreisachPathTable(PreisachSteel, FluxPath):
-    """``[iron]``: a flux path of Preisach iron."""
+    """``[iron]``: a flux path in Preisach iron."""
 
 
 class DuhemPathTable(DuhemSteel, FluxPath):
-    """``[iron]``: a flux path of Duhem iron."""
+    """``[iron]``: a flux path in Duhem iron."""
 
 
 IronEntry = Annotated[
@@ -54,7 +54,7 @@ IronEntry = Annotated[
 
 
 class SolenoidFile(Table):
-    """File that describes a solenoid, and optionally the measurement of its loops."""
+    """A file that describes a solenoid, and optionally how its loops are measured."""
 
     iron: IronEntry
     circuit: CircuitTable
@@ -63,12 +63,12 @@ class SolenoidFile(Table):
 
 @dataclass(frozen=True, slots=True)
 class ForceControlRig:
-    """A force-control rig as described by its file."""
+    """A rig for force control, described by its file."""
 
-    path: Path  # the rig file
+    path: Path  # path of the rig file
     settings: RigFile  # content of the rig file
     solenoid_file: SolenoidFile | None  # content of the solenoid file, if the rig file names one
-    # magnet that was fitted to the loops; `settings` contains its parameters then
+    # magnet that was fitted to the loops; `settings` then contains its parameters
     fitted: FittedPlant | None = None
 
     @property
@@ -78,7 +78,7 @@ class ForceControlRig:
 
     @property
     def measured_loops(self) -> MeasuredLoops:
-        """Measured loops that the file names."""
+        """Measured loops that the rig file names."""
         return MeasuredLoops(self.path, self.settings.loops)
 
     def magnet(self) -> Coil:
@@ -94,20 +94,20 @@ class ForceControlRig:
 
     @property
     def has_solid_iron(self) -> bool:
-        """Whether the core has a solid part, with an eddy-current lag."""
+        """Whether the core has a solid part, which causes an eddy-current lag."""
         return self.solenoid_file is None and self.settings.magnet.solid is not None
 
     def check_plant(self, loops: Loops, model: Model) -> PlantCheck:
-        """Compare the actuator and a model with loops; only slow ones without solid iron."""
-        timed = self.has_solid_iron and all(loop.time is not None for loop in loops.loops)
+        """Compare the actuator and a model with loops; without solid iron only with slow loops."""
+        has_time = self.has_solid_iron and all(loop.time is not None for loop in loops.loops)
 
         def force(loop: Loop, zero: float) -> FloatArray:
-            if timed:
+            if has_time:
                 return simulate_loop_in_time(self._magnet, loop, zero)
             return simulate_loop(make_path_follower(self._magnet), loop, zero)
 
         return check_plant_against_loops(
-            self.fitted, loops if timed else select_slow_loops(loops), model, force
+            self.fitted, loops if has_time else select_slow_loops(loops), model, force
         )
 
     @property
@@ -118,7 +118,7 @@ class ForceControlRig:
         return "electromagnet", self.settings.magnet.poles.turns
 
     def amplifier_parameters(self) -> dict[str, float]:
-        """Return the amplifier's parameters by the names of ``anhyst_plant/held.h``."""
+        """Return the parameters of the amplifier by their names in ``anhyst_plant/held.h``."""
         table = self.settings.amplifier
         return {
             "seconds": self.dt if self.has_solid_iron else 0.0,
@@ -131,7 +131,7 @@ class ForceControlRig:
         }
 
     def make_plant(self) -> HeldPlant:
-        """Return the actuator with amplifier and sensors, demagnetised."""
+        """Return the demagnetised actuator with its amplifier and its sensors."""
         sensors = self.sensor_parameters(self.dt)
         return HeldPlant(self.amplifier_parameters(), [sensors[name] for name in SENSOR_ORDER], self._magnet)
 
@@ -142,7 +142,7 @@ class ForceControlRig:
         return {table.of: table.plant_parameters(seconds) for table in tables}
 
     def make_sensors(self, seed: list[int], sample: float | None = None) -> Sensors:
-        """Return the sensors with independent noise; the sampling time, s, defaults to a tick."""
+        """Return the sensors with independent noise; the default sampling time is one tick, s."""
         own_seed, numbers = [self.settings.seed, *seed], self.sensor_parameters(sample or self.dt)
         return {
             name: NoisySensor(sensor, [*own_seed, index])
@@ -150,15 +150,15 @@ class ForceControlRig:
         }
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return the sensors that measure loops; the seed of the rig file is added."""
+        """Return the sensors that measure loops; their seed includes that of the rig file."""
         return self.make_sensors([0, *seed], sample)
 
 
 def _gap_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find gaps of cases outside the gap sensor's range, which would cause a fault."""
-    sensor, held, moving = file.gap_sensor, file.held_case, file.moving_case
+    """Find test cases with gaps outside the range of the gap sensor, which would cause a fault."""
+    sensor, held_case, moving = file.gap_sensor, file.held_case, file.moving_case
     for case, keys, gap in (
-        *((held, ("gaps_m", number), gap) for number, gap in enumerate(held.gaps_m)),
+        *((held_case, ("gaps_m", number), gap) for number, gap in enumerate(held_case.gaps_m)),
         (moving, ("low_m",), moving.low_m),
         (moving, ("high_m",), moving.high_m),
     ):

@@ -1,4 +1,4 @@
-"""Identify models for force control, and represent the controller programs compiled from them."""
+"""Identify models for force control, and represent the controller programs made from them."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ Q31_ONE = 1 << 31
 
 @dataclass(frozen=True)
 class Program:
-    """A controller program as it is flashed."""
+    """A controller program as it is written to the flash memory."""
 
-    kind: Kind  # ``"full"`` or ``"simplified"``
-    name: MethodName  # the same, or ``"at-rest"``
-    model: Model  # model from which it was compiled
-    block: Block  # parameter block, of the kind of the model's law
+    kind: Kind  # kind of the compensator, ``"full"`` or ``"simplified"``
+    name: MethodName  # method: the same, or ``"at-rest"``
+    model: Model  # model of the compiled program
+    block: Block  # parameter block of the kind that the hysteresis law of the model needs
     cycles: int  # number of cycles of the start-up sequence
-    firmware: Path  # built for the board on which it runs
+    firmware: Path  # path of the firmware, built for the board on which it runs
 
     @property
     def scales(self) -> Scales:
@@ -46,36 +46,36 @@ class Program:
 
     @property
     def conditioning_currents(self) -> list[float]:
-        """Reversals of the start-up sequence, A, at the limits of the current."""
+        """Reversal points of the start-up sequence, A: the limits of the current."""
         low, high = self.block.limits.current
         return [high, low] * self.cycles
 
     def gap_codes(self, gap: FloatArray) -> Codes:
-        """Return gap readings, m, as codes of the firmware, q31 of the gap range."""
+        """Return the firmware codes of gap readings, m, as q31 of the gap range."""
         codes = np.rint(self.scales.gap_fraction(gap) * (Q31_ONE >> 1)).astype(np.int64)
         return np.minimum(2 * np.clip(codes, 0, Q31_ONE >> 1), Q31_ONE - 1)
 
     def demand_code(self, force: float) -> int:
-        """Return a force, N, as a code of the link, q31 of full scale."""
+        """Return the code of a force, N, on the link, as q31 of full scale."""
         return min(round(force / self.scales.demand * Q31_ONE), Q31_ONE - 1)
 
 
 @dataclass(frozen=True)
 class FirmwareSession:
-    """Codes that a firmware and its bench exchanged, tick by tick from power-on."""
+    """Codes that a firmware and its bench exchanged at every tick since power-on."""
 
     gap: Codes  # gap that the controller used, q31
     drive: Codes  # driven current, q31 of full scale
     demand: Codes  # active demand at the ticks of the run, q31
     first_run_tick: int  # first tick of the run
-    # whether the command demagnetised preceded the run, so that earlier currents do not count
+    # whether the command DEMAGNETISED preceded the run, so that earlier currents have no effect
     is_demagnetised: bool
 
 
 def count_differing_ticks(program: Program, session: FirmwareSession) -> int:
-    """Repeat a session in this process, and count the ticks with a different current.
+    """Repeat a session in this process; return the number of ticks whose current differs.
 
-    Every tick uses the gap and the demand of the firmware, and the results must be bit-identical.
+    Every tick uses the gap and the demand of the firmware, and the results should be bit-identical.
     """
     core = FixedCompensator(program.block.kind, program.block.words)
     first_tick = session.first_run_tick
@@ -88,18 +88,17 @@ def count_differing_ticks(program: Program, session: FirmwareSession) -> int:
 
 
 MIN_DEAD_BAND_SIGMAS = 5.0
-"""Smallest half-width of the dead band, in standard deviations of the field noise."""
+"""Smallest half-width of the dead band, in standard deviations of the noise of the field."""
 
 MIN_FULL_SCALE_SHARE = 0.82
-"""Smallest full scale of the force relative to the largest measured force.
+"""Smallest full scale of the force, relative to the largest measured force.
 
-The start-up sequence reaches the largest measured force, and boards accept readings up to a quarter
-above full scale.
+The start-up sequence reaches this force; boards accept readings up to 1.25 times full scale.
 """
 
 
 def read_rig_loops(rig: ForceControlRig) -> Loops:
-    """Read the loops of a rig, and check that some were measured at ``control.end_m``."""
+    """Read the loops of a rig; raise an error if none was measured at the gap ``control.end_m``."""
     loops = rig.measured_loops.read()
     end = rig.settings.force.end_m
     if not any(_is_same_gap(loop.schedule_value, end) for loop in loops.loops):
@@ -121,13 +120,13 @@ def loops_at_gap(loops: Loops, gap: float) -> Loops:
 def identify_force_model(rig: ForceControlRig, loops: Loops, progress: Progress | None = None) -> Model:
     """Identify a model from loops, and prepare it for force control.
 
-    - Loops at one gap give a model of this gap only. Loops at several gaps give a model with the
-      gap map ``circuit``, which permits a moving armature.
-    - The dead band is widened to the noise of the position sensor, so that noise does not erase the
-      hysteresis state.
-    - The valid range ends at the largest force of the rig, or at :data:`MIN_FULL_SCALE_SHARE` times
-      the largest measured force if this is larger. It never exceeds the largest measured force.
-    - A model with eddy-current lag keeps the layers that can be compiled.
+    - Loops at one gap give a model for this gap only. Loops at several gaps give a model with the gap map
+      ``circuit``, which permits a moving armature.
+    - The dead band is made as wide as the noise of the position sensor requires, so that noise does not
+      erase the hysteresis state.
+    - The valid range ends at the largest force of the rig, or at :data:`MIN_FULL_SCALE_SHARE` times the
+      largest measured force if this is larger. It never exceeds the largest measured force.
+    - A model with eddy-current lag keeps only as many layers as can be compiled.
     """
     has_several_gaps = len(loops.by_schedule()) > 1
     options = rig.settings.loops
@@ -135,24 +134,24 @@ def identify_force_model(rig: ForceControlRig, loops: Loops, progress: Progress 
     model = model if model.has_layers or model.has_lag else model.at_rest
     if options.dead_band:
         model = _with_min_dead_band(model, _min_dead_band(model, rig))
-    valid = model.valid
-    assert valid is not None
-    max_force = max(rig.settings.force.force_max_N, MIN_FULL_SCALE_SHARE * valid.output[1])
-    return replace(model, valid=replace(valid, output=(0.0, min(max_force, valid.output[1]))))
+    valid_range = model.valid
+    assert valid_range is not None
+    max_force = max(rig.settings.force.force_max_N, MIN_FULL_SCALE_SHARE * valid_range.output[1])
+    return replace(model, valid=replace(valid_range, output=(0.0, min(max_force, valid_range.output[1]))))
 
 
 def _with_min_dead_band(model: Model, min_half_width: float) -> Model:
-    """Return a model whose dead band, if its law has one, has at least a given half-width, A/m."""
-    widened: dict[str, Parameter] = {}
-    for spec in model.operator_law.parameters_with_role("dead band"):
-        widened[spec.name] = map_parameter(
-            model.parameters[spec.name], lambda value: max(value, min_half_width)
+    """Return a model whose dead band, if any, has at least a given half-width, A/m."""
+    new_parameters: dict[str, Parameter] = {}
+    for parameter_spec in model.operator_law.parameters_with_role("dead band"):
+        new_parameters[parameter_spec.name] = map_parameter(
+            model.parameters[parameter_spec.name], lambda value: max(value, min_half_width)
         )
-    return replace(model, parameters={**model.parameters, **widened}) if widened else model
+    return replace(model, parameters={**model.parameters, **new_parameters}) if new_parameters else model
 
 
 def _min_dead_band(model: Model, rig: ForceControlRig) -> float:
-    """Return the half-width of the dead band that contains the position sensor's noise, A/m."""
+    """Return the half-width of a dead band that contains the noise of the position sensor, A/m."""
     if not model.needs_schedule:
         return 0.0
     sensor, static_model = rig.settings.gap_sensor, model.at_rest
@@ -160,9 +159,9 @@ def _min_dead_band(model: Model, rig: ForceControlRig) -> float:
     force_max = rig.settings.force.force_max_N
     max_change = 0.0
     for gap in model.nodes:
-        for share in (0.25, 0.5, 0.75, 1.0):
-            demand = np.full(2, share * force_max)
+        for current_share in (0.25, 0.5, 0.75, 1.0):
+            demand = np.full(2, current_share * force_max)
             gaps = np.array([gap, gap + noise])
-            field = static_model.invert(demand, gaps, history="demagnetised").field
-            max_change = max(max_change, abs(float(field[1] - field[0])))
+            static_field = static_model.invert(demand, gaps, history="demagnetised").field
+            max_change = max(max_change, abs(float(static_field[1] - static_field[0])))
     return MIN_DEAD_BAND_SIGMAS * max_change

@@ -1,5 +1,5 @@
-"""Parts of virtual plants: irons and magnets, simulated tick by tick.
+"""Simulate parts of virtual plants tick by tick: irons and magnets.
 
-This package does not use the laws that anhyst identifies. Therefore, a model cannot succeed only
-because the plant has the same structure.
+This package does not use the hysteresis laws that anhyst identifies. Otherwise, a model could
+succeed only because the plant has the same structure.
 """

@@ -1,4 +1,4 @@
-"""Compute the parameters of virtual magnets: an iron in a circuit, or an identified law.
+"""Compute the parameters of virtual magnets: an iron in a magnetic circuit, or an identified law.
 
 The module also reads and checks flux tables, and describes solenoids. The equations are in
 ``plant/include/anhyst_plant/magnet.h``.
@@ -31,12 +31,12 @@ from anhyst_rigs.rig.parts.iron import AnySteel
 
 _TABLE_CURRENTS = 257
 _TABLE_GAPS = 129
-"""Number of currents and gaps in the flux table of the core."""
+"""Number of currents and number of gaps in a flux table of the core."""
 
 
 @dataclass(frozen=True, slots=True)
 class Poles:
-    """A two-pole magnet in front of a flat armature."""
+    """A magnet with two poles in front of a flat armature."""
 
     turns: float  # turns of the winding
     resistance: float  # resistance of the winding, ohm
@@ -45,23 +45,23 @@ class Poles:
     leakage: float  # permeance between the legs, parallel to the gaps, H
     iron_length: float  # mean length of the flux path in the iron, m
     joints: float = 0.0  # total air gap in the joints of the core, m
-    # for bidirectional actuators: reluctance of the flux path outside the iron, independent of the
-    # gap, 1/H; magnetomotive force per displacement, A/m; stiffness without flux, N/m
+    # only for bidirectional actuators: reluctance of the flux path outside the iron, independent of
+    # the gap, 1/H; magnetomotive force divided by displacement, A/m; stiffness without flux, N/m
     outer: float | None = None
     bias: float = 0.0
     spring: float = 0.0
 
     def flux_density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
-        """Return the flux density in the gap, T, at which the pull is `gain`, N."""
+        """Return the flux density in the gap, T, for which the plant computes a pull of `gain`, N."""
         return np.sqrt(MU_0 * gain / ((self.width + gap) * (self.depth + gap)))
 
-    def pull_force(self, density: FloatArray, gap: FloatArray, middle: float) -> FloatArray:
-        """Return the force, N, of a flux density, T, at a gap, m, as the plant computes it.
+    def pull_force(self, density: FloatArray, gap: FloatArray, middle_gap: float) -> FloatArray:
+        """Return the force, N, that the plant computes for a flux density, T, at a gap, m.
 
         The bias of a bidirectional actuator is zero at the gap `middle`.
         """
         if self.outer is not None:
-            return self.bias * self.area * density - self.spring * (middle - gap)
+            return self.bias * self.area * density - self.spring * (middle_gap - gap)
         return density**2 * (self.area - gap**2) / MU_0
 
     @property
@@ -86,11 +86,13 @@ class Poles:
 
 @dataclass(frozen=True)
 class ActuatorKind:
-    """Conversion of flux to force, one record per ``kind`` of ``[[magnet]]``."""
+    """How flux becomes force in a magnet of one ``kind``."""
 
-    output: str  # quantity of its loops: "force" if it only pulls, "thrust" if it is bidirectional
-    numbers: Mapping[str, str]  # keys of ``magnet.numbers``, all above 0, with descriptions
-    circuit: Callable[[Poles, Mapping[str, float]], Poles]  # adds these parameters to a circuit
+    # quantity of the loops: "force" if the magnet only pulls, "thrust" if it is bidirectional
+    output: str
+    # descriptions of the keys of ``magnet.numbers``, whose values are all above 0
+    numbers: Mapping[str, str]
+    circuit: Callable[[Poles, Mapping[str, float]], Poles]  # function that adds these to a circuit
 
 
 ACTUATORS: Registry[ActuatorKind] = Registry(
@@ -98,17 +100,17 @@ ACTUATORS: Registry[ActuatorKind] = Registry(
     {"electromagnet": ActuatorKind("force", {}, lambda poles, _: poles)},
     lambda found, _: "" if isinstance(found, ActuatorKind) else "and it is not an ActuatorKind",
 )
-"""Kinds by name: those of anhyst-rigs, and plug-ins with the entry point ``anhyst.actuators``."""
+"""Kinds of actuators by name: built-in and plug-in ones (entry point ``anhyst.actuators``)."""
 
 
 @dataclass(frozen=True, slots=True)
 class SolidIron:
-    """Solid part of the core: a slab that the field enters at its surface."""
+    """The solid part of a core: a slab that the field enters at its surface."""
 
     length: float  # length of the flux path, m
-    depth: float  # from the surface to the middle, m
+    depth: float  # depth from the surface to the middle, m
     conductivity: float  # S/m
-    volumes: int = 12  # number of volumes across the depth; narrower near the surface
+    volumes: int = 12  # number of volumes across the depth, narrower near the surface
 
     def layer_parameters(self) -> tuple[FloatArray, FloatArray]:
         """Return each volume's fraction of the cross-section, and its eddy-current drag, A s/(m T)."""
@@ -119,13 +121,13 @@ class SolidIron:
 
 
 _VOLUME_WIDTH_RATIO = 6.0
-"""Width of the innermost volume relative to that at the surface."""
+"""Ratio of the width of the innermost volume to that of the volume at the surface."""
 
 
 def make_iron_magnet(
     poles: Poles, steel: AnySteel, eddy_time: float = 0.0, gap: float = 1e-3, solid: SolidIron | None = None
 ) -> Magnet:
-    """Return a magnet with an iron of any family, and optionally a solid part."""
+    """Return a magnet with an iron of any family, and with a solid part if one is given."""
     numbers = circuit_parameters(poles, eddy_time, gap)
     if solid is None:
         return Magnet(numbers, steel.make_steel())
@@ -133,7 +135,7 @@ def make_iron_magnet(
 
 
 def circuit_parameters(poles: Poles, eddy_time: float, gap: float) -> dict[str, float]:
-    """Return the parameters of winding and circuit by the names of ``anhyst_plant/magnet.h``."""
+    """Return the parameters of winding and circuit by their names in ``anhyst_plant/magnet.h``."""
     return {
         "iron_length": poles.iron_length,
         "iron_area": poles.area,
@@ -166,7 +168,7 @@ def read_flux_table(path: PathLike) -> FluxTable:
     gap = table.require("gap", "gap_m")
     psi = table.require("flux_linkage", "psi_Wb")
     currents, column = np.unique(current, return_inverse=True)
-    gaps, row = np.unique(gap, return_inverse=True)
+    gaps, gap_indices = np.unique(gap, return_inverse=True)
     for name, values in (("current", currents), ("gap", gaps)):
         if values.size < 2:
             text = f"{table.path}: has a single {name}; measure at least two"
@@ -177,14 +179,14 @@ def read_flux_table(path: PathLike) -> FluxTable:
             f"{table.locate_row(int(np.argmin(current)))}: {text}", code="currents-not-from-zero", key="I_A"
         )
     numbers = np.full((gaps.size, currents.size), -1)
-    for number, cell in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
-        if numbers[cell] >= 0:
+    for number, cell_indices in enumerate(zip(gap_indices.tolist(), column.tolist(), strict=True)):
+        if numbers[cell_indices] >= 0:
             point = _point_text(gap[number], current[number])
             raise InputError(
                 f"{table.locate_row(number)}: {point} occurs twice; remove one", code="value-again"
             )
-        numbers[cell] = number
-    _check_full(table.path, gaps, currents, numbers)
+        numbers[cell_indices] = number
+    _check_all_combinations(table.path, gaps, currents, numbers)
     flux_table = FluxTable(currents, gaps, psi[numbers])
     _check_monotone(table, flux_table, numbers)
     return flux_table
@@ -211,7 +213,9 @@ def check_flux_range(
         )
 
 
-def _check_full(path: str, gaps: FloatArray, currents: FloatArray, numbers: NDArray[np.int_]) -> None:
+def _check_all_combinations(
+    path: str, gaps: FloatArray, currents: FloatArray, numbers: NDArray[np.int_]
+) -> None:
     holes = np.argwhere(numbers < 0)
     if len(holes):
         first_hole = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
@@ -223,18 +227,18 @@ def _check_full(path: str, gaps: FloatArray, currents: FloatArray, numbers: NDAr
         )
 
 
-def _check_monotone(table: DataTable, made: FluxTable, numbers: NDArray[np.int_]) -> None:
-    flat_places = np.add(np.argwhere(np.diff(made.psi, axis=1) <= 0.0), (0, 1))
-    rising_places = np.add(np.argwhere(np.diff(made.psi[:, 1:], axis=0) >= 0.0), (1, 1))
+def _check_monotone(table: DataTable, flux_table: FluxTable, numbers: NDArray[np.int_]) -> None:
+    flat_places = np.add(np.argwhere(np.diff(flux_table.psi, axis=1) <= 0.0), (0, 1))
+    rising_places = np.add(np.argwhere(np.diff(flux_table.psi[:, 1:], axis=0) >= 0.0), (1, 1))
     for places, text in (
-        (np.argwhere(made.psi[:, :1] != 0.0), "psi is not 0 without current"),
+        (np.argwhere(flux_table.psi[:, :1] != 0.0), "psi is not 0 without current"),
         (flat_places, "psi does not rise with the current"),
         (rising_places, "psi does not fall as the gap opens"),
     ):
         if len(places):
-            g, i = places[0].tolist()
-            point = _point_text(made.gap[g], made.current[i])
-            location = table.locate_row(int(numbers[g, i]))
+            gap_index, current_index = places[0].tolist()
+            point = _point_text(flux_table.gap[gap_index], flux_table.current[current_index])
+            location = table.locate_row(int(numbers[gap_index, current_index]))
             raise InputError(f"{location}: {text} at {point}; correct this point", code="not-monotone")
 
 
@@ -245,7 +249,7 @@ def _point_text(gap: float, current: float) -> str:
 def make_flux_table(
     poles: Poles, steel: AnySteel, current_high: float, gaps: tuple[float, float]
 ) -> FluxTable:
-    """Compute a flux table from the poles and the anhysteretic curve of the iron."""
+    """Compute a flux table from the poles and from the anhysteretic curve of the iron."""
     current = np.linspace(0.0, current_high, _TABLE_CURRENTS)
     gap = np.linspace(*gaps, _TABLE_GAPS)
     magnet = Magnet(circuit_parameters(poles, 0.0, float(gap[0])), steel.make_anhysteretic_steel())
@@ -256,7 +260,7 @@ def make_flux_table(
 def make_law_magnet(
     poles: Poles, iron: IronOperator, rows: FloatArray, eddy: float, table: FluxTable
 ) -> Magnet:
-    """Return a magnet with the pull of an identified law and the flux linkage of a table."""
+    """Return a magnet whose pull follows an identified law and whose flux linkage follows a table."""
     if not isinstance(iron, AnyIron):
         text = "model: the core does not have its law and cannot simulate the magnet"
         raise InputError(text, code="law-not-in-core", key="model")
@@ -268,20 +272,20 @@ def make_law_magnet(
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-    ends = numbers["gap_low"], numbers["gap_high"]
-    rows = np.column_stack([rows, poles.flux_density(rows[:, 2], np.linspace(*ends, len(rows)))])
-    # Interpolate the table on a fine uniform grid by monotone cubics, which keep it monotone.
+    gap_range = numbers["gap_low"], numbers["gap_high"]
+    rows = np.column_stack([rows, poles.flux_density(rows[:, 2], np.linspace(*gap_range, len(rows)))])
+    # Interpolate on a fine uniform grid by monotone cubics, so that the table stays monotone.
     current = np.linspace(0.0, numbers["current_high"], _TABLE_CURRENTS)
-    gap = np.linspace(*ends, _TABLE_GAPS)
+    gap = np.linspace(*gap_range, _TABLE_GAPS)
     psi = PchipInterpolator(table.current, table.psi, axis=1)(current)
     psi = np.ascontiguousarray(PchipInterpolator(table.gap, psi, axis=0)(gap))
     return Magnet(numbers, iron, rows, psi)
 
 
 class FluxPath(Table):
-    """Dimensions of the flux path in ``[iron]``."""
+    """Dimensions of the flux path in the table ``[iron]``."""
 
-    length_m: Positive  # mean length of the flux path in iron
+    length_m: Positive  # mean length of the flux path in the iron
     area_m2: Positive
 
 
@@ -292,18 +296,18 @@ class CircuitTable(Table):
     slide_reluctance_per_H: NotNegative  # reluctance of the sliding clearance
     leakage_H: NotNegative  # permeance parallel to the working gap
     face_area_m2: Positive  # area of the plunger's flat face
-    # widening of the face by its fringe field on every side, relative to the gap
+    # widening of the face on every side by its fringe field, relative to the gap
     fringe: NotNegative
     cone_diameter_m: Positive  # mean diameter of the wall of the cone
     cone_clearance_m: Positive  # radial clearance between plunger and wall
     cone_depth_m: Positive  # gap at which the plunger enters the cone
-    cone_onset_m: Positive  # length over which fringing smooths this transition
+    cone_onset_m: Positive  # length of the transition from face to cone, which fringing smooths
     tip_thickness_m: Positive  # thickness of the wall at its tip
-    tip_taper: NotNegative  # increase of the thickness per depth
+    tip_taper: NotNegative  # increase of the thickness divided by the depth
     tip_saturation_T: Positive  # flux density at which the wall saturates
 
     def cone_parameters(self) -> dict[str, float]:
-        """Return the parameters of the working gap by the names of ``anhyst_plant/magnet.h``."""
+        """Return the parameters of the working gap by their names in ``anhyst_plant/magnet.h``."""
         return {
             "leakage": self.leakage_H,
             "side": math.sqrt(self.face_area_m2),
@@ -318,7 +322,7 @@ class CircuitTable(Table):
         }
 
     def circuit_parameters(self, path: FluxPath) -> dict[str, float]:
-        """Return winding and iron path by the names of ``anhyst_plant/magnet.h``."""
+        """Return winding and iron path by their names in ``anhyst_plant/magnet.h``."""
         zeros = ("pole_width", "pole_depth", "leakage", "eddy", "bias", "middle", "spring")
         return {
             **dict.fromkeys((*zeros, "resistance"), 0.0),

@@ -1,1 +1,1 @@
-"""A short-stroke stage: a body between magnets that ride on a long stroke."""
+"""Simulate a short-stroke stage: a body between magnets, which ride on a long stroke."""

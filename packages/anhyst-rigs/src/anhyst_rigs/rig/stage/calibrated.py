@@ -1,4 +1,4 @@
-"""Apply estimated corrections of magnets and body to the controller of a stage."""
+"""Apply estimated corrections of the magnets and of the body to the controller of a stage."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS, CalibratedMethod, ParameterName
 
 HOLD_TIME_S = 0.02
-"""Time for which a force is held until the eddy currents have decayed, s."""
+"""Time for which a force is held so that the eddy currents decay, s."""
 
 
 def assumed_rig(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
-    """Return the stage with the mass and centre of mass that the controller assumes."""
+    """Return a stage with the mass and the centre of mass that the controller assumes."""
     body, shift = rig.settings.body, [values.get(name, 0.0) for name in CENTRE_PARAMETERS]
     changes = {
         "body.mass_kg": body.mass_kg * (1.0 + values.get("payload", 0.0)),
@@ -29,28 +29,28 @@ def assumed_rig(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
     return replace(rig, settings=rig.settings.with_changes(changes))
 
 
-def correction_rows(learnt: CalibratedMethod, compensator: ForceController, rig: BodyRig) -> FloatArray:
-    """Return the corrections of each magnet, one row each.
+def correction_rows(calibration: CalibratedMethod, compensator: ForceController, rig: BodyRig) -> FloatArray:
+    """Return the corrections of each magnet as one row.
 
     The columns are the scale of the current, the zero of the gap (m), the scale of the flux
-    density, and the lead of the current.
+    density, and the lead of the current (s).
     """
-    count = range(1, len(rig.settings.body_magnets) + 1)
-    scales = np.array([1.0 + learnt.value(f"scale_{number}") for number in count])
-    zeros = [learnt.value(f"gap_zero_{number}_m") for number in count]
+    magnet_numbers = range(1, len(rig.settings.body_magnets) + 1)
+    scales = np.array([1.0 + calibration.value(f"scale_{number}") for number in magnet_numbers])
+    gap_zeros = [calibration.value(f"gap_zero_{number}_m") for number in magnet_numbers]
     unit_scales = np.ones(scales.size)
-    rows = np.column_stack([unit_scales, zeros, unit_scales, 0.0 * unit_scales])
-    if learnt.name in FLUX_PROBE_METHODS:
+    rows = np.column_stack([unit_scales, gap_zeros, unit_scales, 0.0 * unit_scales])
+    if calibration.name in FLUX_PROBE_METHODS:
         rows[:, 2] = scales
     else:
         rows[:, 0] = scales
-        if lag := learnt.value("lag_s"):
+        if lag := calibration.value("lag_s"):
             rows[:, 3] = lag / rig.dt * current_per_root_force(compensator, rig)
     return rows
 
 
 def current_per_root_force(compensator: ForceController, rig: BodyRig) -> float:
-    """Return current over the root of the force, A/N^(1/2), at half of the largest force."""
+    """Return current divided by the root of the force, A/N^(1/2), at half of the largest force."""
     force, compensator_copy = 0.5 * rig.settings.tracking.force_max_N, compensator.reset_copy()
     for _ in range(round(HOLD_TIME_S / rig.dt)):
         compensator_copy.commit(compensator_copy.solve(force, rig.gap), rig.gap)

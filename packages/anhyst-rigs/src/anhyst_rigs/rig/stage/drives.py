@@ -1,7 +1,7 @@
 """Allocate the wrench of a stage to its magnets, and find which magnets are dispensable.
 
-The module also computes the largest wrench, and the settings by which a controller detects the loss
-of a magnet or a position head.
+The module also computes the largest wrench, and the settings with which a controller detects the
+loss of a magnet or a position head.
 """
 
 from __future__ import annotations
@@ -23,15 +23,14 @@ _AXIS_YIELDS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1
 _MIN_FORCE_MARGIN_RATIO = 1e-6
 """Smallest distance of all forces from their bounds, relative to their range.
 
-A body can be pushed in any direction only if the forces that carry it have this distance.
+The magnets can push a body in any direction only if the forces that carry it have this distance.
 """
 _LINE_TOLERANCE = 1e-9
-"""Largest deviation between the lines of two opposing magnets, m or dimensionless."""
+"""Largest deviation between the lines of action of two opposing magnets, m or dimensionless."""
 LANDING_TRAVEL_RATIO = 1.5
-"""Travel of a landing relative to the distance of the end stop, so that the body surely reaches it.
-"""
+"""Travel of a landing relative to the distance of the end stop; above 1 to reach it surely."""
 _CERTAIN_SLEW_RATIO = 0.5
-"""Guaranteed slope of a current relative to supply voltage over inductance."""
+"""Guaranteed slope of a current, relative to supply voltage divided by inductance."""
 MAX_LANDING_TICKS = 65535
 """Largest number of ticks of a landing."""
 
@@ -48,27 +47,27 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
 
 
 def largest_wrench_factor(file: RigFile, wrench: FloatArray) -> float:
-    """Return the largest multiple of a wrench that the magnets can apply in both directions.
+    """Return the largest factor by which the magnets can apply a wrench in both directions.
 
-    They carry the weight at the same time.
+    The magnets carry the weight at the same time.
     """
     layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
     max_force = file.tracking.force_max_N
     upper_limit = max_force * len(file.body_magnets)
 
-    def fits(push: FloatArray) -> bool:
-        allocated = [layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)]
-        return all(is_possible and max(forces) <= max_force for forces, is_possible in allocated)
+    def can_produce(push: FloatArray) -> bool:
+        solutions = [layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)]
+        return all(is_possible and max(forces) <= max_force for forces, is_possible in solutions)
 
     low, high = 0.0, upper_limit
     while high - low > 1e-3 * upper_limit:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if fits(middle * wrench) else (low, middle)
+        middle_factor = 0.5 * (low + high)
+        low, high = (middle_factor, high) if can_produce(middle_factor * wrench) else (low, middle_factor)
     return low
 
 
 def axis_yields(file: RigFile) -> list[float]:
-    """Return the weight with which each coordinate is given up if a lost magnet cannot be replaced.
+    """Return the weights with which the coordinates are given up if a lost magnet is irreplaceable.
 
     The weights are relative to 1: x yields most, then y, then rx and ry; z and rz yield least.
     """
@@ -77,16 +76,16 @@ def axis_yields(file: RigFile) -> list[float]:
 
 @cache
 def _find_spare_magnets(
-    pull: bytes, magnets: int, weight: tuple[float, ...], min_force: float, max_force: float
+    row_bytes: bytes, magnets: int, weight: tuple[float, ...], min_force: float, max_force: float
 ) -> int:
-    rows = np.frombuffer(pull).reshape(magnets, -1)
+    rows = np.frombuffer(row_bytes).reshape(magnets, -1)
     spare_magnets = 0
     for lost_magnet in range(magnets):
         remaining_rows = np.delete(rows, lost_magnet, axis=0)
         if np.linalg.matrix_rank(remaining_rows) < len(weight):
             continue
-        # Find the forces that carry the weight with the largest distance to their bounds. A
-        # positive distance means that the body can be pushed in any direction.
+        # Find the forces that carry the weight and have the largest distance from their bounds. If
+        # this distance is positive, the body can be pushed in any direction.
         count, margin_column = magnets - 1, np.ones((magnets - 1, 1))
         constraints = np.block([[-np.eye(count), margin_column], [np.eye(count), margin_column]])
         limits = np.repeat([-min_force, max_force], count)
@@ -102,44 +101,44 @@ def _find_spare_magnets(
 def spare_magnets(file: RigFile) -> int:
     """Return a bit mask of the dispensable magnets.
 
-    Without any one of them, the others carry the weight and can push along every coordinate in both
-    directions.
+    If any one of them is lost, the others still carry the weight and can push along every
+    coordinate in both directions.
     """
-    pull = magnet_rows(file)
+    rows = magnet_rows(file)
     bounds = min_single_force(file), file.tracking.force_max_N
-    return _find_spare_magnets(pull.tobytes(), len(pull), tuple(weight_wrench(file).tolist()), *bounds)
+    return _find_spare_magnets(rows.tobytes(), len(rows), tuple(weight_wrench(file).tolist()), *bounds)
 
 
 def usual_allocation(file: RigFile) -> Allocation:
-    """Return the allocation to pairs of magnets, or SINGLE for bidirectional magnets."""
+    """Return the allocation CLASS_AB to pairs of magnets, or SINGLE for bidirectional magnets."""
     return Allocation.SINGLE if file.magnet.is_bidirectional else Allocation.CLASS_AB
 
 
 def min_single_force(file: RigFile) -> float:
-    """Return the smallest force of a magnet without an opposing one, N."""
+    """Return the smallest force of a magnet that has no opposing magnet, N."""
     table = file.tracking
     return -table.force_max_N if file.magnet.is_bidirectional else table.force_min_N
 
 
 def opposing_magnets(file: RigFile) -> list[int]:
-    """Return for each magnet the index of the opposing magnet on the same line.
+    """Return, for each magnet, the index of the opposing magnet on the same line of action.
 
-    The index is its own if there is none, and for all bidirectional magnets.
+    The result is the magnet's own index if there is none, or if the magnets are bidirectional.
     """
     lines = np.array(
         [[*magnet.direction, *np.cross(magnet.position_m, magnet.direction)] for magnet in file.body_magnets]
     )
-    opposing = list(range(len(lines)))
+    remaining_magnets = list(range(len(lines)))
     if file.magnet.is_bidirectional:
-        return opposing
+        return remaining_magnets
     for i, j in np.argwhere(np.abs(lines[:, None] + lines).max(axis=2) < _LINE_TOLERANCE).tolist():
-        if opposing[i] == i and opposing[j] in (i, j):
-            opposing[i] = j
-    return opposing
+        if remaining_magnets[i] == i and remaining_magnets[j] in (i, j):
+            remaining_magnets[i] = j
+    return remaining_magnets
 
 
 def monitoring_settings(rig: BodyRig) -> dict[str, float]:
-    """Return the settings by which a controller detects lost magnets and heads, and lands."""
+    """Return the settings of a controller that detects lost magnets and heads, and lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     current_lag = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
     inverses = inverses_without_head(rig.settings)

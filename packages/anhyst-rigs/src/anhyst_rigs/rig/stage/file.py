@@ -1,4 +1,4 @@
-"""Read the rig file of a short-stroke stage: a body between magnets that ride on a long stroke.
+"""Read the rig file of a short-stroke stage: a body between magnets, which ride on a long stroke.
 
 The body has one to six degrees of freedom: displacements and rotations from its operating point.
 """
@@ -34,45 +34,44 @@ from anhyst_rigs.rig.stage.geometry import (
 
 
 class StageRig(BodyRig):
-    """A stage as described by its rig file."""
+    """A stage, described by its rig file."""
 
     @property
     def parameter_names(self) -> tuple[ParameterName, ...]:
-        """Names of all parameters that can be estimated from its motion."""
+        """Names of all parameters that can be estimated from the motion of the body."""
         return stage_parameter_names(len(self.settings.body_magnets))
 
     @cached_property
     def lines_of_action(self) -> LinesOfAction:
-        """Lines of all forces and sensors; coordinates are 0 at the operating point.
+        """Lines of action of all forces and sensors; coordinates are 0 at the operating point.
 
-        Each magnet has its own gap sensor. The weight acts along -z, and a load along the
-        set-point.
+        Each magnet has its own gap sensor. The weight acts along -z, the load along the set-point.
         """
         file, body = self.settings, self.settings.body
         lines = [
             (magnet.position_m, magnet.direction, magnet.gap_m or file.gap_m) for magnet in file.body_magnets
         ]
-        ends = zip(axis_indices(file), stop_distances(file), strict=True)
-        heads = zip(head_lines(file), file.position_sensors, strict=True)
-        along = file.scan.direction
+        axis_stops = zip(axis_indices(file), stop_distances(file), strict=True)
+        head_positions = zip(head_lines(file), file.position_sensors, strict=True)
+        scan_axis = file.scan.direction
         return LinesOfAction(
-            coordinates=[Coordinate(axis, -end, end, 0.0) for axis, end in ends],
-            magnets=[({"r": place, "d": direction}, gap) for place, direction, gap in lines],
+            coordinates=[Coordinate(axis, -end, end, 0.0) for axis, end in axis_stops],
+            magnets=[({"r": position, "d": direction}, gap) for position, direction, gap in lines],
             gap_sensors=[
                 ({"r": place, "d": [-magnet for magnet in direction]}, gap) for place, direction, gap in lines
             ],
             gravity=[0.0, 0.0, -body.gravity_m_per_s2],
-            force_along=along,
-            load={"r": ORIGIN, "d": along},
+            force_along=scan_axis,
+            load={"r": ORIGIN, "d": scan_axis},
             load_rest=0.0,
-            heads=[({"r": place, "d": direction}, sensor) for (place, direction), sensor in heads],
+            heads=[({"r": place, "d": direction}, sensor) for (place, direction), sensor in head_positions],
         )
 
 
 def read_stage(path: PathLike) -> BodyRig:
     """Read the rig file of a stage; iron "from loops" is fitted to the loops."""
-    place = Path(path)
-    settings = read_rig_file(place, "tracking")
+    rig_path = Path(path)
+    settings = read_rig_file(rig_path, "tracking")
     faults = [*plant_faults(settings), *_travel_faults(settings)]
     if settings.magnet.kind == "law":
         text = 'a stage needs a magnet with an iron; write kind = "electromagnet"'
@@ -80,8 +79,8 @@ def read_stage(path: PathLike) -> BodyRig:
         faults.append(FileFault(key, text, code="not-for-this-kind"))
     faults = faults or list(_line_faults(settings)) or list(_pose_faults(settings))
     if faults:
-        raise faults_error(place, faults)
-    rig: BodyRig = StageRig(place, settings)
+        raise faults_error(rig_path, faults)
+    rig: BodyRig = StageRig(rig_path, settings)
     return complete_rig(rig, rig.measured_loops.read()) if settings.magnet.has_iron_from_loops else rig
 
 
@@ -94,7 +93,7 @@ def files_of_stage(path: PathLike, controller: PathLike | None) -> list[Path]:
 
 
 def _travel_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find magnets that the body would touch before its end stops."""
+    """Find magnets that the body would touch before it reaches its end stops."""
     body, travel = file.body, travel_m(file)
     for magnet in file.body_magnets:
         if magnet.gap_m is not None and not travel < magnet.gap_m:
@@ -108,43 +107,42 @@ def _travel_faults(file: RigFile) -> Iterator[FileFault]:
 
 
 def _line_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find magnets and position sensors whose direction or position is missing.
+    """Find magnets and position sensors that have no direction or no position.
 
-    Directions are optional only if the body is free in x only; positions are optional if it does
-    not rotate.
+    Directions are optional if the body is free only in x; positions, if it does not rotate.
     """
-    free = file.body.free
-    required = {"direction": free != ["x"], "position_m": any(axis.startswith("r") for axis in free)}
+    axes = file.body.free
+    is_required = {"direction": axes != ["x"], "position_m": any(axis.startswith("r") for axis in axes)}
     for table in (*file.body_magnets, *file.position_sensors):
-        for key in (key for key, is_needed in required.items() if is_needed):
+        for key in (key for key, is_needed in is_required.items() if is_needed):
             if key not in table.model_fields_set:
-                text = f"is missing, a body that is free in {', '.join(free)} needs it; add it"
+                text = f"is missing, a body that is free in {', '.join(axes)} needs it; add it"
                 yield FileFault(file.key_path(table, key), text, code="missing")
 
 
 def _pose_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find reasons why a body cannot be measured, held or moved."""
-    free = ", ".join(file.body.free)
+    """Find reasons why the pose of the body cannot be measured, held or changed."""
+    axes_text = ", ".join(file.body.free)
     if len({head.stands for head in file.position_sensors}) > 1:
         text = "some are on the ground and some are not; make all the same"
         yield FileFault(("sensor",), text, code="option-differs")
-    for sensor, row in zip(file.position_sensors, head_rows(file), strict=True):
-        if not row.any():
-            text = f"measures no coordinate of a body that is free in {free}; turn it, or remove it"
+    for sensor, head_row in zip(file.position_sensors, head_rows(file), strict=True):
+        if not head_row.any():
+            text = f"measures no coordinate of a body that is free in {axes_text}; turn it, or remove it"
             yield FileFault(file.key_path(sensor), text, code="axis-not-seen")
     if file.body.gravity_m_per_s2 and not weight_wrench(file).any():
-        text = f"weight is along -z, and does not move a body that is free in {free}; remove it"
+        text = f"the weight acts along -z and does not move a body that is free in {axes_text}; remove it"
         yield FileFault(file.key_path(file.body, "gravity_m_per_s2"), text, code="without-effect")
     if np.linalg.matrix_rank(head_rows(file)) < len(file.body.free):
-        text = f"the position sensors cannot separate {free}; add one, or move them"
+        text = f"the position sensors cannot separate {axes_text}; add one, or move them"
         yield FileFault(("sensor",), text, code="axis-not-seen")
     if abs(np.linalg.norm(scan_direction(file)) - 1.0) > UNIT_LENGTH_TOLERANCE:
-        text = f"the body is free in {free} and cannot move in this direction; correct it"
+        text = f"the body is free in {axes_text} and cannot move in this direction; correct it"
         yield FileFault(file.key_path(file.scan, "direction"), text, code="wrong-direction")
     try:
         layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
     except ValueError:
-        text = f"these magnets cannot push along all of {free}; add one, or move them"
+        text = f"these magnets cannot push along all of {axes_text}; add one, or move them"
         yield FileFault(("magnet",), text, code="axis-not-held")
         return
     if not layout.share((-weight_wrench(file)).tolist())[1]:
@@ -154,7 +152,8 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
     max_force = largest_wrench_factor(file, scan_wrench(file))
     for key in ("train_m_per_s2", "test_m_per_s2"):
         required_force = file.body.mass_kg * max(getattr(file.scan, key))
-        if required_force > 1.01 * max_force:  # accuracy of the search: 0.1 %
+        # tolerance of the search for the largest factor: 0.1 %
+        if required_force > 1.01 * max_force:
             text = f"{file.body.mass_kg:g} kg need {required_force:.4g} N, but the magnets can apply "
             text += f"{max_force:.4g} N along the set-point in both directions in "
             text += "addition to the weight; lower it"

@@ -1,8 +1,4 @@
-"""Prepare a stage for a run.
-
-The module identifies the magnets, fits the compensator of a method to each of them, and applies a
-calibration.
-"""
+"""Prepare a stage for a run: identify its magnets, fit its compensators, and apply a calibration."""
 
 from __future__ import annotations
 
@@ -28,7 +24,7 @@ from anhyst_rigs.rig.stage.loop import StageSetup, bias_force
 
 
 def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
-    """Identify the magnet of a stage from the loops of its rig file, or from other loops."""
+    """Identify the magnet of a stage from given loops or from the loops of its rig file."""
 
     def usable(magnet: IdentifiedMagnet) -> bool:
         try:
@@ -42,51 +38,51 @@ def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> Identifie
 def make_stage(
     rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, calibrated: CalibratedMethod | None = None
 ) -> StageSetup:
-    """Fit the compensator of a method, and apply a given calibration or that of the rig file."""
-    learnt = calibrated or rig.method_calibration(method)
-    if learnt is None:
+    """Fit the compensator of a method; apply the given calibration or that of the rig file."""
+    calibration = calibrated or rig.method_calibration(method)
+    if calibration is None:
         return StageSetup(rig, fit_method_compensator(rig, magnet, method))
-    return apply_calibration(rig, cache(partial(fit_method_compensator, rig, magnet, method)), learnt)
+    return apply_calibration(rig, cache(partial(fit_method_compensator, rig, magnet, method)), calibration)
 
 
 def apply_calibration(
     rig: BodyRig,
-    fitted: Callable[[float], ForceController],
-    learnt: CalibratedMethod,
+    fit: Callable[[float], ForceController],
+    calibration: CalibratedMethod,
     drift: Drift = NO_DRIFT,
 ) -> StageSetup:
     """Return a stage whose controller is corrected by a calibration.
 
-    `fitted` returns the compensator for a relative change of the loop width.
+    `fit` returns the compensator for a relative change of the loop width.
     """
-    compensators = tuple(fitted(width) for width in learnt.width_changes(len(rig.settings.body_magnets)))
+    compensators = tuple(fit(width) for width in calibration.width_changes(len(rig.settings.body_magnets)))
     return StageSetup(
         rig,
         compensators[0],
         drift=drift,
-        correction_rows=correction_rows(learnt, compensators[0], rig),
+        correction_rows=correction_rows(calibration, compensators[0], rig),
         own_compensators=compensators,
-        body_corrections={name: learnt.value(name) for name in ("payload", *CENTRE_PARAMETERS)},
-        cable_stiffness=learnt.value("cable_N_per_m"),
+        body_corrections={name: calibration.value(name) for name in ("payload", *CENTRE_PARAMETERS)},
+        cable_stiffness=calibration.value("cable_N_per_m"),
     )
 
 
 def fit_method_compensator(
-    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
+    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, width_change: float = 0.0
 ) -> ForceController:
-    """Fit the compensator of a method to a magnet whose loop width is changed by a relative amount."""
-    table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
+    """Fit the compensator of a method to a magnet with a relative change of its loop width."""
+    table, measured_gaps = rig.settings, [gap for gap in magnet.loops.by_schedule() if gap is not None]
     try:
-        operating = OperatingRange(
+        operating_range = OperatingRange(
             gap=rig.gap,
             force=bias_force(rig, method),
             rate=table.timing.rate_Hz,
-            gap_range=(min(measured), max(measured)),
+            gap_range=(min(measured_gaps), max(measured_gaps)),
             force_max=table.tracking.force_max_N,
             current_max=table.amplifier.current_high_A,
             is_bipolar=table.magnet.is_bidirectional,
         )
-        widened = calibrate_magnet(magnet, width_change=wider) if wider else magnet
-        return fit_compensators(rig, operating, [widened], method, table.tracking.format)[0]
+        wider_magnet = calibrate_magnet(magnet, width_change=width_change) if width_change else magnet
+        return fit_compensators(rig, operating_range, [wider_magnet], method, table.tracking.format)[0]
     except InputError as error:
         raise error.with_location(rig.measured_loops.description) from error

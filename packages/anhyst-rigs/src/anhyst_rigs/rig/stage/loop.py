@@ -1,6 +1,6 @@
-"""Run motions of a stage: plant and controller in lock-step.
+"""Run motions of a stage, whose plant and controller advance together tick by tick.
 
-The module also computes PID, feedforward and all settings of the controller from the rig file.
+The module also computes PID, feedforward and controller settings from the rig file.
 """
 
 from __future__ import annotations
@@ -52,34 +52,34 @@ CONSTANT_METHODS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods whose compensator consists of constants. In a pair of magnets, these methods use half of
 the largest force as the bias force of each magnet."""
 MAX_POSE_STOP_RATIO = 2.0
-"""Largest plausible pose relative to the end stops; a larger reading is rejected."""
+"""Largest plausible pose, relative to the end stops. A larger reading is rejected."""
 
 
 @dataclass(frozen=True)
 class Feedforward:
     """Gains of the feedforward force ``mass*(acceleration*a + jerk*j + snap*s)``."""
 
-    acceleration: float = 1.0  # 1: mass of the rig file
-    jerk: float = 0.0  # s
-    snap: float = 0.0  # s2
+    acceleration: float = 1.0  # factor of the acceleration; 1: the mass of the rig file
+    jerk: float = 0.0  # factor of the jerk, s
+    snap: float = 0.0  # factor of the snap, s^2
 
 
 @dataclass(frozen=True)
 class StageSetup(Setup):
-    """Everything that a run of a stage needs."""
+    """All data for a run of a stage."""
 
     # number format of PID and allocation; f64 for any compensator, f32 for f32 and fixed ones
     number_format: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # difference between the plant and the rig file
-    # corrections of every magnet, in the form of the core; not in fixed point
+    # corrections of every magnet, one row each as in the core; not available in fixed point
     correction_rows: FloatArray | None = None
-    # estimated changes of mass and centre of mass, used by the feedforward
+    # estimated changes of mass and centre of mass, which the feedforward uses
     body_corrections: Mapping[ParameterName, float] = field(default_factory=dict)
     cable_stiffness: float = 0.0  # estimated stiffness that the feedforward compensates, N/m
 
     @property
     def assumed_rig(self) -> BodyRig:
-        """Stage as assumed by its controller."""
+        """Stage with the mass and the centre of mass that its controller assumes."""
         return assumed_rig(self.rig, self.body_corrections) if self.body_corrections else self.rig
 
     def make_plant(self, seed: int) -> Plant:
@@ -87,28 +87,28 @@ class StageSetup(Setup):
         return drifted_plant(self.rig, self.drift, seed)
 
     def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
-        """Return PID and allocation with the force controllers, in their number formats."""
+        """Return PID and allocation with the force controllers, each in its number format."""
         return make_axes_controller(self, drives)
 
 
 def pid_coefficients(rig: BodyRig) -> dict[str, float]:
     """Return the PID as a second-order filter, discretised by the trapezoidal rule.
 
-    The rig file gives the corner frequencies of integral and lead relative to the crossover.
+    The rig file gives the corners of integral and lead relative to the crossover frequency.
     """
     table, dt = rig.settings.tracking, rig.dt
     omega = 2.0 * math.pi * table.crossover_Hz
-    low, lead = omega / table.integral_ratio, omega / table.lead_ratio
+    integral_frequency, lead_frequency = omega / table.integral_ratio, omega / table.lead_ratio
     high = table.rolloff_ratio * omega
 
     def shape(s: complex) -> complex:
-        return (s + low) / s * (1.0 + s / lead) / (1.0 + s / high)
+        return (s + integral_frequency) / s * (1.0 + s / lead_frequency) / (1.0 + s / high)
 
     jw = 1j * omega
     gain = rig.settings.body.mass_kg * omega**2 / abs(shape(jw))
     # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = bilinear_rate*(z - 1)/(z + 1)
     bilinear_rate = 2.0 / dt
-    numerator_s = (1.0 / lead, 1.0 + low / lead, low)
+    numerator_s = (1.0 / lead_frequency, 1.0 + integral_frequency / lead_frequency, integral_frequency)
     denominator_s = (1.0 / high, 1.0, 0.0)
 
     def bilinear(p: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -125,10 +125,10 @@ def feedforward_force(setup: StageSetup, motion: SetPoint, gains: Feedforward) -
     """Return the feedforward force at every tick, N, advanced by the delay of the loop."""
     rig = setup.rig
     time = tick_times(rig, motion_ticks(rig, motion)) + rig.loop_delay
-    place, acceleration, jerk, snap = motion.derivatives_at(time)
+    position, acceleration, jerk, snap = motion.derivatives_at(time)
     mass_acceleration = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
     return np.asarray(
-        setup.assumed_rig.settings.body.mass_kg * mass_acceleration + setup.cable_stiffness * place
+        setup.assumed_rig.settings.body.mass_kg * mass_acceleration + setup.cable_stiffness * position
     )
 
 
@@ -140,53 +140,53 @@ def track(
     learnt_force: FloatArray | None = None,
     load: FloatArray | None = None,
 ) -> Recording:
-    """Run a motion from rest with demagnetised iron.
+    """Run a motion that begins at rest with demagnetised iron.
 
-    `learnt_force` is added to the feedforward. `load`, N, pushes along the set-point and is unknown
-    to the controller.
+    `learnt_force` adds to the feedforward. `load`, N, along the set-point, is unknown to the
+    controller.
     """
     rig, n = setup.rig, motion_ticks(setup.rig, motion)
     time = tick_times(rig, n + 1)
-    place, forward = motion.derivatives_at(time)[0], feedforward_force(setup, motion, gains)
+    position, feedforward = motion.derivatives_at(time)[0], feedforward_force(setup, motion, gains)
     if learnt_force is not None:
-        forward = forward + learnt_force
-    wrench = feedforward_wrench(setup.assumed_rig, forward)
-    scenario = scan_scenario(rig, place, frame_stray(rig, motion, time), wrench)
-    # The position error is too small to change the force of the cable.
-    pulled = -setup.drift.cable * place[:n] + (0.0 if load is None else load)
-    return run_scenario(setup, replace(scenario, load=pulled), seed)
+        feedforward = feedforward + learnt_force
+    wrench = feedforward_wrench(setup.assumed_rig, feedforward)
+    scenario = scan_scenario(rig, position, frame_stray(rig, motion, time), wrench)
+    # The position error is too small for a noticeable change of the cable force.
+    external_force = -setup.drift.cable * position[:n] + (0.0 if load is None else load)
+    return run_scenario(setup, replace(scenario, load=external_force), seed)
 
 
 def scan_scenario(
-    rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, offset: float = 0.0
+    rig: BodyRig, positions: FloatArray, stray: FloatArray, wrench: FloatArray, offset: float = 0.0
 ) -> Scenario:
     """Return the scenario of a motion along the set-point, with an optional offset, m.
 
-    `place` and `stray` of the long stroke, m, have one value more than `wrench` has rows. The
-    magnets ride on the long stroke, the position heads do not.
+    `positions` are those of the long stroke and `stray` its path error, m; each has one value
+    more than `wrench` has rows. The magnets ride on the long stroke, the position heads do not.
     """
-    n, along = len(wrench), scan_direction(rig.settings)
-    frame = np.outer(place + stray, along)
-    return Scenario(np.outer(place[:n] + offset, along), feed=wrench, frame=frame)
+    n, scan_axis = len(wrench), scan_direction(rig.settings)
+    frame = np.outer(positions + stray, scan_axis)
+    return Scenario(np.outer(positions[:n] + offset, scan_axis), feed=wrench, frame=frame)
 
 
 def run_scenario(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
-    """Run a scenario from rest and check for loss of control."""
+    """Run a scenario from rest, and check whether control is lost."""
     rig, run = setup.rig, SimulatedLoop(setup, seed).run(scenario)
     return Recording(recording_columns(rig, run, scenario), find_stage_loss(rig, run, scenario.ticks))
 
 
 def feedforward_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
-    """Return the wrench of a force along the set-point at the centre of mass, one row per tick.
+    """Return the wrench of a force at the centre of mass along the set-point, one row per tick.
 
-    The wrench also carries the weight.
+    The weight, which the magnets also carry, is included.
     """
     file = rig.settings
     return np.asarray(np.outer(forward, scan_wrench(file)) - weight_wrench(file))
 
 
 def bias_force(rig: BodyRig, method: str) -> float:
-    """Return the force of each magnet at rest, N; half of the largest for constant methods."""
+    """Return the force of each magnet at rest, N: half of the largest force for constant methods."""
     if rig.settings.magnet.is_bidirectional:
         return 0.0
     return 0.5 * rig.settings.tracking.force_max_N if method in CONSTANT_METHODS else rig.idle_force
@@ -195,23 +195,23 @@ def bias_force(rig: BodyRig, method: str) -> float:
 def controller_matrices(setup: StageSetup) -> dict[str, FloatArray]:
     """Return the matrices of a controller, by their names in the core.
 
-    In addition, `at` is the reading of each head per coordinate.
+    In addition, the matrix `at` gives the reading of each head for a unit of each coordinate.
     """
     file, head_matrix = setup.rig.settings, head_rows(setup.rig.settings)
-    decouple, weigh = decoupling_matrices(setup.assumed_rig.settings)
+    decoupling_matrix, weight_matrix = decoupling_matrices(setup.assumed_rig.settings)
     b0, b1, b2, a1, a2 = pid_coefficients(setup.rig).values()
     mass, speed = file.body.mass_kg, file.tracking.land_m_per_s * setup.rig.dt
-    ends = np.array(stop_distances(file))[:, None]
+    stops = np.array(stop_distances(file))[:, None]
     return {
         "at": head_matrix,
         "see": np.ascontiguousarray(np.linalg.pinv(head_matrix)),
         "without": inverses_without_head(file).reshape(head_matrix.size, len(head_matrix)),
         "ground": np.array(axis_indices(file) if file.has_ground_heads else [], dtype=float),
-        "decouple": decouple,
-        "weigh": weigh,
+        "decouple": decoupling_matrix,
+        "weigh": weight_matrix,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
-        "reach": MAX_POSE_STOP_RATIO * ends,
-        "lift": ends * (file.tracking.lift_m_per_s * setup.rig.dt / travel_m(file)),
+        "reach": MAX_POSE_STOP_RATIO * stops,
+        "lift": stops * (file.tracking.lift_m_per_s * setup.rig.dt / travel_m(file)),
         "land": np.array([[-speed * (axis == "z")] for axis in file.body.free]),
     }
 
@@ -219,7 +219,7 @@ def controller_matrices(setup: StageSetup) -> dict[str, FloatArray]:
 def make_axes_controller(
     setup: StageSetup, drives: Sequence[ForceController] = ()
 ) -> TrackingAxes | FixedAxes:
-    """Return PID, decoupling and allocation with the force controllers."""
+    """Return a controller with PID, decoupling and allocation, and with the force controllers."""
     magnets = [drive.native for drive in drives or setup.make_compensators()]
     if setup.number_format == "fixed":
         assert setup.correction_rows is None, "in fixed point nothing corrects a force controller"
@@ -227,10 +227,10 @@ def make_axes_controller(
             magnets, setup.compensator.parameters.flux_full_scale
         )
     settings = controller_settings(setup) | monitoring_settings(setup.rig)
-    kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
+    kind, idle_force = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
     controller_class = TrackingAxesF32 if setup.number_format == "f32" else TrackingAxes
     controller = controller_class(
-        magnets, wrench_layout(setup.rig.settings, kind, idle), controller_matrices(setup), settings
+        magnets, wrench_layout(setup.rig.settings, kind, idle_force), controller_matrices(setup), settings
     )
     if setup.correction_rows is not None:
         controller.correct(setup.correction_rows)
@@ -249,7 +249,7 @@ def make_fixed_stage_controller(setup: StageSetup) -> FixedController:
 
 
 def controller_settings(setup: StageSetup) -> dict[str, float]:
-    """Return the settings of a controller other than PID and geometry, SI units."""
+    """Return the settings of a controller except its PID and its geometry, SI units."""
     rig, compensator = setup.rig, setup.compensator
     amplifier, scales = rig.settings.amplifier, compensator.scales
     low, high = amplifier.current_low_A, amplifier.current_high_A
@@ -271,11 +271,11 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
 
 
 def parameter_blocks(setup: StageSetup) -> list[Block]:
-    """Return the parameter block of each magnet, for compensators with a hysteresis law."""
+    """Return the parameter block of each magnet; its compensator must use a hysteresis law."""
     return [parameter_block(compensator) for compensator in setup.compensators]
 
 
 def parameter_block(compensator: ForceController) -> Block:
-    """Return the parameter block of a compensator with a hysteresis law."""
+    """Return the parameter block of a compensator that uses a hysteresis law."""
     assert isinstance(compensator.parameters, HysteresisInverse)
     return compensator.parameters.block

@@ -1,4 +1,4 @@
-"""Compute set-points of a stage: scans at constant speed with snap-limited turnarounds.
+"""Compute set-points of a stage: scans at constant speed between turnarounds with limited snap.
 
 The acceleration of a turnaround is a pulse whose jerk rises and falls linearly. The module also
 computes braking motions and the path error of the long stroke.
@@ -17,25 +17,25 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import ScanCase
 
 STRAY_DELAY_S = 5e-3
-"""Delay of the long stroke's path error after the acceleration, s."""
-_OWN_STRAY_HZ = 3.0  # path error without acceleration
+"""Delay between the acceleration of the long stroke and its path error, s."""
+_OWN_STRAY_HZ = 3.0  # frequency of the independent half of the path error, Hz
 
 
 @dataclass(frozen=True)
 class SetPoint:
-    """A motion from rest; it can be evaluated at any time."""
+    """A motion that begins at rest and can be evaluated at any time."""
 
     # largest acceleration of each turnaround, m/s2; the first one starts at rest
     peaks: tuple[float, ...]
     speed: float  # speed between turnarounds, m/s
-    cruise: float  # s; jerk_phase: rise of the acceleration; snap_phase: rise of the jerk
+    cruise: float  # durations: constant speed, rise of the acceleration, and rise of the jerk, s
     jerk_phase: float
     snap_phase: float
     has_final_rest: bool = False  # whether the last turnaround ends at rest
 
     @property
     def pulses(self) -> list[tuple[float, float, float]]:
-        """Start (s), length (s) and signed height (m/s2) of each acceleration pulse."""
+        """Start (s), length (s) and signed height (m/s2) of each pulse of the acceleration."""
         pulses, time, speed = [], self.cruise, 0.0
         for number, peak in enumerate(self.peaks):
             target = self.speed if number % 2 == 0 else -self.speed
@@ -48,7 +48,7 @@ class SetPoint:
 
     @property
     def duration(self) -> float:
-        """Time until the end of the last cruise, s."""
+        """Time until the end of the last phase at constant speed, s."""
         begin, length, _ = self.pulses[-1]
         return begin + length + self.cruise
 
@@ -57,50 +57,50 @@ class SetPoint:
         derivatives = [np.zeros_like(time) for _ in range(4)]
         for begin, length, height in self.pulses:
             rise = height / self._integrate_jerk_pulse(np.array([self.jerk_phase]), 1)[0]
-            for sign, start in ((1.0, begin), (-1.0, begin + length - self.jerk_phase)):
+            for sign, pulse_start in ((1.0, begin), (-1.0, begin + length - self.jerk_phase)):
                 for number, order in enumerate((3, 1, 0, -1)):
-                    derivatives[number] += sign * rise * self._integrate_jerk_pulse(time - start, order)
+                    derivatives[number] += sign * rise * self._integrate_jerk_pulse(time - pulse_start, order)
         return derivatives[0], derivatives[1], derivatives[2], derivatives[3]
 
     def _integrate_jerk_pulse(self, time: FloatArray, order: int) -> FloatArray:
-        """Integrate a jerk pulse of height one `order` times; order -1 is its derivative.
+        """Integrate a jerk pulse of unit height `order` times; the order -1 is its derivative.
 
-        After the pulse, only lower powers of time remain, so that hours of motion keep full
-        precision.
+        After the pulse, the polynomial has a lower degree; long motions keep full precision.
         """
-        end, later = np.array([self.jerk_phase]), np.maximum(time - self.jerk_phase, 0.0)
-        remaining = (
-            self._integrate_within_pulse(end, order - power) * later**power / power
+        end, time_after = np.array([self.jerk_phase]), np.maximum(time - self.jerk_phase, 0.0)
+        later_integrals = (
+            self._integrate_within_pulse(end, order - power) * time_after**power / power
             for power in range(1, order)
         )
         return np.asarray(
-            self._integrate_within_pulse(np.minimum(time, self.jerk_phase), order) + sum(remaining)
+            self._integrate_within_pulse(np.minimum(time, self.jerk_phase), order) + sum(later_integrals)
         )
 
     def _integrate_within_pulse(self, time: FloatArray, order: int) -> FloatArray:
-        """Return the integral for times until the end of the pulse."""
+        """Return the integral at times before the end of the pulse."""
         snap, jerk = self.snap_phase, self.jerk_phase
         corners = ((0.0, 1.0), (snap, -1.0), (jerk - snap, -1.0), (jerk, 1.0))
         power = order + 1
         factorial = np.prod(np.arange(1, power + 1)) if power else 1.0
-        parts = (
+        integrals = (
             sign / snap * np.where(time >= corner_time, np.maximum(time - corner_time, 0.0) ** power, 0.0)
             for corner_time, sign in corners
         )
-        return np.asarray(sum(parts) / factorial)
+        return np.asarray(sum(integrals) / factorial)
 
 
 def scan_motion(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
-    """Return the motion of a rig file with the given peak accelerations."""
+    """Return the set-point of a rig file with the given peak accelerations."""
     return SetPoint(tuple(peaks), table.speed_m_per_s, table.cruise_s, table.jerk_phase_s, table.snap_phase_s)
 
 
 @dataclass(frozen=True)
 class SampledMotion:
-    """A motion that ends at rest, sampled at the ticks."""
+    """A motion that ends at rest, with samples at the ticks."""
 
-    position: FloatArray  # from the start of the motion, m; one value more than ticks
-    acceleration: FloatArray  # m/s2
+    # position relative to the start, m; one value more than the number of ticks
+    position: FloatArray
+    acceleration: FloatArray  # acceleration, m/s2
     # acceleration, jerk, snap and position, advanced by the delay of the loop, m/s2, m/s3, m/s4, m
     early_derivatives: FloatArray
 
@@ -113,29 +113,29 @@ class SampledMotion:
         return SampledMotion(-self.position, -self.acceleration, -self.early_derivatives)
 
     def motion_at(self, tick: int, dt: float) -> tuple[float, float]:
-        """Return speed, m/s, and acceleration, m/s2, at a tick."""
+        """Return the speed, m/s, and the acceleration, m/s2, at a tick."""
         around = self.position[max(tick - 1, 0) : tick + 2]
         speed = (around[-1] - around[0]) / ((around.size - 1) * dt)
         return float(speed), float(self.acceleration[tick])
 
 
-def sample_motion(motion: SetPoint, dt: float, ahead: float) -> SampledMotion:
-    """Sample a motion that ends at rest; feedforward values are advanced by `ahead`, s."""
+def sample_motion(motion: SetPoint, dt: float, lead_time: float) -> SampledMotion:
+    """Sample a motion that ends at rest; feedforward values are advanced by `lead_time`, s."""
     time = dt * np.arange(round(motion.duration / dt) + 1, dtype=np.float64)
     position, acceleration, _, _ = motion.derivatives_at(time)
-    later, *derivatives = motion.derivatives_at(time[:-1] + ahead)
-    return SampledMotion(position, acceleration[:-1], np.column_stack([*derivatives, later]))
+    early_position, *derivatives = motion.derivatives_at(time[:-1] + lead_time)
+    return SampledMotion(position, acceleration[:-1], np.column_stack([*derivatives, early_position]))
 
 
 def plan_braking(
-    speed: float, acceleration: float, motion: SetPoint, dt: float, ahead: float
+    speed: float, acceleration: float, motion: SetPoint, dt: float, lead_time: float
 ) -> SampledMotion:
     """Return a motion that brakes to rest with a cubic speed profile.
 
-    Its duration follows from the hardest turnaround, so that it needs no larger force.
+    Its duration follows from the hardest turnaround, so that braking needs no larger force.
     """
     duration = 1.5 * abs(speed) / max(motion.peaks) + 4.0 * motion.jerk_phase
-    count = round(duration / dt)
+    tick_count = round(duration / dt)
 
     def at(time: FloatArray) -> list[FloatArray]:
         s = np.minimum(time / duration, 1.0)
@@ -149,8 +149,8 @@ def plan_braking(
         third = (12.0 * speed / duration**3 + 6.0 * acceleration / duration**2) * np.ones_like(s)
         return [first * is_moving, second * is_moving, third * is_moving, position]
 
-    time = dt * np.arange(count + 1, dtype=np.float64)
-    return SampledMotion(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + ahead)))
+    time = dt * np.arange(tick_count + 1, dtype=np.float64)
+    return SampledMotion(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + lead_time)))
 
 
 def frame_stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
@@ -161,15 +161,14 @@ def frame_stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
 def frame_stray_from(rig: BodyRig, delayed_acceleration: FloatArray | float, time: FloatArray) -> FloatArray:
     """Return the path error of the long stroke, m: half from its acceleration, half independent.
 
-    `delayed_acceleration` is the acceleration :data:`STRAY_DELAY_S` earlier, relative to its
-    largest value.
+    `delayed_acceleration` is relative to its largest value, and :data:`STRAY_DELAY_S` late.
     """
     stray = rig.settings.frame.stray_m
     return np.asarray(0.25 * stray * (delayed_acceleration + np.sin(2.0 * math.pi * _OWN_STRAY_HZ * time)))
 
 
 def tick_times(rig: BodyRig, count: int) -> FloatArray:
-    """Return the times of the first ticks, s."""
+    """Return the times of the first `count` ticks, s."""
     return np.asarray(rig.dt * np.arange(count), dtype=np.float64)
 
 

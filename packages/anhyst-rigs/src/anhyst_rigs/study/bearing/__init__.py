@@ -1,1 +1,1 @@
-"""Simulate magnetic bearings: plant, controller, and the benefit of compensation."""
+"""Simulate magnetic bearings with their controllers, and assess the benefit of compensation."""

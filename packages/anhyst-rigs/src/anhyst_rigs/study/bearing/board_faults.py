@@ -18,11 +18,11 @@ from anhyst_rigs.rig.bearing.scenario import MIN_LIFT_S
 from anhyst_rigs.rig.bench.bearing import BearingBench
 
 FaultAction = Callable[[BearingBench, int], bool]
-"""Function that is called before every tick with the bench and the tick since the fault.
+"""Function that is called before every tick with the bench and the number of ticks since the fault.
 
-It returns whether the link stays alive.
+It returns whether the operator still sends heartbeats.
 """
-# Bits of ``PORT_...`` in ``firmware/port/port.h``.
+# The masks correspond to ``PORT_...`` in ``firmware/port/port.h``.
 _NO_SAMPLE_BIT = 1
 _AMPLIFIER_BIT = 2
 _EMERGENCY_STOP_BIT = 4
@@ -30,48 +30,48 @@ _OVER_CURRENT_BIT = 8
 _SUPPLY_BIT = 16
 _TOO_WARM_BIT = 32
 _SENSOR_ERROR_CODE = -(1 << 31)
-"""Code of a broken sensor."""
+"""Code that a broken sensor delivers."""
 _SAG_RATIO = 0.2
-"""Supply voltage after a sag, relative to the nominal one."""
+"""Supply voltage after a sag, as a fraction of the nominal voltage."""
 _MAX_FALL_S = 1.0
-"""Longest time that is simulated after a fault, until the armature rests."""
+"""Longest time that is simulated after a fault until the armature rests, s."""
 _HOVER_CHECK_S = 0.25
-"""Simulated time after a fault that the armature must survive levitated."""
+"""Time after a fault for which the armature must stay levitated if it is expected to, s."""
 _REST_S = 0.02
-"""Time on a stop without current after which the armature counts as at rest."""
+"""Time on a stop without current after which the armature counts as at rest, s."""
 _OVERLOAD_S = 0.1
-_STEP_M = 10e-6
+_GAP_STEP_M = 10e-6
 
 
 @dataclass(frozen=True)
 class FaultInjection:
-    """A fault that is injected."""
+    """A fault, how it is injected, and what is expected."""
 
-    name: str  # description
-    expected_fault: Fault  # expected reason; ``NONE`` if the armature must stay levitated
-    action: FaultAction  # injects the fault
+    name: str  # description of the fault
+    # fault that must be reported; ``NONE`` if the armature must stay levitated
+    expected_fault: Fault
+    action: FaultAction  # function that injects the fault
 
 
 @dataclass(frozen=True)
 class FaultOutcome:
-    """The result of a fault while levitated."""
+    """The result of a fault that is injected while the armature levitates."""
 
     injection: FaultInjection
-    fault: Fault  # reported reason
+    fault: Fault  # fault that was reported
     is_levitating: bool  # whether the armature stayed levitated
-    seconds: float  # from the fault to rest without current, s; NaN if levitated
-    # speeds at the first contact with the rest and with the stop at the magnet, m/s; 0 without
-    # contact
+    seconds: float  # time from the fault until rest without current, s; NaN if it levitates
+    # speed at the first contact with the rest and with the stop at the magnet, m/s; 0 if none
     rest_speed: float
     magnet_speed: float
-    # largest deviation of the gap after the fault, m; NaN if the armature came down
+    # largest deviation of the gap after the fault, m; NaN if the armature did not stay levitated
     max_deviation: float
 
     @property
     def is_as_expected(self) -> bool:
-        """Whether the controller reported the expected reason, or the armature stayed levitated."""
-        expected = self.injection.expected_fault
-        return self.fault is expected and self.is_levitating == (expected is Fault.NONE)
+        """Whether the controller reported the expected fault, or kept the armature levitated."""
+        expected_fault = self.injection.expected_fault
+        return self.fault is expected_fault and self.is_levitating == (expected_fault is Fault.NONE)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome for JSON."""
@@ -88,13 +88,13 @@ class FaultOutcome:
 
 
 def _fake_readings(ticks: float = math.inf, /, **readings: int | Callable[[PlantSample], int]) -> FaultAction:
-    """Replace sensor readings for some ticks by constants or by functions of the sample."""
+    """Replace sensor readings by constants or by functions of the sample, for some ticks."""
 
     def change(sample: PlantSample) -> PlantSample:
-        changed = {
+        new_readings = {
             name: reading(sample) if callable(reading) else reading for name, reading in readings.items()
         }
-        return replace(sample, **changed)
+        return replace(sample, **new_readings)
 
     def act(bench: BearingBench, tick: int) -> bool:
         bench.tap.change_sample = change if tick < ticks else None
@@ -103,10 +103,10 @@ def _fake_readings(ticks: float = math.inf, /, **readings: int | Callable[[Plant
     return act
 
 
-def _freeze_position(bench: BearingBench, tick: int) -> bool:
-    """Freeze the position sensor, and step the target."""
+def _repeat_position(bench: BearingBench, tick: int) -> bool:
+    """Freeze the position reading, and step the target."""
     if tick == 0:
-        bench.demand(bench.gap + _STEP_M)
+        bench.demand(bench.gap + _GAP_STEP_M)
         samples: list[PlantSample] = []
 
         def frozen(sample: PlantSample) -> PlantSample:
@@ -117,16 +117,16 @@ def _freeze_position(bench: BearingBench, tick: int) -> bool:
     return True
 
 
-def _miss_ticks(bench: BearingBench, tick: int) -> bool:
-    """Let the controller miss five ticks in a row."""
+def _omit_ticks(bench: BearingBench, tick: int) -> bool:
+    """Withhold five ticks in a row from the controller."""
     if tick == 0:
         bench.tap.ticks_to_skip = 5
         bench.advance(5)
     return True
 
 
-def _sag_supply(bench: BearingBench, tick: int) -> bool:
-    """Reduce the supply; the board reports it after 1 ms."""
+def _lower_supply(bench: BearingBench, tick: int) -> bool:
+    """Reduce the supply voltage; the board reports this after 1 ms."""
     if tick == 0:
         bench.bearing.supply *= _SAG_RATIO
     if tick == round(1e-3 * bench.rate):
@@ -141,13 +141,13 @@ def _command_stop(bench: BearingBench, tick: int) -> bool:
 
 
 def _send_bad_blocks(bench: BearingBench, tick: int) -> bool:
-    """Send a block with a wrong checksum, and one with invalid words and a correct checksum."""
+    """Send a block with a wrong checksum, then one with invalid words and a correct checksum."""
     if tick == 0:
-        words = bench.link.read_block()
-        words[2] ^= 0x40
-        for broken in (words, set_generation(words, 7)):
+        block_words = bench.link.read_block()
+        block_words[2] ^= 0x40
+        for bad_block in (block_words, set_generation(block_words, 7)):
             try:
-                bench.link.write_block(broken)
+                bench.link.write_block(bad_block)
             except RequestRefusedError:
                 continue
             raise NegativeResult("the controller accepted an invalid parameter block", code="bad-block-taken")
@@ -155,7 +155,7 @@ def _send_bad_blocks(bench: BearingBench, tick: int) -> bool:
 
 
 def _swap_block(bench: BearingBench, tick: int) -> bool:
-    """Swap in the same parameters as another generation."""
+    """Activate a block with the same parameters and another generation number."""
     if tick == 0:
         bench.link.write_block(set_generation(bench.link.read_block(), 9))
     return True
@@ -169,7 +169,7 @@ def _apply_overload(bench: BearingBench, tick: int) -> bool:
 
 
 def fault_injections() -> Iterator[FaultInjection]:
-    """Yield every fault with the reason that the controller must report."""
+    """Yield every fault, with the fault that the controller must report."""
     yield FaultInjection("three samples missing", Fault.NONE, _fake_readings(3, status=_NO_SAMPLE_BIT))
     position_missing = Fault.POSITION_MISSING
     yield FaultInjection("no samples", position_missing, _fake_readings(status=_NO_SAMPLE_BIT))
@@ -185,7 +185,7 @@ def fault_injections() -> Iterator[FaultInjection]:
         return max(sample.position - round(0.7 * Q31), 1 + _SENSOR_ERROR_CODE)
 
     yield FaultInjection("position jumps", Fault.POSITION_STEP, _fake_readings(position=jumped))
-    yield FaultInjection("position frozen, target stepped", Fault.POSITION_STUCK, _freeze_position)
+    yield FaultInjection("position frozen, target stepped", Fault.POSITION_STUCK, _repeat_position)
     error_code_action = _fake_readings(current=_SENSOR_ERROR_CODE)
     code_out_of_range = round(1.9 * Q30)
     yield FaultInjection("current sensor's error code", Fault.CURRENT_RESERVED, error_code_action)
@@ -198,13 +198,13 @@ def fault_injections() -> Iterator[FaultInjection]:
     )
     yield FaultInjection("current sensor disconnected", current_mismatch, _fake_readings(current=0))
     yield FaultInjection("current read with the wrong sign", current_mismatch, inverted_current)
-    yield FaultInjection("five ticks missed", Fault.MISSED_TICK, _miss_ticks)
+    yield FaultInjection("five ticks missed", Fault.MISSED_TICK, _omit_ticks)
     yield FaultInjection("link lost", Fault.LINK_LOST, lambda bench, tick: False)
     yield FaultInjection("command stop", Fault.STOPPED, _command_stop)
     yield FaultInjection(
         "emergency stop open", Fault.EMERGENCY_STOP, _fake_readings(status=_EMERGENCY_STOP_BIT)
     )
-    yield FaultInjection("supply sags to a fifth", Fault.SUPPLY, _sag_supply)
+    yield FaultInjection("supply sags to a fifth", Fault.SUPPLY, _lower_supply)
     yield FaultInjection("winding too warm", Fault.TOO_WARM, _fake_readings(status=_TOO_WARM_BIT))
     yield FaultInjection("amplifier reports a fault", Fault.AMPLIFIER, _fake_readings(status=_AMPLIFIER_BIT))
     yield FaultInjection("over-current", Fault.OVER_CURRENT, _fake_readings(status=_OVER_CURRENT_BIT))
@@ -214,7 +214,7 @@ def fault_injections() -> Iterator[FaultInjection]:
 
 
 class FaultRuns:
-    """Run one fault after another in one session: lift, hover, inject, monitor, recover."""
+    """Runs of all faults in one session, one after another: lift, hover, inject, monitor, recover."""
 
     def __init__(self, setup: BearingSetup, bench: BearingBench) -> None:
         self.setup = setup
@@ -224,7 +224,7 @@ class FaultRuns:
         self._is_first = True
 
     def run(self, injection: FaultInjection) -> FaultOutcome:
-        """Run one fault while the armature is levitated."""
+        """Inject a fault while the armature levitates, and return the outcome."""
         self._lift_to_hover()
         outcome = self._monitor(injection)
         self._recover(outcome)
@@ -234,7 +234,7 @@ class FaultRuns:
         return round(seconds * self.running.rate)
 
     def _lift_to_hover(self) -> None:
-        """Lift off; after the first fault the controller continues with its hysteresis state."""
+        """Lift off. After the first fault, the controller continues with its hysteresis state."""
         bench = self.running
         bench.load(bench.rest_load)
         if bench.state is not State.READY:
@@ -285,7 +285,7 @@ class FaultRuns:
         )
 
     def _recover(self, outcome: FaultOutcome) -> None:
-        """Remove the fault, and clear it in the controller or land."""
+        """Remove the fault, then clear it in the controller or land the armature."""
         bench = self.running
         bench.tap.change_sample = None
         bench.load(bench.rest_load)
@@ -303,5 +303,5 @@ class FaultRuns:
 
 
 def _has_current(signals: Mapping[str, float]) -> bool:
-    """Whether any current is commanded."""
+    """Whether any current command is nonzero."""
     return any(value for name, value in signals.items() if name.startswith("command"))

@@ -1,10 +1,10 @@
 """Run standstill, trajectories, load steps and disturbing events with every variant of a bearing.
 
 A limit cycle at standstill must be distinguished from noise. Sensor noise is amplified near the
-peak of the sensitivity, so a peak in the spectrum is not evidence. The record is therefore divided
-into pieces of a few periods of the strongest oscillation, long enough that their noise is
-independent. For noise, the complex amplitudes of the pieces are independent normal numbers. A cycle
-is found if
+peak of the sensitivity, so a peak in the spectrum is not evidence. Therefore, the record is divided
+into segments of a few periods of the strongest oscillation, so long that their noise is
+independent. For noise, the complex amplitudes of the segments are independent normal numbers. A
+limit cycle is reported if
 
 - the phase is constant: the mean of the amplitudes is larger than noise permits;
 - or the amplitude is constant while the phase drifts: the powers scatter less than the exponential
@@ -36,30 +36,30 @@ from anhyst_rigs.rig.recording import RISE_CODE, Recording, peak_deviation
 from anhyst_rigs.study.bearing.responses import position_resolution, recovery_time
 from anhyst_rigs.study.engine.table import CaseFigures
 
-_PERIODS_PER_PIECE = 6  # number of periods in a piece
-_MIN_PIECES = 5  # minimum number of pieces
+_PERIODS_PER_SEGMENT = 6  # number of periods in a segment
+_MIN_SEGMENTS = 5  # minimum number of segments
 _MAX_CANDIDATES = 5  # number of peaks of the spectrum that are tested
-_FALSE_ALARM_PROBABILITY = 1e-3  # probability that noise is reported as a cycle
-_MIN_VARIANCE_SHARE = 0.1  # smallest fraction of the variance that a cycle explains
+_FALSE_ALARM_PROBABILITY = 1e-3  # probability that noise is reported as a limit cycle
+_MIN_VARIANCE_RATIO = 0.1  # smallest fraction of the variance in a limit cycle
 _PADDING_FACTOR = 8
 
 
 @dataclass(frozen=True)
 class LimitCycle:
-    """A lasting oscillation."""
+    """An oscillation that persists at standstill."""
 
     amplitude: float  # amplitude of the fundamental, in the unit of the signal
-    period: float  # s
+    period: float  # period, s
     variance_share: float  # fraction of the signal's variance in the fundamental, 0..1
 
 
 def min_detectable_frequency(duration: float) -> float:
-    """Return the lowest frequency of a cycle that can be distinguished from noise, Hz."""
-    return _PERIODS_PER_PIECE * _MIN_PIECES / duration
+    """Return the lowest frequency of a limit cycle that can be distinguished from noise, Hz."""
+    return _PERIODS_PER_SEGMENT * _MIN_SEGMENTS / duration
 
 
 def find_limit_cycle(time: ArrayLike, position: ArrayLike, min_amplitude: float = 1e-9) -> LimitCycle | None:
-    """Find a limit cycle in a record at standstill; None if there is none."""
+    """Return the limit cycle in a record at standstill, or None."""
     t = np.asarray(time, dtype=float)
     y = np.asarray(position, dtype=float)
     y = y - np.polynomial.Polynomial.fit(t, y, 1)(t)
@@ -68,10 +68,10 @@ def find_limit_cycle(time: ArrayLike, position: ArrayLike, min_amplitude: float 
         return None
     tick_s = float(t[-1] - t[0]) / (len(t) - 1)
     for frequency in _peak_frequencies(y, tick_s):
-        amplitudes = _amplitudes(y, tick_s, frequency)
+        amplitudes = _complex_amplitudes(y, tick_s, frequency)
         power = float(np.mean(np.abs(amplitudes) ** 2))
         variance_share = 0.5 * power / variance
-        if variance_share < _MIN_VARIANCE_SHARE or math.sqrt(power) < min_amplitude:
+        if variance_share < _MIN_VARIANCE_RATIO or math.sqrt(power) < min_amplitude:
             continue
         if _has_constant_phase(amplitudes, len(y)) or _has_constant_amplitude(amplitudes):
             return LimitCycle(math.sqrt(power), 1.0 / frequency, min(1.0, variance_share))
@@ -79,7 +79,7 @@ def find_limit_cycle(time: ArrayLike, position: ArrayLike, min_amplitude: float 
 
 
 def _peak_frequencies(y: FloatArray, tick_s: float) -> list[float]:
-    """Return the frequencies of the strongest oscillations, strongest first, Hz."""
+    """Return the frequencies of the strongest oscillations, in descending order of power, Hz."""
     length = _PADDING_FACTOR * len(y)
     power = np.abs(np.fft.rfft(y * np.hanning(len(y)), length)) ** 2
     first_bin = math.ceil(min_detectable_frequency(len(y) * tick_s) * length * tick_s)
@@ -93,30 +93,30 @@ def _peak_frequencies(y: FloatArray, tick_s: float) -> list[float]:
 
 
 def _select_distant_peaks(power: FloatArray, distance: int) -> NDArray[np.intp]:
-    """Return the indices of the highest peaks with a minimum distance, highest first."""
+    """Return the indices of the highest peaks, highest first, with a minimum distance in between."""
     inner = power[1:-1]
     peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]))
     chosen: list[int] = []
     for index in peaks[np.argsort(power[peaks])[::-1]].tolist():
-        if all(abs(index - other) >= distance for other in chosen):
+        if all(abs(index - other_index) >= distance for other_index in chosen):
             chosen.append(index)
         if len(chosen) == _MAX_CANDIDATES:
             break
     return np.array(chosen, dtype=np.intp)
 
 
-def _amplitudes(y: FloatArray, tick_s: float, frequency: float) -> NDArray[np.complex128]:
-    """Return the complex amplitude of an oscillation in every piece."""
-    length = round(_PERIODS_PER_PIECE / (frequency * tick_s))
+def _complex_amplitudes(y: FloatArray, tick_s: float, frequency: float) -> NDArray[np.complex128]:
+    """Return the complex amplitude of an oscillation in every segment."""
+    length = round(_PERIODS_PER_SEGMENT / (frequency * tick_s))
     count = len(y) // length
     window = np.hanning(length)
     rotation = np.exp(-2j * np.pi * frequency * tick_s * np.arange(count * length))
-    pieces = (y[: count * length] * rotation).reshape(count, length)
-    return np.asarray(2.0 * (pieces @ window) / np.sum(window))
+    period_rows = (y[: count * length] * rotation).reshape(count, length)
+    return np.asarray(2.0 * (period_rows @ window) / np.sum(window))
 
 
 def _has_constant_phase(amplitudes: NDArray[np.complex128], samples: int) -> bool:
-    """Whether the mean amplitude is too large to be noise, at the frequency that makes it largest."""
+    """Whether the mean amplitude is too large for noise, even at the most favourable frequency."""
     count = len(amplitudes)
     mean = complex(np.mean(amplitudes))
     coherence = abs(mean) ** 2 / float(np.mean(np.abs(amplitudes) ** 2))
@@ -125,7 +125,7 @@ def _has_constant_phase(amplitudes: NDArray[np.complex128], samples: int) -> boo
 
 
 def _has_constant_amplitude(amplitudes: NDArray[np.complex128]) -> bool:
-    """Whether the powers of the pieces scatter too little to be noise."""
+    """Whether the powers of the segments scatter too little for noise."""
     count = len(amplitudes)
     power = np.abs(amplitudes) ** 2
     if np.any(power <= 0.0):
@@ -138,16 +138,16 @@ def _has_constant_amplitude(amplitudes: NDArray[np.complex128]) -> bool:
 Event = Literal["overload", "wrong initial state", "dropped sample"]
 EVENTS: tuple[Event, ...] = get_args(Event)
 Subject = TrajectoryCase | Event | float | None
-"""The case of an experiment; None: standstill."""
+"""What an experiment applies: a trajectory, an event or a load, N; None: standstill."""
 
 STANDSTILL_S = 1.0
 RECOVERY_S = 0.3
 OVERLOAD_S = 0.1
 DROP_STEP_M = 50e-6
 RECOVERY_BAND_M = 1e-6
-"""Position error within which the armature counts as recovered, m."""
+"""Position error below which the armature counts as recovered, m."""
 MIN_EXCESS_BAND_M = 50e-9
-"""Smallest difference of two runs that counts as an effect of an event, m."""
+"""Smallest difference between two runs that counts as the effect of an event, m."""
 
 
 @dataclass(frozen=True)
@@ -164,19 +164,19 @@ class ExperimentOutcome:
     """The result of an experiment."""
 
     figures: dict[str, float]  # metrics by name
-    # the limit cycle, if any; None if none was searched for
+    # limit cycle, if there is one; None if none was searched for
     cycles: tuple[LimitCycle, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentFigures(CaseFigures):
-    """The results of one variant in an experiment."""
+    """The results of an experiment with one variant."""
 
     # limit cycles of all runs, which are not averaged; None if none were searched for
     cycles: tuple[LimitCycle, ...] | None
 
     def median(self, name: Literal["amplitude", "period"]) -> float | None:
-        """Return the median amplitude (m) or period (s) of the runs with a limit cycle."""
+        """Return the median amplitude (m) or period (s) of all runs that have a limit cycle."""
         values = [getattr(cycle, name) for cycle in self.cycles or ()]
         return statistics.median(values) if values else None
 
@@ -192,7 +192,7 @@ class ExperimentFigures(CaseFigures):
 
 
 Experiment = Callable[[ExperimentTrial], ExperimentOutcome | None]
-"""An experiment; it returns None if levitation was lost."""
+"""Function that runs an experiment; it returns None if levitation was lost."""
 
 
 def run_variants(
@@ -212,12 +212,12 @@ def run_variants(
 
 
 def _summarise(outcomes: Sequence[ExperimentOutcome | None]) -> ExperimentFigures:
-    successful = [outcome for outcome in outcomes if outcome is not None]
-    searched = [outcome.cycles for outcome in successful if outcome.cycles is not None]
+    completed_runs = [outcome for outcome in outcomes if outcome is not None]
+    searched = [outcome.cycles for outcome in completed_runs if outcome.cycles is not None]
     cycles = tuple(cycle for run in searched for cycle in run)
     return ExperimentFigures.summarise(
         [None if outcome is None else outcome.figures for outcome in outcomes],
-        cycles=cycles if searched and len(successful) == len(outcomes) else None,
+        cycles=cycles if searched and len(completed_runs) == len(outcomes) else None,
     )
 
 
@@ -226,11 +226,11 @@ VariantFigures = Mapping[MethodName, ExperimentFigures]
 
 @dataclass(frozen=True)
 class Experiments:
-    """All experiments except steps, with every variant."""
+    """The results of all experiments except steps, with every variant."""
 
     standstill: VariantFigures
     trajectories: tuple[tuple[TrajectoryCase, VariantFigures], ...]
-    load_steps: tuple[tuple[float, VariantFigures], ...]  # N
+    load_steps: tuple[tuple[float, VariantFigures], ...]  # by load, N
     events: Mapping[Event, VariantFigures]
 
     def as_dict(self) -> dict[str, Any]:
@@ -269,14 +269,14 @@ def run_experiments(
 
 
 def plan_standstill(setup: BearingSetup) -> tuple[Scenario, int]:
-    """Return a scenario of a standstill, and the tick at which the evaluation starts."""
+    """Return the scenario of a standstill, and the tick at which the evaluation begins."""
     builder = _lift_off(setup)
     begin_tick = builder.ticks
     return builder.hold(STANDSTILL_S).build(), begin_tick
 
 
 def plan_trajectory(setup: BearingSetup, shape: TrajectoryCase) -> tuple[Scenario, int]:
-    """Return a scenario of two periods of a trajectory, and the tick at which the second starts."""
+    """Return a scenario with two periods of a trajectory, and the first tick of the second period."""
     rig = setup.rig
     period_ticks = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
     phase = np.arange(2 * period_ticks) / period_ticks
@@ -287,7 +287,7 @@ def plan_trajectory(setup: BearingSetup, shape: TrajectoryCase) -> tuple[Scenari
 
 
 def plan_load_step(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
-    """Return a scenario with a load step in newtons, and its tick."""
+    """Return a scenario with a load step in newtons, and the tick of this step."""
     builder = _lift_off(setup)
     begin_tick = builder.ticks
     builder.set_load(setup.rig.settings.load.force_N + force).hold(RECOVERY_S)
@@ -295,7 +295,7 @@ def plan_load_step(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
 
 
 def run_standstill(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Hold a position: rms of the true gap, its mean error, and a limit cycle if there is one."""
+    """Evaluate a standstill: rms and mean error of the true gap, and a limit cycle, if any."""
     recording = _run_part(trial, *plan_standstill(trial.setup))
     if recording is None:
         return None
@@ -310,7 +310,7 @@ def run_standstill(trial: ExperimentTrial) -> ExperimentOutcome | None:
 
 
 def run_trajectory(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Follow a trajectory for two periods; evaluate the second."""
+    """Follow a trajectory for two periods, and evaluate the second period."""
     assert isinstance(trial.subject, TrajectoryCase)
     recording = _run_part(trial, *plan_trajectory(trial.setup, trial.subject))
     if recording is None:
@@ -326,7 +326,7 @@ def run_trajectory(trial: ExperimentTrial) -> ExperimentOutcome | None:
 
 
 def run_load_step(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Apply a load step: peak of the position error (m) and recovery time (s)."""
+    """Apply a load step; return the peak position error (m) and the recovery time (s)."""
     assert isinstance(trial.subject, float)
     recording = _run_part(trial, *plan_load_step(trial.setup, trial.subject))
     if recording is None:
@@ -343,33 +343,33 @@ def run_load_step(trial: ExperimentTrial) -> ExperimentOutcome | None:
 def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Run a disturbing event, and return the size and the duration of its effect.
 
-    ``overload``: for 100 ms the load exceeds the largest force, so that the armature rests on its
+    ``overload``: for 100 ms, the load exceeds the largest force, so that the armature rests on its
     stop. The result is the recovery time after the overload. ``wrong initial state``: the iron is
     magnetised by the largest current, but the controller assumes demagnetised iron. The evaluation
-    starts at lift-off. ``dropped sample``: one position sample is lost during a step of 50 um, at
-    the largest speed. The evaluation starts at this tick. The last two are compared with a run
-    without the event and with equal noise.
+    begins at lift-off. ``dropped sample``: one position sample is lost at the largest speed during
+    a step of 50 um. The evaluation begins at this tick. The last two events are compared with a run
+    that has the same noise but no event.
     """
     if trial.subject == "overload":
         return _run_overload(trial)
     if trial.subject == "wrong initial state":
         scenario = _lift_off(trial.setup).hold(RECOVERY_S).build()
-        reference_run, event_run = (_run(trial, scenario, largest) for largest in (False, True))
-        # With magnetised iron the armature rises earlier, so each run is evaluated from its own
-        # rise.
+        reference_run, event_run = (_simulate_trial(trial, scenario, largest) for largest in (False, True))
+        # Magnetised iron lifts the armature earlier. Therefore, the evaluation of each run begins
+        # when its armature begins to rise.
         return _compare_runs(
             trial.setup, reference_run, event_run, lambda run: int(np.argmax(run["state"] == RISE_CODE))
         )
     builder = _lift_off(trial.setup)
     stop_distance = builder.gap - trial.setup.rig.settings.body.stop_low_m
     scenario = builder.step(builder.gap - min(DROP_STEP_M, stop_distance / 2.0), RECOVERY_S).build()
-    reference_run, reference_step = _run(trial, scenario), scenario.steps[0]
+    reference_run, reference_step = _simulate_trial(trial, scenario), scenario.steps[0]
     if reference_run[1]:
         return None
     velocity = reference_run[0].slice_ticks(reference_step.begin, reference_step.end)["velocity_m_per_s"]
     begin_tick = reference_step.begin + int(np.argmax(np.abs(velocity)))
     scenario.command[begin_tick] |= DROP_SAMPLE_BIT
-    return _compare_runs(trial.setup, reference_run, _run(trial, scenario), lambda _: begin_tick)
+    return _compare_runs(trial.setup, reference_run, _simulate_trial(trial, scenario), lambda _: begin_tick)
 
 
 def _run_overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
@@ -381,7 +381,7 @@ def _run_overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
     scenario = builder.hold(RECOVERY_S).build()
     recording = SimulatedLoop(trial.setup, trial.seed).run(scenario)
     recovery = recording.slice_ticks(begin_tick, len(recording))
-    # The armature rests on its stop when the overload ends; it must be levitated in the last third.
+    # The armature is on its stop when the overload ends; it must levitate in the last third.
     has_lost = levitation_loss_time(rig, recovery, 2 * (scenario.ticks - begin_tick) // 3) is not None
     if has_lost or len(recording) < scenario.ticks:
         return None
@@ -391,11 +391,11 @@ def _run_overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
 
 
 def excess_band(rig: BodyRig, excess: FloatArray) -> float:
-    """Return the difference of two runs above which an event has an effect, m.
+    """Return the smallest difference between two runs that is an effect of an event, m.
 
-    The band is three times the resolution of one reading, including noise. Two runs that differ by
-    a few early readings can stay further apart, because the iron follows other minor loops.
-    Therefore, the band is at least four times the standard deviation of the last third.
+    The band is three times the resolution of one reading, including noise. A few early readings can
+    make two runs differ for longer, because the iron then follows other minor loops. Therefore, the
+    band is at least four times the standard deviation of the difference in the last third.
     """
     resolution_band = 3.0 * position_resolution(rig)
     return max(resolution_band, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), MIN_EXCESS_BAND_M)
@@ -407,7 +407,7 @@ def _compare_runs(
     event_run: tuple[Recording, bool],
     begin_of: Callable[[Recording], int],
 ) -> ExperimentOutcome | None:
-    """Compare a run with an event to a run without it, each from its tick `begin_of`."""
+    """Compare a run with an event to one without; `begin_of` returns the first tick of each."""
     if reference_run[1] or event_run[1]:
         return None
     errors = []
@@ -426,12 +426,14 @@ def _lift_off(setup: BearingSetup) -> ScenarioBuilder:
 
 
 def _run_part(trial: ExperimentTrial, scenario: Scenario, begin_tick: int) -> Recording | None:
-    """Run a scenario, and return its recording after a tick; None if levitation was lost."""
-    recording, has_lost = _run(trial, scenario)
+    """Run a scenario, and return its recording from a tick on; None if levitation was lost."""
+    recording, has_lost = _simulate_trial(trial, scenario)
     return None if has_lost else recording.slice_ticks(begin_tick, len(recording))
 
 
-def _run(trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False) -> tuple[Recording, bool]:
+def _simulate_trial(
+    trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False
+) -> tuple[Recording, bool]:
     recording = SimulatedLoop(trial.setup, trial.seed, largest_first).run(scenario)
     has_lost = levitation_loss_time(trial.setup.rig, recording, scenario.lift_end_tick) is not None
     return recording, has_lost or len(recording) < scenario.ticks

@@ -21,13 +21,13 @@ from anhyst_rigs.study.bearing.operating import OperatingPoint, find_operating_p
 
 
 def read_files(rig_path: PathLike, controller_path: PathLike | None) -> tuple[BodyRig, ControllerFile]:
-    """Read a rig file and a controller file (default: controller.toml next to it)."""
+    """Read a rig file and a controller file; the default is controller.toml next to the rig file."""
     rig = read_bearing(rig_path)
     return rig, read_bearing_controller(rig, controller_path)
 
 
 def read_bearing_controller(rig: BodyRig, path: PathLike | None) -> ControllerFile:
-    """Read the controller file of a bearing; the default is next to the rig file."""
+    """Read the controller file of a bearing; the default file is next to the rig file."""
     return read_controller(rig.path.parent / "controller.toml" if path is None else path)
 
 
@@ -37,33 +37,33 @@ def list_bearing_files(rig_path: PathLike, controller_path: PathLike | None) -> 
 
 
 def _named_files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
-    measured, rig_files = (
+    loop_files, rig_files = (
         rig.measured_loops,
         [rig.path, rig.model_path, rig.flux_table_path, rig.calibration_path],
     )
     paths = [*rig_files, controller.path, controller.model]
-    return [file for file in paths if file is not None] + list(measured.files)
+    return [file for file in paths if file is not None] + list(loop_files.files)
 
 
 @dataclass(frozen=True)
 class BearingInputs:
-    """A rig, a controller and the measured loops, checked against each other."""
+    """A rig, its controller and its measured loops, which are consistent with each other."""
 
-    rig: BodyRig  # with a complete magnet
+    rig: BodyRig  # rig with a complete magnet
     controller: ControllerFile
     loops: Loops
-    model: Model | None  # model of the controller file
+    model: Model | None  # model that the controller file names
     operating_point: OperatingPoint
 
     def identify_magnet(self) -> IdentifiedMagnet:
-        """Return the loops with the model of the controller file, or with a newly identified one."""
+        """Return the loops with the model of the controller file, or with a model identified now."""
         if self.model is not None:
             return IdentifiedMagnet(self.loops, self.model)
         return identify_magnet(self.loops, self.rig.settings.loops)
 
 
 def check_inputs(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()) -> BearingInputs:
-    """Read and check all files of a rig and a controller, before any computation."""
+    """Read and check all files of a rig and its controller before the computation begins."""
     input_files = _named_files(rig, controller)
     for path in outputs:
         check_writable(path, input_files=input_files)
@@ -87,7 +87,7 @@ def check_inputs(rig: BodyRig, controller: ControllerFile, outputs: Sequence[Pat
 
 
 def check_calibration_covers(rig: BodyRig, method: MethodName, shown_path: Path | str | None) -> None:
-    """Refuse a calibration without the given method; `shown_path` is for the message."""
+    """Raise an error if a calibration lacks the method; `shown_path` is for the message."""
     if rig.calibration_path is not None and rig.method_calibration(method) is None:
         raise InputError(
             f"{rig.path}: control.calibration: {shown_path} does not contain '{method}', so only other "

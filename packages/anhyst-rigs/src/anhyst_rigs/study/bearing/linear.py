@@ -1,18 +1,17 @@
 """Linearise a bearing at an operating point, and analyse its sampled control loop.
 
 The position is ``p = gap_middle - gap``. The winding has the voltage v, the current i and the flux
-linkage psi. The current i_m is the current that would hold this flux in steady state::
+linkage psi. The current i_m is the current that would sustain this flux in steady state::
 
     m p'' = k_i i_m + k_s p - d p'
     psi' = L i_m' + k_i p' = v - R i      motion induces a voltage
     i = i_m + (t/L) psi'                  eddy currents delay the flux by the time t
 
-The discretisation is exact: the controller output is held for a tick and takes effect after the
-delay, which may be a fraction of a tick. A symmetric pair of magnets equals one magnet with the
-sums of k_i, k_s, L and R, and with the sum of both compensations.
-
-The loop is analysed by loop gain, sensitivity, poles and margins. The controller uses the gains per
-tick of the C core. The compensation between controller and current is linearised too.
+The discretisation is exact: the controller output is constant during a tick. It takes effect after
+the delay, which may be a fraction of a tick. A symmetric pair of magnets equals one magnet with the
+sums of k_i, k_s, L and R, and with the sum of both compensations. The loop is analysed by its loop
+gain, sensitivity, poles and margins. The controller uses the gains per tick of the C core. The
+compensation between controller and current is linearised too.
 """
 
 from __future__ import annotations
@@ -39,34 +38,34 @@ _MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency, relative to the sample rate
 
 @dataclass(frozen=True)
 class LinearBearing:
-    """A bearing, linearised for small movements."""
+    """A bearing that is linearised for small movements."""
 
-    mass: float  # kg
+    mass: float  # mass, kg
     k_i: float  # slope of the force with respect to the current, N/A
     # slope of the force with respect to a reduction of the gap, minus the stiffness of the load
     # drive, N/m; positive if the magnet is unstable
     k_s: float
     inductance: float  # incremental inductance at this gap, H
-    resistance: float  # ohm
-    damping: float = 0.0  # N s/m
+    resistance: float  # resistance, ohm
+    damping: float = 0.0  # damping, N s/m
     eddy_time: float = 0.0  # eddy-current lag of the flux, s
 
     @property
     def current_drive_pole(self) -> float:
-        """The rightmost pole with an impressed current, Hz; negative: stable."""
+        """The rightmost pole if the current is impressed, Hz; negative if stable."""
         return _rightmost_pole(_motion_matrix(self)[:2, :2])
 
     @property
     def voltage_drive_pole(self) -> float:
-        """The rightmost pole with an impressed voltage, Hz. The winding makes it slower."""
+        """The rightmost pole if the voltage is impressed, Hz. The winding makes it slower."""
         return _rightmost_pole(_motion_matrix(self))
 
 
 @dataclass(frozen=True)
 class AnalogueAmplifier:
-    """An analogue current controller, ``v = gain e + integral_gain times the integral of e``."""
+    """An analogue PI controller of the current; its voltage for the error e is ``v = gain e + I``."""
 
-    gain: float  # V/A
+    gain: float  # proportional gain, V/A
     integral_gain: float  # V/(A s)
 
 
@@ -74,22 +73,22 @@ class AnalogueAmplifier:
 class DigitalAmplifier:
     """A current controller that computes a voltage once per tick.
 
-    ``v = feedforward r + gain (r - i) + I``; ``I`` increases by ``integral_gain (r - i)`` per tick.
-    The reference is r.
+    ``v = feedforward r + gain (r - i) + I`` for the current reference r. The integral I increases
+    by ``integral_gain (r - i)`` per tick.
     """
 
-    feedforward: float  # V/A; the nominal resistance
-    gain: float  # V/A
-    integral_gain: float  # V/A per tick
+    feedforward: float  # nominal resistance, V/A
+    gain: float  # proportional gain, V/A
+    integral_gain: float  # integral gain, V/A per tick
     sensor_bandwidth: float = math.inf  # bandwidth of the current sensor, Hz; infinite: no lag
 
 
 @dataclass(frozen=True)
 class LoopTiming:
-    """Sample rate, delay and sensor bandwidth of a loop."""
+    """Sample rate, delay and sensor bandwidth of a control loop."""
 
-    rate: float  # ticks per second, Hz
-    # from the sample to the amplifier's command, including the delays of sensor and amplifier
+    rate: float  # number of ticks per second, Hz
+    # delay from the sample to the command of the amplifier, including those of sensor and amplifier
     delay_ticks: float
     sensor_bandwidth: float = math.inf  # bandwidth of the position sensor, Hz; infinite: no lag
 
@@ -121,12 +120,12 @@ def discretise(
     return closed, reference, _pad_with_zeros(position, len(reference))
 
 
-def _pad_with_zeros(row: FloatArray, length: int) -> FloatArray:
-    return np.concatenate([row, np.zeros(length - len(row))])
+def _pad_with_zeros(coefficients: FloatArray, length: int) -> FloatArray:
+    return np.concatenate([coefficients, np.zeros(length - len(coefficients))])
 
 
 def voltage_matrices(bearing: LinearBearing) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return state, input, current row and feedthrough of a bearing that is driven by a voltage."""
+    """Return matrices of a voltage-driven bearing: state, input, current row and feedthrough."""
     lag_per_inductance = bearing.eddy_time / bearing.inductance
     voltage_share = 1.0 / (1.0 + bearing.resistance * lag_per_inductance)
     input_vector = np.array([0.0, 0.0, voltage_share / bearing.inductance])
@@ -158,9 +157,9 @@ def _rightmost_pole(matrix: FloatArray) -> float:
 def _close_current_loop(
     a: FloatArray, b: FloatArray, current: FloatArray, direct: float, amplifier: AnalogueAmplifier
 ) -> tuple[FloatArray, FloatArray]:
-    """Close the analogue current controller; its integral becomes the last state."""
+    """Close the analogue current loop; the integral of its controller becomes the last state."""
     gain, reset = amplifier.gain, amplifier.integral_gain
-    voltage_share = 1.0 / (1.0 + gain * direct)  # the voltage changes the current immediately
+    voltage_share = 1.0 / (1.0 + gain * direct)  # The voltage changes the current immediately.
     voltage = voltage_share * np.append(-gain * current, 1.0)
     current_row = _pad_with_zeros(current, 4) + direct * voltage
     matrix = block_diag(a, 0.0) + np.outer(np.append(b, 0.0), voltage)
@@ -172,7 +171,7 @@ def _close_current_loop(
 def _append_sensor_lag(
     a: FloatArray, b: FloatArray, output: FloatArray, direct: float, bandwidth: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Append a first-order lag to an output; the output of the lag becomes the new output."""
+    """Append a first-order lag to an output; the output of this lag becomes the new output."""
     if math.isinf(bandwidth):
         return a, b, output
     lag = 2.0 * math.pi * bandwidth
@@ -182,7 +181,7 @@ def _append_sensor_lag(
 
 
 def _hold_matrices(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatArray, FloatArray]:
-    """Return the state transition and the input vector for a time with constant input."""
+    """Return the state transition and the input vector over a time in which the input is constant."""
     n = len(b)
     matrix = np.zeros((n + 1, n + 1))
     matrix[:n, :n], matrix[:n, n] = a, b
@@ -198,7 +197,7 @@ def _discretise_with_delay(a: FloatArray, b: FloatArray, timing: LoopTiming) -> 
     over_tick, _ = _hold_matrices(a, b, tick_s)
     second_transition, second_input = _hold_matrices(a, b, (1.0 - fraction) * tick_s)
     _, first_input = _hold_matrices(a, b, fraction * tick_s)
-    # The rows after those of the plant hold the delayed inputs, the newest first.
+    # The states after those of the plant are the delayed inputs, the newest first.
     delay_states = whole_ticks + (1 if fraction > 0.0 else 0)
     matrix = np.zeros((n + delay_states, n + delay_states))
     input_vector = np.zeros(n + delay_states)
@@ -217,27 +216,26 @@ def _discretise_with_delay(a: FloatArray, b: FloatArray, timing: LoopTiming) -> 
 
 @dataclass(frozen=True)
 class Compensation:
-    """The linear compensation between demand and current: ``i = (u - k_s p)/k_i``."""
+    """The linear compensation that converts a demand to a current: ``i = (u - k_s p)/k_i``."""
 
-    k_i: float  # N/A
-    k_s: float = 0.0  # N/m; 0 for a constant ratio of force and current
+    k_i: float  # force constant, N/A
+    k_s: float = 0.0  # negative stiffness, N/m; 0 for a constant ratio of force to current
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Stability margins of a loop."""
+    """Stability margins of a control loop."""
 
-    stable: bool  # whether the closed loop is stable; otherwise the margins are meaningless
-    # factors on the loop gain, below and above 1, at the stability limit; 0 and infinite without
-    # limit
+    stable: bool  # whether the closed loop is stable; otherwise, the margins are meaningless
+    # factors on the loop gain at the stability limit, below and above 1; 0 or infinite if none
     gain_down: float
     gain_up: float
     phase: float  # smallest phase margin, degrees
-    # additional delay at the stability limit, s (exact for whole ticks); infinite without limit
+    # additional delay at the stability limit, s (exact for whole ticks); infinite if there is none
     delay: float
     crossover: float  # highest frequency with a loop gain of 1, Hz; 0 if there is none
     peak: float  # peak of the sensitivity
-    peak_frequency: float  # Hz
+    peak_frequency: float  # frequency of this peak, Hz
 
 
 @dataclass(frozen=True)
@@ -247,7 +245,7 @@ class LinearLoop:
     bearing: LinearBearing
     amplifier: AnalogueAmplifier | DigitalAmplifier
     timing: LoopTiming
-    controller: Pidd2  # at the sample rate of the loop
+    controller: Pidd2  # has the sample rate of the loop
     compensation: Compensation
 
     def __post_init__(self) -> None:
@@ -270,17 +268,17 @@ class LinearLoop:
         """Return the loop gain L; the sensitivity is 1/(1 + L)."""
         z = self._z(frequency)
         a, b, c, d = _controller_matrices(self.controller)
-        feedback = -(_frequency_response(a, b[:, 1], c, z) + d[1])  # of the position
+        feedback = -(_frequency_response(a, b[:, 1], c, z) + d[1])  # response to the position
         current = (feedback + self.compensation.k_s) / self.compensation.k_i
         return np.asarray(current * _frequency_response(*self.plant, z))
 
     def sensitivity(self, frequency: ArrayLike) -> ComplexArray:
-        """Return the response from a signal added to the sensor to the controller's reading."""
+        """Return the sensitivity: from a signal added to the sensor to the controller's reading."""
         return np.asarray(1.0 / (1.0 + self.loop_gain(frequency)))
 
     @cached_property
     def poles(self) -> ComplexArray:
-        """Poles of the closed loop in z; stable if all are inside the unit circle."""
+        """Poles of the closed loop in z. The loop is stable if all are inside the unit circle."""
         a, b, c = self.plant
         controller_matrix, controller_input, controller_output, feedthrough = _controller_matrices(
             self.controller
@@ -297,12 +295,12 @@ class LinearLoop:
 
     @property
     def is_stable(self) -> bool:
-        """Whether the closed loop is stable; filters and integrals without gain are ignored."""
+        """Whether the closed loop is stable; filters and integrals with zero gain are ignored."""
         return bool(np.max(np.abs(self.poles)) < 1.0)
 
     @cached_property
     def margins(self) -> Margins:
-        """The stability margins."""
+        """Stability margins of the loop."""
         return _find_margins(self)
 
     def _z(self, frequency: ArrayLike) -> ComplexArray:
@@ -313,7 +311,7 @@ class LinearLoop:
 def _controller_matrices(controller: Pidd2) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return matrices from reference and position to the demand; states as in ``pidd2_real.h``."""
     p, k, d, e, _, _, s, t, weight = controller.per_tick[:9]
-    # first = s (y - position), second = t (first - velocity)
+    # states: s (y - position), then t (first - velocity)
     a = np.array([[1.0 - s, 0.0, 0.0], [-s * t, 1.0 - t, 0.0], [0.0, 0.0, 1.0]])
     b = np.array([[0.0, s], [0.0, s * t], [k, -k]])
     output = np.array([d * s + e * s * t, e * t, 1.0])
@@ -323,7 +321,7 @@ def _controller_matrices(controller: Pidd2) -> tuple[FloatArray, FloatArray, Flo
 
 
 def _frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, z: ComplexArray) -> ComplexArray:
-    """Return c (z - a)^-1 b for every z."""
+    """Return c (z - a)^-1 b for every value of z."""
     if len(b) == 0:
         return np.zeros(len(z), dtype=np.complex128)
     matrices = z[:, None, None] * np.eye(len(b)) - a
@@ -331,7 +329,7 @@ def _frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, z: ComplexA
 
 
 def _find_margins(loop: LinearLoop) -> Margins:
-    """Search the loop gain for its crossings of the negative real axis and the unit circle."""
+    """Search where the loop gain crosses the negative real axis and the unit circle."""
     grid = np.geomspace(_MIN_FREQUENCY_RATIO * loop.timing.rate, 0.5 * loop.timing.rate, _GRID_POINTS)
 
     def gain(frequency: float) -> complex:
@@ -340,7 +338,7 @@ def _find_margins(loop: LinearLoop) -> Margins:
     values = loop.loop_gain(grid)
     axis_crossings = [gain(f).real for f in _find_roots(lambda f: gain(f).imag, grid, values.imag)] + [
         float(values[-1].real)
-    ]  # the loop gain is real at half the rate
+    ]  # The loop gain is real at half the sample rate.
     factors = [-1.0 / x for x in axis_crossings if x < 0.0]
     crossover_frequencies = _find_roots(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
     phase_margins = [
@@ -368,7 +366,7 @@ def _find_margins(loop: LinearLoop) -> Margins:
 
 
 def _find_roots(function: Callable[[float], float], grid: FloatArray, values: FloatArray) -> list[float]:
-    """Return the roots of a function between neighbouring grid points of opposite sign."""
+    """Return roots of a function, one between each pair of grid neighbours with opposite signs."""
     change = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     return [float(brentq(function, grid[i], grid[i + 1], xtol=1e-9 * grid[i])) for i in change]
 
@@ -377,12 +375,12 @@ Zone = Literal["A", "B", "C", "D"]
 
 
 ZONE_LIMITS: Mapping[Zone, float] = {"A": 3.0, "B": 4.0, "C": 5.0}
-"""Largest peak of the sensitivity in each zone of ISO 14839-3: 9.5, 12 and 14 dB. A: newly
-commissioned; B: long-term operation; C: limited time."""
+"""Sensitivity peak at the end of each zone of ISO 14839-3. A: new; B: long-term; C: limited time.
+"""
 
 
 def find_zone(peak: float) -> Zone:
-    """Return the zone of a peak sensitivity. Above zone C, and for NaN, it is D.
+    """Return the zone of a peak sensitivity; it is D above zone C, and for NaN.
 
     >>> find_zone(2.1), find_zone(3.0), find_zone(4.4), find_zone(9.0)
     ('A', 'A', 'C', 'D')

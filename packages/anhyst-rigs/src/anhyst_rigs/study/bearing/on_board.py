@@ -1,7 +1,7 @@
 """Levitate a bearing with its firmware: the command ``anhyst simulate --board``.
 
 The controller of a rig is compiled and built into the firmware of a board. One run is compared with
-the simulation tick by tick, and every fault is injected once.
+the simulation tick by tick. Every fault is injected once.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 
 QEMU = "qemu-mps2"
 _LIFTED_DISTANCE_M = 5e-6
-"""Distance from the rest above which the armature counts as lifted."""
-_WORK_OF_PARTS = (2.0, 3.0, 7.0)
-"""Relative work of compiling, of the run, and of the faults, for the progress display."""
+"""Distance from the rest above which the armature counts as lifted, m."""
+_PART_WORK = (2.0, 3.0, 7.0)
+"""Relative work of the compilation, the run and the faults, for the progress display."""
 
 
 @dataclass(frozen=True)
 class BoardComparison:
-    """The run of a firmware compared with its simulation.
+    """A run of a firmware, and its simulation.
 
     Parameters
     ----------
@@ -54,28 +54,28 @@ class BoardComparison:
         Board that ran the firmware.
     simulated : Recording
         The run with the simulated controller.
-    recorded : Recording
+    board_recording : Recording
         The run with the firmware. Gaps, speeds and currents are those of the plant.
     outcomes : tuple of FaultOutcome
-        Of every fault.
+        Outcomes of all faults.
     """
 
     rig: BodyRig
     controller: ControllerFile
     board: str
     simulated: Recording
-    recorded: Recording
+    board_recording: Recording
     outcomes: tuple[FaultOutcome, ...]
 
     @property
     def differing_ticks(self) -> int:
         """Number of ticks with a current that differs from the simulation."""
-        return count_differences(self.simulated, self.recorded)
+        return count_differences(self.simulated, self.board_recording)
 
     @property
     def landing_speed(self) -> float:
-        """The speed at the rest after the last lift, m/s; NaN without a landing."""
-        gap, speeds = self.recorded["gap_m"], np.abs(self.recorded["velocity_m_per_s"])
+        """Speed at which the armature reaches the rest at the end, m/s; NaN without a landing."""
+        gap, speeds = self.board_recording["gap_m"], np.abs(self.board_recording["velocity_m_per_s"])
         rest_gap = self.rig.settings.body.stop_high_m
         lifted_ticks = np.flatnonzero(gap < rest_gap - _LIFTED_DISTANCE_M)
         if not lifted_ticks.size:
@@ -85,12 +85,12 @@ class BoardComparison:
 
     @property
     def has_landed(self) -> bool:
-        """Whether the run ends in the state ready without current."""
-        has_current = any(self.recorded[name][-1] for name in _command_columns(self.recorded))
-        return bool(self.recorded["state"][-1] == State.READY and not has_current)
+        """Whether the run ends in the state READY without current."""
+        has_current = any(self.board_recording[name][-1] for name in _command_columns(self.board_recording))
+        return bool(self.board_recording["state"][-1] == State.READY and not has_current)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all results for JSON; times and distances that do not apply are null."""
+        """Return all results for JSON; times and speeds that do not apply are null."""
         return {
             "format": "anhyst-firmware-run",
             "rig": self.rig.settings.name,
@@ -98,7 +98,7 @@ class BoardComparison:
             "variant": self.controller.settings.compensation.variant,
             "board": self.board,
             "rate_Hz": self.rig.settings.timing.rate_Hz,
-            "ticks": len(self.recorded),
+            "ticks": len(self.board_recording),
             "ticks_that_differ": self.differing_ticks,
             "landed": self.has_landed,
             "landing_speed_m_per_s": self.landing_speed,
@@ -106,31 +106,31 @@ class BoardComparison:
         }
 
     def raise_if_failed(self) -> None:
-        """Raise an error if the firmware differs, did not land, or reported a wrong reason.
+        """Raise an error if the firmware differs, did not land, or reported a wrong fault.
 
         Raises
         ------
         NegativeResult
-            With the reason.
+            The message gives the reason.
         """
         if self.differing_ticks:
             text = "the current of the firmware differs from the simulation at "
-            text += f"{self.differing_ticks} of {len(self.recorded)} ticks"
+            text += f"{self.differing_ticks} of {len(self.board_recording)} ticks"
             raise NegativeResult(text, code="firmware-differs")
         if not self.has_landed:
             text = "the firmware did not land the armature at the end of its run"
             raise NegativeResult(text, code="not-landed")
-        unexpected = [outcome.injection.name for outcome in self.outcomes if not outcome.is_as_expected]
-        if unexpected:
-            text = f"the firmware reported a wrong reason or none for: {'; '.join(unexpected)}"
+        unexpected_names = [outcome.injection.name for outcome in self.outcomes if not outcome.is_as_expected]
+        if unexpected_names:
+            text = f"the firmware reported a wrong reason or none for: {'; '.join(unexpected_names)}"
             raise NegativeResult(text, code="faults-not-noticed")
 
 
-def count_differences(simulated: Recording, recorded: Recording) -> int:
-    """Return the number of ticks at which a current differs between a run and its simulation."""
-    n = min(len(simulated), len(recorded))
-    differs = [recorded[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
-    return int(np.count_nonzero(np.any(differs, axis=0))) + abs(len(simulated) - len(recorded))
+def count_differences(simulated: Recording, board_recording: Recording) -> int:
+    """Return the number of ticks with a current that differs between a run and its simulation."""
+    n = min(len(simulated), len(board_recording))
+    is_different = [board_recording[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
+    return int(np.count_nonzero(np.any(is_different, axis=0))) + abs(len(simulated) - len(board_recording))
 
 
 def _command_columns(run: Recording) -> list[str]:
@@ -144,7 +144,7 @@ def run_board(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> BoardComparison:
-    """Compile the controller of a rig, build it into the firmware of a board, and run it."""
+    """Compile the controller of a rig, build it into the firmware of a board, and run the firmware."""
     if Path(out).suffix != ".json":
         text = f"{out}: the run of a firmware is written as .json; use this ending"
         raise InputError(text, code="wrong-ending")
@@ -153,7 +153,7 @@ def run_board(
         find_qemu()
     rig, controller = read_files(rig_path, controller_path)
     inputs = check_inputs(rig, controller, (out,))
-    progress_parts = split_progress(progress, _WORK_OF_PARTS)
+    progress_parts = split_progress(progress, _PART_WORK)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
         setup, firmware = build_firmware(
             inputs.rig, controller, inputs.identify_magnet(), board, Path(folder)
@@ -164,14 +164,14 @@ def run_board(
         simulated = Recording.concatenate([loop.run(scenario) for scenario in scenarios])
         part_reports = split_progress(next(progress_parts), [1.0] * len(scenarios))
         with closing(BearingBench(setup, firmware, board=board)) as bench:
-            recorded = Recording.concatenate(list(map(bench.run, scenarios, part_reports)))
+            board_recording = Recording.concatenate(list(map(bench.run, scenarios, part_reports)))
         with closing(BearingBench(setup, firmware, board=board)) as bench:
             fault_runs, injections, outcomes = FaultRuns(setup, bench), list(fault_injections()), []
             report_fault = next(progress_parts)
             for injection in injections:
                 outcomes.append(fault_runs.run(injection))
                 report_fault(len(outcomes), len(injections))
-    return BoardComparison(inputs.rig, controller, board, simulated, recorded, tuple(outcomes))
+    return BoardComparison(inputs.rig, controller, board, simulated, board_recording, tuple(outcomes))
 
 
 def build_firmware(

@@ -1,8 +1,7 @@
-"""Find the operating point of a bearing: magnet slopes, poles and the linear loop.
+"""Find the operating point of a bearing: slopes of the magnet, poles and the linear loop.
 
-The slopes are measured on the virtual magnet, on its steady-state loop. Just after a reversal only
-the reversible part of the iron responds. Small movements therefore have a smaller slope than the
-full loop.
+The slopes are measured on the steady-state loop of the virtual magnet. Just after a reversal, only
+the reversible part of the iron responds, so the slope for small movements is smaller.
 """
 
 from __future__ import annotations
@@ -26,20 +25,20 @@ from anhyst_rigs.study.bearing import linear
 _CURRENT_POINTS = 1200
 _GAP_STEP_M = 2e-6
 MIN_TICKS_PER_POLE = 20.0
-"""Smallest sample rate, as a multiple of the unstable pole of the plant."""
+"""Smallest sample rate, as a multiple of the frequency of the plant's unstable pole."""
 
 
 @dataclass(frozen=True)
 class OperatingPoint:
     """The operating point of a bearing."""
 
-    gap: float  # m
+    gap: float  # operating gap, m
     force: float  # force of one magnet, N
-    current: float  # mean of the ascending and the descending branch, A
+    current: float  # current, A, as the mean of the ascending and the descending branch
     force_max: float  # largest force at this gap, N
     slopes: ReversalSlopes  # static slopes, and slopes just after a reversal
-    # the bearing for small movements; a pair of magnets as one magnet with the windings in series,
-    # whose current is the deviation of each current from its bias
+    # bearing for small movements; a pair of magnets counts as one magnet with the windings in
+    # series, whose current is the deviation of each current from its bias
     bearing: linear.LinearBearing
 
 
@@ -100,14 +99,14 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
 def has_constant_gains(setup: BearingSetup) -> bool:
     """Whether the compensator of a setup consists of constants, so that its loop is linear.
 
-    For any other compensator no linear loop describes small movements, because their slope is
-    between the static slope and the much smaller slope after a reversal.
+    For any other compensator, no linear loop describes small movements: their slope is between the
+    static slope and the much smaller slope after a reversal.
     """
     return "k_i_N_per_A" in setup.compensator.parameters.constants
 
 
 def check_load(rig: BodyRig, force_max: float) -> None:
-    """Refuse a load that is larger than the largest force."""
+    """Raise an error if a load is larger than the largest force."""
     load_N, faults = rig.static_load, list[FileFault]()
     if not load_N < force_max:
         text = f"no current can carry {load_N:.4g} N: the magnet reaches {force_max:.4g} N"
@@ -125,7 +124,7 @@ def check_load(rig: BodyRig, force_max: float) -> None:
 
 
 def check_rate(rig: BodyRig, pole_Hz: float) -> None:
-    """Refuse a sample rate that is too low for the unstable pole of the plant."""
+    """Raise an error if the sample rate is too low for the unstable pole of the plant."""
     rate_Hz, min_rate_Hz = rig.settings.timing.rate_Hz, MIN_TICKS_PER_POLE * pole_Hz
     if rate_Hz < min_rate_Hz:
         text = f"{rate_Hz:.6g} Hz is too low for the unstable pole of the plant at {pole_Hz:.4g} Hz"
@@ -134,7 +133,7 @@ def check_rate(rig: BodyRig, pole_Hz: float) -> None:
 
 
 def _check_lift_off(rig: BodyRig, force_max: float) -> None:
-    """Refuse a load that cannot be lifted off its rest."""
+    """Raise an error if the magnet cannot lift the load off its rest."""
     if not rig.static_load < force_max:
         gap = rig.settings.body.stop_high_m
         text = f"no current lifts {rig.static_load:.4g} N off the rest at {gap:g} m, the magnet reaches "
@@ -143,7 +142,7 @@ def _check_lift_off(rig: BodyRig, force_max: float) -> None:
 
 
 def _check_probe(rig: BodyRig, probe: FluxSensorTable, density: float, gap: float) -> None:
-    """Refuse a Hall probe whose range is below the largest flux density at the smallest gap, T."""
+    """Raise an error if a Hall probe cannot read the largest flux density at the smallest gap, T."""
     read_density = density * (1.0 + probe.gain_error)
     if read_density > probe.range_T:
         text = f"the largest current makes {read_density:.4g} T at a gap of {gap:g} m; raise it"
@@ -189,54 +188,54 @@ def _make_amplifier(rig: BodyRig, magnet_count: float) -> linear.AnalogueAmplifi
 
 
 def sweep_frequencies(rig: BodyRig) -> FloatArray:
-    """Return the frequencies of a swept sine around the bandwidth of a bearing, Hz."""
+    """Return the frequencies of a stepped sine around the bandwidth of a bearing, Hz."""
     return geometric_spacing(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)
 
 
 PATHOLOGICAL_SLOPE_RATIO = 0.25
-"""Ratio of the slope after a reversal to the static slope, below which an iron is called
-pathological."""
-_SETTLING_CYCLES = 3  # cycles until the loop is in steady state
+"""Slope after a reversal divided by the static slope, below which an iron is called pathological.
+"""
+_SETTLING_CYCLES = 3  # number of cycles until the loop is in steady state
 _SAMPLES_PER_BRANCH = 400  # number of samples of a branch
-_SLOPE_SPAN = 0.05  # half-width of the fit of a static slope, relative to the current range
-_REVERSAL_STEP = 0.0005  # size of a reversal, relative to the current range
+_SLOPE_HALF_WIDTH = 0.05  # half-width of the fit of a static slope, relative to the current range
+_REVERSAL_STEP = 0.0005  # size of the reversal, relative to the current range
 
 
 @dataclass(frozen=True)
 class Slopes:
-    """Force and its slopes at an operating point."""
+    """The force at an operating point, and its slopes."""
 
-    force: float  # N
+    force: float  # force, N
     k_i: float  # slope of the force with respect to the current, N/A
     k_s: float  # slope of the force with respect to a reduction of the gap, N/m
 
 
 @dataclass(frozen=True)
 class ReversalSlopes:
-    """Static slopes of a magnet with hysteresis, and slopes just after a reversal."""
+    """Static slopes of a magnet with hysteresis, and its slopes just after a reversal."""
 
-    static: Slopes  # force and slopes of the mean of both branches of the steady-state loop
+    static: Slopes  # force and slopes, averaged over both branches of the steady-state loop
     after_rise: float  # slope just after a maximum of the current, N/A
     after_fall: float
 
     @property
     def slope_ratio(self) -> float:
-        """Ratio of the smaller slope after a reversal to the static slope."""
+        """Ratio of the smaller of both slopes after a reversal to the static slope."""
         return min(self.after_rise, self.after_fall) / self.static.k_i
 
     @property
     def label(self) -> Literal["regular", "pathological"]:
-        """The class of the iron."""
+        """Class of the iron."""
         return label_iron(self.slope_ratio)
 
 
 def label_iron(slope_ratio: float) -> Literal["regular", "pathological"]:
-    """Return the class of an iron from the ratio of its slope after a reversal to the static slope."""
+    """Return the class of an iron from its ratio of the slope after a reversal to the static slope."""
     return "pathological" if slope_ratio < PATHOLOGICAL_SLOPE_RATIO else "regular"
 
 
 def measure_slopes(
-    apply: Callable[[float, float], float],
+    force_at: Callable[[float, float], float],
     current: float,
     gap: float,
     low: float,
@@ -244,44 +243,46 @@ def measure_slopes(
     gap_step: float,
 ) -> ReversalSlopes:
     """Measure the slopes of a magnet with hysteresis on its steady-state loop."""
-    slope_span, reversal_step = _SLOPE_SPAN * (high - low), _REVERSAL_STEP * (high - low)
+    slope_span, reversal_step = _SLOPE_HALF_WIDTH * (high - low), _REVERSAL_STEP * (high - low)
     if not low + slope_span < current < high - slope_span:
         raise ValueError(f"the current of {current:g} A is too close to the ends of {low:g}..{high:g} A")
     below_gap, at_gap, above_gap = (
-        _mean_branch(apply, current, held_gap, low, high)
+        _mean_branch(force_at, current, held_gap, low, high)
         for held_gap in (gap - gap_step, gap, gap + gap_step)
     )
-    _settle_on_loop(apply, gap, low, high)
-    ascending_force = _drive(apply, gap, low, current)[-1]
-    after_rise = (ascending_force - apply(current - reversal_step, gap)) / reversal_step
-    _drive(apply, gap, current - reversal_step, high)
-    descending_force = _drive(apply, gap, high, current)[-1]
-    after_fall = (apply(current + reversal_step, gap) - descending_force) / reversal_step
+    _settle_on_loop(force_at, gap, low, high)
+    ascending_force = _move_current(force_at, gap, low, current)[-1]
+    after_rise = (ascending_force - force_at(current - reversal_step, gap)) / reversal_step
+    _move_current(force_at, gap, current - reversal_step, high)
+    descending_force = _move_current(force_at, gap, high, current)[-1]
+    after_fall = (force_at(current + reversal_step, gap) - descending_force) / reversal_step
     k_s = (below_gap[0] - above_gap[0]) / (2.0 * gap_step)
     return ReversalSlopes(Slopes(at_gap[0], at_gap[1], k_s), float(after_rise), float(after_fall))
 
 
-def _drive(apply: Callable[[float, float], float], gap: float, start: float, end: float) -> FloatArray:
-    """Change the current from one value to another, and return the forces along this path."""
-    return np.array([apply(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]])
+def _move_current(
+    force_at: Callable[[float, float], float], gap: float, start: float, end: float
+) -> FloatArray:
+    """Move the current from one value to another, and return the forces along this path."""
+    return np.array([force_at(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]])
 
 
-def _settle_on_loop(apply: Callable[[float, float], float], gap: float, low: float, high: float) -> None:
+def _settle_on_loop(force_at: Callable[[float, float], float], gap: float, low: float, high: float) -> None:
     for _ in range(_SETTLING_CYCLES):
-        _drive(apply, gap, low, high)
-        _drive(apply, gap, high, low)
+        _move_current(force_at, gap, low, high)
+        _move_current(force_at, gap, high, low)
 
 
 def _mean_branch(
-    apply: Callable[[float, float], float], current: float, gap: float, low: float, high: float
+    force_at: Callable[[float, float], float], current: float, gap: float, low: float, high: float
 ) -> tuple[float, float]:
-    """Return the mean force of both branches at a current, and the slope of this mean, N and N/A."""
-    _settle_on_loop(apply, gap, low, high)
-    ascending, descending = _drive(apply, gap, low, high), _drive(apply, gap, high, low)
+    """Return the force at a current, N, and its slope, N/A; both averaged over the two branches."""
+    _settle_on_loop(force_at, gap, low, high)
+    ascending, descending = _move_current(force_at, gap, low, high), _move_current(force_at, gap, high, low)
     grid = np.linspace(low, high, _SAMPLES_PER_BRANCH + 1)
-    mean_force = 0.5 * (ascending[:-1] + descending[-2::-1])  # at grid[1:-1]
+    mean_force = 0.5 * (ascending[:-1] + descending[-2::-1])  # samples at grid[1:-1]
     deviation = grid[1:-1] - current
-    is_near = np.abs(deviation) <= _SLOPE_SPAN * (high - low)
-    # A parabola, so that the curvature does not bias the slope.
+    is_near = np.abs(deviation) <= _SLOPE_HALF_WIDTH * (high - low)
+    # A parabola is fitted, so that the curvature does not bias the slope.
     coefficients = np.polynomial.Polynomial.fit(deviation[is_near], mean_force[is_near], 2).convert().coef
     return float(coefficients[0]), float(coefficients[1])

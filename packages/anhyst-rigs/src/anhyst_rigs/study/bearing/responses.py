@@ -1,11 +1,10 @@
 """Measure step responses and sensitivities of bearings.
 
-Step responses of several variants are evaluated over gaps, heights and noise seeds. Times are in
-seconds at equal intervals, and steps down are evaluated like steps up.
-
-The sensitivity is measured in the running nonlinear loop: a stepped sine is added to the position
-reading, and the ratio of the resulting reading to the added sine is the sensitivity. It applies to
-the amplitude of the sine. The residual that the sine does not explain is reported too.
+Step responses of several variants are evaluated for several gaps, heights and noise seeds. Samples
+are at equal intervals, and steps down are evaluated like steps up. The sensitivity is measured in
+the running nonlinear loop. A stepped sine is added to the position reading; the sensitivity is the
+ratio of the resulting reading to this sine. It is valid for the amplitude of the sine. The part of
+the reading that the sine does not explain is reported too.
 """
 
 from __future__ import annotations
@@ -41,37 +40,36 @@ from anhyst_rigs.study.engine.table import (
     strongest_baseline,
 )
 
-SETTLING_BAND = 0.02  # settling band, relative to the step height
+SETTLING_BAND = 0.02  # settling band, relative to the height of the step
 _RESOLUTION_FACTOR = 3.0  # smallest settling band, in multiples of the rms resolution of the sensor
-_STANDSTILL_PART = 0.25  # last part of a hold that is evaluated as standstill
-# Last part of a hold from which the noise in an overshoot is estimated. This noise counts
-# deviations to both sides, an overshoot only those to one side. Half the hold therefore gives as
-# many values as the whole hold gives for an overshoot.
-_NOISE_PART = 0.5
+_STANDSTILL_FRACTION = 0.25  # last fraction of a hold that is evaluated as standstill
+# This is the last fraction of a hold, in which the noise of an overshoot is estimated. Noise counts
+# on both sides, an overshoot on one side only. Therefore, half of the hold gives as many values for
+# the noise as the whole hold gives for the overshoot.
+_NOISE_FRACTION = 0.5
 
 
 @dataclass(frozen=True)
 class StepFigures:
     """Metrics of a step of the reference."""
 
-    # overshoot beyond the new reference, % of the height, noise included; 0 if the reference was
-    # not reached
+    # overshoot beyond the new reference, % of the height, noise included; 0 if it was not reached
     overshoot_percent: float
-    # largest deviation of the gap from its mean in the last half of the hold, % of the height; a
-    # smaller overshoot is not significant
+    # largest deviation of the gap from its mean in the last half of the hold, % of the height; an
+    # overshoot below it is not significant
     noise_percent: float
-    undershoot_percent: float  # largest excursion opposite to the step, % of the height
-    rise_time_s: float  # from 10 to 90 % of the height; infinite if 90 % was not reached
-    # from the step until the gap stays within :data:`SETTLING_BAND` of the height around the new
-    # reference; infinite if it does not within the hold
+    undershoot_percent: float  # largest excursion opposite to the step, % of height
+    rise_time_s: float  # time from 10 to 90 % of the height; infinite if 90 % was not reached
+    # time from the step until the gap stays within :data:`SETTLING_BAND` of the height around the
+    # new reference; infinite if the gap does not settle during the hold
     settling_time_s: float
-    settling_in_noise_s: float  # the same with :func:`settling_band`
+    settling_in_noise_s: float  # the same for the band of :func:`settling_band`
     steady_error_m: float  # mean of gap minus reference in the last quarter of the hold
     standstill_rms_m: float  # standard deviation of the gap in this quarter
 
 
 def settling_band(height: float, resolution: float) -> float:
-    """Return the distance from the reference within which a position counts as settled, m.
+    """Return the distance from the reference within which the position counts as settled, m.
 
     The band depends only on the step and the sensor, so that it is equal for all variants.
     """
@@ -79,34 +77,34 @@ def settling_band(height: float, resolution: float) -> float:
 
 
 def evaluate_step(time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float) -> StepFigures:
-    """Evaluate one step: one sample of the old reference, then the hold at the new one."""
+    """Evaluate one step, from one sample at the old reference and all samples at the new one."""
     t, r, y = (np.asarray(signal, dtype=float) for signal in (time, reference, gap))
     if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
         raise ValueError("the reference must step after the first sample and stay for at least 7")
     height = float(r[1] - r[0])
     progress = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
-    elapsed = t[1:] - t[1]
-    standstill = y[1 + int((1.0 - _STANDSTILL_PART) * len(progress)) :]
-    late_progress = progress[int((1.0 - _NOISE_PART) * len(progress)) :]
+    elapsed_time = t[1:] - t[1]
+    standstill_progress = y[1 + int((1.0 - _STANDSTILL_FRACTION) * len(progress)) :]
+    late_progress = progress[int((1.0 - _NOISE_FRACTION) * len(progress)) :]
     error = np.abs(y[1:] - r[1])
     return StepFigures(
         overshoot_percent=100.0 * max(0.0, float(np.max(progress)) - 1.0),
         noise_percent=100.0 * float(np.max(np.abs(late_progress - np.mean(late_progress)))),
         undershoot_percent=100.0 * max(0.0, -float(np.min(progress))),
-        rise_time_s=_crossing_time(elapsed, progress, 0.9)
-        - min(_crossing_time(elapsed, progress, 0.1), elapsed[-1]),
-        settling_time_s=_settling_time(elapsed, error, SETTLING_BAND * abs(height)),
-        settling_in_noise_s=_settling_time(elapsed, error, settling_band(height, resolution)),
-        steady_error_m=float(np.mean(standstill)) - float(r[1]),
-        standstill_rms_m=float(np.std(standstill)),
+        rise_time_s=_crossing_time(elapsed_time, progress, 0.9)
+        - min(_crossing_time(elapsed_time, progress, 0.1), elapsed_time[-1]),
+        settling_time_s=_settling_time(elapsed_time, error, SETTLING_BAND * abs(height)),
+        settling_in_noise_s=_settling_time(elapsed_time, error, settling_band(height, resolution)),
+        steady_error_m=float(np.mean(standstill_progress)) - float(r[1]),
+        standstill_rms_m=float(np.std(standstill_progress)),
     )
 
 
-def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) -> float:
+def recovery_time(time: ArrayLike, error: ArrayLike, step_time: float, band: float) -> float:
     """Return the time after a disturbance until the error stays within a band, s."""
     t = np.asarray(time, dtype=float)
-    is_later = t >= start
-    return _settling_time(t[is_later] - start, np.abs(np.asarray(error, dtype=float))[is_later], band)
+    is_later = t >= step_time
+    return _settling_time(t[is_later] - step_time, np.abs(np.asarray(error, dtype=float))[is_later], band)
 
 
 def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
@@ -114,27 +112,27 @@ def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
     return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
 
 
-def _crossing_time(elapsed: FloatArray, progress: FloatArray, share: float) -> float:
+def _crossing_time(elapsed_time: FloatArray, progress: FloatArray, crossed_fraction: float) -> float:
     """Return the interpolated time at which the progress first reaches a level; inf if never."""
-    reached_samples = np.flatnonzero(progress >= share)
+    reached_samples = np.flatnonzero(progress >= crossed_fraction)
     if not len(reached_samples):
         return math.inf
     i = int(reached_samples[0])
     if i == 0:
-        return float(elapsed[0])
-    fraction = (share - progress[i - 1]) / (progress[i] - progress[i - 1])
-    return float(elapsed[i - 1] + fraction * (elapsed[i] - elapsed[i - 1]))
+        return float(elapsed_time[0])
+    fraction = (crossed_fraction - progress[i - 1]) / (progress[i] - progress[i - 1])
+    return float(elapsed_time[i - 1] + fraction * (elapsed_time[i] - elapsed_time[i - 1]))
 
 
-def _settling_time(elapsed: FloatArray, error: FloatArray, band: float) -> float:
-    """Return the time after which the error stays within the band; inf if it does not."""
+def _settling_time(elapsed_time: FloatArray, error: FloatArray, band: float) -> float:
+    """Return the time until the error stays within the band; inf if it does not."""
     settled_tick = settling_tick(error, band)
     if not settled_tick:
         return 0.0
-    return math.inf if settled_tick == len(elapsed) else float(elapsed[settled_tick])
+    return math.inf if settled_tick == len(elapsed_time) else float(elapsed_time[settled_tick])
 
 
-_MIN_PERIODS = 5  # measured periods of each frequency
+_MIN_PERIODS = 5  # number of measured periods of each frequency
 _MIN_MEASURING_S = 0.02
 _MIN_SETTLING_PERIODS = 2
 _MIN_SETTLING_S = 0.02
@@ -142,23 +140,22 @@ _MIN_SETTLING_S = 0.02
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """A measured sensitivity."""
+    """A measured sensitivity at several frequencies."""
 
-    frequency: FloatArray  # Hz; shape (n,)
-    ratio: NDArray[np.complex128]  # ratio of reading to injected sine; shape (n,)
-    # rms of the part of the reading that the sine does not explain (noise, harmonics), relative to
-    # the rms of the injected sine; shape (n,)
+    frequency: FloatArray  # frequency, Hz; shape (n,)
+    ratio: NDArray[np.complex128]  # ratio of the reading to the injected sine; shape (n,)
+    # rms of the residual of the reading (noise, harmonics) divided by that of the sine; shape (n,)
     residual_ratio: FloatArray
     amplitude: float  # amplitude of the injected sine, m
 
     @property
     def magnitude(self) -> FloatArray:
-        """Magnitude of the ratio."""
+        """Magnitude of the sensitivity."""
         return np.abs(self.ratio)
 
     @property
     def decibel(self) -> FloatArray:
-        """Magnitude of the ratio, dB."""
+        """Magnitude of the sensitivity, dB."""
         return np.asarray(20.0 * np.log10(self.magnitude))
 
     @property
@@ -173,13 +170,13 @@ class Sensitivity:
 
     @property
     def zone(self) -> Zone:
-        """Zone of ISO 14839-3."""
+        """Zone of ISO 14839-3 for this peak."""
         return find_zone(self.peak)
 
 
 @dataclass(frozen=True)
 class _SinePiece:
-    """One frequency of the sweep with the ticks of its begin, evaluation and end."""
+    """One frequency of the sweep, and the ticks at which its sine begins, is evaluated and ends."""
 
     frequency: float
     begin: int
@@ -190,50 +187,52 @@ class _SinePiece:
 def measure_sensitivity(
     run: Callable[[FloatArray], Recording], frequencies: ArrayLike, amplitude: float, rate: float
 ) -> Sensitivity:
-    """Measure the sensitivity of a loop; `run` injects a signal and returns the recording."""
+    """Measure the sensitivity of a loop; `run` injects a signal and returns the recorded position."""
     frequencies_Hz = np.atleast_1d(np.asarray(frequencies, dtype=float))
     if not (np.all(frequencies_Hz > 0.0) and np.all(frequencies_Hz < 0.5 * rate)):
         raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")
-    pieces = _plan_sweep(frequencies_Hz.tolist(), rate)
-    sines = [sine(piece.frequency / rate * np.arange(piece.end - piece.begin)) for piece in pieces]
-    inject = amplitude * np.concatenate(sines)  # every sine starts at zero
+    sine_pieces = _plan_sweep(frequencies_Hz.tolist(), rate)
+    sines = [sine(piece.frequency / rate * np.arange(piece.end - piece.begin)) for piece in sine_pieces]
+    inject = amplitude * np.concatenate(sines)  # Every sine begins at zero.
     position = run(inject)["gap_read_m"]
     if len(position) != len(inject):
         raise ValueError(f"the run has {len(position)} ticks where {len(inject)} were injected")
-    fits = [_fit_sine(position, piece, rate) for piece in pieces]
+    responses = [_fit_sine(position, piece, rate) for piece in sine_pieces]
     return Sensitivity(
         frequency=frequencies_Hz,
-        ratio=np.array([amplitude_ratio / amplitude for amplitude_ratio, _ in fits], dtype=np.complex128),
-        residual_ratio=np.array([residual for _, residual in fits]) / (amplitude / math.sqrt(2.0)),
+        ratio=np.array(
+            [amplitude_ratio / amplitude for amplitude_ratio, _ in responses], dtype=np.complex128
+        ),
+        residual_ratio=np.array([residual for _, residual in responses]) / (amplitude / math.sqrt(2.0)),
         amplitude=amplitude,
     )
 
 
 def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
-    """Arrange the frequencies one after another, each over whole periods."""
-    pieces: list[_SinePiece] = []
+    """Arrange the frequencies one after another, each for a whole number of periods."""
+    sine_pieces: list[_SinePiece] = []
     begin = 0
     for frequency in frequencies:
         settling_ticks = math.ceil(max(_MIN_SETTLING_PERIODS / frequency, _MIN_SETTLING_S) * rate)
         periods = max(_MIN_PERIODS, math.ceil(_MIN_MEASURING_S * frequency))
         measured_from = begin + settling_ticks
         end = measured_from + round(periods / frequency * rate)
-        pieces.append(_SinePiece(frequency, begin, measured_from, end))
+        sine_pieces.append(_SinePiece(frequency, begin, measured_from, end))
         begin = end
-    return pieces
+    return sine_pieces
 
 
 def _fit_sine(position: FloatArray, piece: _SinePiece, rate: float) -> tuple[complex, float]:
-    """Return the complex amplitude relative to the sine of a piece, and the rms of the residual."""
+    """Return the complex ratio of the response to the sine, and the rms of the residual."""
     ticks = np.arange(piece.measured_from, piece.end)
     phase = 2.0 * np.pi * piece.frequency / rate * (ticks - piece.begin)
-    # The mean and a slow drift do not belong to the response.
+    # The mean and a slow drift are not part of the response.
     drift = np.linspace(-1.0, 1.0, len(ticks))
     basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(phase), drift])
-    measured = position[piece.measured_from : piece.end]
-    mean = float(np.mean(measured))
-    coefficients, *_ = np.linalg.lstsq(basis, measured - mean, rcond=None)
-    residual = measured - mean - basis @ coefficients
+    measured_position = position[piece.measured_from : piece.end]
+    mean = float(np.mean(measured_position))
+    coefficients, *_ = np.linalg.lstsq(basis, measured_position - mean, rcond=None)
+    residual = measured_position - mean - basis @ coefficients
     return complex(coefficients[0], coefficients[1]), float(np.sqrt(np.mean(residual**2)))
 
 
@@ -247,15 +246,15 @@ STEP_FIGURES = (
     "current_rate_rms_A_per_s",
     "heat_W",
 )
-"""Names of the metrics of one step; docs/simulate.md explains them."""
+"""Names of the metrics of a step; docs/simulate.md explains them."""
 _FIGURES_BY_MAXIMUM = (OVERSHOOT, NOISE)
-"""Metrics whose value is the larger one of a step up and a step down. All other metrics are
-averaged."""
+"""Metrics of which the larger value of a step up and a step down counts. All others are averaged.
+"""
 
 
 @dataclass(frozen=True)
 class StepRun:
-    """One run of steps: a variant at one gap and one load with one noise seed."""
+    """Data for a run of steps: a variant at one gap and one load, with one noise seed."""
 
     setup: BearingSetup
     gap: float
@@ -265,27 +264,27 @@ class StepRun:
 
 
 class StepResult(NamedTuple):
-    """The metrics of one step of a run."""
+    """The metrics of one step in a run."""
 
-    height: float  # m
-    figures: Mapping[str, float]  # by :data:`STEP_FIGURES`
+    height: float  # height, m
+    figures: Mapping[str, float]  # metrics by :data:`STEP_FIGURES`
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepCell(CaseFigures):
-    """The metrics of one variant, gap, load and height over all seeds, by :data:`STEP_FIGURES`.
+    """The metrics of a variant at one gap, load and height over all seeds, by :data:`STEP_FIGURES`.
 
-    Both directions of a seed give one value: their mean, or the maximum of overshoot and noise.
+    Both directions of a seed give one value: the maximum for overshoot and noise, else the mean.
     """
 
     variant: MethodName
-    gap: float  # m
+    gap: float  # gap, m
     height: float
-    load: float  # N
+    load: float  # load, N
 
     @property
     def has_overshoot(self) -> bool:
-        """Whether the overshoot is significantly larger than the noise in it."""
+        """Whether the overshoot is significantly larger than its noise."""
         return self.interval(OVERSHOOT).exceeds(self.interval(NOISE))
 
     def as_dict(self) -> dict[str, Any]:
@@ -295,13 +294,13 @@ class StepCell(CaseFigures):
 
 
 def position_resolution(rig: BodyRig) -> float:
-    """Return the resolution of the position sensor, rms of noise and quantisation, m."""
+    """Return the resolution of the position sensor, m: the rms of noise and quantisation."""
     sensor = rig.settings.gap_sensor
     return math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
 
 
 def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
-    """Run all steps of a run; returns their metrics, and the time of a loss (s) or None."""
+    """Run all steps of a run; return their metrics, and the time of a levitation loss (s) or None."""
     rig = run.setup.rig
     scenario = plan_steps(rig, run.setup.controller, run.gap, run.heights, run.load)
     recording = SimulatedLoop(run.setup, run.seed).run(scenario)
@@ -354,7 +353,7 @@ def compare_steps(
 
 
 def merge_directions(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
-    """Return the metrics of steps up and down of one height together; None if there are no steps."""
+    """Return the common metrics of steps up and down of one height; None if there are no steps."""
     step_figures = [step.figures for step in steps if math.isclose(step.height, height, rel_tol=1e-6)]
     return {
         name: float(
@@ -370,17 +369,17 @@ def default_seeds(rig: BodyRig) -> range:
 
 
 SWEEP_AMPLITUDE_M = 0.5e-6
-"""Amplitude of the swept sine, m."""
+"""Amplitude of the stepped sine, m."""
 
 
 class _LevitationLostError(Exception):
-    """Levitation was lost during a sweep."""
+    """Error: levitation was lost during a sweep."""
 
 
 def measure_loop_sensitivity(
     setup: BearingSetup, gap: float, load: float, frequencies: FloatArray, seed: int
 ) -> Sensitivity | None:
-    """Measure the sensitivity of a setup with a swept sine; None if levitation was lost."""
+    """Measure the sensitivity of a setup with a stepped sine; return None if levitation was lost."""
     rig = setup.rig
     loop = SimulatedLoop(setup, seed)
     loop.run(ScenarioBuilder(rig, gap, load).lift_off(setup.controller).build())
@@ -399,16 +398,16 @@ def measure_loop_sensitivity(
 
 @dataclass(frozen=True)
 class StepComparison:
-    """Metrics of one step, up and down, with every variant."""
+    """Metrics of a step, up and down, with every variant."""
 
-    gap: float  # gap around which the step is made, m
-    load: float  # N
-    height: float  # m
-    cells: Mapping[MethodName, StepCell]  # by variant
+    gap: float  # gap on which the step is centred, m
+    load: float  # load, N
+    height: float  # height, m
+    cells: Mapping[MethodName, StepCell]  # metrics by variant
 
     def figure(self, name: str) -> Mapping[MethodName, Interval]:
-        """Return a metric of every variant; without a mean if levitation was lost."""
-        return {key: cell.interval(name) for key, cell in self.cells.items()}
+        """Return a metric for every variant, without a mean if levitation was lost."""
+        return {key: step_cell.interval(name) for key, step_cell in self.cells.items()}
 
 
 def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:
@@ -420,14 +419,14 @@ def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:
 
 
 def compare_overshoots(step: StepComparison, variant: MethodName, baseline: MethodName) -> ComparedFigure:
-    """Compare the overshoots of two variants in a step, above the larger of their noise values."""
+    """Compare the overshoots of two variants in a step, as far as they exceed both noise values."""
     overshoot, noise = step.figure(OVERSHOOT), step.figure(NOISE)
     noise_floor = max(noise[variant].mean, noise[baseline].mean)
     return compare("overshoot", baseline, overshoot[variant], overshoot[baseline], noise_floor)
 
 
 def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgement:
-    """Assess a variant, or the most complete hysteresis model if it uses none."""
+    """Assess a variant. If it has no hysteresis model, assess the most complete model instead."""
     models = [name for name in MODEL_METHODS if any(name in step.cells for step in steps)]
     model = variant if variant in MODEL_METHODS or not models else models[-1]
     if model not in MODEL_METHODS:
@@ -450,7 +449,7 @@ def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgeme
 def _compare_with(
     steps: Sequence[StepComparison], variant: MethodName, baselines: Sequence[MethodName | None]
 ) -> list[ComparedFigure]:
-    """Compare a variant with another one, in all steps in which neither lost levitation."""
+    """Compare a variant with a baseline for each step, if neither lost levitation in this step."""
     differences = [
         compare_overshoots(step, variant, baseline)
         for step, baseline in zip(steps, baselines, strict=True)

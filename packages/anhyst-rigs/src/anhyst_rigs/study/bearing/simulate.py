@@ -55,9 +55,10 @@ COMPARED_VARIANTS = (
     "flux",
     *(name for name in MODEL_METHODS if name not in ("at-rest", "fused")),
 )
-"""Variants that are compared with that of the controller file; ``flux`` only with a Hall probe."""
-_WORK_OF_PARTS = (5.0, 4.0)
-"""Work of the model and the first run, and of the steps, relative to that of another experiment."""
+"""Variants compared with the variant of the controller file; ``flux`` requires a Hall
+probe."""
+_PART_WORK = (5.0, 4.0)
+"""Work of model and first run, then of the steps, relative to that of another experiment."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -114,7 +115,7 @@ class Simulation(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """All experiments in which the variant of the controller file lost levitation."""
+        """All experiments that the variant of the controller file ended by a loss of levitation."""
         all_experiments = self.experiments
         blocks: list[tuple[str, CaseFigures]] = [
             *(
@@ -148,7 +149,7 @@ class Simulation(StudyResult):
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is beneficial, by the overshoots of all steps."""
+        """Whether compensation is beneficial, judged by the overshoots of all steps."""
         return judge_steps(group_by_step(self.cells), self.main_variant)
 
     @property
@@ -157,10 +158,10 @@ class Simulation(StudyResult):
         return self.controller.settings.compensation.variant
 
     def facts(self) -> dict[str, str]:
-        """Return overshoot and standstill of every variant at the highest step."""
+        """Return the overshoot and the standstill rms of every variant at the highest step."""
         facts = {"rig": self.rig.settings.name, "controller": self.main_variant}
         for name in self.setups:
-            highest_step = [cell for cell in self.cells if cell.variant == name][-1]
+            highest_step = [step_cell for step_cell in self.cells if step_cell.variant == name][-1]
             facts[name] = (
                 f"overshoot {highest_step.interval('overshoot_percent').mean:.2f} % of "
                 f"{1e6 * highest_step.height:g} um, standstill "
@@ -169,18 +170,18 @@ class Simulation(StudyResult):
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the metrics of all steps, one row per variant, gap and height, SI and per cent."""
-        names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
+        """Return the metrics of all steps, one row per variant, gap and height, SI or per cent."""
+        names = next((list(step_cell.figures) for step_cell in self.cells if step_cell.figures), [])
         rows = []
         for cell in self.cells:
             case = {"gap_m": cell.gap, "step_m": cell.height, "load_N": cell.load}
-            means = {name: cell.interval(name).mean for name in names}
-            rows.append({"variant": cell.variant, **case, "lost": cell.lost, **means})
+            mean_figures = {name: cell.interval(name).mean for name in names}
+            rows.append({"variant": cell.variant, **case, "lost": cell.lost, **mean_figures})
         return rows_to_columns(rows)
 
     @cached_property
     def figures(self) -> dict[str, Any]:
-        """The content of ``figures.json``; infinite if a level was not reached, null in the file."""
+        """The content of ``figures.json``, with infinity for levels that were not reached."""
         rig, controller = self.rig.settings, self.controller.settings
         sensitivities = {
             name: {"peak": response.peak, "peak_Hz": response.peak_frequency, "zone": response.zone}
@@ -197,7 +198,7 @@ class Simulation(StudyResult):
             "delay_ticks": rig.timing.delay_ticks,
             "plant": self.plant.as_dict(),
             "operating_point": _operating_point_dict(self.operating_point),
-            "steps": [cell.as_dict() for cell in self.cells],
+            "steps": [step_cell.as_dict() for step_cell in self.cells],
             **self.experiments.as_dict(),
             "loop": {
                 name: asdict(self.loops[name].margins) if has_constant_gains(setup) else None
@@ -213,7 +214,7 @@ class Simulation(StudyResult):
         return self.figures
 
     def draw(self, ax: Axes) -> None:
-        """Draw the steps of every variant: gap over time, one noise seed."""
+        """Draw the gap over time during the steps, for every variant and one noise seed."""
         for name, run in self.step_recordings.items():
             ax.plot(run["t_s"], 1e3 * run["gap_m"], lw=0.9, label=name)
         ax.set_xlabel("time [s]")
@@ -239,11 +240,11 @@ def simulate_bearing(
     rig = inputs.rig
     settings = rig.settings
     experiment_count = len(settings.trajectories) + len(settings.load_steps_N) + len(experiments.EVENTS)
-    parts = split_progress(progress, [*_WORK_OF_PARTS, *[1.0] * (1 + experiment_count)])
+    part_progress = split_progress(progress, [*_PART_WORK, *[1.0] * (1 + experiment_count)])
     knowledge = inputs.identify_magnet()
     main_variant = controller.settings.compensation.variant
     main_setup = make_setups(rig, controller, knowledge, (main_variant,))[main_variant]
-    steps, load_steps, landing = plan_recorded_run(rig, main_setup.controller)
+    steps, load_steps, landing_tick = plan_recorded_run(rig, main_setup.controller)
     loop = SimulatedLoop(main_setup)
     recording = step_recording = loop.run(steps)
     if len(step_recording) == steps.ticks:
@@ -254,16 +255,16 @@ def simulate_bearing(
         save_lost_run(recording, out)
         _write_model(out, rig, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
-    next(parts)(1, 1)
+    next(part_progress)(1, 1)
     setups, left_out = _make_compared_setups(main_setup, controller, knowledge)
-    shown = {
+    shown_recordings = {
         name: step_recording if name == main_variant else SimulatedLoop(setup).run(steps)
         for name, setup in setups.items()
     }
     heights, load, seeds = settings.step.heights_m, settings.load.force_N, default_seeds(rig)
     all_setups = list(setups.values())
-    cells = compare_steps(all_setups, settings.step_gaps_m, heights, [load], seeds, next(parts))
-    experiment_results = experiments.run_experiments(rig, setups, seeds, parts)
+    cells = compare_steps(all_setups, settings.step_gaps_m, heights, [load], seeds, next(part_progress))
+    experiment_results = experiments.run_experiments(rig, setups, seeds, part_progress)
     frequencies_Hz = sweep_frequencies(rig)
     sensitivities = {
         name: measure_loop_sensitivity(setup, settings.gap_m, load, frequencies_Hz, seed=0)
@@ -276,7 +277,7 @@ def simulate_bearing(
         setups=setups,
         operating_point=inputs.operating_point,
         recording=recording,
-        step_recordings=shown,
+        step_recordings=shown_recordings,
         scenario=steps,
         cells=cells,
         experiments=experiment_results,
@@ -284,12 +285,12 @@ def simulate_bearing(
         sensitivity={name: setup for name, setup in sensitivities.items() if setup is not None},
         plant=check_plant(rig, knowledge),
         left_out=left_out,
-        losses_after_steps=losses_after_steps(rig, recording, steps.ticks, landing),
+        losses_after_steps=losses_after_steps(rig, recording, steps.ticks, landing_tick),
     )
 
 
 def _output_paths(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
-    """Return the files that are written for a recording."""
+    """Return the paths of the files that are written together with a recording."""
     if out is None:
         return ()
     check_recording(out)
@@ -303,7 +304,7 @@ def _write_model(
     """Write the identified model, if the controller file names none."""
     if controller.model is None:
         magnets = calibrated_magnets(rig, knowledge, controller.settings.compensation.variant)
-        # each magnet of a calibrated pair has its own model
+        # Each magnet of a calibrated pair has its own model.
         identified = knowledge if len(magnets) > 1 else magnets[0]
         write_model(identified.model, _model_path(out))
 
@@ -316,7 +317,7 @@ def _model_path(out: PathLike) -> Path:
 def _make_compared_setups(
     main_setup: BearingSetup, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> tuple[dict[MethodName, BearingSetup], dict[MethodName, str]]:
-    """Make the setups of all variants; returns errors for variants that cannot be made."""
+    """Make the setups of all variants; return errors for the variants that cannot be made."""
     setups: dict[MethodName, BearingSetup] = {}
     failed: dict[MethodName, str] = {}
     eddy_variants: tuple[MethodName, ...] = ("at-rest",) if knowledge.model.has_layers else ()
@@ -330,7 +331,7 @@ def _make_compared_setups(
 
 
 def compared_variants(rig: BodyRig, main_variant: MethodName) -> tuple[MethodName, ...]:
-    """Return all variants that a rig permits, including that of the controller file."""
+    """Return all variants that a rig permits, including the one in the controller file."""
     methods = [
         name
         for name in COMPARED_VARIANTS

@@ -1,6 +1,6 @@
 """Export a bearing for small movements as a state-space object of python-control.
 
-python-control is installed with the extra ``control``.
+The optional dependencies ``control`` of this package contain python-control.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Run many plants with many methods, and compare the results."""
+"""Simulate many plants with many methods, and compare the results."""

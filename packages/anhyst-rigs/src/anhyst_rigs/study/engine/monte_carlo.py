@@ -1,7 +1,7 @@
 """Simulate drifted plants with every method (Monte Carlo), for any kind of rig.
 
-A plant depends only on the seed and its number. Results are stored in a file, and an interrupted
-run continues from it.
+A plant depends only on the seed and on its number. A file stores the results, and an interrupted
+run continues from this file.
 """
 
 from __future__ import annotations
@@ -39,20 +39,20 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PERCENTILES = (5, 50, 95, 99)
-"""Percentiles in the tables."""
+"""Percentiles that the tables contain."""
 
 
 @dataclass(frozen=True)
 class PlantMetric(Metric):
-    """A metric that is measured on each plant."""
+    """A metric that is computed for each plant."""
 
-    # cases in which it is measured; empty: one value for each plant
+    # cases in which the metric is computed; empty: one value for each plant
     cases: tuple[float | str, ...] = ()
     case_key: str = ""  # key of a case in files
 
     @property
     def case_names(self) -> tuple[str, ...]:
-        """Names of the cases."""
+        """Names of the cases with a value of the metric."""
         if not self.cases:
             return ("",)
         return tuple(f"{1e6 * c:g} um" if isinstance(c, float) else c for c in self.cases)
@@ -60,11 +60,11 @@ class PlantMetric(Metric):
 
 @dataclass(frozen=True)
 class Plants:
-    """A rig with its controller, and the metrics to measure on its plants."""
+    """A rig with its controller, and the metrics that are computed for its plants."""
 
     file: RigFile  # rig file with the spread of the plants
-    # Runs a plant with a method and a noise seed, possibly in another process. Returns every
-    # metric, infinite or null if it was not reached, or only ``lost_s`` if control was lost.
+    # function that simulates a plant with a method and a noise seed, possibly in another process;
+    # it returns every metric (infinite or null if not reached), or only ``lost_s`` after a loss
     run: Callable[[MethodName, Drift, int], dict[str, Any]]
     methods: tuple[MethodName, ...]
     own_method: MethodName  # main method, which is compared with all others
@@ -72,28 +72,28 @@ class Plants:
     input_files: tuple[Path, ...]  # files that affect the results
     setting_texts: Mapping[str, str]  # further settings that affect the results
     seed: int  # seed of all plants
-    beneficial_condition: str  # sentence for plants on which compensation is not beneficial
-    # name of the single case in a benefit map; "": one case for each stage of the trials
+    beneficial_condition: str  # sentence: where compensation would be beneficial
+    # name of the only case in a benefit map; "": one case for each stage of the trials
     single_case: str = ""
 
     def draw_plant(self, number: int) -> tuple[Drift, int]:
-        """Draw the drift of a plant, and return it with the seed of its noise."""
+        """Return the random drift of the plant with a number, and the seed of its noise."""
         return sample_plant(self.file, self.seed, number)
 
     def header(self) -> dict[str, Any]:
-        """Return everything that affects the results, for the head of the results file."""
+        """Return all data that affect the results, for the head of the results file."""
         return {
             "format": "anhyst-montecarlo",
             "version": 2,
             "anhyst": running_version(),
-            "rig": _hash(self.file.model_dump_json(), self.input_files),
-            **{name: _hash(text, ()) for name, text in self.setting_texts.items()},
+            "rig": _hash_inputs(self.file.model_dump_json(), self.input_files),
+            **{name: _hash_inputs(text, ()) for name, text in self.setting_texts.items()},
             "variants": list(self.methods),
             "seed": self.seed,
         }
 
 
-def _hash(settings: str, files: Sequence[Path]) -> str:
+def _hash_inputs(settings: str, files: Sequence[Path]) -> str:
     total = hashlib.sha256(settings.encode())
     for path in files:
         total.update(hashlib.sha256(path.read_bytes()).digest())
@@ -102,25 +102,25 @@ def _hash(settings: str, files: Sequence[Path]) -> str:
 
 @dataclass(frozen=True)
 class PlantRun:
-    """Result of one plant with one method."""
+    """The result of one plant with one method."""
 
-    # by metric, one for each case; infinite if control was lost
+    # by metric: one value for each case, infinite if control was lost
     values: Mapping[str, tuple[float, ...]]
-    lost_s: float | None  # time of the loss of the loop, s
+    lost_s: float | None  # time at which control was lost, s; None if it was not
 
 
 @dataclass(frozen=True, repr=False)
 class MonteCarlo(StudyResult):
-    """Results of drawn plants.
+    """Results of random plants.
 
     Parameters
     ----------
     plants : Plants
         The simulated rig and methods.
     drifts : tuple of Drift
-        One for each plant.
+        Drift of each plant.
     runs : mapping of str to tuple of PlantRun
-        One for each plant, by method.
+        By method: results of all plants.
     """
 
     plants: Plants
@@ -128,13 +128,13 @@ class MonteCarlo(StudyResult):
     runs: Mapping[MethodName, tuple[PlantRun, ...]]
 
     def values(self, method: MethodName, key: str, case: int = 0) -> list[float]:
-        """Return a metric of every plant, infinite if control was lost.
+        """Return a metric of every plant; infinite if control was lost.
 
         Parameters
         ----------
         method : str
         key : str
-            Of the metric.
+            Key of the metric.
         case : int, optional
             Number of the case.
         """
@@ -151,7 +151,7 @@ class MonteCarlo(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Number of lost plants for each method that lost any."""
+        """Texts with the number of lost plants, one for each method that lost any."""
         return [
             f"{lost} of {len(self.drifts)} plants with '{name}'"
             for name in self.runs
@@ -159,7 +159,7 @@ class MonteCarlo(StudyResult):
         ]
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult if a plant was lost with the compensator."""
+        """Raise NegativeResult if a plant lost control with the compensator."""
         own_method = self.plants.own_method
         if self.lost_count(own_method):
             raise NegativeResult(
@@ -169,7 +169,7 @@ class MonteCarlo(StudyResult):
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is beneficial over all plants, for each metric and case."""
+        """Whether compensation is beneficial over all plants, for each metric and each case."""
         own_method = self.plants.own_method
         if self.lost_count(own_method):
             return Judgement(
@@ -181,14 +181,14 @@ class MonteCarlo(StudyResult):
             comparison
             for figure in self.plants.figures
             for case in range(len(figure.case_names))
-            if (comparison := self._compare(figure, case)) is not None
+            if (comparison := self._compare_figure(figure, case)) is not None
         ]
         return judge_against_baselines(own_method, compared, "figures", self.plants.beneficial_condition)
 
-    def _compare(self, figure: PlantMetric, case: int) -> ComparedFigure | None:
-        """Compare with the strongest baseline, plant by plant, since both use the same plants."""
-        completed = [method for method in self.runs if not self.lost_count(method)]
-        means = {method: mean_interval(self.values(method, figure.key, case)) for method in completed}
+    def _compare_figure(self, figure: PlantMetric, case: int) -> ComparedFigure | None:
+        """Compare with the strongest baseline plant by plant, because both use the same plants."""
+        survivors = [method for method in self.runs if not self.lost_count(method)]
+        means = {method: mean_interval(self.values(method, figure.key, case)) for method in survivors}
         if (baseline := strongest_baseline(means)) is None:
             return None
         own_method = self.plants.own_method
@@ -217,12 +217,12 @@ class MonteCarlo(StudyResult):
             for case, name in enumerate(figure.case_names):
                 for method in self.runs:
                     for plant, value in enumerate(self.values(method, figure.key, case)):
-                        row = {"figure": figure.key, "case": name, "variant": method}
-                        rows.append({**row, "plant": plant, "value": value})
+                        figure_values = {"figure": figure.key, "case": name, "variant": method}
+                        rows.append({**figure_values, "plant": plant, "value": value})
         return rows_to_columns(rows)
 
     def draw(self, ax: Axes) -> None:
-        """Draw the cumulative distribution of the first figure."""
+        """Draw the cumulative distribution of the first metric."""
         figure = self.plants.figures[0]
         for name in self.runs:
             values = figure.factor * np.sort(self.values(name, figure.key))
@@ -231,9 +231,9 @@ class MonteCarlo(StudyResult):
         ax.set_ylabel("plants below [%]")
 
     def as_dict(self) -> dict[str, Any]:
-        """Return percentiles and worst plants as ``montecarlo.json`` stores them."""
-        variants = {method: self._variant(method) for method in self.runs}
-        worst = {
+        """Return the percentiles and the worst plants in the form of ``montecarlo.json``."""
+        variants = {method: self._variant_dict(method) for method in self.runs}
+        worst_plants = {
             spread["worst_plant"]
             for variant in variants.values()
             for key, rows in variant.items()
@@ -247,30 +247,30 @@ class MonteCarlo(StudyResult):
             "plants": len(self.drifts),
             "seed": self.plants.seed,
             "variants": variants,
-            "worst_plants": {str(number): self.drifts[number].as_dict() for number in sorted(worst)},
+            "worst_plants": {str(number): self.drifts[number].as_dict() for number in sorted(worst_plants)},
             "verdict": {"level": verdict.level, "text": verdict.sentence},
         }
 
-    def _variant(self, method: MethodName) -> dict[str, Any]:
+    def _variant_dict(self, method: MethodName) -> dict[str, Any]:
         figures: dict[str, Any] = {"lost": self.lost_count(method)}
         for figure in self.plants.figures:
             rows = [
-                {figure.case_key: case, **_spread(self.values(method, figure.key, index))}
+                {figure.case_key: case, **_spread_dict(self.values(method, figure.key, index))}
                 for index, case in enumerate(figure.cases)
             ]
-            figures[figure.key] = rows or _spread(self.values(method, figure.key))
+            figures[figure.key] = rows or _spread_dict(self.values(method, figure.key))
         return figures
 
 
-def _spread(values: Sequence[float]) -> dict[str, float | int | None]:
-    """Return percentiles, the worst value and its plant; infinite values become None for JSON."""
-    worst = int(np.argmax(values))
+def _spread_dict(values: Sequence[float]) -> dict[str, float | int | None]:
+    """Return percentiles, the worst value and its plant; infinite values are None for JSON."""
+    worst_index = int(np.argmax(values))
     spread = {f"p{percent}": percentile(values, percent) for percent in PERCENTILES}
-    return {**to_json_value({**spread, "worst": values[worst]}), "worst_plant": worst}
+    return {**to_json_value({**spread, "worst": values[worst_index]}), "worst_plant": worst_index}
 
 
 def percentile(values: Sequence[float], percent: float) -> float:
-    """Return the smallest value that at least `percent` per cent of the values do not exceed.
+    """Return the smallest value that at least `percent` per cent of all values do not exceed.
 
     >>> percentile([3.0, 1.0, 2.0, math.inf], 50), percentile([3.0, 1.0, 2.0, math.inf], 99)
     (2.0, inf)
@@ -281,12 +281,12 @@ def percentile(values: Sequence[float], percent: float) -> float:
 def monte_carlo(
     plants: Plants, path: PathLike, count: int, progress: Progress | None = None, jobs: int | None = None
 ) -> MonteCarlo:
-    """Simulate drifted plants; an existing file of results is continued."""
+    """Simulate drifted plants; continue an existing file of results."""
     fault = partial(find_fault, plants=plants)
     with ResultsFile(path, plants.header(), "plant", fault) as results:
-        remaining = [number for number in range(count) if number not in results.done]
+        remaining_numbers = [number for number in range(count) if number not in results.done]
         try:
-            for _, result in map_unordered(partial(run_plant, plants), remaining, progress, jobs):
+            for _, result in map_unordered(partial(run_plant, plants), remaining_numbers, progress, jobs):
                 results.add(result)
         except KeyboardInterrupt:
             done_count = sum(number in results.done for number in range(count))
@@ -298,12 +298,12 @@ def monte_carlo(
     return MonteCarlo(
         plants,
         tuple(plants.draw_plant(number)[0] for number in range(count)),
-        {name: tuple(_plant_run(row[name], plants) for row in rows) for name in plants.methods},
+        {name: tuple(_plant_run(record[name], plants) for record in rows) for name in plants.methods},
     )
 
 
 def run_plant(plants: Plants, number: int) -> dict[str, Any]:
-    """Simulate one plant with every method; return the line of the results file."""
+    """Simulate a plant with every method; return its line in the results file."""
     drift, noise = plants.draw_plant(number)
     variants = {
         method: to_json_value({"lost_s": None, **plants.run(method, drift, noise)})
@@ -312,32 +312,32 @@ def run_plant(plants: Plants, number: int) -> dict[str, Any]:
     return {"plant": number, "drift": drift.as_dict(), "variants": variants}
 
 
-def _plant_run(row: Mapping[str, Any], plants: Plants) -> PlantRun:
-    lost_s = row["lost_s"]
+def _plant_run(result: Mapping[str, Any], plants: Plants) -> PlantRun:
+    lost_s = result["lost_s"]
     values = {}
     for figure in plants.figures:
         lost_values = [None] * len(figure.case_names)
-        entry = lost_values if lost_s is not None else row[figure.key]
+        entry = lost_values if lost_s is not None else result[figure.key]
         cases = entry if isinstance(entry, list) else [entry]
         values[figure.key] = tuple(math.inf if case is None else case for case in cases)
     return PlantRun(values, lost_s)
 
 
-def find_fault(row: Mapping[str, Any], plants: Plants) -> str | None:
+def find_fault(result: Mapping[str, Any], plants: Plants) -> str | None:
     """Return why a line of the results file is not the result of a plant, or None."""
-    return next(_faults(row, plants), None)
+    return next(_record_faults(result, plants), None)
 
 
-def _faults(row: Mapping[str, Any], plants: Plants) -> Iterator[str]:
-    """Yield the faults of a line of the results file; a later check may rely on the earlier ones."""
-    number = row.get("plant")
+def _record_faults(result: Mapping[str, Any], plants: Plants) -> Iterator[str]:
+    """Yield the faults of a line of the results file; later checks may rely on the earlier ones."""
+    number = result.get("plant")
     if not isinstance(number, int) or isinstance(number, bool) or number < 0:
         yield "plant: must be the number of a plant"
     for key in ("drift", "variants"):
-        if not isinstance(row.get(key), dict):
+        if not isinstance(result.get(key), dict):
             yield f"{key}: is missing"
     for name in plants.methods:
-        run, prefix = row["variants"].get(name), f"variants.{name}"
+        run, prefix = result["variants"].get(name), f"variants.{name}"
         if not isinstance(run, dict):
             yield f"{prefix}: is missing"
         if not _is_valid_value(run.get("lost_s", math.nan)):

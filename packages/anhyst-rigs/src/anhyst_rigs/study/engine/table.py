@@ -1,9 +1,9 @@
 """Compare the metrics of methods in the cases of a study, and decide whether a model is beneficial.
 
-A metric is stored by its key, as a mean over noise seeds; a :class:`Metric` has its title and unit.
-Each metric of the model is compared with the best baseline. A difference counts if it exceeds the
-uncertainty of both means. The model is beneficial if some metrics are significantly smaller and
-none is significantly larger.
+A metric is stored by its key as a mean over noise seeds; a :class:`Metric` contains its title and
+unit. Each metric of the model is compared with the best baseline. A difference is significant if it
+exceeds the uncertainty of both means. The model is beneficial if some metrics are significantly
+smaller and none is significantly larger.
 """
 
 from __future__ import annotations
@@ -33,52 +33,52 @@ VERDICT_TITLES: Mapping[Level, str] = {
     "no": "Not worth it here",
     "unknown": "No verdict",
 }
-MAX_LISTED = 4
-"""Largest number of comparisons that are listed; more are counted."""
+MAX_LISTED_COMPARISONS = 4
+"""Largest number of comparisons that are listed; if there are more, only their count is given."""
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean with its confidence interval."""
+    """A mean value and its confidence interval."""
 
     mean: float
     half_width: float  # half-width of the confidence interval
     count: int  # number of runs
-    # Number of runs that lost levitation. Then there is no mean, because the other runs would be
-    # too favourable.
+    # number of runs that lost levitation; if there are any, there is no mean, because the remaining
+    # runs would be too favourable
     lost: int = 0
 
     def exceeds(self, floor: Interval) -> bool:
-        """Whether it is significantly above another mean, with independent noise."""
+        """Whether this mean is significantly above another one, if their noise is independent."""
         return self.mean - floor.mean > math.hypot(self.half_width, floor.half_width)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the interval as files store it."""
+        """Return the interval in the form for files."""
         return {"mean": self.mean, "half_width": self.half_width, "count": self.count}
 
 
 def lost_interval(lost: int, count: int) -> Interval:
-    """Return an interval without a mean, for runs of which some lost control."""
+    """Return an interval without a mean, because some of the runs lost control."""
     return Interval(math.nan, math.nan, count, lost)
 
 
 def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
-    """Return the mean of repeated measurements and its confidence interval (Student)."""
-    row = np.asarray(values, dtype=float)
-    if len(row) < 2:
+    """Return the mean of repeated measurements and its confidence interval (Student's t)."""
+    samples = np.asarray(values, dtype=float)
+    if len(samples) < 2:
         raise ValueError("a confidence interval needs two values at least")
-    if not np.all(np.isfinite(row)):
-        return Interval(mean=float(np.mean(row)), half_width=math.nan, count=len(row))
-    factor = float(stdtrit(len(row) - 1, 0.5 + 0.5 * level))
-    spread = float(np.std(row, ddof=1)) / math.sqrt(len(row))
-    return Interval(mean=float(np.mean(row)), half_width=factor * spread, count=len(row))
+    if not np.all(np.isfinite(samples)):
+        return Interval(mean=float(np.mean(samples)), half_width=math.nan, count=len(samples))
+    factor = float(stdtrit(len(samples) - 1, 0.5 + 0.5 * level))
+    spread = float(np.std(samples, ddof=1)) / math.sqrt(len(samples))
+    return Interval(mean=float(np.mean(samples)), half_width=factor * spread, count=len(samples))
 
 
 @dataclass(frozen=True)
 class MeanRatio:
-    """A ratio of means with its confidence interval."""
+    """A ratio of two means and its confidence interval."""
 
-    value: float  # infinite for a lower mean of zero
+    value: float  # ratio of the means; infinite if the lower mean is zero
     low: float  # ends of the interval; 0 and infinite if the lower mean may be zero
     high: float
 
@@ -87,16 +87,16 @@ def mean_ratio(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> MeanR
     """Return the ratio of the means of paired values, with Fieller's interval.
 
     The interval contains all ratios R for which the mean of ``upper - R lower`` may be zero.
-    Therefore, it contains 1 exactly if the mean of the difference may be zero.
+    Therefore, it contains 1 exactly if the mean difference may be zero.
     """
     rows = np.array([upper, lower], dtype=float)
     count = rows.shape[1]
     factor = float(stdtrit(count - 1, 0.5 + 0.5 * level)) ** 2 / count
-    a, b = (float(mean) for mean in rows.mean(axis=1))
-    (aa, ab), (_, bb) = (factor * np.cov(rows)).tolist()
-    value = a / b if b > 0.0 else math.inf
+    mean_a, mean_b = (float(mean) for mean in rows.mean(axis=1))
+    (var_a, cov_ab), (_, var_b) = (factor * np.cov(rows)).tolist()
+    value = mean_a / mean_b if mean_b > 0.0 else math.inf
     # (a - R b)^2 <= aa - 2 R ab + R^2 bb
-    quadratic, linear, constant = b * b - bb, a * b - ab, a * a - aa
+    quadratic, linear, constant = mean_b * mean_b - var_b, mean_a * mean_b - cov_ab, mean_a * mean_a - var_a
     if quadratic <= 0.0:
         return MeanRatio(value, 0.0, math.inf)
     root = math.sqrt(max(linear * linear - quadratic * constant, 0.0))
@@ -105,7 +105,7 @@ def mean_ratio(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> MeanR
 
 @dataclass(frozen=True, slots=True)
 class ComparedFigure:
-    """A metric of a model, compared with that of a baseline; the smaller value is better."""
+    """A metric of a model and of a baseline; the smaller value is better."""
 
     title: str
     baseline: str
@@ -125,7 +125,7 @@ class ComparedFigure:
 
     @property
     def ratio(self) -> float:
-        """Ratio of the model's value to the baseline's value; nan if both are zero."""
+        """Value of the model divided by the value of the baseline; nan if both are zero."""
         if self.baseline_value != 0.0:
             return self.model_value / self.baseline_value
         return math.nan if self.model_value == 0.0 else math.inf
@@ -134,13 +134,13 @@ class ComparedFigure:
 def compare(
     title: str, baseline: str, model_value: Interval, baseline_value: Interval, floor: float = 0.0
 ) -> ComparedFigure:
-    """Compare two means; differences below a floor or within the noise do not count."""
+    """Compare two means. Differences that are below a floor or within the noise do not count."""
     uncertainty = max(floor, math.hypot(model_value.half_width, baseline_value.half_width))
     return ComparedFigure(title, baseline, model_value.mean, baseline_value.mean, uncertainty)
 
 
 def strongest_baseline(figures: Mapping[MethodName, Interval]) -> MethodName | None:
-    """Return the baseline with the smallest mean, or None if none has a mean."""
+    """Return the baseline with the smallest mean, or None if no baseline has a mean."""
     names = [
         name
         for name, interval in figures.items()
@@ -151,14 +151,14 @@ def strongest_baseline(figures: Mapping[MethodName, Interval]) -> MethodName | N
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """Result of all comparisons."""
+    """The verdict from all comparisons."""
 
     level: Level
     text: str
 
     @property
     def sentence(self) -> str:
-        """Title and text of the verdict."""
+        """Sentence with the title and the text of the verdict."""
         return f"{VERDICT_TITLES[self.level]}: {self.text}"
 
 
@@ -174,7 +174,7 @@ def judge_against_baselines(
 
 
 def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: str) -> Judgement:
-    """List the metrics in which a model is significantly better, worse or equal."""
+    """List the metrics in which a model is significantly better, significantly worse, or equal."""
     comparable = [
         comparison
         for comparison in comparisons
@@ -186,20 +186,20 @@ def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: s
     worse = [comparison for comparison in comparable if comparison.is_worse]
     level: Level = "no" if not better else "mixed" if worse else "yes"
     equal = [comparison for comparison in comparable if not comparison.is_better and not comparison.is_worse]
-    parts = [
-        f"{word} {_format_comparisons(group, len(comparable), noun)}"
-        for word, group in (("less:", better), ("more:", worse), ("alike within the noise:", equal))
+    group_texts = [
+        f"{group_title} {_format_comparisons(group, len(comparable), noun)}"
+        for group_title, group in (("less:", better), ("more:", worse), ("alike within the noise:", equal))
         if group
     ]
-    return Judgement(level, "; ".join(parts))
+    return Judgement(level, "; ".join(group_texts))
 
 
 def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, noun: str) -> str:
-    """List metrics with their ratios to the baseline, or count them."""
-    if count > MAX_LISTED:
+    """List metrics with their ratios to the baseline, or give their number."""
+    if count > MAX_LISTED_COMPARISONS:
         names = " or ".join(dict.fromkeys(f"'{comparison.baseline}'" for comparison in comparisons))
-        parts = sorted(comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio))
-        span = f", {_format_range(parts[0], parts[-1])} of {names}" if parts else f", against {names}"
+        ratios = sorted(comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio))
+        span = f", {_format_range(ratios[0], ratios[-1])} of {names}" if ratios else f", against {names}"
         return f"{len(comparisons)} of {count} {noun}{span}"
     by_baseline: dict[str, list[str]] = {}
     for comparison in comparisons:
@@ -227,48 +227,48 @@ FIGURES_FILE = "figures.json"
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric by which methods are compared; smaller is better."""
+    """A metric for the comparison of methods; a smaller value is better."""
 
-    key: str  # name in files, with unit
-    title: str  # in words
+    key: str  # name in files, including the unit
+    title: str  # name in words
     unit: str  # displayed unit
-    factor: float = 1.0  # from SI to the displayed unit
+    factor: float = 1.0  # factor from SI to the displayed unit
 
     @property
     def heading(self) -> str:
-        """Table heading: title and unit."""
+        """Table heading with title and unit."""
         return f"{self.title} ({self.unit})" if self.unit else self.title
 
 
 @dataclass(frozen=True)
 class CaseFigures:
-    """Metrics of one method in one case."""
+    """Metrics of a method in one case."""
 
-    # by key; both directions of a step are one value; empty if any run lost control
+    # metrics by key; both directions of a step give one value; empty if any run lost control
     figures: Mapping[str, Interval]
-    lost: int  # number of runs that lost control, and of all runs
+    lost: int  # number of runs that lost control, and number of all runs
     runs: int
 
     @classmethod
     def summarise(cls, runs: Sequence[Mapping[str, float] | None], **extra_fields: Any) -> Self:
-        """Summarise runs, one for each seed; None is a run that lost control."""
-        completed = [run for run in runs if run is not None]
-        names = completed[0] if len(completed) == len(runs) else ()
-        figures = {name: mean_interval([run[name] for run in completed]) for name in names}
-        return cls(figures=figures, lost=len(runs) - len(completed), runs=len(runs), **extra_fields)
+        """Summarise runs, one for each seed; a run that lost control is None."""
+        completed_runs = [run for run in runs if run is not None]
+        names = completed_runs[0] if len(completed_runs) == len(runs) else ()
+        figures = {name: mean_interval([run[name] for run in completed_runs]) for name in names}
+        return cls(figures=figures, lost=len(runs) - len(completed_runs), runs=len(runs), **extra_fields)
 
     def interval(self, key: str) -> Interval:
-        """Return a metric, without a mean if any run lost control."""
+        """Return the interval of a metric, without a mean if any run lost control."""
         return self.figures.get(key) or lost_interval(self.lost, self.runs)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the metrics as files store them."""
+        """Return the metrics in the form for files."""
         figures = {name: interval.as_dict() for name, interval in self.figures.items()}
         return {"lost": self.lost, "runs": self.runs, **figures}
 
 
 def save_lost_run(recording: Recording, out: PathLike) -> None:
-    """Save the recording of a run that lost control, and delete older metrics next to it."""
+    """Save the recording of a run that lost control; delete an older file of metrics next to it."""
     recording.save(out)
     (Path(out).parent / FIGURES_FILE).unlink(missing_ok=True)
 
@@ -278,7 +278,7 @@ Cases = Mapping[str, Mapping[MethodName, CaseFigures]]
 
 
 class StudyResult(Result):
-    """Result of a study: metrics, verdict and lost runs."""
+    """The result of a study: metrics, verdict and runs that lost control."""
 
     __slots__ = ()
     kind: ClassVar[str]
@@ -307,9 +307,9 @@ class StudyResult(Result):
         """Return the content of ``figures.json``."""
 
     def losses_fact(self) -> dict[str, str]:
-        """Return the lost runs as a fact."""
+        """Return the runs that lost control as a fact."""
         return {"lost in": "; ".join(self.lost_in)} if self.lost_in else {}
 
     def write_figures(self, path: PathLike) -> None:
-        """Write the metrics."""
+        """Write the metrics to a file."""
         write_json(path, self.as_dict())

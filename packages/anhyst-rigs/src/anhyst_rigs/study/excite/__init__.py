@@ -1,1 +1,1 @@
-"""A drive that measures loops: designed within limits, run on the rig, written as a measurement."""
+"""Design a drive that measures loops within limits, run it on the rig, and write the measurement."""

@@ -2,8 +2,8 @@
 
 A measurement consists of records. Each record begins with an approach that brings the iron into a
 known state, and then follows a path of currents. The limits come from amplifier, sensors, winding
-and rig file; each is stored with the key that sets it. The ratios in the constants refer to the
-peak, which is the largest current at the gap.
+and rig file; each limit is stored with the key that sets it. The ratios in the constants refer to
+the peak, which is the largest current at the gap.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ MAX_WARMTH = 0.95
 class Winding:
     """Thermal model of a winding: one heat capacity, heated by the square of the current.
 
-    Warmth is the temperature rise divided by that of the largest continuous current.
+    Warmth is the temperature rise divided by the rise due to the largest continuous current.
     """
 
     continuous_current: float  # largest continuous current, A
     time_constant: float  # thermal time constant, s
 
     def warmth_along(self, current: FloatArray, dt: float, initial_warmth: float = 0.0) -> FloatArray:
-        """Return the warmth after each sample of a current, A, with steps of `dt`, s."""
-        from scipy.signal import lfilter  # slow import
+        """Return the warmth after each sample of a current, A, with a sample interval `dt`, s."""
+        from scipy.signal import lfilter  # imported here because it loads slowly
 
         decay = math.exp(-dt / self.time_constant)
         heat = (1.0 - decay) * np.square(current / self.continuous_current)
@@ -51,58 +51,59 @@ class Winding:
         return warmth
 
     def max_start_warmth(self, current: FloatArray, dt: float) -> float:
-        """Return the largest warmth from which a current may begin; negative if it may never."""
+        """Return the largest warmth at which a current may begin; negative if it may never begin."""
         warmth_from_cold = self.warmth_along(current, dt)
         decay = np.exp(-dt / self.time_constant * np.arange(1, current.size + 1))
         return float(np.min((MAX_WARMTH - warmth_from_cold) / decay))
 
-    def rest_time(self, before: float, after: float) -> float:
-        """Return the time without current from one warmth to a lower one above 0, s."""
-        return max(0.0, self.time_constant * math.log(before / after)) if before > after else 0.0
+    def rest_time(self, initial: float, final: float) -> float:
+        """Return the time without current in which a warmth decays to a lower one above 0, s."""
+        return max(0.0, self.time_constant * math.log(initial / final)) if initial > final else 0.0
 
 
 SENSOR_RANGE_RATIO = 0.95
-"""Fraction of the range of a sensor that is used."""
+"""Fraction of a sensor's range that is used."""
 DEFAULT_SWEEP_S = 1.0
-"""Time of a sweep from zero to the largest current, s, if there is no [measurement]."""
+"""Duration of a sweep from zero to the largest current, if there is no [measurement], s."""
 SAMPLES_PER_SWEEP = 100
 """Number of samples of such a sweep."""
 CONDITIONING_CYCLES = 3
-"""Number of conditioning cycles if there is no [measurement]."""
+"""Number of conditioning cycles, if there is no [measurement]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
     """A limit, and the key of the rig file that sets it."""
 
-    value: float  # SI units
+    value: float  # value in SI units
     key: str
 
 
 @dataclass(frozen=True, slots=True)
 class Specimen:
-    """The magnet or piezo stage to be measured, and its limits.
+    """The magnet or piezo stage that is measured, and its limits.
 
-    For a piezo stage, the voltage (V) replaces the current and the displacement (m) the force.
+    For a piezo stage, the voltage (V) replaces the current, and the displacement (m) the force.
     """
 
-    held_rig: HeldRig | None  # rig with held armature; None for a piezo stage
-    gaps: tuple[float, ...]  # gaps to measure, m; empty for a piezo stage
-    operating_force: Bound  # force of the operating point, N
-    max_current: Bound  # largest current, A; its fastest change, A/s; largest force, N
+    held_rig: HeldRig | None  # rig with a held armature; None for a piezo stage
+    gaps: tuple[float, ...]  # gaps at which loops are measured, m; empty for a piezo stage
+    operating_force: Bound  # force at the operating point, N
+    max_current: Bound  # limits of the current, A, of its rate, A/s, and of the force, N
     max_rate: Bound
     max_force: Bound
-    min_current: float  # lowest current of the amplifier, A
-    winding: Winding | None  # None if the rig file has no thermal data
+    min_current: float  # lowest current that the amplifier can drive, A
+    winding: Winding | None  # thermal model; None if the rig file has no thermal data
     sweep_rate: float  # nominal rate of the current, A/s
-    sample_s: float  # nominal time between rows, s
+    sample_s: float  # nominal time from one sample to the next, s
     conditioning_cycles: int  # number of conditioning cycles
-    pause_s: float  # pause to set the next gap, s
+    pause_s: float  # pause in which the next gap is set, s
     fast_rates: tuple[float, ...] = ()  # nominal rates of additional full cycles, A/s
-    demanded_force_rate: float = 0.0  # fastest demanded change of the force, N/s; 0: unknown
-    drive: str = "current"  # quantities of the loops
+    # fastest change of the force that is demanded, N/s; 0: unknown
+    demanded_force_rate: float = 0.0
+    drive: str = "current"  # quantities that the loops contain
     output: str = "force"
-    is_bipolar: bool = False  # whether the current has both signs
+    is_bipolar: bool = False  # whether the current can have both signs
 
     @property
     def units(self) -> tuple[str, str]:
@@ -151,17 +152,17 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
 
 
 def _demanded_force_rate(file: RigFile) -> float:
-    """Return the fastest change of the force that a set-point demands, N/s; 0 if there is none."""
+    """Return the fastest change of the force that a set-point demands, N/s; 0 if it demands none."""
     scan = next((case for case in file.cases if isinstance(case, ScanCase)), None)
     if scan is None:
         return 0.0
-    # time of constant jerk, used as the time of the whole rise
+    # phase of constant jerk, which stands for the whole rise
     rise_s = scan.jerk_phase_s - scan.snap_phase_s
     return file.body.mass_kg * max(*scan.train_m_per_s2, *scan.test_m_per_s2) / rise_s
 
 
 def _default_operating_force(rig: BodyRig) -> Bound:
-    """Return the operating force of a magnet for which the rig file does not state one."""
+    """Return the operating force of a magnet if the rig file does not give it."""
     force_max = getattr(rig.settings.control, "force_max_N", None)
     if force_max is not None:
         return Bound(0.5 * force_max, "control.force_max_N")
@@ -195,32 +196,30 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
 MIN_STACK_CYCLE_S = 1.0
 """Shortest period of a slow cycle of a piezo stage over the whole range of its amplifier, s."""
 RESONANCE_PERIODS_PER_CYCLE = 80.0
-"""Periods of the resonance in the fastest cycle: the ringing at a reversal is 0.8 % of the stroke.
-"""
+"""Resonance periods in the fastest cycle; the ringing at a reversal is then 0.8 % of the stroke."""
 FAST_RATE_RATIO = 5.0
-"""Ratio of the rate of the fast cycles of a piezo stage to that of the slow ones. Two rates
-separate a lag from a wider loop."""
+"""Ratio of the fast to the slow rate of a piezo stage. Two rates separate a lag from a wider loop.
+"""
 STACK_PAUSE_S = 30.0
-"""Time at 0 V before each record of a piezo stage, s, in which the creep of its conditioning
-decays."""
+"""Time at 0 V before each record of a piezo stage, in which creep decays, s."""
 
 
 def stack_specimen(rig: PiezoRig) -> Specimen:
-    """Return a piezo stage as specimen; amplifier and resonance limit its voltage and rate."""
-    amplifier, moved = rig.settings.stack_amplifier, rig.settings.displacement_case
+    """Return a piezo stage as specimen. Amplifier and resonance limit its voltage and rate."""
+    amplifier, displacement_case = rig.settings.stack_amplifier, rig.settings.displacement_case
     if amplifier.low_V > 0.0:
         raise InputError(
             "amplifier.low_V: a stack is measured from long rest at 0 V; lower it to 0 or less",
             code="out-of-range",
             key="amplifier.low_V",
         ).with_location(rig.path)
-    cycle = 2.0 * amplifier.high_V  # V
+    cycle = 2.0 * amplifier.high_V  # change of the voltage in a full cycle, up and down, V
     rate = cycle * rig.settings.flexure.resonance_Hz / RESONANCE_PERIODS_PER_CYCLE
     sweep = min(cycle / MIN_STACK_CYCLE_S, rate / FAST_RATE_RATIO)
     return Specimen(
         held_rig=None,
         gaps=(),
-        operating_force=Bound(moved.low_m + 0.5 * moved.stroke_m, "case.stroke_m"),
+        operating_force=Bound(displacement_case.low_m + 0.5 * displacement_case.stroke_m, "case.stroke_m"),
         max_current=Bound(amplifier.high_V, "amplifier.high_V"),
         max_rate=Bound(rate, "body.resonance_Hz"),
         max_force=Bound(math.inf, "sensor"),
@@ -248,7 +247,7 @@ def _make_specimen(
     supply_rate: Bound,
     sensor_force: Bound,
 ) -> Specimen:
-    """Combine the limits of the instruments, [measurement] and [excite]; the tightest counts."""
+    """Combine the limits of instruments, [measurement] and [excite]; the tightest applies."""
     if campaign is not None:
         currents.append(Bound(campaign.current_max_A, "measurement.current_max_A"))
     currents += _optional_bound(excite.current_max_A, "current_max_A")
@@ -276,52 +275,55 @@ def _make_specimen(
 
 
 def _optional_bound(value: float | None, key: str) -> list[Bound]:
-    """Return the limit of a key in [excite], or nothing if it is not given."""
+    """Return the limit that a key in [excite] sets, or an empty list if the key is not given."""
     return [] if value is None else [Bound(value, f"excite.{key}")]
 
 
 MAJOR_LOOP_ENDS = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25)
-"""Upper ends of nested major loops that begin at zero or at the negative end."""
+"""Upper ends of nested major loops, which begin at zero or at the negative end."""
 REVERSAL_RATIOS = (0.9, 0.75, 0.5, 0.25)
-"""Start point of the descending first-order reversal curves, then their reversal points. The major
-loops serve as ascending curves."""
+"""Start of descending first-order reversal curves, then their reversal points. The major loops
+replace ascending curves."""
 MINOR_SWINGS_FROM_ZERO = (0.3, 0.2, 0.1, 0.05)
-"""Amplitudes of minor loops about the operating point, approached from zero current."""
+"""Amplitudes of the minor loops about the operating point, which is approached from zero."""
 MINOR_SWINGS_FROM_PEAK = (0.35, 0.25, 0.15, 0.1)
-"""Amplitudes of minor loops about the operating point, approached from the peak."""
+"""Amplitudes of the minor loops about the operating point, which is approached from the peak."""
 OPERATING_RANGE = (0.2, 0.8)
 """Smallest and largest operating current, as fractions of the peak."""
 DEMAGNETISING_DECAY = (0.85, 0.01)
-"""Decaying sine for demagnetisation: ratio of successive half-swings, and of last to first."""
+"""Ratio of successive half-swings of a demagnetising sine, and ratio of its last to its first one.
+"""
 SETTLING_DECAY = (0.7, 0.08)
-"""Decaying sine about the operating point: the same two ratios."""
+"""The same two ratios for a decaying sine about the operating point."""
 MIN_START_WARMTH = 0.1
-"""Warmth of the winding at which every record may begin."""
+"""Warmth of the winding that must permit the beginning of every record."""
 PEAK_REDUCTION = 0.97
-"""Factor by which the peak is reduced until the winding stays cool enough."""
+"""Factor by which the peak is repeatedly reduced until the winding stays cool enough."""
 MIN_PEAK_RATIO = 0.25
-"""Smallest ratio of the peak current to its nominal value; with a smaller peak, the loops are not
-useful."""
+"""Smallest ratio of the peak to the largest current. Loops with a smaller peak are not useful."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One record: an approach that brings the iron into a known state, and the measured path."""
+    """A record: an approach that brings the iron into a known state, and the measured path."""
 
     name: str
     approach_reversals: tuple[float, ...]  # reversal points of the approach, A
-    approach: FloatArray  # sampled approach, A
-    path: FloatArray  # recorded currents, A
-    history: History  # history after the approach
-    sample_s: float  # time between samples, s
-    is_fast: bool = False  # whether the record is to show eddy currents
+    approach: FloatArray  # currents of the approach, A
+    path: FloatArray  # currents of the record, A
+    history: History  # history of the iron after the approach
+    sample_s: float  # time from one sample to the next, s
+    is_fast: bool = False  # whether the record must show eddy currents
 
     def full_path(self, sample: float) -> FloatArray:
-        """Return approach and record, A."""
+        """Return the currents of the approach and of the record, A."""
         return np.concatenate([self.approach, self.heating_path(sample)])
 
     def heating_path(self, sample: float) -> FloatArray:
-        """Return the record for the thermal model, A; a fast record as its largest current."""
+        """Return the currents of the record for the thermal model, A.
+
+        A fast record is represented by its largest current.
+        """
         if not self.is_fast:
             return self.path
         count = math.ceil(self.path.size * self.sample_s / sample)
@@ -329,35 +331,35 @@ class Record:
 
 
 def decaying_reversals(centre: float, first_swing: float, decay: tuple[float, float]) -> list[float]:
-    """Return the reversal points of a decaying sine about a current, A, and that current."""
+    """Return the reversal points of a sine that decays to a current, A, and this current."""
     ratio, last_swing = decay
     count = math.ceil(math.log(last_swing) / math.log(ratio))
-    swings = [centre + first_swing * (-ratio) ** number for number in range(count + 1)]
-    return [*swings, centre]
+    reversals = [centre + first_swing * (-ratio) ** number for number in range(count + 1)]
+    return [*reversals, centre]
 
 
 def sine_path(reversals: Sequence[float], step: float) -> FloatArray:
-    """Return a path through reversal points with sine-shaped branches and a largest step, A."""
-    parts = [np.array(reversals[:1])]
+    """Return a path with sine-shaped branches between reversal points, and with a largest step, A."""
+    path_segments = [np.array(reversals[:1])]
     for begin, end in pairwise(reversals):
         count = max(math.ceil(0.5 * math.pi * abs(end - begin) / step), 1)
         phase = np.arange(1, count + 1) / count
-        parts.append(begin + (end - begin) * 0.5 * (1.0 - np.cos(math.pi * phase)))
-    return np.concatenate(parts)
+        path_segments.append(begin + (end - begin) * 0.5 * (1.0 - np.cos(math.pi * phase)))
+    return np.concatenate(path_segments)
 
 
 def can_demagnetise(specimen: Specimen, peak: float) -> bool:
-    """Whether the amplifier reaches the negative of the peak."""
+    """Whether the amplifier can drive the negative of the peak current."""
     return specimen.min_current <= -peak
 
 
 def current_step(specimen: Specimen) -> float:
-    """Return the change of current between samples, A, at the nominal or the largest rate."""
+    """Return the change of the current from sample to sample, A, at the nominal or largest rate."""
     return min(specimen.sweep_rate, specimen.max_rate.value) * specimen.sample_s
 
 
 def design_records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
-    """Return the records of a gap."""
+    """Return the records that are measured at a gap."""
     step = current_step(specimen)
     if can_demagnetise(specimen, peak):
         approach_reversals = [0.0, *decaying_reversals(0.0, peak, DEMAGNETISING_DECAY)]
@@ -367,8 +369,8 @@ def design_records(specimen: Specimen, peak: float, operating: float) -> list[Re
         approach = sweep_path(approach_reversals, step)
         history = History("conditioned", tuple(approach_reversals))
     lower_end = -peak if specimen.is_bipolar else 0.0
-    first_reversal, *reversals = (lower_end + share * (peak - lower_end) for share in REVERSAL_RATIOS)
-    major = [turn for share in MAJOR_LOOP_ENDS for turn in (share * peak, share * lower_end)]
+    first_reversal, *reversals = (lower_end + ratio * (peak - lower_end) for ratio in REVERSAL_RATIOS)
+    major = [value for share in MAJOR_LOOP_ENDS for value in (share * peak, share * lower_end)]
     curves = [turn for reversal in reversals for turn in (reversal, first_reversal)]
     paths = {
         "major": sweep_path([0.0, *major], step),
@@ -389,19 +391,19 @@ def design_records(specimen: Specimen, peak: float, operating: float) -> list[Re
 
 
 def fast_cycle_rates(specimen: Specimen) -> list[float]:
-    """Return the allowed rates of additional full cycles, A/s."""
+    """Return the permitted rates of additional full cycles, A/s."""
     return sorted({min(speed, specimen.max_rate.value) for speed in specimen.fast_rates})
 
 
-def _minor_loop_reversals(peak: float, operating: float, swings: Sequence[float]) -> list[float]:
-    """Return reversal points about a current with limited amplitudes, A."""
+def _minor_loop_reversals(peak: float, operating: float, swing_ratios: Sequence[float]) -> list[float]:
+    """Return the reversal points of minor loops about a current, with limited amplitudes, A."""
     max_swing = min(operating, peak - operating)
-    sizes = [min(share * peak, max_swing) for share in swings]
+    sizes = [min(swing_ratio * peak, max_swing) for swing_ratio in swing_ratios]
     return [operating + side * size for size in sizes for side in (1.0, -1.0)]
 
 
 def _path_from_zero(peak: float, operating: float, step: float) -> FloatArray:
-    """Return minor loops approached from zero, a decaying sine, and two small loops, A."""
+    """Return minor loops approached from zero, a decaying sine, and two small minor loops, A."""
     minor_loops = _minor_loop_reversals(peak, operating, MINOR_SWINGS_FROM_ZERO)
     max_swing = min(operating, peak - operating)
     approach = sweep_path([0.0, *minor_loops, operating], step)
@@ -411,7 +413,7 @@ def _path_from_zero(peak: float, operating: float, step: float) -> FloatArray:
 
 
 def find_thermal_peak(specimen: Specimen) -> Bound:
-    """Return the largest current at which every record can be run, A, and its limit."""
+    """Return the largest current at which every record is permitted, A, and the limit that sets it."""
     if not specimen.max_rate.value > 0.0:
         raise InputError(
             f"{specimen.max_rate.key}: the supply does not drive {specimen.max_current.value:g} A through "
@@ -424,7 +426,7 @@ def find_thermal_peak(specimen: Specimen) -> Bound:
         return specimen.max_current
     peak = highest
     while peak >= MIN_PEAK_RATIO * highest:
-        # The highest operating point heats most.
+        # The highest operating point causes the most heat.
         hottest_records = design_records(specimen, peak, OPERATING_RANGE[1] * peak)
         if all(
             winding.max_start_warmth(path.full_path(specimen.sample_s), specimen.sample_s) >= MIN_START_WARMTH

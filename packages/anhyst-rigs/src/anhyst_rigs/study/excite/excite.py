@@ -1,8 +1,7 @@
 """Measure the loops of a rig's magnet or piezo stage, and write them with their history.
 
-At each gap a probe finds the largest current, and then the designed records are measured. The
-functions of this module measure virtual rigs. The module `on_board` measures with a running
-controller.
+At each gap, a probe first finds the largest current. Then the designed records are measured. This
+module measures virtual rigs. The module `on_board` measures with a running controller.
 """
 
 from __future__ import annotations
@@ -49,38 +48,38 @@ from anhyst_rigs.study.excite.design import (
 )
 
 MeasureFunction = Callable[[Specimen, Progress | None], "Excitation"]
-"""Measures the loops of a specimen."""
+"""Function that measures the loops of a specimen."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReadSpecimen:
-    """A specimen with the files that describe it."""
+    """A specimen, and the files that describe it."""
 
     specimen: Specimen
-    input_files: tuple[Path, ...]  # must not be overwritten
-    measure: MeasureFunction  # measures the virtual rig
+    input_files: tuple[Path, ...]  # files that must not be overwritten
+    measure: MeasureFunction  # function that measures the virtual rig
 
 
 class HasSpecimen(Protocol):
     """A kind of rig whose loops can be measured."""
 
     def specimen(self, rig: PathLike) -> ReadSpecimen:
-        """Read the specimen of a rig file."""
+        """Return the specimen that a rig file describes."""
 
 
 def read_specimen(path: PathLike) -> ReadSpecimen:
-    """Read the specimen of a rig file of any kind."""
+    """Return the specimen of a rig file of any kind."""
     return require_capability(require_rig(path, "excite"), HasSpecimen).specimen(path)
 
 
 def read_stack_specimen(path: PathLike) -> ReadSpecimen:
-    """Read the rig file of a piezo stage."""
+    """Return the specimen of a piezo stage from its rig file."""
     stack = read_piezo_rig(path)
     return ReadSpecimen(stack_specimen(stack), (stack.path,), partial(measure_stack, stack))
 
 
 def read_force_specimen(path: PathLike) -> ReadSpecimen:
-    """Read the rig file of an actuator whose force is controlled."""
+    """Return the actuator of a force-control rig file as specimen."""
     rig = read_rig(path)
     solenoid = rig.settings.solenoid
     files = [rig.path] if solenoid is None else [rig.path, rig.path.parent / solenoid.file]
@@ -91,12 +90,12 @@ def read_force_specimen(path: PathLike) -> ReadSpecimen:
 
 
 def read_bearing_specimen(path: PathLike) -> ReadSpecimen:
-    """Read the rig file of a bearing."""
+    """Return the specimen of a bearing from its rig file."""
     return _read_body_specimen(read_bearing(path))
 
 
 def read_stage_specimen(path: PathLike) -> ReadSpecimen:
-    """Read the rig file of a stage."""
+    """Return the specimen of a stage from its rig file."""
     return _read_body_specimen(read_stage(path))
 
 
@@ -111,38 +110,36 @@ def _read_body_specimen(rig: BodyRig) -> ReadSpecimen:
 
 
 SLOPE_WINDOW_RATIO = 0.1
-"""Half-width of the current window about the operating point in which the slope of the force is
-fitted, as a fraction of the peak."""
+"""Half-width of the current window for the slope of the force, as a fraction of the peak."""
 FAST_RATE_MARGIN = 1.5
-"""Ratio of the fastest measured rate to the rate that the set-point needs; a note recommends this
-ratio."""
+"""Recommended ratio of the fastest measured rate to the rate that the set-point requires."""
 PROBE_FORCE_RATIO = 0.95
-"""Fraction of the force limit at which the probe stops."""
+"""Fraction of the force limit that stops the probe."""
 _PROBE_SEED = 1000
-"""Record number of the probe in the seed of its noise."""
+"""Number that stands for the probe in the seed of its noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProbedGap:
-    """Result of the probe at a gap, before loops are measured."""
+    """The result of the probe at a gap, before loops are measured."""
 
-    gap: float  # m; nan for a piezo stage
-    peak: Bound  # largest current, A, and its limit
-    largest_force: float  # largest force of the probe, N
-    operating_current: float  # current of the operating point, A
+    gap: float  # gap, m; nan for a piezo stage
+    peak: Bound  # largest current, A, and the limit that sets it
+    largest_force: float  # largest force during the probe, N
+    operating_current: float  # current at the operating point, A
     is_force_reached: bool  # whether the operating current gives the operating force
-    # rate of the current that the set-point needs there, A/s; 0: unknown
+    # rate of the current that the set-point requires at this gap, A/s; 0: unknown
     required_rate: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class DriveHistory:
-    """All samples of the drive, including rests."""
+    """All samples of the drive, including the rests."""
 
-    time: FloatArray  # s
-    current: FloatArray  # A
-    gap: FloatArray  # m
-    # warmth of the winding, 1 at the largest continuous current, or nan if unknown
+    time: FloatArray  # time, s
+    current: FloatArray  # current, A
+    gap: FloatArray  # gap, m
+    # warmth of the winding: 1 at the largest continuous current; nan if unknown
     warmth: FloatArray
 
 
@@ -158,7 +155,7 @@ class Excitation:
         In the order of the measurement, from the largest gap to the smallest.
     drive_history : DriveHistory
     notes : tuple of str
-        Restrictions of the design, and their keys.
+        Restrictions of the design, and the keys that cause them.
     """
 
     loops: Loops
@@ -169,13 +166,13 @@ class Excitation:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content of the JSON output."""
-        played, specimen = self.drive_history, self.specimen
+        drive_history, specimen = self.drive_history, self.specimen
         drive, unit = specimen.drive, specimen.units[0]
-        answer = "displacement_m" if specimen.output == "displacement" else "force_N"
+        output_name = "displacement_m" if specimen.output == "displacement" else "force_N"
         return {
             "loops": len(self.loops),
             "samples": sum(loop.n for loop in self.loops.loops),
-            "duration_s": float(played.time[-1]),
+            "duration_s": float(drive_history.time[-1]),
             "begins": "demagnetised" if self.begins_demagnetised else "conditioned",
             f"rate_{unit}_per_s": current_step(specimen) / specimen.sample_s,
             "limits": {
@@ -183,40 +180,40 @@ class Excitation:
                 for name, limit in (
                     (f"{drive}_{unit}", specimen.max_current),
                     (f"rate_{unit}_per_s", specimen.max_rate),
-                    (answer, specimen.max_force),
+                    (output_name, specimen.max_force),
                 )
                 if math.isfinite(limit.value)
             },
-            "warmth": None if specimen.winding is None else float(played.warmth.max()),
+            "warmth": None if specimen.winding is None else float(drive_history.warmth.max()),
             "gaps": [
                 {
-                    **({"gap_m": place.gap} if specimen.gaps else {}),
-                    f"{drive}_max_{unit}": place.peak.value,
-                    "limited_by": place.peak.key,
-                    answer: place.largest_force,
-                    f"operating_{unit}": place.operating_current,
-                    "operating_reached": place.is_force_reached,
-                    **({"needed_A_per_s": place.required_rate} if place.required_rate else {}),
+                    **({"gap_m": probed_gap.gap} if specimen.gaps else {}),
+                    f"{drive}_max_{unit}": probed_gap.peak.value,
+                    "limited_by": probed_gap.peak.key,
+                    output_name: probed_gap.largest_force,
+                    f"operating_{unit}": probed_gap.operating_current,
+                    "operating_reached": probed_gap.is_force_reached,
+                    **({"needed_A_per_s": probed_gap.required_rate} if probed_gap.required_rate else {}),
                 }
-                for place in self.probed_gaps
+                for probed_gap in self.probed_gaps
             ],
             "notes": list(self.notes),
         }
 
     @property
     def begins_demagnetised(self) -> bool:
-        """Whether every record begins with demagnetised iron."""
+        """Whether the iron is demagnetised at the beginning of every record."""
         return all(loop.history.kind == "demagnetised" for loop in self.loops.loops)
 
 
 @dataclass(slots=True)
 class _DriveLog:
-    """All samples that have been driven."""
+    """All samples that have been driven up to now."""
 
     specimen: Specimen
     time: float = 0.0
     warmth: float = 0.0
-    parts: list[tuple[FloatArray, ...]] = field(default_factory=list)
+    row_blocks: list[tuple[FloatArray, ...]] = field(default_factory=list)
 
     def append(self, current: FloatArray, gap: float) -> FloatArray:
         """Append a path; return the times of its samples, s."""
@@ -227,32 +224,32 @@ class _DriveLog:
         else:
             warmth = winding.warmth_along(current, sample, self.warmth)
             self.warmth = float(warmth[-1])
-        self.parts.append((time, current, np.full(current.size, gap), warmth))
+        self.row_blocks.append((time, current, np.full(current.size, gap), warmth))
         self.time = float(time[-1])
         return time
 
     def rest(self, seconds: float, gap: float) -> None:
-        """Append a rest without current."""
+        """Append a time without current."""
         count = int(np.ceil(seconds / self.specimen.sample_s))
         if count > 0:
             self.append(np.zeros(count), gap)
 
     def cool_for(self, current: FloatArray, gap: float) -> None:
-        """Append a rest that is long enough for the winding to stay cool during a path."""
+        """Append a time without current, so that the winding stays cool during a path."""
         winding = self.specimen.winding
         if winding is not None:
             max_warmth = winding.max_start_warmth(current, self.specimen.sample_s)
             self.rest(winding.rest_time(self.warmth, max_warmth), gap)
 
     def history(self) -> DriveHistory:
-        return DriveHistory(*(np.concatenate(column) for column in zip(*self.parts, strict=True)))
+        return DriveHistory(*(np.concatenate(column) for column in zip(*self.row_blocks, strict=True)))
 
 
 def measure_gaps(specimen: Specimen, progress: Progress | None = None) -> Excitation:
     """Measure loops at every gap, within the limits.
 
-    Gaps are measured from the largest to the smallest. The flux increases from gap to gap, so that
-    conditioning removes the history of earlier gaps. A probe at each gap raises the current once
+    The measurement begins at the largest gap. From gap to gap, the flux increases, so that
+    conditioning removes the history of earlier gaps. At each gap, a probe raises the current once
     until current, force or winding reaches its limit. This peak limits all records at the gap.
     """
     assert specimen.held_rig is not None
@@ -284,37 +281,40 @@ def measure_gaps(specimen: Specimen, progress: Progress | None = None) -> Excita
 
 
 def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None = None) -> Excitation:
-    """Measure loops of a piezo stage in one continuous drive after long rest at 0 V, with creep."""
+    """Measure the loops of a piezo stage in one continuous drive, including its creep.
+
+    The stage has been at 0 V for a long time before.
+    """
     log, thermal_peak, no_gap = _DriveLog(specimen), find_thermal_peak(specimen), math.nan
     seed = [rig.settings.seed, _PROBE_SEED]
     rise = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     log.append(np.concatenate([rise, rise[::-1]]), no_gap)
     probe_answer = measure_stack_displacement(rig, log.history().current, specimen.sample_s, seed)
-    probed = evaluate_probe(specimen, no_gap, rise, probe_answer[: rise.size].tolist(), thermal_peak)
-    records = design_records(specimen, probed.peak.value, probed.operating_current)
-    times = []
+    probe_result = evaluate_probe(specimen, no_gap, rise, probe_answer[: rise.size].tolist(), thermal_peak)
+    records = design_records(specimen, probe_result.peak.value, probe_result.operating_current)
+    output_times = []
     for record in records:
         log.append(record.approach, no_gap)
         log.rest(specimen.pause_s, no_gap)
-        times.append(log.append(record.path, no_gap))
-    played = log.history()
-    read = measure_stack_displacement(rig, played.current, specimen.sample_s, seed)
+        output_times.append(log.append(record.path, no_gap))
+    drive_history = log.history()
+    read_displacement = measure_stack_displacement(rig, drive_history.current, specimen.sample_s, seed)
     loops = []
-    for count, (record, time) in enumerate(zip(records, times, strict=True)):
+    for count, (record, time) in enumerate(zip(records, output_times, strict=True)):
         begin = round(time[0] / specimen.sample_s) - 1
-        answer = read[begin : begin + time.size]
-        loops.append(Loop(record.name, record.path, answer, None, time, record.history))
+        displacement = read_displacement[begin : begin + time.size]
+        loops.append(Loop(record.name, record.path, displacement, None, time, record.history))
         if progress is not None:
             progress(count + 1, len(records))
     names = QUANTITIES[specimen.drive], QUANTITIES[specimen.output]
-    notes = tuple(describe_restrictions(specimen, [probed]))
-    return Excitation(Loops(tuple(loops), *names), specimen, (probed,), played, notes)
+    notes = tuple(describe_restrictions(specimen, [probe_result]))
+    return Excitation(Loops(tuple(loops), *names), specimen, (probe_result,), drive_history, notes)
 
 
 def _probe_gap(
     specimen: Specimen, magnet: HeldMagnet, log: _DriveLog, gap: float, number: int, thermal_peak: Bound
 ) -> ProbedGap:
-    """Raise the current once until a quantity reaches its limit, and return to zero."""
+    """Raise the current once until a quantity reaches its limit, then return to zero."""
     assert specimen.held_rig is not None
     path = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     log.cool_for(np.concatenate([path, path[::-1]]), gap)
@@ -325,36 +325,36 @@ def _probe_gap(
         if forces[-1] >= PROBE_FORCE_RATIO * specimen.max_force.value:
             break
     magnet.hold(0.0, gap)
-    driven = path[: len(forces)]
-    log.append(np.concatenate([driven, driven[::-1]]), gap)
-    return evaluate_probe(specimen, gap, driven, forces, thermal_peak)
+    driven_path = path[: len(forces)]
+    log.append(np.concatenate([driven_path, driven_path[::-1]]), gap)
+    return evaluate_probe(specimen, gap, driven_path, forces, thermal_peak)
 
 
 def evaluate_probe(
-    specimen: Specimen, gap: float, driven: FloatArray, forces: Sequence[float], thermal_peak: Bound
+    specimen: Specimen, gap: float, driven_path: FloatArray, forces: Sequence[float], thermal_peak: Bound
 ) -> ProbedGap:
     """Evaluate the first increase of the current at a gap."""
     peak = thermal_peak
     if forces[-1] >= PROBE_FORCE_RATIO * specimen.max_force.value:
-        # The previous sample is certainly below the limit.
-        peak = Bound(float(driven[max(driven.size - 2, 0)]), specimen.max_force.key)
-    if driven.size < 3:
+        # The sample before it is certainly below the limit.
+        peak = Bound(float(driven_path[max(driven_path.size - 2, 0)]), specimen.max_force.key)
+    if driven_path.size < 3:
         raise InputError(
             f"{specimen.max_force.key}: at {1e3 * gap:g} mm {specimen.max_force.value:g} N are reached at "
-            f"{driven[-1]:.3g} A, which is too small for a loop; raise the limit",
+            f"{driven_path[-1]:.3g} A, which is too small for a loop; raise the limit",
             code="force-limit-too-low",
             key=specimen.max_force.key,
         )
-    sufficient = np.flatnonzero(np.array(forces) >= specimen.operating_force.value)
-    min_operating, max_operating = (share * peak.value for share in OPERATING_RANGE)
-    bias = float(driven[sufficient[0]]) if sufficient.size else np.inf
+    sufficient_samples = np.flatnonzero(np.array(forces) >= specimen.operating_force.value)
+    min_operating, max_operating = (operating_fraction * peak.value for operating_fraction in OPERATING_RANGE)
+    bias = float(driven_path[sufficient_samples[0]]) if sufficient_samples.size else np.inf
     operating = min(max(bias, min_operating), max_operating)
-    required_rate = _required_rate(specimen, driven, np.array(forces), operating)
+    required_rate = _required_rate(specimen, driven_path, np.array(forces), operating)
     return ProbedGap(gap, peak, max(forces), operating, bias == operating, required_rate)
 
 
 def _required_rate(specimen: Specimen, current: FloatArray, force: FloatArray, operating: float) -> float:
-    """Return the rate of the current for the fastest demanded change of the force, A/s."""
+    """Return the rate of the current that the fastest demanded change of the force requires, A/s."""
     is_near = np.abs(current - operating) <= SLOPE_WINDOW_RATIO * current[-1]
     if specimen.demanded_force_rate == 0.0 or np.count_nonzero(is_near) < 3:
         return 0.0
@@ -365,7 +365,7 @@ def _required_rate(specimen: Specimen, current: FloatArray, force: FloatArray, o
 def _record_loop(
     specimen: Specimen, magnet: HeldMagnet, sensors: Sensors, log: _DriveLog, gap: float, record: Record
 ) -> Loop:
-    """Bring the iron into the initial state of a record, and measure it."""
+    """Bring the iron into the initial state of a record, then measure the record."""
     log.cool_for(record.full_path(specimen.sample_s), gap)
     log.append(record.approach, gap)
     for reversal in record.approach_reversals:
@@ -375,11 +375,11 @@ def _record_loop(
     seconds = record.sample_s if record.is_fast else math.inf
     current, force = measure_path(magnet, sensors, gap, record.path, seconds)
     label = f"{1e3 * gap:g}mm-{record.name}"
-    above = np.flatnonzero(np.abs(force) > specimen.max_force.value)
-    if above.size:
+    overload_samples = np.flatnonzero(np.abs(force) > specimen.max_force.value)
+    if overload_samples.size:
         raise InputError(
-            f"{specimen.max_force.key}: {label} reads {force[above[0]]:.4g} N at "
-            f"{current[above[0]]:.4g} A, more than {specimen.max_force.value:g} N, although the "
+            f"{specimen.max_force.key}: {label} reads {force[overload_samples[0]]:.4g} N at "
+            f"{current[overload_samples[0]]:.4g} A, more than {specimen.max_force.value:g} N, although the "
             "probe at this gap stayed below; lower excite.current_max_A",
             code="force-above-limit",
             key=specimen.max_force.key,
@@ -388,7 +388,7 @@ def _record_loop(
 
 
 def check_operating_force(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) -> None:
-    """Raise an InputError if the operating force is not reached at any gap."""
+    """Raise an InputError if the operating force cannot be reached at any gap."""
     if any(probed_gap.is_force_reached for probed_gap in probed_gaps):
         return
     best_gap = max(probed_gaps, key=lambda probed_gap: probed_gap.largest_force)
@@ -405,25 +405,25 @@ def check_operating_force(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
 
 
 def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) -> list[str]:
-    """Describe the restrictions of the design, with the keys that cause them."""
+    """Describe the restrictions of the design, and the keys that cause them."""
     notes = []
-    unit, answer = specimen.units
+    unit, output_name = specimen.units
     if specimen.sweep_rate > specimen.max_rate.value:
         notes.append(
             f"current changes by {specimen.max_rate.value:.4g} A/s instead of {specimen.sweep_rate:.4g} A/s: "
             f"{specimen.max_rate.key}"
         )
-    for place in probed_gaps:
-        prefix = f"{1e3 * place.gap:g} mm: " if specimen.gaps else ""
-        if place.peak.value < specimen.max_current.value:
+    for probed_gap in probed_gaps:
+        prefix = f"{1e3 * probed_gap.gap:g} mm: " if specimen.gaps else ""
+        if probed_gap.peak.value < specimen.max_current.value:
             notes.append(
-                f"{prefix}largest current {place.peak.value:.4g} A instead of "
-                f"{specimen.max_current.value:.4g} A: {place.peak.key}"
+                f"{prefix}largest current {probed_gap.peak.value:.4g} A instead of "
+                f"{specimen.max_current.value:.4g} A: {probed_gap.peak.key}"
             )
-        if not place.is_force_reached:
+        if not probed_gap.is_force_reached:
             notes.append(
-                f"{prefix}minor loops about {place.operating_current:.4g} {unit}, which does not give the "
-                f"{specimen.operating_force.value:.4g} {answer} of {specimen.operating_force.key}"
+                f"{prefix}minor loops about {probed_gap.operating_current:.4g} {unit}, which does not give the "
+                f"{specimen.operating_force.value:.4g} {output_name} of {specimen.operating_force.key}"
             )
     if not all(can_demagnetise(specimen, place.peak.value) for place in probed_gaps):
         notes.append(
@@ -475,19 +475,19 @@ def excite(
     if sidecar.exists() and not is_sidecar(sidecar):
         raise InputError(f"{sidecar}: is not a sidecar of loops; write to another file", code="not-a-sidecar")
     try:
-        measured = (measure or source.measure)(source.specimen, progress)
+        excitation = (measure or source.measure)(source.specimen, progress)
     except InputError as error:
         raise error.with_location(rig) from error
-    write_excitation(measured, Path(rig), file)
-    return measured
+    write_excitation(excitation, Path(rig), file)
+    return excitation
 
 
-def write_excitation(measured: Excitation, rig: Path, out: Path) -> None:
+def write_excitation(excitation: Excitation, rig: Path, out: Path) -> None:
     """Write measured loops, and the sidecar that states their history."""
-    lines = [f"# measured by anhyst excite {rig.name}", *(f"# {note}" for note in measured.notes)]
-    histories = {loop.label: str(loop.history) for loop in measured.loops.loops}
+    lines = [f"# measured by anhyst excite {rig.name}", *(f"# {note}" for note in excitation.notes)]
+    histories = {loop.label: str(loop.history) for loop in excitation.loops.loops}
     lines += ["", "[history]"]
     lines += [f"{toml_key(label)} = {toml_value(history)}" for label, history in histories.items()]
     with atomic_writer(out.with_suffix(".toml")) as file:
         file.write("\n".join(lines) + "\n")
-    measured.loops.save(out)
+    excitation.loops.save(out)

@@ -1,8 +1,7 @@
 """Measure loops with a running force controller: it drives the current, and its sensors measure.
 
-The controller uses a constant ratio instead of the compensation, so a demand sets a current.
-Reversal points are demanded one after another. Between them the demand has the controller's slew
-rate.
+The controller uses a constant ratio instead of the compensation, so that a demand sets a current.
+The demand moves from reversal point to reversal point at the controller's slew rate.
 """
 
 from __future__ import annotations
@@ -44,24 +43,22 @@ from anhyst_rigs.study.excite.excite import (
 )
 
 _DWELL_S = 0.02
-"""Time at each reversal point, s. The amplifier settles in the first half; the second is one
-sample."""
+"""Time at each reversal point, s: the amplifier settles in one half; the other is one sample."""
 _READ_INTERVAL_S = 0.01
-"""Time between two reads of the bench, s."""
+"""Time from one read of the bench to the next, s."""
 _STATE_TIMEOUT_S = 30.0
-"""Timeout for a change of state, s; the controller reduces a current along its ramp."""
+"""Timeout for a change of state, in which the controller reduces a current along its ramp, s."""
 _START_TIMEOUT_S = 2.0
-"""Timeout for the start of a run, s; somebody may have stopped it already."""
+"""Timeout for the start of a run, s. Somebody may have stopped it already."""
 _GAP_TOLERANCE_RATIO = 0.01
-"""Largest deviation of the held gap from a gap of the rig file, as a fraction of the largest gap.
-"""
+"""Largest deviation of the held gap from one in the rig file, as a fraction of the largest gap."""
 _DEMAND_TOLERANCE_RATIO = 1e-7
-"""Demands that differ by less than this fraction of the full demand are equal."""
+"""Difference below which two demands count as equal, as a fraction of the full demand."""
 _REQUIRED_SIGNALS = ("force", "current", "demand", "gap", "state", "fault")
 
 
 class DrivenBoard(Protocol):
-    """Part of :class:`anhyst_rigs.rig.bench.protocol.Bench` that a measurement uses."""
+    """The members of :class:`anhyst_rigs.rig.bench.protocol.Bench` that a measurement uses."""
 
     @property
     def rate(self) -> float:
@@ -73,15 +70,15 @@ class DrivenBoard(Protocol):
 
     @property
     def signals(self) -> tuple[Signal, ...]:
-        """Columns of the rows after the tick."""
+        """Columns of the rows, after the tick number."""
 
     @property
     def ticks_per_row(self) -> int:
-        """Ticks between two rows."""
+        """Number of ticks from one row to the next."""
 
     @property
     def loss_reason(self) -> str:
-        """Reason of a lost connection; empty while the controller answers."""
+        """Why the connection is lost; empty while the controller answers."""
 
     def advance(self, ticks: int) -> FloatArray:
         """Wait for some ticks, and return all new rows."""
@@ -93,7 +90,7 @@ class DrivenBoard(Protocol):
         """Demand a force, N."""
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Return the settings with their current values."""
+        """Return the settings with their present values."""
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Write settings."""
@@ -102,11 +99,11 @@ class DrivenBoard(Protocol):
 def measure_on_board(specimen: Specimen, bench: DrivenBoard, progress: Progress | None = None) -> Excitation:
     """Measure loops within the limits, at the gap at which the armature is held.
 
-    Finally, the controller is stopped and its previous settings are restored. It becomes idle if it
-    was idle before.
+    Finally, the controller is stopped and its previous settings are restored. If it was idle
+    before, it becomes idle again.
     """
     drive = BoardDrive(specimen, bench)
-    # Boards read too slowly for fast cycles.
+    # Boards are read too slowly for fast cycles.
     board_specimen = replace(specimen, gaps=(drive.gap,), max_current=drive.max_current, fast_rates=())
     thermal_peak = find_thermal_peak(board_specimen)
     loops: list[Loop] = []
@@ -132,7 +129,7 @@ def measure_on_board(specimen: Specimen, bench: DrivenBoard, progress: Progress 
 
 
 class BoardDrive:
-    """Drives a current through the constant ratio of a force controller."""
+    """A drive that sets currents through the constant ratio of a force controller."""
 
     def __init__(self, specimen: Specimen, bench: DrivenBoard) -> None:
         self._specimen, self._bench = specimen, bench
@@ -175,14 +172,14 @@ class BoardDrive:
         return nearest_gap
 
     def begin(self, rate: float) -> None:
-        """Prepare to drive a current with this rate, A/s, from zero current."""
+        """Prepare to drive currents from zero on, with a rate in A/s."""
         if self._state() is State.RUN:
             self._bench.command(Command.STOP)
             self._wait_for_state(State.READY)
         self._was_idle = self._state() is State.IDLE
         if self._was_idle:
-            # Conditioning would use the compiled range. The assumed hysteresis state does not
-            # matter, because the controller becomes idle again.
+            # Conditioning would use the compiled range instead. The hysteresis state that the
+            # controller assumes does not matter, because the controller becomes idle again.
             self._bench.command(Command.DEMAGNETISED)
             self._wait_for_state(State.READY)
         slew = rate / self._ratio
@@ -195,7 +192,7 @@ class BoardDrive:
         """Reduce the current to zero, and restore the settings; ignore a lost controller."""
         with suppress(InputError):
             if self._state() is State.RUN:
-                with suppress(RequestRefusedError):  # somebody else has just stopped it
+                with suppress(RequestRefusedError):  # Somebody else has just stopped it.
                     self._bench.command(Command.STOP)
                 self._wait_for_state(State.READY)
             names = ("compensation", "ratio", "demand_slew")
@@ -204,42 +201,42 @@ class BoardDrive:
                 self._bench.command(Command.IDLE)
 
     def drive_to(self, current: float) -> tuple[FloatArray, FloatArray]:
-        """Drive the current to a value, A, and dwell; return current and force samples."""
+        """Drive the current to a value, A, and dwell; return samples of current and force."""
         force = min(current / self._ratio, self._bench.demand_range.high)
         self._bench.demand(force)
-        parts = [self._read_running_rows(self._chunk_ticks)]
+        row_blocks = [self._read_running_rows(self._chunk_ticks)]
         end = self._elapsed_s() + self._drive_timeout_s
-        while self._is_driving(parts[-1][-1:], force).any():
+        while self._is_driving(row_blocks[-1][-1:], force).any():
             if self._elapsed_s() > end:
                 raise InputError(
                     f"measure: the controller does not reach a demand of {force:g} N",
                     code="demand-not-reached",
                     key="measure",
                 )
-            parts.append(self._read_running_rows(self._chunk_ticks))
-        driven = np.concatenate(parts)
+            row_blocks.append(self._read_running_rows(self._chunk_ticks))
+        driven = np.concatenate(row_blocks)
         driven = driven[self._is_driving(driven, force)]
         blocks = [
             driven[at : at + self._rows_per_sample] for at in range(0, len(driven), self._rows_per_sample)
         ]
         dwell = self._read_running_rows(max(4, round(_DWELL_S * self._bench.rate)))
-        parts = [
+        row_blocks = [
             *(block for block in blocks if len(block) == self._rows_per_sample),
             dwell[len(dwell) // 2 :],
         ]
-        samples = np.array([part[:, self._read_indices].mean(axis=0) for part in parts])
+        samples = np.array([sample_rows[:, self._read_indices].mean(axis=0) for sample_rows in row_blocks])
         return samples[:, 0], samples[:, 1]
 
     def _is_driving(self, rows: FloatArray, force: float) -> NDArray[np.bool_]:
-        """Return in which rows the demand has not reached its target yet."""
-        differs: NDArray[np.bool_] = (
+        """Return, for each row, whether the demand has not reached its target yet."""
+        is_different: NDArray[np.bool_] = (
             np.abs(rows[:, self._column_indices["demand"]] - force)
             > _DEMAND_TOLERANCE_RATIO * self._bench.demand_range.high
         )
-        return differs
+        return is_different
 
     def wait_until_cool(self, path: FloatArray) -> None:
-        """Wait without current until a path, A, keeps the winding cool enough."""
+        """Wait without current until the winding can stay cool enough during a path, A."""
         winding, sample = self._specimen.winding, self._specimen.sample_s
         if winding is None:
             return
@@ -248,7 +245,7 @@ class BoardDrive:
             self._read_running_rows(self._chunk_ticks)
 
     def drive_history(self) -> DriveHistory:
-        """Return the measured current as means over 10 ms."""
+        """Return the measured current, averaged over 10 ms."""
         time, current, warmth = np.array(self._samples).T
         return DriveHistory(time - time[0], current, np.full(time.size, self.gap), warmth)
 
@@ -256,7 +253,7 @@ class BoardDrive:
         return float(self._samples[-1][0]) if self._samples else 0.0
 
     def _read_rows(self) -> FloatArray:
-        """Return the next rows; wait until there are some."""
+        """Wait for the next rows and return them."""
         rows = self._bench.advance(self._chunk_ticks)
         while not len(rows):
             if self._bench.loss_reason:
@@ -274,11 +271,11 @@ class BoardDrive:
         return rows
 
     def _read_running_rows(self, ticks: int) -> FloatArray:
-        """Return rows of a number of ticks in a run; stop at the force limit."""
-        parts = [self._read_rows()]
-        while parts[-1][-1, 0] - parts[0][0, 0] < ticks - self._bench.ticks_per_row:
-            parts.append(self._read_rows())
-        rows = np.concatenate(parts)
+        """Return the rows of a number of ticks of a run; stop at the force limit."""
+        row_blocks = [self._read_rows()]
+        while row_blocks[-1][-1, 0] - row_blocks[0][0, 0] < ticks - self._bench.ticks_per_row:
+            row_blocks.append(self._read_rows())
+        rows = np.concatenate(row_blocks)
         last_row = rows[-1]
         state = State(int(last_row[self._column_indices["state"]]))
         fault = Fault(int(last_row[self._column_indices["fault"]]))
@@ -291,7 +288,7 @@ class BoardDrive:
             )
         force, limit = rows[:, self._column_indices["force"]], self._specimen.max_force
         largest = int(np.argmax(force))
-        if not force[largest] <= limit.value:  # the reading may be nan
+        if not force[largest] <= limit.value:  # The reading may be nan.
             self._bench.demand(0.0)
             raise InputError(
                 f"{limit.key}: {force[largest]:.4g} N are read at "
@@ -306,7 +303,7 @@ class BoardDrive:
         return State(int(self._read_rows()[-1, self._column_indices["state"]]))
 
     def _wait_for_state(self, goal: State, timeout_s: float = _STATE_TIMEOUT_S) -> None:
-        """Wait for a state of the controller."""
+        """Wait until the controller is in a state."""
         end = time.monotonic() + timeout_s
         while (state := self._state()) is not goal:
             if state is State.FAULT or time.monotonic() > end:
@@ -319,7 +316,7 @@ class BoardDrive:
 
 
 def _probe_gap(specimen: Specimen, drive: BoardDrive, thermal_peak: Bound) -> ProbedGap:
-    """Raise the current once until a quantity reaches its limit, and return to zero."""
+    """Raise the current once until a quantity reaches its limit, then return to zero."""
     path = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     drive.wait_until_cool(np.concatenate([path, path[::-1]]))
     forces: list[float] = []
@@ -332,18 +329,18 @@ def _probe_gap(specimen: Specimen, drive: BoardDrive, thermal_peak: Bound) -> Pr
 
 
 def _record_loop(drive: BoardDrive, record: Record) -> Loop:
-    """Bring the iron into the initial state of a record, and measure it."""
+    """Bring the iron into the initial state of a record, then measure the record."""
     drive.wait_until_cool(record.full_path(record.sample_s))
     for reversal in record.approach_reversals:
         drive.drive_to(reversal)
-    parts = [drive.drive_to(turn) for turn in _reversals(record.path)]
-    current, force = (np.concatenate(part) for part in zip(*parts, strict=True))
+    sample_blocks = [drive.drive_to(reversal_value) for reversal_value in _find_reversals(record.path)]
+    current, force = (np.concatenate(column_blocks) for column_blocks in zip(*sample_blocks, strict=True))
     label = f"{1e3 * drive.gap:g}mm-{record.name}"
     return Loop(label, current, force, np.full(current.size, drive.gap), history=record.history)
 
 
-def _reversals(path: FloatArray) -> list[float]:
-    """Return the ends and reversal points of a path."""
+def _find_reversals(path: FloatArray) -> list[float]:
+    """Return the ends and the reversal points of a path."""
     directions = np.sign(np.diff(path))
     indices = 1 + np.flatnonzero(directions[1:] != directions[:-1])
     return [float(reversal) for reversal in path[[0, *indices, path.size - 1]]]

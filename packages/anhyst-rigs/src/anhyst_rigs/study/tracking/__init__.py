@@ -1,1 +1,1 @@
-"""Tracking of set-points with feedforward: effect of hysteresis compensation on a stage."""
+"""Simulate stages that follow set-points with feedforward, with and without compensation."""

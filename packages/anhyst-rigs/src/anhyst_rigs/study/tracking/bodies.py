@@ -2,10 +2,9 @@
 
 For a stage, the wrench of all magnets is compared with the motion of the body. Moments are divided
 by the radius of gyration about their axis, so that all compared components are in N. The model
-neglects that the lines of force move with the body by micrometres.
-
-For a bearing, the net force of the magnets is compared, positive if it closes the gap. The load is
-the recorded one or that of the rig file; the parameter ``bias_N`` estimates a constant error of it.
+neglects that the lines of force move with the body by micrometres. For a bearing, the net force of
+the magnets is compared, positive if it closes the gap. The load is the recorded one or that of the
+rig file; the parameter ``bias_N`` is the estimate of a constant error of this load.
 """
 
 from __future__ import annotations
@@ -57,25 +56,24 @@ from anhyst_rigs.study.tracking.motion import (
 _DERIVATIVE_STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE_PARAMETERS, 1e-3)}
 """Step of each body parameter for finite-difference derivatives."""
 COMPARISON_START_S = 0.01
-"""Time of the first comparison, s. Before it, the magnets take up the weight in one step, and the
+"""Time of the first comparison, s. Before, the magnets take up the weight in one step, and the
 currents do not follow their commands."""
 
 
 SPEED_WINDOW_TICKS = 20
-"""Distance in ticks of the two positions whose difference gives the speed at the start of a
-recording."""
+"""Number of ticks between the two positions that give the speed at the start of a recording."""
 CALIBRATABLE_METHODS: tuple[MethodName, ...] = ("single-valued", "play", "at-rest", "full", "flux", "fused")
-"""Methods that a motion can correct."""
+"""Methods that can be calibrated from a motion."""
 _UNUSED_PARAMETERS: Mapping[MethodName, tuple[str, ...]] = {
     "single-valued": ("width",),
     **dict.fromkeys(FLUX_PROBE_METHODS, ("gap_zero", "width", "lag")),
 }
-"""Parameters that a method does not use, by the beginning of their names."""
+"""Prefixes of the names of the parameters that each method does not use."""
 
 
 @dataclass(frozen=True)
 class StageMotion(Motion):
-    """Recorded motion of a stage, with one component for each free coordinate."""
+    """The recorded motion of a stage, with one component for each free coordinate."""
 
     @property
     def comparisons_per_tick(self) -> int:
@@ -83,14 +81,14 @@ class StageMotion(Motion):
         return len(self.rig.settings.body.free)
 
     def filter_wrench(self, wrench: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
-        """Filter a wrench and return it as one row, N.
+        """Filter a wrench, and return all components as a one-dimensional array, N.
 
         Moments are divided by the radius of gyration.
         """
-        filtered = [
+        filtered_wrench = [
             self.filter_force(component, delay_ticks) for component in (wrench / self.gyration_radii).T
         ]
-        return np.column_stack(filtered).ravel()
+        return np.column_stack(filtered_wrench).ravel()
 
     @cached_property
     def gyration_radii(self) -> FloatArray:
@@ -112,7 +110,7 @@ class StageMotion(Motion):
 
     @cached_property
     def measured_force(self) -> FloatArray:
-        """Masses times accelerations, filtered, N."""
+        """Mass matrix times acceleration, filtered, N."""
         return self.filter_wrench(self._acceleration @ mass_matrix(self.rig.settings))
 
     @cached_property
@@ -122,18 +120,18 @@ class StageMotion(Motion):
 
     @cached_property
     def force_per_unit(self) -> Mapping[ParameterName, FloatArray]:
-        """Force that each parameter of the body causes, per unit of the parameter, filtered, N."""
+        """Force that a unit of each body parameter causes, filtered, N."""
         file, forces = self.rig.settings, {}
         for name, step in _DERIVATIVE_STEPS.items():
-            changed = assumed_rig(self.rig, {name: step}).settings
-            inertial_force = self._acceleration @ (mass_matrix(changed) - mass_matrix(file))
+            changed_file = assumed_rig(self.rig, {name: step}).settings
+            inertial_force = self._acceleration @ (mass_matrix(changed_file) - mass_matrix(file))
             forces[name] = (
-                self.filter_wrench(weight_wrench(changed) - weight_wrench(file) - inertial_force) / step
+                self.filter_wrench(weight_wrench(changed_file) - weight_wrench(file) - inertial_force) / step
             )
-        along = scan_direction(file)
-        travel = (self._pose - self._pose[0]) @ along
-        forces["bias_N"] = self.filter_wrench(np.tile(along, (travel.size, 1)))
-        forces["cable_N_per_m"] = self.filter_wrench(-np.outer(travel, along))
+        scan_axis = scan_direction(file)
+        travel = (self._pose - self._pose[0]) @ scan_axis
+        forces["bias_N"] = self.filter_wrench(np.tile(scan_axis, (travel.size, 1)))
+        forces["cable_N_per_m"] = self.filter_wrench(-np.outer(travel, scan_axis))
         return forces
 
     @property
@@ -145,7 +143,7 @@ class StageMotion(Motion):
 
     @property
     def force_noise(self) -> float:
-        """Standard deviation of the measured force from the noise of the heads, N."""
+        """Standard deviation of the measured force that the noise of the heads causes, N."""
         file = self.rig.settings
         head_gain = mass_matrix(file) @ np.linalg.pinv(head_rows(file)) / self.gyration_radii[:, None]
         rms_gain = float(np.linalg.norm(head_gain)) / math.sqrt(self.comparisons_per_tick)
@@ -153,7 +151,7 @@ class StageMotion(Motion):
 
     @cached_property
     def compared_indices(self) -> NDArray[np.intp]:
-        """Indices of compared samples: all coordinates at ticks with a large demand."""
+        """Indices of the compared samples: all coordinates at all ticks with a large demand."""
         interval_ticks = max(1, round(1.0 / (COMPARISON_RATE_HZ * self.rig.dt)))
         min_demand_N = MIN_DEMAND_RATIO * self.rig.settings.tracking.force_max_N
         demand_N = np.linalg.norm(
@@ -165,29 +163,30 @@ class StageMotion(Motion):
 
 
 class StageLaw(MotionLaw):
-    """Hysteresis model of one method for every magnet of a stage."""
+    """The hysteresis model of one method, applied to every magnet of a stage."""
 
     def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         self.rig, self.method = rig, method
         self.compensator = cache(lambda width: fit_method_compensator(rig, magnet, method, width))
         self._current_per_root_force = cache(lambda: current_per_root_force(self.compensator(0.0), rig))
         self._cached_motion: StageMotion | None = None
-        # forces of single magnets along that motion, N
+        # forces of single magnets along the cached motion, N
         self._cached_forces: dict[tuple[object, ...], FloatArray] = {}
         self._magnet_numbers = range(1, len(rig.settings.body_magnets) + 1)
-        unused = _UNUSED_PARAMETERS.get(method, ())
+        unused_names = _UNUSED_PARAMETERS.get(method, ())
         if rig.settings.magnet.is_bidirectional:
-            unused += ("lag",)  # its force is proportional to the current, not to its square
-        self.names = [name for name in rig.parameter_names if not name.startswith(unused)]
+            # The force of this magnet is proportional to the current, not to its square.
+            unused_names += ("lag",)
+        self.names = [name for name in rig.parameter_names if not name.startswith(unused_names)]
         coordinate_count = len(rig.settings.body.free)
-        # With one coordinate, a gap zero and the scale of its magnet have the same effect. If both
-        # were estimated, both would drift to their bounds in many motions.
-        frozen = ("gap_zero",) if coordinate_count == 1 else ()
-        self.estimable_names = [name for name in self.names if not name.startswith(frozen)]
+        # With one coordinate, an error of the gap zero and an error of the magnet's scale have the
+        # same effect. If both were estimated, both would drift to their bounds in many motions.
+        fixed_names = ("gap_zero",) if coordinate_count == 1 else ()
+        self.estimable_names = [name for name in self.names if not name.startswith(fixed_names)]
         self.force_max = rig.settings.tracking.force_max_N
-        # Tuned values: 0.0015 and 0.9 with six coordinates, 0.0023 and 0.85 with one. With a
-        # smaller sigma, many motions fit errors of the model; with a larger one, a motion gives
-        # little information. With more coordinates, model errors spread over them.
+        # These values were tuned: 0.0015 and 0.9 with six coordinates, 0.0023 and 0.85 with one.
+        # With a smaller sigma, many motions fit errors of the model. With a larger sigma, a motion
+        # gives little information. With more coordinates, model errors are distributed over all.
         self.comparison_sigma_ratio = 0.0015 * (6.0 / coordinate_count) ** 0.25
         self.max_sigma_ratio = 0.84 + 0.01 * coordinate_count
         self.max_residual_ratio = 0.0075 if method == "play" else 0.0037
@@ -200,12 +199,12 @@ class StageLaw(MotionLaw):
         self.optional_columns = [] if rig.settings.hall_probe is None else probe_columns
 
     def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
-        """Return the methods that the recordings cannot calibrate."""
+        """Return the methods that the given recordings cannot calibrate."""
         has_probes = all(name in motion.columns for motion in motions for name in self.optional_columns)
         return () if self.optional_columns and has_probes else FLUX_PROBE_METHODS
 
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return a fault if a recording begins in motion; its hysteresis state is then unknown."""
+        """Return a fault if a recording begins in motion, because its hysteresis state is unknown."""
         file, pose_names = self.rig.settings, pose_columns(self.rig.settings.body.free)
         position_names = [name for name in pose_names if name.endswith("_m")] or pose_names
         position = np.column_stack([columns[name] for name in position_names])
@@ -215,7 +214,7 @@ class StageLaw(MotionLaw):
         max_noise_speed = 10.0 * file.position_sensor.noise_m / (SPEED_WINDOW_TICKS * self.rig.dt)
         if abs(columns["demand_N"][0] + weight_along_scan(file)) > MIN_DEMAND_RATIO * self.force_max:
             return ColumnFault("begins in motion", "demand_N")
-        # a body that carries its weight falls until currents flow
+        # If the magnets carry the weight, the body falls until currents flow.
         fall_speed = (
             abs(file.body.gravity_m_per_s2) * SPEED_WINDOW_TICKS * self.rig.dt * weight_wrench(file).any()
         )
@@ -223,7 +222,7 @@ class StageLaw(MotionLaw):
         return ColumnFault("begins in motion", position_names[0]) if is_moving else None
 
     def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
-        """Return a fault if the demand has the opposite sign of the motion, otherwise None."""
+        """Return a fault if the demand and the motion have opposite signs, or None."""
         assert isinstance(motion, StageMotion)
         correlation = float(
             motion.measured_force[motion.compared_indices] @ motion.demanded_force[motion.compared_indices]
@@ -233,7 +232,7 @@ class StageLaw(MotionLaw):
         return ColumnFault(text, demand_column) if correlation < 0.0 else None
 
     def make_motion(self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0) -> Motion:
-        """Make a motion from recorded columns."""
+        """Return the motion that recorded columns describe."""
         return StageMotion(self.rig, columns, first_compared_tick)
 
     def is_excited(self, motion: Motion, name: ParameterName) -> bool:
@@ -247,11 +246,11 @@ class StageLaw(MotionLaw):
         return bool(max_force > MIN_DEMAND_RATIO * self.force_max)
 
     def corrected_stage(self, calibration: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
-        """Return the stage whose controller uses a calibration; its plant may have drifted."""
+        """Return the stage with a controller corrected by a calibration, and with a plant drift."""
         return apply_calibration(self.rig, self.compensator, calibration, drift)
 
     def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
-        """Return the predicted wrench along a motion for some parameter values, filtered, N."""
+        """Return the wrench that the model predicts along a motion for given values, filtered, N."""
         assert isinstance(motion, StageMotion)
         body_forces = [values[name] * force for name, force in motion.force_per_unit.items()]
         magnet_forces = [self._magnet_force(motion, number, values) for number in self._magnet_numbers]
@@ -260,7 +259,7 @@ class StageLaw(MotionLaw):
     def _magnet_force(
         self, motion: StageMotion, number: int, values: Mapping[ParameterName, float]
     ) -> FloatArray:
-        """Return the filtered force components of one magnet, N; results are cached."""
+        """Return the filtered force components of one magnet, N. The results are cached."""
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
         gap_zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = round_to_grid("width", values.get(f"width_{number}", 0.0))
@@ -287,10 +286,10 @@ class StageLaw(MotionLaw):
     def _force_of_current(
         self, current: FloatArray, gap: FloatArray, width: float, lag_s: float
     ) -> FloatArray:
-        """Return the force of a current whose flux lags by ``lag_s``, N.
+        """Return the force of a current whose flux lags by the time ``lag_s``, N.
 
-        The lag is applied to the current as the slope of current over root force times the change
-        of the root. The controller's lead uses the same expression.
+        The current is reduced by the lag, times the slope of current over root force, times the
+        rate of change of this root. The lead in the controller uses the same expression.
         """
         force = self.compensator(width).reset_copy().follow(current, gap)
         if not lag_s:
@@ -300,7 +299,7 @@ class StageLaw(MotionLaw):
         return self.compensator(width).reset_copy().follow(lagged_current, gap)
 
     def _force_of_flux(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
-        """Return the force of a measured flux density, N, which is proportional to its square."""
+        """Return the force of a measured flux density, N, to whose square it is proportional."""
         parameters = self.compensator(0.0).parameters
         assert isinstance(parameters, FluxFeedback | FusedInverse)
         flux_per_root_force = parameters.loop.flux_table[:, -1] / math.sqrt(parameters.scales.demand)
@@ -309,23 +308,24 @@ class StageLaw(MotionLaw):
 
 
 REFERENCE_WINDOW_S = 0.06
-"""A tick is compared only if the reference moved within a window of this length, s."""
+"""Length of the window before a tick, s, in which the reference must move if the tick is compared.
+"""
 MIN_REFERENCE_CHANGE_RATIO = 0.02
-"""Smallest change of the reference in that window, as a fraction of the travel. At rest, a load
+"""Smallest change of the reference in this window, as a fraction of the travel. At rest, a load
 could not be distinguished from an error of the magnet."""
 RECORDED_LOAD_SIGMA_RATIO = 0.002
 """Standard deviation of a recorded load, as a fraction of the largest force."""
 ASSUMED_LOAD_SIGMA_RATIO = 0.1
-"""Standard deviation of the load of the rig file, as a fraction of that load."""
+"""Standard deviation of the load that the rig file gives, as a fraction of this load."""
 
 
 @dataclass(frozen=True)
 class BearingMotion(Motion):
-    """Recorded motion of a levitated armature."""
+    """The recorded motion of a levitated armature."""
 
     @cached_property
     def _inertial_force(self) -> FloatArray:
-        """Weight less mass times acceleration, filtered, N."""
+        """Weight minus mass times acceleration, filtered, N."""
         gap, body = self.columns["gap_read_m"], self.rig.settings.body
         opening_acceleration = np.full(gap.size, body.gravity_m_per_s2)
         opening_acceleration[1:-1] -= np.diff(gap, 2) / self.rig.dt**2
@@ -333,41 +333,41 @@ class BearingMotion(Motion):
 
     @cached_property
     def measured_force(self) -> FloatArray:
-        """Net force of the magnets that load and motion imply, filtered, N."""
+        """Net force of the magnets that follows from the load and the motion, filtered, N."""
         assumed_load = np.full(self.tick_numbers.size, self.rig.settings.load.force_N)
         return self._inertial_force + self.filter_force(self.columns.get("load_N", assumed_load))
 
     @property
     def force_rms(self) -> float:
-        """Reference force of relative residuals, rms, N; for a pair including both bias forces."""
+        """Rms force to which residuals are related, N; for a pair, it includes both bias forces."""
         return math.hypot(super().force_rms, math.sqrt(2.0) * (self.rig.settings.bias_N or 0.0))
 
     @cached_property
     def force_per_unit(self) -> Mapping[ParameterName, FloatArray]:
-        """Force that each parameter of the body causes, per unit of the parameter, filtered, N."""
+        """Force that a unit of each body parameter causes, filtered, N."""
         return {"bias_N": -np.ones(self.tick_numbers.size), "payload": -self._inertial_force}
 
     @property
     def force_noise(self) -> float:
-        """Standard deviation of the measured force from noise and resolution of the sensor, N."""
+        """Standard deviation of the measured force from the sensor's noise and resolution, N."""
         sensor = self.rig.settings.gap_sensor
         gap_noise = math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
         return self.rig.settings.body.mass_kg * gap_noise * self.noise_gain
 
     @cached_property
     def compared_indices(self) -> NDArray[np.intp]:
-        """Indices of compared ticks, in which the armature levitates and its reference moves."""
+        """Indices of the compared ticks: the armature levitates and its reference moves."""
         file, reference = self.rig.settings, self.columns["reference_m"]
         state = np.rint(self.columns["state"])
         if "phase" in self.columns:
             state = 16.0 * state + np.rint(self.columns["phase"])
         is_levitated = state == HOVER_CODE
-        # before levitation, the reference is the one of the lift-off
+        # before levitation, it is the reference of the lift-off
         levitated_reference = np.where(
             is_levitated, reference, file.gap_m if not is_levitated.any() else reference[is_levitated][0]
         )
         window = round(REFERENCE_WINDOW_S / self.rig.dt)
-        window_shift = (window - 1) // 2  # the window ends at the tick
+        window_shift = (window - 1) // 2  # The window ends at the compared tick.
         reference_change = maximum_filter1d(levitated_reference, window, origin=window_shift)
         reference_change -= minimum_filter1d(levitated_reference, window, origin=window_shift)
         min_change = MIN_REFERENCE_CHANGE_RATIO * (file.body.stop_high_m - file.body.stop_low_m)
@@ -379,12 +379,12 @@ class BearingMotion(Motion):
 
 
 class BearingLaw(MotionLaw):
-    """Hysteresis model of one method for each magnet of a bearing."""
+    """The hysteresis model of one method, applied to each magnet of a bearing."""
 
     comparison_sigma_ratio = 0.004
     max_sigma_ratio = 0.7
     max_residual_ratio = 0.0043
-    # the live page records the phase in addition to the controller's state
+    # The live page records the phase in a separate column next to the controller's state.
     optional_columns = ("load_N", "phase")
 
     def __init__(
@@ -413,11 +413,11 @@ class BearingLaw(MotionLaw):
         self.required_columns = ["t_s", "reference_m", "gap_read_m", *commands, "state"]
 
     def law_options(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
-        """Return whether the load was recorded in all motions."""
+        """Return, as a keyword argument, whether the load was recorded in all motions."""
         return {"is_load_recorded": all("load_N" in motion.columns for motion in motions)}
 
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return a fault if a recording begins while a current flows, otherwise None."""
+        """Return a fault if a current flows at the start of a recording, or None."""
         has_current = columns["command_A"][0] > 0.0
         return ColumnFault("begins while a current flows", "command_A") if has_current else None
 
@@ -434,19 +434,19 @@ class BearingLaw(MotionLaw):
         return super().prior_sigma(name)
 
     def make_motion(self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0) -> Motion:
-        """Make a motion from recorded columns."""
+        """Return the motion that recorded columns describe."""
         return BearingMotion(self.rig, columns, first_compared_tick)
 
     def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
-        """Return the predicted net force along a motion for some parameter values, filtered, N."""
+        """Return the net force that the model predicts for given parameters, filtered, N."""
         gap = motion.columns["gap_read_m"] - values["gap_zero_m"]
         gap = np.interp(motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap)
-        net = motion.force_per_unit["bias_N"] * values["bias_N"]
+        force = motion.force_per_unit["bias_N"] * values["bias_N"]
         for number, own_gap in enumerate(self.rig.magnet_gaps(gap), 1):
             width = values.get("width", values.get(f"width_{number}", 0.0))
             current = motion.columns[column_name("command", "A", number)]
             current = (1.0 + values[f"scale_{number}"]) * current
             compensator = self.compensator(round_to_grid("width", width)).reset_copy()
             magnet_force = compensator.follow(current, own_gap)
-            net = net + (-1.0) ** (number - 1) * motion.filter_force(magnet_force, motion.delay_ticks)
-        return net
+            force = force + (-1.0) ** (number - 1) * motion.filter_force(magnet_force, motion.delay_ticks)
+        return force

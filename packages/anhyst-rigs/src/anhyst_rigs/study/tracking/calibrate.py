@@ -1,7 +1,7 @@
 """Calibrate the magnets of a rig from recorded motion, and write the calibration file.
 
 The module checks each recording, computes its motion, and estimates the parameters of each method.
-The result lists the values with their uncertainty, and is written only if a method was accepted.
+The result contains the values with their uncertainty. It is written only if a method was accepted.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MIN_ROWS = 100
-"""Smallest number of rows of a recording."""
+"""Smallest number of rows in a recording."""
 MAX_READING = 1e30
-"""Largest absolute value of a reading, SI units; larger values are invalid."""
+"""Largest absolute value of a valid reading, SI units."""
 FILE_HEADER = """\
 # Calibration of the magnets of a rig from motion, written by anhyst calibrate. A rig file names it
 # as control.calibration. Values are ratios or have units in their names; the mass scales forces."""
 
 
 def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
-    """Read the required and optional columns of a file, SI units."""
+    """Read the required and the optional columns of a file, SI units."""
     table = read_columns(path, has_own_names=True)
     columns = {}
     for name in (*law.required_columns, *law.optional_columns):
@@ -59,20 +59,20 @@ def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
         values = table.get(quantity.name)
         if values is None:
             continue
-        header = table.headers[table.names.index(quantity.name)]
-        if header.quantity is not None and header.quantity.unit != quantity.unit:
+        column_title = table.headers[table.names.index(quantity.name)]
+        if column_title.quantity is not None and column_title.quantity.unit != quantity.unit:
             raise InputError(
-                f"{path}: column '{header.text}' is in {header.quantity.unit or 'no unit'}, but "
+                f"{path}: column '{column_title.text}' is in {column_title.quantity.unit or 'no unit'}, but "
                 f"{quantity.unit} is needed; record {name}",
                 code="unit-of-another-kind",
-                key=header.text,
+                key=column_title.text,
             )
         columns[name] = values
     return columns
 
 
 def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
-    """Check a recording and make its motion; it must hold every tick, from rest on."""
+    """Check a recording, and return its motion; it must contain every tick, beginning at rest."""
     if isinstance(recording, Recording):
         source, columns = "recording", recording.columns
     else:
@@ -96,7 +96,7 @@ def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
 
 
 def _check_ticks(rig: BodyRig, source: str, time: FloatArray) -> None:
-    """Reject a recording that is too short, has another rate, or lacks ticks."""
+    """Raise an error if a recording is too short, has another rate, or lacks ticks."""
     if time.size < MIN_ROWS:
         text = f"{source}: has {time.size} rows, but at least {MIN_ROWS} are needed; record a whole motion"
         raise InputError(text, code="too-short", key="t_s")
@@ -107,35 +107,35 @@ def _check_ticks(rig: BodyRig, source: str, time: FloatArray) -> None:
         text = f"{source}: has {rate:g} rows a second, but {rig.path} has {1.0 / rig.dt:g} ticks"
         raise InputError(f"{text}; record every tick", code="rate-differs", key="t_s")
     if (irregular_rows := np.flatnonzero(np.abs(steps - 1.0) > 0.5)).size:
-        row = irregular_rows[0]
-        text = f"{source}: row {row + 2} is {steps[row]:.3g} ticks after the previous row"
+        row_index = irregular_rows[0]
+        text = f"{source}: row {row_index + 2} is {steps[row_index]:.3g} ticks after the previous row"
         raise InputError(f"{text}; record every tick once", code="ticks-missing", key="t_s")
 
 
 @dataclass(frozen=True, repr=False)
 class Calibration(Result):
-    """Calibration of the magnets of a stage or a bearing from motion.
+    """The calibration of the magnets of a stage or a bearing from motion.
 
     Parameters
     ----------
     file : CalibrationFile
-        Every method with its corrections.
+        Corrections of every method.
     """
 
     file: CalibrationFile
 
     @property
     def has_estimates(self) -> bool:
-        """Whether any method was accepted."""
+        """Whether at least one method was accepted."""
         return any(method.is_applied for method in self.file.method)
 
     def facts(self) -> dict[str, str]:
-        """Return the corrections and the residual of every method, and the trusted mass."""
+        """Return the corrections and the residual of every method, and the mass that was used."""
         facts = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
         return facts | {method.name: method.summary for method in self.file.method}
 
     def to_columns(self) -> dict[str, Any]:
-        """Return every parameter of every method with its remaining uncertainty."""
+        """Return every parameter of every method with its posterior standard deviation."""
         return rows_to_columns(
             [
                 {"method": method.name, **parameter.model_dump()}
@@ -181,7 +181,8 @@ class Calibration(Result):
 
 
 LawFactory = Callable[..., MotionLaw]
-"""Makes the :class:`MotionLaw` of a method; that of a bearing accepts ``is_load_recorded`` too."""
+"""Function that makes the :class:`MotionLaw` of a method; for bearings, also with
+``is_load_recorded``."""
 
 
 class HasCalibration(Protocol):
@@ -193,13 +194,13 @@ class HasCalibration(Protocol):
     def motion_laws(
         self, rig: BodyRig, controller: ControllerFile | PathLike | None, magnet: IdentifiedMagnet | None
     ) -> tuple[LawFactory, IdentifiedMagnet]:
-        """Return the factory of motion laws, and the identified magnet."""
+        """Return a function that makes motion laws, and the identified magnet."""
 
 
 def stage_laws(
     rig: BodyRig, controller: ControllerFile | PathLike | None, magnet: IdentifiedMagnet | None
 ) -> tuple[LawFactory, IdentifiedMagnet]:
-    """Return the factory of motion laws of a stage, and its identified magnet."""
+    """Return a function that makes the motion laws of a stage, and its identified magnet."""
     assert controller is None
     refuse_slow_amplifier(rig)
     identified_magnet = magnet or identify_stage_magnet(rig)
@@ -209,7 +210,7 @@ def stage_laws(
 def bearing_laws(
     rig: BodyRig, controller: ControllerFile | PathLike | None, magnet: IdentifiedMagnet | None
 ) -> tuple[LawFactory, IdentifiedMagnet]:
-    """Return the factory of motion laws of a bearing, and its identified magnet."""
+    """Return a function that makes the motion laws of a bearing, and its identified magnet."""
     if not isinstance(controller, ControllerFile):
         controller = read_bearing_controller(rig, controller)
     ready = check_inputs(remove_calibration(rig), controller)
@@ -226,10 +227,10 @@ def calibrate(
     methods: Sequence[MethodName] = (),
     controller: ControllerFile | PathLike | None = None,
 ) -> Calibration:
-    """Estimate the calibration errors of magnets from recorded motions: `anhyst.calibrate`.
+    """Estimate the errors of the magnets from recorded motions: `anhyst.calibrate`.
 
-    The recordings begin with demagnetised iron, as ``anhyst simulate`` writes them. The file is not
-    written if no method was accepted.
+    The recordings begin with demagnetised iron, as those that ``anhyst simulate`` writes. The file
+    is not written if no method was accepted.
     """
     if not isinstance(rig, BodyRig):
         check_path(rig, "calibrate: rig", "the path of a rig file")
@@ -254,22 +255,22 @@ def calibrate(
             "RUNS: give at least one recording, and each only once", code="recordings-not-once", key="RUNS"
         )
     settings, full_law = body_rig.settings, make_law("full")
-    excluded = set(full_law.uncalibratable_methods(motions))
+    excluded_methods = set(full_law.uncalibratable_methods(motions))
     if not identified_magnet.model.has_layers:
-        excluded.add("at-rest")
+        excluded_methods.add("at-rest")
     make_law = partial(make_law, **full_law.law_options(motions))
-    possible = [name for name in CALIBRATABLE_METHODS if name not in excluded]
+    possible_methods = [name for name in CALIBRATABLE_METHODS if name not in excluded_methods]
     for name in methods:
-        if name not in possible:
+        if name not in possible_methods:
             text = f"methods: '{name}' cannot be calibrated with these recordings; choose from "
-            text += ", ".join(possible)
+            text += ", ".join(possible_methods)
             raise InputError(text, code="no-such-method", key="methods")
     file_content = CalibrationFile(
         format="anhyst-calibration",
         version=1,
         rig=settings.name,
         mass_kg=settings.body.mass_kg,
-        method=[calibrate_from_motions(make_law(name), motions) for name in methods or possible],
+        method=[calibrate_from_motions(make_law(name), motions) for name in methods or possible_methods],
     )
     calibration = Calibration(file_content)
     if out is not None and calibration.has_estimates:

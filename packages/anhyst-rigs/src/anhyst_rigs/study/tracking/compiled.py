@@ -1,4 +1,4 @@
-"""Compile the controller of a stage to a folder of C, with a simulated motion as golden vectors.
+"""Compile the controller of a stage to a folder of C, with golden vectors for its tests.
 
 Golden vectors are inputs and expected outputs of each tick. They come from a simulation of the test
 set-point, followed by commands to switch off, to lift and to land.
@@ -52,9 +52,9 @@ from anhyst_rigs.rig.stage.recording import find_stage_loss
 from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motion, tick_times
 
 ROWS_PER_COMMAND = 20
-"""Rows after each command at the end of the golden vectors."""
+"""Number of rows after each command at the end of the golden vectors."""
 MAX_FLIGHT_ROWS = 2000
-"""Largest number of ticks of the motion in the golden vectors: rest, acceleration and cruise."""
+"""Largest number of ticks in the golden vectors' motion: rest, acceleration and constant speed."""
 
 
 def compile_stage(
@@ -86,19 +86,19 @@ def compiled_rig(rig: BodyRig) -> BodyRig:
 
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
     """Write the folder of a controller in the number format of its axes, with golden vectors."""
-    stage = _describe_controller(setup, kind, name)
+    stage_controller = _describe_controller(setup, kind, name)
     vectors = golden_vectors(setup)
     version = running_version()
     dtype = next(iter(vectors.values())).dtype
     table = write_vectors_csv(vectors, np.array([*vectors.values()]).T.astype(dtype).tolist())
-    files = make_stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": table}
-    described = _manifest(stage, version)
-    write_folder(out, files, described)
-    return CompiledStage(Path(out), described, (*files, MANIFEST_FILE), vectors)
+    files = make_stage_sources(stage_controller, version, len(vectors["flags"])) | {"vectors.csv": table}
+    manifest = _stage_manifest(stage_controller, version)
+    write_folder(out, files, manifest)
+    return CompiledStage(Path(out), manifest, (*files, MANIFEST_FILE), vectors)
 
 
 def _refuse_uncompilable(rig: BodyRig, io: SignalFormat, rate: float | None) -> None:
-    """Reject options and settings that cannot be compiled or contradict the rig file."""
+    """Raise an error if options or settings cannot be compiled or contradict the rig file."""
     if io == "q15" or (io == "q31" and rig.settings.tracking.format != "fixed"):
         raise InputError(
             f"--io: {io} does not suit this stage; give f32, or q31 if control.format of the rig "
@@ -149,17 +149,17 @@ def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageContro
 
 
 def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
-    """Simulate the test set-point and return inputs and outputs of the controller, by column.
+    """Simulate the test set-point; return the inputs and outputs of the controller by column.
 
-    A new controller computes the outputs from inputs in its own number format. If it monitors
-    currents, the current of the first magnet is 0 in the last rows of the flight. Commands to
-    switch off, lift and land follow.
+    A new controller computes the outputs from the inputs in its number format. If the controller
+    monitors the currents, the current of the first magnet is 0 in the last rows of the motion.
+    Commands to switch off, to lift and to land follow.
     """
     file = setup.rig.settings
-    magnets, heads = len(file.body_magnets), len(file.position_sensors)
+    magnets, head_count = len(file.body_magnets), len(file.position_sensors)
     controller = make_axes_controller(setup)
-    wrench_row = heads
-    gap_row = heads + len(file.body.free)
+    wrench_row = head_count
+    gap_row = head_count + len(file.body.free)
     inputs = _encode_inputs(setup, _simulate_inputs(setup), wrench_row, gap_row)
     if file.tracking.lost_A is not None:
         inputs[gap_row + magnets, -LOST_MAGNET_ROWS:] = 0.0
@@ -167,31 +167,31 @@ def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
     for position, command in enumerate((Command.LAND, Command.LIFT, Command.IDLE), 1):
         commands[-ROWS_PER_COMMAND * position] = command
     for row in np.vstack([inputs, commands]).T.tolist():
-        gap, read = row[gap_row : gap_row + magnets], row[gap_row + magnets : -1]
-        answer = controller.tick(row[:wrench_row], row[wrench_row:gap_row], gap, read, int(row[-1]))
-        answers.append([*answer[0], *answer[1], *answer[2:]])
+        gap, readings = row[gap_row : gap_row + magnets], row[gap_row + magnets : -1]
+        result = controller.tick(row[:wrench_row], row[wrench_row:gap_row], gap, readings, int(row[-1]))
+        answers.append([*result[0], *result[1], *result[2:]])
     signals = [*inputs, commands, *np.array(answers).T]
-    form = make_stage_record(file.body.free, heads, magnets)
-    return dict(zip(map(record_column_name, form.record), signals, strict=True))
+    record_type = make_stage_record(file.body.free, head_count, magnets)
+    return dict(zip(map(record_column_name, record_type.record), signals, strict=True))
 
 
 def _encode_inputs(setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_row: int) -> NDArray[Any]:
-    """Return the inputs of a controller in its own number format.
+    """Return the inputs of a controller in its number format.
 
-    Rows from ``wrench_row`` on are the wrench; rows from ``gap_row`` on are gaps and currents.
+    Rows from ``wrench_row`` on are the wrench; rows from ``gap_row`` on are gaps, then currents.
     """
     if setup.number_format != "fixed":
         return inputs.astype(np.float32)
     scales = make_fixed_stage_controller(setup).scales
     magnets = len(setup.rig.settings.body_magnets)
-    heads, forward = encode_signals(inputs[:wrench_row], scales.head), inputs[wrench_row:gap_row]
+    head_codes, forward = encode_signals(inputs[:wrench_row], scales.head), inputs[wrench_row:gap_row]
     gaps, currents = inputs[gap_row : gap_row + magnets], inputs[gap_row + magnets :]
-    rows = [heads, encode_signals(forward, scales.wrench[:, None]), scales.gaps(gaps)]
+    rows = [head_codes, encode_signals(forward, scales.wrench[:, None]), scales.gaps(gaps)]
     return np.vstack([*rows, encode_signals(currents, scales.current)]).astype(np.int32)
 
 
 def _simulate_inputs(setup: StageSetup) -> FloatArray:
-    """Return the simulated inputs: head errors from their targets, wrench, gaps and currents."""
+    """Return simulated inputs: deviations of the heads from their targets, wrench, gaps, currents."""
     rig, file = setup.rig, setup.rig.settings
     motion = scan_motion(file.scan, file.scan.test_m_per_s2)
     rows = min(MAX_FLIGHT_ROWS, motion_ticks(rig, motion))
@@ -202,41 +202,41 @@ def _simulate_inputs(setup: StageSetup) -> FloatArray:
     if loss := find_stage_loss(rig, run, rows):
         text = f"{rig.path}: control is lost in the simulated motion: {loss.reason}; check it"
         raise NegativeResult(f"{text} with anhyst simulate", code="lost")
-    magnets, heads = len(file.body_magnets), len(file.position_sensors)
-    read = [run[column_name("gap_read", "m", number)] for number in range(1, magnets + heads + 1)]
-    head_errors = np.array(read[magnets:])
-    for head, row in enumerate(controller_matrices(setup)["at"].tolist()):
-        for axis, part in enumerate(row):
-            head_errors[head] -= part * target[:, axis]
+    magnets, head_count = len(file.body_magnets), len(file.position_sensors)
+    readings = [run[column_name("gap_read", "m", number)] for number in range(1, magnets + head_count + 1)]
+    head_errors = np.array(readings[magnets:])
+    for head_index, head_row in enumerate(controller_matrices(setup)["at"].tolist()):
+        for axis, coefficient in enumerate(head_row):
+            head_errors[head_index] -= coefficient * target[:, axis]
     currents = (run[name] for name in magnet_columns([("current_read", "A")], 1, magnets))
-    return np.vstack([head_errors, wrench.T, read[:magnets], *currents])
+    return np.vstack([head_errors, wrench.T, readings[:magnets], *currents])
 
 
-def _manifest(stage: StageController, version: str) -> dict[str, Any]:
+def _stage_manifest(stage_controller: StageController, version: str) -> dict[str, Any]:
     """Return the manifest without the list of files."""
     return {
         "format": MANIFEST_VERSION,
         "anhyst": version,
-        "name": stage.name,
-        "rig": {"name": stage.rig, "sha256": stage.sha256},
-        "kind": stage.kind,
-        "io": "f32" if stage.fixed_controller is None else "q31",
-        "rate_Hz": stage.rate,
-        "memory": {"parameters_bytes": stage.parameters_bytes},
+        "name": stage_controller.name,
+        "rig": {"name": stage_controller.rig, "sha256": stage_controller.sha256},
+        "kind": stage_controller.kind,
+        "io": "f32" if stage_controller.fixed_controller is None else "q31",
+        "rate_Hz": stage_controller.rate,
+        "memory": {"parameters_bytes": stage_controller.parameters_bytes},
         "controller": None,
         "stage": {
-            "free": list(stage.free),
-            "heads": len(stage.rows["at"]),
-            "magnets": len(stage.magnets),
-            "force_to_current": "q31" if stage.is_fixed else "f32",
+            "free": list(stage_controller.free),
+            "heads": len(stage_controller.rows["at"]),
+            "magnets": len(stage_controller.magnets),
+            "force_to_current": "q31" if stage_controller.is_fixed else "f32",
             **(
                 {}
-                if stage.fixed_controller is None
-                else {"full_scale": stage.fixed_controller.scales.as_dict()}
+                if stage_controller.fixed_controller is None
+                else {"full_scale": stage_controller.fixed_controller.scales.as_dict()}
             ),
-            "ahead_s": stage.feedforward_lead,
-            "mass": stage.rows["mass"].tolist(),
-            "weight": stage.rows["weight"].tolist(),
-            "at": stage.rows["at"].tolist(),
+            "ahead_s": stage_controller.feedforward_lead,
+            "mass": stage_controller.rows["mass"].tolist(),
+            "weight": stage_controller.rows["weight"].tolist(),
+            "at": stage_controller.rows["at"].tolist(),
         },
     }

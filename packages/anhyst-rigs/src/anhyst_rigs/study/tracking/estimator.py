@@ -1,9 +1,9 @@
 """Estimate the calibration errors of magnets from recorded motion.
 
-Mass times acceleration measures the force on the body. A hysteresis model predicts the same force
-from the commanded currents and the measured gaps. A few parameters, such as the scale of each
-magnet's current, explain the difference. Their prior standard deviations come from the rig file.
-The same estimator processes recordings and the motions of a running stage.
+Mass times acceleration gives the force on the body. A hysteresis model predicts the same force from
+the commanded currents and the measured gaps. A few parameters, such as the scale of each magnet's
+current, explain the difference. Their prior standard deviations come from the rig file. The same
+estimator processes recordings and the motions of a running stage.
 """
 
 from __future__ import annotations
@@ -31,36 +31,35 @@ from anhyst_rigs.study.tracking.bodies import CALIBRATABLE_METHODS, StageLaw
 from anhyst_rigs.study.tracking.motion import COMPARISON_RATE_HZ, Motion, MotionLaw, round_to_grid
 
 MAX_SIGMA = 4.0
-"""Bound on each parameter, in prior standard deviations."""
+"""Largest absolute value of each parameter, in prior standard deviations."""
 GAUSS_NEWTON_STEPS = 3
 """Number of Gauss-Newton steps for each motion."""
 FORGETTING_TIME_S = 20.0
-"""Time constant of forgetting in a running stage, s. Only time with a demand above 6 % of the
-largest force counts."""
+"""Time constant of forgetting in a running stage, s. It counts only the time in which the demand is
+above 6 % of the largest force."""
 MAX_UPDATE_RATE_SIGMA_PER_S = 2.0
-"""Maximum rate of the applied corrections, in prior standard deviations per second."""
+"""Largest rate of change of the applied corrections, in prior standard deviations per second."""
 DERIVATIVE_STEPS = {"scale": 0.005, "gap_zero_m": 2e-6, "width": 0.1, "lag_s": 25e-6}
 """Step of each kind of parameter for finite-difference derivatives of the predicted force."""
 MAX_RESIDUAL_RATIO = 0.01
 """Largest rms residual after the fit for which a motion is accepted, as a fraction of the rms
 inertial force (mass times acceleration). The noise is added in quadrature."""
 GATE_RATIO = 2.5
-"""Largest rms residual before the fit, relative to that of earlier motions. A larger residual that
-the uncertainty of the parameters cannot explain means that the plant or a sensor has changed."""
+"""Largest rms residual before the fit, relative to the residual of earlier motions. If a residual
+is larger and parameter errors cannot explain it, the plant or a sensor has changed.
+"""
 MIN_GATE_RATIO = 0.001
-"""Smallest residual that the gate compares with, as a fraction of the inertial force. Every
+"""Smallest residual with which the gate compares, as a fraction of the inertial force. Every
 hysteresis model has errors of this size."""
 SCALE_SUM_WEIGHT = 20.0
-"""Weight of the prior "the scales add up to 0", relative to the prior of one scale. It applies if
-the payload is estimated too, because motion cannot separate a payload from the sum of the scales.
-"""
+"""Weight of the prior that the scales add up to 0, relative to the prior of one scale. It applies
+if the payload is estimated too, because motion cannot separate it from the sum of the scales."""
 MASS_PRIOR_SIGMA = 0.3
 """Prior standard deviation of the relative change of mass that may explain a rejected motion."""
 MIN_MASS_CHANGE = 0.01
-"""Smallest relative change of mass that is reported. Errors of the scales can explain a smaller
-one."""
+"""Smallest relative change of mass that is reported; errors of the scales can explain less."""
 TRAINING_SCANS = 4
-"""Number of training scans for the calibration of a running stage before its evaluation."""
+"""Number of training scans that calibrate a running stage before its evaluation."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ class _SquareSums:
     residual: float = 0.0  # sum of squared residual, N^2
 
     def plus_decayed(self, earlier: _SquareSums, retention: float) -> _SquareSums:
-        """Return these sums plus a fraction `retention` of earlier ones."""
+        """Return these sums plus the fraction `retention` of earlier ones."""
         return _SquareSums(
             self.count + retention * earlier.count,
             self.force + retention * earlier.force,
@@ -92,17 +91,17 @@ class _SquareSums:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """The estimate with one more motion, before that motion is accepted or rejected."""
+    """The estimate including one more motion, before this motion is accepted or rejected."""
 
-    motion_rows: FloatArray  # information rows of the motion alone
-    information: FloatArray  # triangular root of the information of all motions
+    motion_rows: FloatArray  # information rows of this motion alone
+    information: FloatArray  # triangular square root of the information of all motions
     identified: list[ParameterName]
     values: dict[ParameterName, float]
-    residual_rms: float  # of the motion, N
+    residual_rms: float  # rms residual of this motion, N
 
 
 class ParameterEstimator:
-    """Square-root information filter for the calibration parameters of one method.
+    """A square-root information filter for the calibration parameters of one method.
 
     The rows of ``_information`` are an augmented triangular system ``[R | z]`` with ``R*p = z`` for
     the parameters p, in units of the standard deviation of one comparison. The prior is not part of
@@ -114,23 +113,24 @@ class ParameterEstimator:
         self.law, self.forgetting_time_s = law, forgetting_time_s
         self.prior_sigma = {name: law.prior_sigma(name) for name in law.names}
         self.estimate = dict.fromkeys(law.names, 0.0)
-        self.applied_values = dict(self.estimate)  # values in use, which follow at a limited rate
-        self.noise_N = 0.0  # force noise of the last motion, from the position sensor
+        # corrections in use, which follow the estimate at a limited rate
+        self.applied_values = dict(self.estimate)
+        self.noise_N = 0.0  # force noise that the position sensor causes in the last motion, N
         self.mass_kg: float | None = None  # mass that explains the last rejected motion
         self.rejected_count = 0
-        self.identified: list[ParameterName] = []  # parameters that the motions determine
+        self.identified: list[ParameterName] = []  # parameters that the motions identify
         self._names = [name for name in law.estimable_names if self.prior_sigma[name] > 0.0]
         self._information = np.zeros((0, len(self._names) + 1))
         self._sums = _SquareSums()
 
     def copy_without_data(self) -> ParameterEstimator:
-        """Return a new estimator without data that keeps the applied corrections."""
+        """Return a new estimator without data but with the applied corrections."""
         estimator = ParameterEstimator(self.law, self.forgetting_time_s)
         estimator.applied_values = dict(self.applied_values)
         return estimator
 
     def update(self, motion: Motion) -> bool:
-        """Update the estimate from a motion; return whether it identified any parameter.
+        """Update the estimate from a motion; return whether the motion identified any parameter.
 
         A motion whose demand stays below 6 % of the largest force is skipped. A motion that the
         hysteresis model cannot explain is rejected.
@@ -142,73 +142,73 @@ class ParameterEstimator:
         retention = math.exp(-motion.compared_indices.size / (comparisons_per_s * self.forgetting_time_s))
         history = math.sqrt(retention) * self._information
         if self.identified:
-            inconsistent_rows = self._gate(motion, history)
+            inconsistent_rows = self._contradicting_rows(motion, history)
             if inconsistent_rows is not None:
-                return self._reject(motion, history, inconsistent_rows)
-        fit = self._fit(motion, history)
+                return self._reject_motion(motion, history, inconsistent_rows)
+        motion_fit = self._fit_motion(motion, history)
         count, force_N = motion.compared_indices.size, motion.force_rms
-        sums = _SquareSums(count, count * force_N**2, count * fit.residual_rms**2)
+        square_sums = _SquareSums(count, count * force_N**2, count * motion_fit.residual_rms**2)
         max_residual_N = math.hypot(MAX_RESIDUAL_RATIO * force_N, self.noise_N)
-        if self._has_scale_at_bound(fit.values) or fit.residual_rms > max_residual_N:
+        if self._has_scale_at_bound(motion_fit.values) or motion_fit.residual_rms > max_residual_N:
             if not self.identified:
-                self._sums = sums
-            return self._reject(motion, history, fit.motion_rows)
+                self._sums = square_sums
+            return self._reject_motion(motion, history, motion_fit.motion_rows)
         if self.identified:
-            sums = sums.plus_decayed(self._sums, retention)
-        self.estimate, self.identified = fit.values, fit.identified
-        self._information, self._sums = fit.information, sums
+            square_sums = square_sums.plus_decayed(self._sums, retention)
+        self.estimate, self.identified = motion_fit.values, motion_fit.identified
+        self._information, self._sums = motion_fit.information, square_sums
         self.mass_kg = None
         return bool(self.identified)
 
-    def _gate(self, motion: Motion, history: FloatArray) -> FloatArray | None:
-        """Return the information rows of a motion that contradicts earlier ones, otherwise None."""
+    def _contradicting_rows(self, motion: Motion, history: FloatArray) -> FloatArray | None:
+        """Return the information rows of a motion if it contradicts earlier ones, or None."""
         residual_N = self._residual_rms(motion, self.estimate)
         expected_N = max(self._sums.residual_rms, MIN_GATE_RATIO * motion.force_rms)
         limit_N = GATE_RATIO * expected_N
         if residual_N <= limit_N:
             return None
-        rows = self._linearise(motion, self.estimate, exact=True)
-        # With one coordinate, all motions excite the same combination of parameters. Therefore,
-        # parameter uncertainty cannot explain a larger residual.
+        rows = self._info_rows(motion, self.estimate, exact=True)
+        # With one coordinate, all motions excite the same combination of parameters. Therefore, the
+        # uncertainty of the parameters cannot explain a larger residual.
         sigma_N = self._prediction_sigma(history, rows) if motion.comparisons_per_tick > 1 else 0.0
         return rows if residual_N > math.hypot(limit_N, GATE_RATIO * sigma_N) else None
 
-    def _fit(self, motion: Motion, history: FloatArray) -> _Fit:
-        """Fit the parameters to a motion and to the information of earlier motions."""
+    def _fit_motion(self, motion: Motion, history: FloatArray) -> _Fit:
+        """Fit the parameters to a motion and to the information from earlier motions."""
         values = self.estimate
         for step in range(GAUSS_NEWTON_STEPS):
             is_last = step == GAUSS_NEWTON_STEPS - 1
-            motion_rows = self._linearise(motion, values, exact=is_last)
+            motion_rows = self._info_rows(motion, values, exact=is_last)
             stacked = np.vstack([history, motion_rows])
             information = np.asarray(np.linalg.qr(stacked, mode="r"))
             excited = self._excited_names(information)
-            values = self._solve(information, excited)
+            values = self._solve_values(information, excited)
         sigma = self._posterior_sigma(information, excited, 0.0)
         identified = [
             name for name in excited if sigma[name] <= self.law.max_sigma_ratio * self.prior_sigma[name]
         ]
-        values = self._solve(information, identified)
+        values = self._solve_values(information, identified)
         residual_N = self._residual_rms(motion, values)
         return _Fit(motion_rows, information, identified, values, residual_N)
 
     def _has_scale_at_bound(self, values: Mapping[ParameterName, float]) -> bool:
-        """Whether the scale of a current is at its bound, as with a plant or sensor fault."""
+        """Whether the scale of a current is at its bound, as after a plant or sensor fault."""
         scales = [name for name in self._names if parameter_kind(name) == "scale"]
         return any(abs(values[name]) > 0.999 * MAX_SIGMA * self.prior_sigma[name] > 0.0 for name in scales)
 
-    def _reject(self, motion: Motion, history: FloatArray, motion_rows: FloatArray) -> bool:
-        """Discard a motion, and test whether a different mass explains it."""
+    def _reject_motion(self, motion: Motion, history: FloatArray, motion_rows: FloatArray) -> bool:
+        """Discard a motion, and test whether another mass explains it."""
         self.rejected_count += 1
         force_per_mass = motion.force_per_unit["payload"][motion.compared_indices]
         prior_sigma = np.array([*(self.prior_sigma[n] for n in self._names), MASS_PRIOR_SIGMA])
-        # Insert the mass as a further parameter, before the right-hand side.
-        old = np.insert(history, -1, 0.0, axis=1)
-        new = np.insert(motion_rows, -1, force_per_mass / self._comparison_sigma, axis=1)
-        matrix = np.vstack([old[:, :-1] * prior_sigma, new[:, :-1] * prior_sigma])
+        # The mass becomes a further parameter, before the right-hand side.
+        old_rows = np.insert(history, -1, 0.0, axis=1)
+        new_rows = np.insert(motion_rows, -1, force_per_mass / self._comparison_sigma, axis=1)
+        matrix = np.vstack([old_rows[:, :-1] * prior_sigma, new_rows[:, :-1] * prior_sigma])
         matrix = np.vstack([matrix, np.eye(prior_sigma.size)])
-        rhs = np.concatenate([old[:, -1], new[:, -1], np.zeros(prior_sigma.size)])
+        rhs = np.concatenate([old_rows[:, -1], new_rows[:, -1], np.zeros(prior_sigma.size)])
         solution = prior_sigma * np.linalg.lstsq(matrix, rhs)[0]
-        residual_N = self._comparison_sigma * rms(new[:, -1] - new[:, :-1] @ solution)
+        residual_N = self._comparison_sigma * rms(new_rows[:, -1] - new_rows[:, :-1] @ solution)
         is_mass = [name == "payload" for name in self._names] + [True]
         relative_change = float(solution[is_mass].sum())
         mass_kg = self.law.rig.settings.body.mass_kg * (1.0 + relative_change)
@@ -217,11 +217,11 @@ class ParameterEstimator:
         return False
 
     def _residual_rms(self, motion: Motion, values: Mapping[ParameterName, float]) -> float:
-        """Return the rms force of a motion that some parameter values do not explain, N."""
+        """Return the rms force of a motion that given parameter values do not explain, N."""
         return rms((motion.measured_force - self.law.net_force(motion, values))[motion.compared_indices])
 
     def _prediction_sigma(self, history: FloatArray, motion_rows: FloatArray) -> float:
-        """Return the rms standard deviation of the force predicted for a motion, N."""
+        """Return the standard deviation of the force predicted for a motion, rms over time, N."""
         prior_sigma = np.array([self.prior_sigma[name] for name in self._names])
         matrix = np.vstack([history[:, :-1] * prior_sigma, self._prior_rows(self._names)])
         root = np.asarray(np.linalg.qr(matrix, mode="r"))
@@ -229,15 +229,15 @@ class ParameterEstimator:
         return self._comparison_sigma * math.sqrt(float((spread**2).sum(axis=0).mean()))
 
     def information_rows(self, run: Recording) -> FloatArray:
-        """Return the information rows of a recording; none if the stage lost control in it."""
+        """Return the information rows of a recording; none if the stage lost control."""
         motion = self.law.make_motion(run.columns)
         if run.loss is not None or not motion.compared_indices.size:
             return self._information[:0]
-        rows = self._linearise(motion, self.estimate, exact=False)
+        rows = self._info_rows(motion, self.estimate, exact=False)
         return np.asarray(np.linalg.qr(rows, mode="r"))
 
     def relative_sigma(self, *rows: FloatArray) -> dict[ParameterName, float]:
-        """Return posterior standard deviations as fractions of the prior ones, with further rows."""
+        """Return posterior divided by prior standard deviations, with further information rows."""
         stacked = np.vstack([self._information, *rows])
         sigma = self._posterior_sigma(stacked, self._excited_names(stacked), 0.0)
         prior_sigma = self.prior_sigma
@@ -251,14 +251,14 @@ class ParameterEstimator:
         relative_sigma = self.relative_sigma(*rows)
         names = [name for name, value in relative_sigma.items() if value <= self.law.max_sigma_ratio]
         prior_sigma = np.array([self.prior_sigma[name] for name in names])
-        # Only the prior row of the sum of all scales is added: motion cannot separate it from a
-        # payload.
+        # Of the prior, only the row for the sum of all scales is added, because motion cannot
+        # separate this sum from a payload.
         scale_sum_row = self._prior_rows(names)[len(names) :]
         root = prior_sigma * np.vstack([self._information, *rows])[:, self._column_indices(names)]
         return float(np.linalg.cond(np.vstack([root, scale_sum_row]))) ** 2 if names else math.inf
 
     def follow_estimate(self, seconds: float) -> None:
-        """Move the applied corrections toward the estimate, unless the law does not fit."""
+        """Move the applied corrections towards the estimate, unless the law does not fit."""
         if not self._law_fits:
             return
         for name, target in self.estimate.items():
@@ -267,12 +267,12 @@ class ParameterEstimator:
             self.applied_values[name] = round_to_grid(name, self.applied_values[name] + change)
 
     def corrected_stage(self, drift: Drift = NO_DRIFT) -> StageSetup:
-        """Return the stage with the applied corrections; its plant may have drifted."""
+        """Return the stage with the applied corrections, and with a drift of its plant."""
         assert isinstance(self.law, StageLaw)
-        return self.law.corrected_stage(self._calibrated_method(self.applied_values, fits=True), drift)
+        return self.law.corrected_stage(self._calibrated_method(self.applied_values, fits_well=True), drift)
 
     def run_and_update(self, drift: Drift, set_point: SetPoint, gains: Feedforward, seed: int) -> Recording:
-        """Run a set-point with the applied corrections, and update the estimate from the result."""
+        """Run a set-point with the applied corrections, then update the estimate from this motion."""
         run = track(self.corrected_stage(drift), set_point, gains, seed)
         if run.loss is None:
             self.update(self.law.make_motion(run.columns))
@@ -281,11 +281,11 @@ class ParameterEstimator:
 
     @property
     def calibration(self) -> CalibratedMethod:
-        """The estimate, its uncertainty and its residual, in the form of the calibration file."""
+        """The estimate, its uncertainty and the residual, in the form of the calibration file."""
         return self._calibrated_method(self.estimate, self._law_fits)
 
     def _is_explained(self, residual_N: float, force_N: float) -> bool:
-        """Whether a residual is within the limit of a suitable hysteresis model."""
+        """Whether a residual is as small as the residual of a suitable hysteresis model."""
         return residual_N <= math.hypot(self.law.max_residual_ratio * force_N, self.noise_N)
 
     @property
@@ -294,7 +294,7 @@ class ParameterEstimator:
         force_N, residual_N = self._sums.force_rms, self._sums.residual_rms
         return force_N > 0.0 and self._is_explained(residual_N, force_N)
 
-    def _calibrated_method(self, values: Mapping[ParameterName, float], fits: bool) -> CalibratedMethod:
+    def _calibrated_method(self, values: Mapping[ParameterName, float], fits_well: bool) -> CalibratedMethod:
         """Return values, uncertainty and residual in the form of the calibration file."""
         residual_N = self._sums.residual_rms
         sigma = self._posterior_sigma(self._information, self.identified, residual_N)
@@ -304,7 +304,7 @@ class ParameterEstimator:
             name=self.law.method,
             residual_N=residual_N,
             force_N=self._sums.force_rms,
-            fits=fits,
+            fits=fits_well,
             refused=self.rejected_count,
             mass_kg=self.mass_kg,
             parameter=[
@@ -324,8 +324,8 @@ class ParameterEstimator:
         """Add the uncertainty of the mean scale, which motion cannot determine."""
         scale_count = sum(parameter_kind(name) == "scale" for name in self._names)
         mean_scale_sigma = self.prior_sigma["scale_1"] / math.sqrt(scale_count)
-        # The force is proportional to the square of the current, so an error of the mean scale
-        # counts twice in the payload.
+        # The force is proportional to the square of the current. Therefore, an error of the mean
+        # scale counts twice in the payload.
         sensitivity = {"payload": 2.0, "scale": 1.0}
         for name, own_sigma in sigma.items():
             factor = sensitivity.get(parameter_kind(name), 0.0)
@@ -337,7 +337,7 @@ class ParameterEstimator:
         return self.law.comparison_sigma_ratio * self.law.force_max
 
     def _prior_rows(self, names: Sequence[ParameterName]) -> FloatArray:
-        """Return the prior as rows for parameters in units of their prior standard deviation."""
+        """Return the rows of the prior, for parameters in units of their prior standard deviation."""
         rows = np.eye(len(names))
         if "payload" in names:
             scale_sum_row = [SCALE_SUM_WEIGHT * (parameter_kind(name) == "scale") for name in names]
@@ -347,18 +347,17 @@ class ParameterEstimator:
     def _excited_names(self, rows: FloatArray) -> list[ParameterName]:
         """Return the parameters that affect the force.
 
-        A solution must omit the others, because the prior on the sum of all scales would determine
-        them.
+        A solution must omit all others, or the prior on the sum of the scales would determine them.
         """
         is_excited = np.any(rows[:, :-1], axis=0).tolist()
         return [name for name, excited in zip(self._names, is_excited, strict=True) if excited]
 
     def _column_indices(self, names: Sequence[ParameterName]) -> list[int]:
-        """Return the columns of some parameters in the information rows."""
+        """Return the columns of given parameters in the information rows."""
         return [self._names.index(name) for name in names]
 
-    def _solve(self, rows: FloatArray, names: Sequence[ParameterName]) -> dict[ParameterName, float]:
-        """Solve for some parameters, with their prior and within their bounds; others are 0."""
+    def _solve_values(self, rows: FloatArray, names: Sequence[ParameterName]) -> dict[ParameterName, float]:
+        """Solve for some parameters with their priors and within their bounds; all others are 0."""
         values = dict.fromkeys(self.law.names, 0.0)
         if not names:
             return values
@@ -376,7 +375,7 @@ class ParameterEstimator:
     def _posterior_sigma(
         self, rows: FloatArray, names: Sequence[ParameterName], residual_N: float
     ) -> dict[ParameterName, float]:
-        """Return posterior standard deviations; a residual above the assumed one increases them."""
+        """Return posterior standard deviations, increased if the residual is above the assumed one."""
         prior_sigma = np.array([self.prior_sigma[name] for name in names])
         root = prior_sigma * rows[:, self._column_indices(names)]
         weight = self._comparison_sigma / max(residual_N, self._comparison_sigma)
@@ -384,25 +383,25 @@ class ParameterEstimator:
         sigma = prior_sigma * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
         return dict(zip(names, sigma.tolist(), strict=True))
 
-    def _linearise(self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool) -> FloatArray:
-        """Return the information rows ``[J | z]`` of a motion, linearised at some values."""
-        jacobian, predicted_N = self._predict(motion, values, exact=exact)
+    def _info_rows(self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool) -> FloatArray:
+        """Return the information rows ``[J | z]`` of a motion, linearised at given values."""
+        jacobian, predicted_N = self._jacobian_and_force(motion, values, exact=exact)
         point = np.array([values[name] for name in self._names])
         rhs = motion.measured_force[motion.compared_indices] - predicted_N + jacobian @ point
         return np.column_stack([jacobian, rhs]) / self._comparison_sigma
 
-    def _predict(
+    def _jacobian_and_force(
         self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
     ) -> tuple[FloatArray, FloatArray]:
         """Return the Jacobian of the force along a path, and the predicted force.
 
-        A change of the loop width needs a new fit of the hysteresis model. To save time,
+        A change of the loop width needs a new fit of the hysteresis model. To save time, the
         derivatives use two cached fits: the identified loop and a wider one. The predicted force is
-        extrapolated from them unless ``exact`` is set.
+        extrapolated from them unless ``exact`` is true.
         """
 
-        def predict(changed: Mapping[ParameterName, float]) -> FloatArray:
-            return self.law.net_force(motion, {**values, **changed})[motion.compared_indices]
+        def predict(changed_values: Mapping[ParameterName, float]) -> FloatArray:
+            return self.law.net_force(motion, {**values, **changed_values})[motion.compared_indices]
 
         widths = [name for name in self._names if parameter_kind(name) == "width"]
         original_width = dict.fromkeys(widths, 0.0)
@@ -424,7 +423,7 @@ class ParameterEstimator:
 def calibrate_running_stage(
     setup: StageSetup, magnet: IdentifiedMagnet, gains: Feedforward, seed: int
 ) -> ParameterEstimator | None:
-    """Run the training scans of a self-calibrating stage, or None if the stage is not one."""
+    """Run the training scans of a stage with online calibration; return None for any other stage."""
     rig, method = setup.rig, setup.method
     if not rig.settings.tracking.calibrate or method not in CALIBRATABLE_METHODS:
         return None
@@ -436,7 +435,7 @@ def calibrate_running_stage(
 
 
 def calibrate_from_motions(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
-    """Estimate the parameters of a method from motions; a parameter without excitation stays 0."""
+    """Estimate the parameters of a method from motions; those without excitation stay 0."""
     estimator = ParameterEstimator(law)
     for motion in motions:
         estimator.update(motion)

@@ -1,9 +1,9 @@
 """Design the shortest move that makes the calibration errors of a stage's magnets identifiable.
 
-The move has the turnarounds of the rig file's set-point, along each coordinate that the long stroke
-follows, without a cruise. It must resemble the set-point, because the calibration also absorbs
-errors of the hysteresis model. The parameter estimator computes what a simulated flight of the
-nominal stage shows.
+The move has the turnarounds of the rig file's set-point, without phases of constant speed, along
+each coordinate that the long stroke follows. It must resemble the set-point, because the
+calibration also absorbs errors of the hysteresis model. The parameter estimator computes the
+information in a simulated motion of the nominal stage.
 """
 
 from __future__ import annotations
@@ -40,12 +40,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ACCELERATION_RATIOS = np.arange(1.0, 0.0, -0.05)
-"""Fractions of the set-point's accelerations that are tried; the largest feasible one is used."""
+"""Tested fractions of the set-point's accelerations; the largest feasible fraction is used."""
 MAX_FORCE_RATIO = 0.95
-"""Largest force that a leg may demand, as a fraction of a magnet's largest force."""
+"""Largest force that a leg of the move may demand, as a fraction of a magnet's largest force."""
 Legs = Mapping[str, SetPoint]
-"""The leg of each coordinate. A leg is a motion from rest to rest; legs follow one after another.
-"""
+"""Legs by coordinate. A leg is a motion from rest to rest; the legs follow one after another."""
 
 
 def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
@@ -63,7 +62,7 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
             continue
         ratio = float(ACCELERATION_RATIOS[is_feasible][0])
         accelerations = [ratio * acceleration for acceleration in scan.train_m_per_s2]
-        # an odd number, so that the second repetition is reversed
+        # The number must be odd, so that the second repetition is reversed.
         accelerations += accelerations[: 1 - len(accelerations) % 2]
         phases, last_acceleration = (scan.jerk_phase_s, scan.snap_phase_s), accelerations[0]
         speeds = np.geomspace(max(accelerations) * phases[0], ratio * scan.speed_m_per_s, 3).tolist()
@@ -77,9 +76,9 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
 
 
 def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
-    """Simulate a stage that follows legs from rest with demagnetised iron and mass feedforward."""
+    """Simulate a stage that follows legs from rest, with demagnetised iron and mass feedforward."""
     rig, file = setup.rig, setup.rig.settings
-    start_s = COMPARISON_START_S  # the magnets take up the weight before this time
+    start_s = COMPARISON_START_S  # The magnets take up the weight before this time.
     n = round((start_s + sum(leg.duration for leg in legs.values())) / rig.dt)
     time = tick_times(rig, n + 1)
     position, frame, acceleration = np.zeros((3, n + 1, len(file.body.free)))
@@ -91,13 +90,13 @@ def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
             stray_acceleration = leg.derivatives_at(leg_time - STRAY_DELAY_S)[1] / max(leg.peaks)
             frame[:, column] = position[:, column] + frame_stray_from(rig, stray_acceleration, time)
             start_s += leg.duration
-    believed = setup.assumed_rig.settings
-    wrench = acceleration[:n] @ mass_matrix(believed).T - weight_wrench(believed)
+    assumed_file = setup.assumed_rig.settings
+    wrench = acceleration[:n] @ mass_matrix(assumed_file).T - weight_wrench(assumed_file)
     return run_scenario(setup, Scenario(position[:n], feed=wrench, frame=frame), seed)
 
 
 def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
-    """Return the shortest of the legs that identify the largest number of parameters."""
+    """Return the shortest of those legs that identify the largest number of parameters."""
     candidates = list[list[tuple[str, SetPoint, FloatArray] | None]]()
     for axis, motions in candidate_legs(setup.rig).items():
         rows = [estimator.information_rows(fly_legs(setup, {axis: leg})) for leg in motions]
@@ -107,23 +106,23 @@ def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
         ratios = np.array([*estimator.relative_sigma(*(rows for _, _, rows in legs)).values()])
         return -int((ratios <= estimator.law.max_sigma_ratio).sum()), sum(leg.duration for _, leg, _ in legs)
 
-    selected = min(([leg for leg in legs if leg] for legs in product(*candidates)), key=rank)
-    return {axis: leg for axis, leg, _ in selected}
+    best_legs = min(([leg for leg in legs if leg] for legs in product(*candidates)), key=rank)
+    return {axis: leg for axis, leg, _ in best_legs}
 
 
 @dataclass(frozen=True)
 class Information:
-    """Information about the parameters from a simulated motion of the nominal stage."""
+    """The information about the parameters from a simulated motion of the nominal stage."""
 
     duration_s: float
-    condition: float  # condition number of the information, scaled by the priors
+    condition: float  # condition number of the information matrix, scaled by the priors
     left: Mapping[ParameterName, float]  # ratio of posterior to prior standard deviation
     hidden: Sequence[ParameterName]
 
 
 @dataclass(frozen=True)
 class CalibratingMove:
-    """A calibration move and its simulated flight.
+    """A calibration move and its simulation.
 
     Parameters
     ----------
@@ -132,7 +131,7 @@ class CalibratingMove:
     run : Recording
         Recording of the virtual stage, an input of ``anhyst calibrate``.
     move, work : Information
-        Information of the move, and of the rig file's training set-point.
+        Information from the move, and from the training set-point of the rig file.
     """
 
     legs: Legs
@@ -146,7 +145,7 @@ class CalibratingMove:
         return {"legs": legs, "move": asdict(self.move), "work": asdict(self.work)}
 
     def figure(self) -> Figure:
-        """Draw the acceleration of every coordinate, one after another."""
+        """Draw the accelerations of all coordinates, one after another."""
         from matplotlib.figure import Figure
 
         figure, begin = Figure(figsize=(8.0, 3.6), layout="constrained"), 0.0
@@ -161,7 +160,7 @@ class CalibratingMove:
 
 
 def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> CalibratingMove:
-    """Design the move of a stage, simulate it, and compute the information about each parameter."""
+    """Design the move of a stage, simulate it, and compute its information about each parameter."""
     refuse_slow_amplifier(rig)
     identified_magnet, scan = magnet or identify_stage_magnet(rig), rig.settings.scan
     setup = make_stage(rig, identified_magnet, COMPENSATOR)
@@ -170,15 +169,15 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
     legs = select_legs(estimator, setup)
     run = fly_legs(setup, legs, 1) if legs else None
     if run is None or run.loss is not None:
-        why = "[spread] states no errors, or control is lost" if run is None else f"lost {run.loss_text}"
-        raise NegativeResult(f"{rig.path}: no move identifies a parameter: {why}", code="nothing-shown")
+        reason = "[spread] states no errors, or control is lost" if run is None else f"lost {run.loss_text}"
+        raise NegativeResult(f"{rig.path}: no move identifies a parameter: {reason}", code="nothing-shown")
 
     def information(run: Recording) -> Information:
         rows = estimator.information_rows(run)
         ratios = dict.fromkeys((name for name, ratio in estimator.prior_sigma.items() if ratio), 1.0)
         ratios |= estimator.relative_sigma(rows)
-        hidden = [name for name, sigma in ratios.items() if sigma > estimator.law.max_sigma_ratio]
-        return Information(float(run["t_s"][-1]), estimator.condition_number(rows), ratios, hidden)
+        hidden_names = [name for name, sigma in ratios.items() if sigma > estimator.law.max_sigma_ratio]
+        return Information(float(run["t_s"][-1]), estimator.condition_number(rows), ratios, hidden_names)
 
     training_run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
     return CalibratingMove(legs, run, information(run), information(training_run))
@@ -190,7 +189,7 @@ def excite_to_calibrate(rig: PathLike, out: PathLike, *, plot: PathLike | None =
     Parameters
     ----------
     rig, out : path-like
-        Rig file of a stage, and recording to write, the input of ``anhyst calibrate``.
+        Rig file of a stage, and recording to write, which is an input of ``anhyst calibrate``.
     plot : path-like, optional
         Picture of the move to write, ``.png``, ``.svg`` or ``.pdf``.
 
@@ -208,12 +207,12 @@ def excite_to_calibrate(rig: PathLike, out: PathLike, *, plot: PathLike | None =
             code="option-not-for-this",
             key="--calibrate",
         )
-    stage = read_stage(rig)
-    check_recording(out, [stage.path, *stage.measured_loops.files])
+    stage_rig = read_stage(rig)
+    check_recording(out, [stage_rig.path, *stage_rig.measured_loops.files])
     if plot is not None:
         check_picture(plot)
-    found = find_move(stage)
-    found.run.save(out)
+    calibrating_move = find_move(stage_rig)
+    calibrating_move.run.save(out)
     if plot is not None:
-        write_figure(found.figure(), plot)
-    return found
+        write_figure(calibrating_move.figure(), plot)
+    return calibrating_move

@@ -1,9 +1,8 @@
-"""Measure the errors of a stage run, and simulate the loss of magnets and position heads.
+"""Measure the errors of a stage in a run, and simulate the loss of magnets and position heads.
 
-The measures are servo error, moving average over a slit, settling time and force error. In the loss
-study, each amplifier or head fails in a separate run. Set-point and long stroke brake to rest when
-the controller detects the loss. They continue if the remaining magnets can make the rest of the
-set-point.
+The measures are servo error, moving average over a slit, settling time and force error. In the
+study of losses, each amplifier or head fails in a separate run. When the controller detects the
+loss, set-point and long stroke brake to rest, unless the remaining magnets suffice.
 """
 
 # ruff: noqa: N815 - names carry units
@@ -52,9 +51,9 @@ from anhyst_rigs.rig.stage.setpoint import (
 from anhyst_rigs.study.engine.table import Metric
 
 SETTLING_BANDS_M = (50e-9, 10e-9)
-"""Error bands of the settling time, m."""
+"""Error bands for the settling times, m."""
 EXPOSURE_DELAY_S = 5e-3
-"""Time from the end of the acceleration to the first window of the moving average, s."""
+"""Time from the end of the acceleration until the moving average begins, s."""
 
 
 PEAK_ERROR = Metric("peak_m", "peak", "nm", 1e9)
@@ -74,19 +73,19 @@ METRICS = (
 
 @dataclass(frozen=True)
 class Measures:
-    """Measures of one run from the second scan on, because the first begins demagnetised."""
+    """Measures of a run, from the second scan on, because the first scan begins demagnetised."""
 
     peak_m: float  # largest error
     rms_m: float  # rms error
     # largest moving average and standard deviation over the slit, in windows that begin at least 5
-    # ms after the acceleration and end with the cruise
+    # ms after the acceleration and end with the phase of constant speed
     average_m: float
     deviation_m: float
-    # time from the end of the acceleration until the error stays within 50 and 10 nm, mean of the
-    # scans; a scan that never does counts with its whole cruise
+    # time from the end of the acceleration until the error stays within 50 or 10 nm, mean over the
+    # scans; for a scan that does not settle, the whole phase of constant speed
     settling_50_s: float
     settling_10_s: float
-    force_peak_N: float  # largest error of the force against the delayed demand
+    force_peak_N: float  # largest difference between the force and the delayed demand
     force_rms_N: float
 
     @property
@@ -100,21 +99,21 @@ LOST_MEASURES = Measures(*[float("inf")] * 8)
 
 
 def cross_talk_metrics(file: RigFile) -> list[Metric]:
-    """Return the metrics of :func:`cross_talk`."""
+    """Return the metrics that :func:`cross_talk` measures."""
     units = {axis: axis_unit(axis) for axis in stationary_axes(file)}
     return [Metric(f"{axis}_{u}", f"{axis}, largest", f"n{u}", 1e9) for axis, u in units.items()]
 
 
 def stationary_axes(file: RigFile) -> list[str]:
     """Return the coordinates that the set-point does not move."""
-    parts = zip(file.body.free, scan_direction(file).tolist(), strict=True)
-    return [axis for axis, part in parts if part == 0.0]
+    axis_components = zip(file.body.free, scan_direction(file).tolist(), strict=True)
+    return [axis for axis, component in axis_components if component == 0.0]
 
 
 def cross_talk(run: Recording, motion: SetPoint, stationary: Sequence[str]) -> dict[str, float]:
     """Return the largest error of each coordinate that the set-point does not move, m or rad.
 
-    Keys contain axis and unit. The first scan is skipped.
+    The keys contain axis and unit. The first scan is skipped.
     """
     names = [f"{axis}_{axis_unit(axis)}" for axis in stationary]
     if run.loss is not None:
@@ -125,18 +124,18 @@ def cross_talk(run: Recording, motion: SetPoint, stationary: Sequence[str]) -> d
 
 
 def cruise_slices(motion: SetPoint, dt: float) -> list[slice]:
-    """Return the ticks of each cruise except the one after the first acceleration."""
+    """Return the ticks of each phase at constant speed, except after the first acceleration."""
     pulses = motion.pulses
-    ends = [begin for begin, _, _ in pulses[1:]] + [motion.duration]
+    cruise_ends = [begin for begin, _, _ in pulses[1:]] + [motion.duration]
     slices = [
         slice(round((begin + length) / dt), round(end / dt))
-        for (begin, length, _), end in zip(pulses, ends, strict=True)
+        for (begin, length, _), end in zip(pulses, cruise_ends, strict=True)
     ]
     return slices[1:]
 
 
 def settling_times(run: Recording, motion: SetPoint, band: float) -> list[float]:
-    """Return for each scan the time until the error stays within a band, s."""
+    """Return, for each scan, the time until the error stays within a band, s."""
     error, dt = run["error_m"], run.dt
     return [dt * settling_tick(error[cruise], band) for cruise in cruise_slices(motion, dt)]
 
@@ -144,7 +143,7 @@ def settling_times(run: Recording, motion: SetPoint, band: float) -> list[float]
 def slit_statistics(
     error: FloatArray, motion: SetPoint, slit: float, dt: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Return moving average and standard deviation of an error over a slit, s, in each cruise."""
+    """Return moving average and standard deviation of an error over a slit, s, for each scan."""
     delay_ticks, slit_ticks = round(EXPOSURE_DELAY_S / dt), round(slit / dt)
     return [
         moving_statistics(error[cruise.start + delay_ticks : cruise.stop], slit_ticks)
@@ -153,7 +152,7 @@ def slit_statistics(
 
 
 def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
-    """Compute the measures of a run, with a slit in s."""
+    """Compute the measures of a run; the length of the slit is in s."""
     if run.loss is not None:
         return LOST_MEASURES
     windows = slit_statistics(run["error_m"], motion, slit, run.dt)
@@ -172,21 +171,21 @@ def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
 
 
 EARLIEST_LOSS_S = 0.01
-"""Earliest loss of a magnet, s. Before it the magnets take up the weight in one step."""
+"""Earliest loss of a magnet, s. Before this time, the magnets take up the weight in one step."""
 HOLD_TIME_S = 0.1
-"""Simulated time after the body has braked, s."""
+"""Time that is simulated after the body has braked, s."""
 FINAL_WINDOW_S = 0.02
 """Length of the window of the final error, s."""
 LIFT_COMMAND_S = 0.2
-"""Time of the lift command for a body at rest on its stops, s."""
+"""Time of the command that lifts a body from its stops, s."""
 LAND_COMMAND_S = 0.45
-"""Time of the landing command, s."""
+"""Time of the command that lands the body, s."""
 SLIDE_LIMIT_S = 0.02
-"""Time from touchdown until the body counts as at rest, s. The model has no friction."""
+"""Time from touchdown until the body counts as at rest, s. The plant has no friction."""
 BRAKING_RATIOS = (1.0, 0.5, 0.25, 0.1)
-"""Candidates for the deceleration, as fractions of the largest acceleration."""
+"""Tested decelerations, as fractions of the largest acceleration."""
 _LOST_MAGNET_FACTOR = 256
-"""Factor of the highest number of a lost magnet in the recorded state word."""
+"""Factor by which the number of a lost magnet is multiplied in the recorded state word."""
 LOSS_TITLE = "loss of a levitating body's magnet, when it pulls most, or of a head"
 LOSS_COLUMNS = (
     "lost",
@@ -210,30 +209,29 @@ LOSS_NOTES = (
 
 @dataclass(frozen=True, kw_only=True)
 class LossResult:
-    """Behaviour of a body after the loss of a magnet or a head, or in a lift-off."""
+    """What happens to a body after the loss of a magnet or a head, or in a lift-off."""
 
     magnet: str
     at_s: float
     current_A: float | None = None
     spare: bool = False  # whether the remaining magnets or heads are sufficient
-    noticed_s: float | None = None  # delay of the detection, or None if it was not detected
-    # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" (it hit a stop while levitated),
-    # "lifts off" or "stays"
+    noticed_s: float | None = None  # delay of the detection; None if the loss was not detected
+    # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" (the body hit a stop while it
+    # was controlled), "lifts off" or "stays"
     outcome: str
     # largest error of each coordinate after the loss, and at the end; empty if the body is down
     error: dict[str, float]
     error_end: dict[str, float]
-    # contact speeds relative to the long stroke: downwards, and in any direction at a magnet; 0
-    # without contact
+    # contact speeds relative to the long stroke: downwards, and in any direction at a magnet
     down_m_per_s: float
     touch_m_per_s: float
-    # contact speeds if all currents end at the detection (`let_go`), and without detection
-    # (`unaware`)
+    # both contact speeds if all currents end at the detection (`let_go`), and if the controller
+    # does not detect the loss (`unaware`)
     let_go: tuple[float, float]
     unaware: tuple[float, float]
 
     def table_cells(self) -> list[str]:
-        """Return the table row, with the columns of :data:`LOSS_COLUMNS`."""
+        """Return the row of a table with the columns of :data:`LOSS_COLUMNS`."""
 
         def format_largest(error: Mapping[str, float]) -> str:
             max_errors = [
@@ -261,16 +259,16 @@ def _controller_state(run: Recording) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Plan:
-    """Sampled set-point of a flight; the force has one sample less."""
+    """A sampled set-point. The feedforward force has one sample less than the position."""
 
-    position: FloatArray  # m
-    acceleration: FloatArray  # m/s2
-    feedforward: FloatArray  # N
+    position: FloatArray  # position, m
+    acceleration: FloatArray  # acceleration, m/s2
+    feedforward: FloatArray  # feedforward force, N
 
 
 @dataclass(frozen=True)
 class LossFlights:
-    """Simulated motions along the test set-point, in which a magnet or a head is lost."""
+    """Simulated motions along the test set-point, in each of which a magnet or a head is lost."""
 
     setup: StageSetup
     gains: Feedforward
@@ -278,17 +276,17 @@ class LossFlights:
     seed: int = 1
 
     def run_all(self) -> list[LossResult]:
-        """Run a flight for each magnet of the case, then for each head, then the lift-off."""
+        """Simulate the loss of each magnet of the case, then of each head, then the lift-off."""
         file, test_plan, case = self._rig.settings, self._test_plan(), self.case
         magnet_names = [magnet.name for magnet in file.body_magnets]
-        nominal_run = self._fly(test_plan, {})
+        nominal_run = self._simulate_plan(test_plan, {})
         losses = [
             self._lose_magnet(magnet_names.index(name), test_plan, nominal_run)
             for name in case.magnets or magnet_names
         ]
         count = len(file.position_sensors)
-        heads = [(number, fault) for fault in case.heads or [] for number in range(count)]
-        losses += [self._lose_head(number, fault, test_plan) for number, fault in heads]
+        head_faults = [(number, fault) for fault in case.heads or [] for number in range(count)]
+        losses += [self._lose_head(number, fault, test_plan) for number, fault in head_faults]
         return [*losses, self._run_lift_off(test_plan)] if case.lift else losses
 
     @property
@@ -315,27 +313,27 @@ class LossFlights:
     def _run_failure(
         self, name: str, tick: int, fault_word: int, magnet: int, test_plan: _Plan
     ) -> LossResult:
-        """Simulate a failure at a tick, or at the time of the case, and the reaction."""
+        """Simulate a failure at a tick, or at the time given by the case, and the reaction to it."""
         dt, file = self._rig.dt, self._rig.settings
         if self.case.at_s is not None:
             tick = min(round(self.case.at_s / dt), len(test_plan.feedforward) - 1)
         faults = {tick: fault_word}
-        run = self._fly(test_plan, faults)
+        run = self._simulate_plan(test_plan, faults)
         plan, outcome, notice_tick = test_plan, "unnoticed", tick
-        noticed = np.flatnonzero(
+        noticed_ticks = np.flatnonzero(
             (run["state"] >= _LOST_MAGNET_FACTOR) | (_controller_state(run) == State.FAULT)
         )
-        if noticed.size:
-            notice_tick, outcome = int(noticed[0]), "flies on"
-            if _controller_state(run)[-1] == State.FAULT or not self._can_make(
+        if noticed_ticks.size:
+            notice_tick, outcome = int(noticed_ticks[0]), "flies on"
+            if _controller_state(run)[-1] == State.FAULT or not self._can_apply_forces(
                 magnet, test_plan.feedforward[notice_tick:]
             ):
                 plan, outcome = self._braking_plan(magnet, test_plan, notice_tick), "brakes"
-                run = self._fly(plan, faults)
-        down, touch = self._contact_speeds(run)
+                run = self._simulate_plan(plan, faults)
+        gap_speed, contact_speed = self._contact_speeds(run)
         if _controller_state(run)[-1] == State.FAULT:
             outcome = "lands" if (run["state"] % 16 == Phase.DESCEND).any() else "let go"
-        elif touch > 0.0:
+        elif contact_speed > 0.0:
             outcome = "falls"
         names = [] if outcome in ("lands", "let go", "falls") else error_columns(file.body.free)
         detection_off = {"control.lost_A": None, "control.head_m_per_s": None}
@@ -345,14 +343,14 @@ class LossFlights:
         return LossResult(
             magnet=name,
             at_s=tick * dt,
-            noticed_s=(notice_tick - tick) * dt if noticed.size else None,
+            noticed_s=(notice_tick - tick) * dt if noticed_ticks.size else None,
             outcome=outcome,
             error={name: peak_deviation(run[name][tick:]) for name in names},
             error_end={name: peak_deviation(run[name][-round(FINAL_WINDOW_S / dt) :]) for name in names},
-            down_m_per_s=down,
-            touch_m_per_s=touch,
-            let_go=self._contact_speeds(self._fly(plan, faults | {notice_tick: all_magnets})),
-            unaware=self._contact_speeds(flights_without_detection._fly(plan, faults)),
+            down_m_per_s=gap_speed,
+            touch_m_per_s=contact_speed,
+            let_go=self._contact_speeds(self._simulate_plan(plan, faults | {notice_tick: all_magnets})),
+            unaware=self._contact_speeds(flights_without_detection._simulate_plan(plan, faults)),
         )
 
     def _run_lift_off(self, test_plan: _Plan) -> LossResult:
@@ -362,7 +360,7 @@ class LossFlights:
         zeros = np.zeros(2 * land_tick)
         plan = _Plan(np.zeros(zeros.size + 1), np.zeros(zeros.size + 1), zeros)
         commands = {0: Command.IDLE, lift_tick: Command.LIFT, land_tick: Command.LAND}
-        run = self._fly(plan, {}, commands)
+        run = self._simulate_plan(plan, {}, commands)
         levitated_ticks = np.flatnonzero(run["state"][lift_tick:land_tick] % 16 == Phase.HOVER) + lift_tick
         fall_speeds = self._contact_speeds(run.slice_ticks(0, lift_tick))
         landing_speeds = self._contact_speeds(run.slice_ticks(lift_tick, len(run)))
@@ -394,9 +392,9 @@ class LossFlights:
         return _Plan(position, acceleration, feedforward_force(self.setup, motion, self.gains))
 
     def _braking_plan(self, magnet: int, test_plan: _Plan, tick: int) -> _Plan:
-        """Return the plan that brakes to rest from a tick on and then holds the position.
+        """Return a plan that brakes to rest from a tick on, and then holds the position.
 
-        First the acceleration falls to zero linearly, in one jerk phase of the set-point.
+        First, the acceleration decreases linearly to zero in a jerk phase of the set-point.
         """
         rig = self._rig
         file = self._rig.settings
@@ -421,13 +419,13 @@ class LossFlights:
             ]
         )
         speed += 0.5 * acceleration * jerk_phase
-        candidates = [part * max(motion.peaks) for part in BRAKING_RATIOS]
-        feasible = (
+        candidates = [peak_fraction * max(motion.peaks) for peak_fraction in BRAKING_RATIOS]
+        feasible_plans = (
             deceleration
             for deceleration in candidates
-            if self._can_make(magnet, np.array([-mass_kg * deceleration * np.sign(speed)]))
+            if self._can_apply_forces(magnet, np.array([-mass_kg * deceleration * np.sign(speed)]))
         )
-        peak = next(feasible, candidates[-1])
+        peak = next(feasible_plans, candidates[-1])
         course = plan_braking(speed, 0.0, replace(motion, peaks=(peak,)), rig.dt, rig.loop_delay)
         gains = np.array([self.gains.acceleration, self.gains.jerk, self.gains.snap])
         hold = np.zeros(round(HOLD_TIME_S / rig.dt))
@@ -449,15 +447,15 @@ class LossFlights:
             np.concatenate([test_plan.feedforward[:tick], feedforward, hold]),
         )
 
-    def _can_make(self, magnet: int, feedforward: FloatArray) -> bool:
-        """Whether the magnets can make the fed-forward forces without one magnet."""
+    def _can_apply_forces(self, magnet: int, feedforward: FloatArray) -> bool:
+        """Whether the magnets can apply the feedforward forces without one magnet."""
         file = self._rig.settings
         layout = wrench_layout(file, usual_allocation(file), self._rig.idle_force)
         layout.lose(magnet)
         wrenches = feedforward_wrench(self.setup.assumed_rig, feedforward).tolist()
         return all(layout.share(wrench)[1] for wrench in wrenches)
 
-    def _fly(
+    def _simulate_plan(
         self, plan: _Plan, faults: Mapping[int, int], commands: Mapping[int, Command] | None = None
     ) -> Recording:
         """Simulate a plan with faults and commands that begin at given ticks."""
@@ -469,10 +467,10 @@ class LossFlights:
         )
         wrench = feedforward_wrench(self.setup.assumed_rig, plan.feedforward)
         scenario = scan_scenario(rig, plan.position, stray, wrench)
-        for tick, word in faults.items():
-            scenario.command[tick:] = word
-        for tick, word in (commands or {}).items():
-            scenario.command[tick] |= word
+        for tick, fault_word in faults.items():
+            scenario.command[tick:] = fault_word
+        for tick, fault_word in (commands or {}).items():
+            scenario.command[tick] |= fault_word
         run = SimulatedLoop(self.setup, self.seed).run(scenario)
         return Recording(dict(run.columns) | recording_columns(rig, run, scenario))
 
@@ -483,13 +481,13 @@ class LossFlights:
         speeds = np.diff(poses, axis=0) / self._rig.dt
         is_contact = np.diff((np.abs(poses) > np.array(stop_distances(file))).astype(int), axis=0) > 0
         at_magnets = np.abs(speeds @ magnet_rows(file).T).max(axis=1)
-        down = np.zeros(len(speeds))
+        gap_speeds = np.zeros(len(speeds))
         if "z" in axes:
             z = axes.index("z")
             is_landing = is_contact[:, z] & (poses[1:, z] < 0.0)
             rest_tick = int(np.argmax(is_landing)) + round(SLIDE_LIMIT_S / self._rig.dt)
-            down = -speeds[:, z] * is_landing
+            gap_speeds = -speeds[:, z] * is_landing
             is_contact[rest_tick:] &= not is_landing.any()
-            down[rest_tick:] = 0.0
-        touch = (at_magnets * is_contact.any(axis=1)).max(initial=0.0)
-        return max(0.0, float(down.max(initial=0.0))), float(touch)
+            gap_speeds[rest_tick:] = 0.0
+        contact_speed = (at_magnets * is_contact.any(axis=1)).max(initial=0.0)
+        return max(0.0, float(gap_speeds.max(initial=0.0))), float(contact_speed)

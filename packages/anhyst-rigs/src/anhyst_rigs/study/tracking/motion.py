@@ -2,8 +2,8 @@
 
 :class:`Motion` computes the force on the body from its acceleration. :class:`MotionLaw` predicts
 the same force from the commanded currents and the measured gaps, with the code of the core. Both
-signals pass the same filter, so that they can be compared. `bodies` has the classes of stages and
-bearings.
+signals pass the same filter, so that they can be compared. The module `bodies` defines the classes
+for stages and bearings.
 """
 
 from __future__ import annotations
@@ -25,22 +25,21 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS, ParameterName, parameter_kind
 
 FILTER_CORNER_HZ = 250.0
-"""Corner frequency of the three equal poles that both signals pass, Hz; at most a twentieth of the
-tick rate."""
+"""Corner frequency of the filter's three equal poles, Hz; at most a twentieth of the tick rate."""
 COMPARISON_RATE_HZ = 1000.0
 """Rate of the comparisons of measured and predicted force, Hz."""
 MIN_DEMAND_RATIO = 0.06
-"""Smallest demand of compared samples, as a fraction of the largest force. At rest, a load could
-not be distinguished from an error of the magnets."""
+"""Smallest demand of compared samples, as a fraction of the largest force. At rest, a
+load could not be distinguished from an error of the magnets."""
 MIN_AMPLIFIER_BANDWIDTH_RATIO = 16.0
-"""Smallest bandwidth of an amplifier, as a multiple of the filter's corner. The lag of the
-amplifier is not modelled."""
+"""Smallest bandwidth of an amplifier, relative to the corner frequency of the filter. The lag of
+the amplifier is not modelled."""
 WIDTH_GRID_STEP = 0.005
-"""Grid step of relative loop widths; a hysteresis model is fitted for each grid value."""
+"""Step of the grid of relative loop widths; a hysteresis model is fitted for each grid value."""
 
 
 def refuse_slow_amplifier(rig: BodyRig) -> None:
-    """Reject a rig whose amplifier lag would be mistaken for a lag of the iron."""
+    """Raise an error if the amplifier lag of a rig would be mistaken for a lag of the iron."""
     file, min_bandwidth_Hz = rig.settings, MIN_AMPLIFIER_BANDWIDTH_RATIO * FILTER_CORNER_HZ
     if file.amplifier.bandwidth_Hz < min_bandwidth_Hz:
         raise InputError(
@@ -60,11 +59,11 @@ class ColumnFault(NamedTuple):
 
 @dataclass(frozen=True)
 class Motion(ABC):
-    """Recorded motion of a body, and the force on the body that follows from it."""
+    """The recorded motion of a body, and the force on the body that follows from it."""
 
     rig: BodyRig
     columns: Mapping[str, FloatArray]  # recorded values by column name, SI units
-    # first tick to compare; earlier ticks only give the hysteresis state
+    # first tick that is compared; earlier ticks only determine the hysteresis state
     first_compared_tick: int = 0
 
     @property
@@ -78,86 +77,87 @@ class Motion(ABC):
         return np.arange(self.columns["gap_read_m"].size, dtype=np.float64)
 
     def filter_force(self, force: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
-        """Delay a force by some ticks, and pass it through the filter."""
+        """Delay a force by some ticks, then apply the filter."""
         gain = -math.expm1(-2.0 * math.pi * min(FILTER_CORNER_HZ * self.rig.dt, 0.05))
-        filtered = np.interp(self.tick_numbers - delay_ticks, self.tick_numbers, force)
+        filtered_force = np.interp(self.tick_numbers - delay_ticks, self.tick_numbers, force)
         for _ in range(3):
-            filtered = lfilter([gain], [1.0, gain - 1.0], filtered)
-        return np.asarray(filtered)
+            filtered_force = lfilter([gain], [1.0, gain - 1.0], filtered_force)
+        return np.asarray(filtered_force)
 
     @property
     @abstractmethod
     def measured_force(self) -> FloatArray:
-        """Net force of the magnets that the motion implies, filtered, N."""
+        """Net force of the magnets that follows from the motion, filtered, N."""
 
     @property
     @abstractmethod
     def force_per_unit(self) -> Mapping[ParameterName, FloatArray]:
-        """Force that each parameter of the body causes, per unit of the parameter, filtered, N."""
+        """Force that a unit of each body parameter causes, filtered, N."""
 
     @property
     @abstractmethod
     def force_noise(self) -> float:
-        """Standard deviation of the measured force from sensor noise, N."""
+        """Standard deviation of the measured force that sensor noise causes, N."""
 
     @property
     @abstractmethod
     def compared_indices(self) -> NDArray[np.intp]:
-        """Indices of the samples that are compared."""
+        """Indices of the compared samples."""
 
     @property
     def force_rms(self) -> float:
-        """Reference force of relative residuals, rms, N."""
+        """Rms force to which residuals are related, N."""
         return rms(self.measured_force[self.compared_indices])
 
     @property
     def noise_gain(self) -> float:
-        """Ratio of the noise of the filtered acceleration to the noise of the position, 1/s^2."""
+        """Noise of the filtered acceleration divided by the noise of the position, 1/s^2."""
         second_difference = np.zeros(self.tick_numbers.size)
         second_difference[:3] = 1.0, -2.0, 1.0
         return float(np.linalg.norm(self.filter_force(second_difference))) / self.rig.dt**2
 
     @property
     def delay_ticks(self) -> float:
-        """Delay from a command to its force, ticks: dead time and half a tick.
+        """Delay from a command to its force, ticks: dead time plus half a tick.
 
-        The amplifier adds no lag, because its control has an integral part and the filter is
-        slower.
+        The amplifier adds no lag, because its control has an integral part and the filter is slow.
         """
         amplifier_delay = self.rig.settings.amplifier.delay_s / self.rig.dt
         return self.rig.settings.timing.delay_ticks + 0.5 + amplifier_delay
 
 
 class MotionLaw(ABC):
-    """Hysteresis model of one method, with parameters that a motion can correct."""
+    """The hysteresis model of one method, with parameters that can be estimated from a motion."""
 
     rig: BodyRig
     method: MethodName
     names: Sequence[ParameterName]  # all parameters, in the order of the calibration file
-    estimable_names: Sequence[ParameterName]  # parameters that a motion may change
-    comparison_sigma_ratio: float  # standard deviation of a comparison, fraction of the largest force
-    max_sigma_ratio: float  # largest posterior over prior sigma of an identified parameter
-    max_residual_ratio: float  # largest rms residual of a suitable model, fraction of the rms force
+    estimable_names: Sequence[ParameterName]  # parameters that may be estimated from a motion
+    # standard deviation of a comparison, as a fraction of the largest force
+    comparison_sigma_ratio: float
+    max_sigma_ratio: float  # largest ratio of posterior to prior sigma for an identified parameter
+    # largest rms residual of a suitable model, as a fraction of the rms force
+    max_residual_ratio: float
     force_max: float  # largest demanded force, N
     required_columns: Sequence[str]  # columns that a recording must have
-    optional_columns: Sequence[str]  # columns that are used if a recording has them
+    optional_columns: Sequence[str]  # columns that are used if a recording contains them
 
     def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
-        """Return methods that the recordings cannot calibrate, by default those with a probe."""
+        """Return the methods that the recordings cannot calibrate; by default, those with a probe."""
         del motions
         return FLUX_PROBE_METHODS
 
     def law_options(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
-        """Return keyword arguments for the constructor that depend on the recordings."""
+        """Return the keyword arguments for the constructor that depend on the recordings."""
         del motions
         return {}
 
     @abstractmethod
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return a fault if a recording begins in motion; its hysteresis state is then unknown."""
+        """Return a fault if a recording begins in motion, because its hysteresis state is unknown."""
 
     def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
-        """Return a fault if the demand has the opposite sign of the motion, otherwise None."""
+        """Return a fault if the demand and the motion have opposite signs, or None."""
         del motion
         return None
 
@@ -178,7 +178,7 @@ class MotionLaw(ABC):
 
     @abstractmethod
     def make_motion(self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0) -> Motion:
-        """Make a motion from recorded columns."""
+        """Return the motion that recorded columns describe."""
 
     def is_excited(self, motion: Motion, name: ParameterName) -> bool:
         """Whether a motion gives information about a parameter."""
@@ -187,9 +187,9 @@ class MotionLaw(ABC):
 
     @abstractmethod
     def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
-        """Return the predicted net force along a motion for some parameter values, filtered, N."""
+        """Return the net force that the model predicts for given parameters, filtered, N."""
 
 
 def round_to_grid(name: ParameterName, value: float) -> float:
-    """Round a loop width to the grid of fitted models; return other parameters unchanged."""
+    """Round a loop width to the grid of the fitted models; return any other parameter unchanged."""
     return round(value / WIDTH_GRID_STEP) * WIDTH_GRID_STEP if parameter_kind(name) == "width" else value

@@ -1,7 +1,7 @@
 """Calibrate a stage or a bearing while it runs on a bench.
 
 The calibrators read the rows of the bench in a separate thread. They estimate the parameters after
-each cycle of a stage's set-point, or each second of a bearing, and put corrections into force
+each cycle of a stage's set-point, or after each second of a bearing. They activate the corrections
 between two ticks. If errors grow, they restore earlier corrections and stop.
 """
 
@@ -34,67 +34,68 @@ from anhyst_rigs.study.tracking.measures import slit_statistics
 from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_slow_amplifier
 
 MAX_SHOWN_CYCLES = 500
-"""Number of cycles that a page can draw."""
+"""Number of cycles that a page can show."""
 PICKUP_TIME_S = 0.1
-"""Time to take up the weight of a body, s. These rows are kept, because they determine
-the hysteresis state afterwards."""
+"""Time that the magnets need to take up the weight of a body, s. These rows are stored, because
+they
+determine the hysteresis state afterwards."""
 MAX_BUFFER_S = 20.0
-"""Length of the row buffer, s: one cycle and the rows before it that determine the hysteresis
-state. After a longer rest, one cycle is skipped."""
+"""Length of the row buffer, s. It contains a cycle and the earlier rows that determine the
+hysteresis state. After a longer rest, one cycle is skipped."""
 MAX_ERROR_GROWTH = 1.5
-"""Largest ratio of the error to its smallest value in two consecutive cycles. If both cycles exceed
-it, earlier corrections are restored."""
+"""Largest ratio of the error to its smallest value for two consecutive cycles. If both cycles
+exceed this ratio, earlier corrections are restored."""
 _BEARING_COLUMNS = ("reference_m", "gap_read_m", "command_A", "load_N", "demand_N", "state", "phase")
 MIN_COMPARISONS = 50
-"""Smallest number of comparisons in a window that is used for an update."""
+"""Smallest number of comparisons in a window that updates the estimate."""
 MIN_SWAP_CHANGE = 0.1
-"""Smallest change of a parameter that swaps a block, in prior standard deviations."""
+"""Smallest change of a parameter for which the block is replaced, in prior standard deviations."""
 
 
 Corrections = Mapping[ParameterName, float]
-"""Parameter values that correct a method; empty without corrections."""
+"""Parameter values that correct a method; empty if there are no corrections."""
 RunOnBench = Callable[[Callable[[], None]], None]
-"""Runs a function in the bench's thread, between two ticks."""
+"""Function that runs another function in the bench's thread, between two ticks."""
 
 
 class CycleResult(NamedTuple):
-    """Errors of one cycle (or window of a bearing), and the estimate after it."""
+    """Errors of a cycle (for a bearing, of a window), and the estimate after it."""
 
-    tick: int  # last tick
+    tick: int  # last tick of the cycle
     lap: int
     method: MethodName
-    # error: for a stage, the largest moving average over the slit during the cruise, m
+    # for a stage: largest moving average of the error over the slit during the scan, m
     average: float
     peak: float  # largest error
     learning: bool  # whether the estimate was updated
-    refused: int  # number of rejected cycles of this method
+    refused: int  # number of cycles of this method that were rejected
     # by parameter: estimate, posterior sigma, applied value, prior sigma
     values: Mapping[str, tuple[float, float, float, float]]
 
 
 class _CorrectionHistory:
-    """Corrections of a method that were active, and those with the smallest error."""
+    """Corrections of a method that were active before, and those with the smallest error."""
 
     def __init__(self) -> None:
         self._entries: deque[tuple[StageSetup, Corrections]] = deque(maxlen=MAX_CYCLES)
         self._conditions: tuple[object, ...] = ()
-        # moving average of the last cycle, and the larger one of the best two consecutive cycles, m
+        # error of the last cycle, and smallest error that two consecutive cycles did not exceed, m
         self._last_average = self._best_average = math.inf
         self._best_corrections: Corrections = {}
 
     def add(self, setup: StageSetup, corrections: Corrections) -> None:
-        """Record the corrections of a setup that becomes active."""
+        """Store the corrections of a setup that becomes active."""
         self._entries.append((setup, {name: value for name, value in corrections.items() if value}))
 
     def corrections_of(self, cycle: StageCycle) -> Corrections | None:
-        """Return the corrections during a cycle, or None if they are no longer stored."""
+        """Return the corrections during a cycle; None if they are no longer stored."""
         return next((values for setup, values in self._entries if setup is cycle.setup), None)
 
     def find_better(
         self, cycle: StageCycle, corrections: Corrections, average: float
     ) -> tuple[Corrections, float] | None:
-        """Return better corrections and their error, m, if the last two cycles were worse."""
-        # If plant, load or gains have changed, errors of earlier cycles cannot be compared.
+        """Return better corrections and their error, m, if the last two cycles were worse, or None."""
+        # If the plant, the load or the gains have changed, earlier errors cannot be compared.
         if cycle.conditions != self._conditions:
             self._conditions = cycle.conditions
             self._last_average = math.inf
@@ -111,13 +112,13 @@ class _CorrectionHistory:
 
 
 class BenchCalibrator:
-    """Base class: calibrates each method of a bench from the motions that it controlled itself.
+    """Base class that calibrates each method of a bench from motions that this method controlled.
 
-    :meth:`run` has a separate thread. Changes of the bench go through ``run_on_bench``.
+    A separate thread executes :meth:`run`. It changes the bench only through ``run_on_bench``.
     """
 
     unit = "m"
-    """Unit of the errors of the cycles."""
+    """Unit of the errors in the cycle results."""
 
     def __init__(self, bench: Bench, is_on: bool = False) -> None:
         self.is_on = is_on
@@ -127,23 +128,23 @@ class BenchCalibrator:
         self._uncorrected_error: dict[MethodName, float] = {}  # error without corrections
         self._buffer: deque[FloatArray] = deque()
         self._stop_reason = ""
-        self._start_tick = 0  # first tick of rows that may be used
+        self._start_tick = 0  # first tick whose rows may be used
 
     def switch(self, is_on: bool) -> None:
-        """Switch the calibration on or off; applied corrections stay."""
+        """Switch the calibration on or off; corrections that are applied remain."""
         if is_on and (refusal := self._refusal):
             raise refusal
         self.is_on, self._start_tick = is_on, self._clock.tick
 
     def revert(self) -> int:
-        """Delete all estimates and return the tick; called in the bench's thread."""
-        # first, so that pending updates find either the new tick or no estimator
+        """Delete all estimates, and return the tick. The bench's thread must call this method."""
+        # This comes first, so that pending updates find either the new tick or no estimator.
         self._start_tick = self._clock.tick
         self._estimators, self._stop_reason = {}, ""
         return self._start_tick
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows in addition to the cycles."""
+        """Return what a page shows in addition to the cycle results."""
         estimators = dict(self._estimators)
         return {
             "on": self.is_on,
@@ -155,19 +156,19 @@ class BenchCalibrator:
 
     def run(self, subscription: Subscription, run_on_bench: RunOnBench) -> None:
         """Process rows until the subscription ends."""
-        with suppress(InputError):  # the bench is closed
+        with suppress(InputError):  # The bench is closed.
             while (rows := subscription.get()) is not None:
                 self.process_rows(rows, run_on_bench)
 
     def process_rows(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Store rows and update the estimate from each cycle that ends with them."""
+        """Store rows, and update the estimate from each cycle that ends in these rows."""
         if self._buffer and rows[0, 0] != self._buffer[-1][-1, 0] + 1:
-            self._buffer.clear()  # rows are missing
+            self._buffer.clear()  # Rows are missing.
         self._buffer.append(rows)
         self._process(rows, run_on_bench)
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Update the estimate from each cycle or window that ends with these rows."""
+        """Update the estimate from each cycle or window that ends in these rows."""
         raise NotImplementedError  # pragma: no cover
 
     def _stop(self, reason: str) -> None:
@@ -175,7 +176,7 @@ class BenchCalibrator:
         self._stop_reason, self.is_on = f"calibration stopped: {reason}", False
 
     def _record_cycle(self, cycle: CycleResult, estimator: ParameterEstimator | None) -> None:
-        """Store what a page draws of a cycle."""
+        """Store the data of a cycle that a page shows."""
         if estimator is not None:
             values = {
                 parameter.name: (
@@ -197,18 +198,18 @@ class BenchCalibrator:
 
 
 class StageCalibrator(BenchCalibrator):
-    """Calibrates a stage from its cycles; corrections come into force when the body next rests."""
+    """A calibrator that updates from cycles; corrections become active when the body next rests."""
 
     def __init__(self, magnet: IdentifiedMagnet, bench: StageBench) -> None:
         rig = bench.rig
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
-        # without the time: rows begin with the tick
+        # without the time, because rows begin with the tick
         self._required_columns = StageLaw(rig, magnet, "full").required_columns[1:]
         self._column_indices = [
             _row_index(bench.signals, name) for name in (*self._required_columns, "error_m", "lap")
         ]
-        # positions in stored rows
+        # indices in the stored rows
         self._command_indices = [
             1 + n for n, name in enumerate(self._required_columns) if name.startswith("command")
         ]
@@ -219,17 +220,17 @@ class StageCalibrator(BenchCalibrator):
         self._histories: dict[MethodName, _CorrectionHistory] = {}
 
     def revert(self) -> int:
-        """Delete all estimates, and put the setups of the rig file into force."""
+        """Delete all estimates, and activate the setups of the rig file."""
         super().revert()
         self._histories, self._skipped_cycles = {}, 0
         return [self._bench.correct(setup) for setup in self._bench.setups][-1]
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows in addition to the cycles."""
+        """Return what a page shows in addition to the cycle results."""
         return {**super().status(), "left_out": self._skipped_cycles}
 
     def process_rows(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Store rows and update the estimate from each cycle that ends with them."""
+        """Store rows, and update the estimate from each cycle that ends in these rows."""
         super().process_rows(rows[:, [0, *self._column_indices]], run_on_bench)
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
@@ -241,7 +242,7 @@ class StageCalibrator(BenchCalibrator):
             was_lifted_again = pickup_tick != self._bench.plant_tick
             earlier_rows = self._rows_before_lift(pickup_tick) if was_lifted_again else self._pickup_rows[:0]
             self._pickup_rows = np.concatenate([earlier_rows, rows[pickup_tick - first_tick :]])
-            if was_lifted_again:  # the iron now carries the weight on another branch
+            if was_lifted_again:  # The iron now carries the weight on another branch.
                 self._estimators = {
                     name: estimator.copy_without_data() for name, estimator in self._estimators.items()
                 }
@@ -252,7 +253,7 @@ class StageCalibrator(BenchCalibrator):
                 self._process_cycle(cycle, run_on_bench)
 
     def _rows_before_lift(self, tick: int) -> FloatArray:
-        """Return rows before a lift that determine the hysteresis state: first lift to descent."""
+        """Return the rows before a lift that determine the hysteresis state: first lift to descent."""
         history_begin = max(
             (cycle.history_start for cycle in tuple(self._bench.cycles) if cycle.first_tick < tick), default=0
         )
@@ -260,16 +261,16 @@ class StageCalibrator(BenchCalibrator):
         rows = rows[(rows[:, 0] >= history_begin) & (rows[:, 0] < tick)]
         has_current = rows[:, self._command_indices].any(axis=1)
         is_earlier = self._pickup_rows[:, 0] < (rows[0, 0] if len(rows) else tick)
-        # the first row of a rest without current is sufficient
+        # Of a rest without current, only the first row is necessary.
         return np.concatenate([self._pickup_rows[is_earlier], rows[has_current | np.roll(has_current, 1)]])
 
     def _process_cycle(self, cycle: StageCycle, run_on_bench: RunOnBench) -> None:
-        """Update the estimate from a complete cycle, and activate corrections."""
+        """Update the estimate from a complete cycle, and activate the corrections."""
         table = np.concatenate([rows for rows in self._buffer if rows[-1, 0] >= cycle.history_start])
-        first, end = int(table[0, 0]), cycle.last_tick
-        error, laps = table[: end + 1 - first, -2:].T
-        begin_row = cycle.first_tick - first
-        if begin_row < 0 or np.any(laps[begin_row:] != cycle.number):
+        first_tick, end_tick = int(table[0, 0]), cycle.last_tick
+        error, cycle_numbers = table[: end_tick + 1 - first_tick, -2:].T
+        begin_row = cycle.first_tick - first_tick
+        if begin_row < 0 or np.any(cycle_numbers[begin_row:] != cycle.number):
             return
         slit, dt = self._rig.settings.scan.slit_s, self._rig.dt
         windows = slit_statistics(error[begin_row:], cycle.motion, slit, dt)
@@ -283,14 +284,14 @@ class StageCalibrator(BenchCalibrator):
             estimator is None or not any(estimator.applied_values.values())
         )
         corrections = {} if is_original_setup else history.corrections_of(cycle)
-        better = None if corrections is None else history.find_better(cycle, corrections, average)
-        if is_learning and better is not None and estimator is not None:
-            setup = self._restore_best(estimator, *better, average)
+        better_values = None if corrections is None else history.find_better(cycle, corrections, average)
+        if is_learning and better_values is not None and estimator is not None:
+            setup = self._restore_best(estimator, *better_values, average)
         elif is_learning and self._is_superseded(cycle):
             is_learning, self._skipped_cycles = False, self._skipped_cycles + 1
-        elif is_learning and cycle.history_start >= first and end > self._start_tick:
+        elif is_learning and cycle.history_start >= first_tick and end_tick > self._start_tick:
             is_earlier = self._pickup_rows[:, 0] < cycle.history_start
-            rows = table[cycle.history_start - first : end + 1 - first, 1:]
+            rows = table[cycle.history_start - first_tick : end_tick + 1 - first_tick, 1:]
             rows = np.concatenate([self._pickup_rows[is_earlier, 1:], rows])
             columns = dict(zip(self._required_columns, rows.T, strict=False))
             setup = self._update(estimators, cycle, columns, len(rows) - cycle.tick_count)
@@ -298,21 +299,21 @@ class StageCalibrator(BenchCalibrator):
 
         def act() -> None:
             if estimators is not self._estimators:
-                return  # reverted meanwhile
+                return  # The calibration was reverted meanwhile.
             if is_uncorrected:
                 self._uncorrected_error[cycle.method] = average
             if setup is not None and estimator is not None:
                 self._bench.correct(setup)
                 history.add(setup, estimator.applied_values)
             self._record_cycle(
-                CycleResult(end, cycle.number, cycle.method, average, peak_error, is_learning, 0, {}),
+                CycleResult(end_tick, cycle.number, cycle.method, average, peak_error, is_learning, 0, {}),
                 estimator,
             )
 
         run_on_bench(act)
 
     def _is_superseded(self, cycle: StageCycle) -> bool:
-        """Whether a later cycle has ended; an update can take longer than a cycle."""
+        """Whether a later cycle has already ended, because an update can take longer than a cycle."""
         tick = self._bench.tick
         return any(
             other.number > cycle.number and other.last_tick <= tick for other in tuple(self._bench.cycles)
@@ -325,7 +326,7 @@ class StageCalibrator(BenchCalibrator):
         best_average: float,
         average: float,
     ) -> StageSetup:
-        """Stop the calibration, and return the stage with the corrections of the smallest error."""
+        """Stop the calibration; return the stage with the corrections that had the smallest error."""
         estimator.applied_values = dict.fromkeys(estimator.applied_values, 0.0) | dict(best_corrections)
         self._stop(
             f"the moving average of {estimator.law.method} grew from {1e9 * best_average:.3g} to "
@@ -340,16 +341,16 @@ class StageCalibrator(BenchCalibrator):
         columns: Mapping[str, FloatArray],
         begin_row: int,
     ) -> StageSetup | None:
-        """Update the estimate from a cycle; return a new setup, or None without a change."""
+        """Update the estimate from a cycle; return a new setup, or None if nothing changes."""
         method = cycle.method
         if method not in self._laws:
             self._laws[method] = StageLaw(self._rig, self._magnet, method)
         estimator = estimators.setdefault(method, ParameterEstimator(self._laws[method], FORGETTING_TIME_S))
-        before = dict(estimator.applied_values)
+        old_values = dict(estimator.applied_values)
         try:
             estimator.update(self._laws[method].make_motion(columns, begin_row))
             estimator.follow_estimate(cycle.motion.duration)
-            return None if estimator.applied_values == before else estimator.corrected_stage()
+            return None if estimator.applied_values == old_values else estimator.corrected_stage()
         except (InputError, np.linalg.LinAlgError) as error:
             self._stop(str(error))
             return None
@@ -370,21 +371,20 @@ class StageCalibrator(BenchCalibrator):
 
 
 WINDOW_S = 1.0
-"""Length of the window of a bearing that is processed together, s."""
+"""Length of the window that is processed at a time for a bearing, s."""
 TAIL_S = 0.1
-"""Length of unthinned rows before a window, s."""
+"""Time before a window in which all rows are kept, s."""
 THINNING_BLOCK_ROWS = 20
-"""Number of older rows that are replaced by the two with the smallest and largest drive."""
+"""Number of older rows that are reduced to the two with extreme current-to-gap ratios."""
 MAX_HISTORY_ROWS = 100_000
-"""Number of thinned rows after which they are thinned again."""
+"""Number of thinned rows above which they are thinned again."""
 
 
 class BearingCalibrator(BenchCalibrator):
-    """Calibrates a bearing from each second in which its reference moved, and swaps the block.
+    """A calibrator that updates from each second with a moving reference, and replaces the block.
 
-    The firmware changes the current gradually to that of the new block. The reported errors are
-    force errors. For comparison, the error of the uncorrected model is computed for the same
-    second.
+    The firmware changes the current gradually to the current of the new block. The reported errors
+    are force errors. For comparison, the error without corrections is computed for each second.
     """
 
     unit = "N"
@@ -399,13 +399,14 @@ class BearingCalibrator(BenchCalibrator):
         super().__init__(bench)
         self._setup, self._bench, self._method = setup, bench, setup.method
         self._magnet = magnet
-        self._compile_block = compile_block  # compiles a model to a block for the board
+        # function that compiles a model to a block for the board
+        self._compile_block = compile_block
         self._column_indices = {name: _row_index(bench.signals, name) for name in _BEARING_COLUMNS}
         self._law: BearingLaw | None = None
         self._history_rows = np.zeros((0, 1 + len(bench.signals)))
         self._initial_block = self._own_block = bench.read_block()
         self._corrections: Corrections = {}
-        self._is_waiting = False  # for an armature at rest without current
+        self._is_waiting = False  # whether it waits until the armature rests without current
         self._was_worse = False  # whether the last window was worse than without corrections
 
     def revert(self) -> int:
@@ -414,13 +415,13 @@ class BearingCalibrator(BenchCalibrator):
         return self._swap_block(self._initial_block, {})
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows in addition to the cycles."""
+        """Return what a page shows in addition to the cycle results."""
         wait_text = "rows are missing, so the hysteresis state is unknown; land and lift again"
         status = super().status()
         return {**status, "trouble": status["trouble"] or (wait_text if self._is_waiting else "")}
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        if len(self._buffer) == 1:  # first rows, or rows are missing: wait for zero current
+        if len(self._buffer) == 1:  # first rows, or rows are missing: wait until no current flows
             self._history_rows = self._history_rows[:0]
             self._is_waiting = bool(rows[0, self._column_indices["command_A"]] > 0.0)
             if self._is_waiting:
@@ -430,21 +431,21 @@ class BearingCalibrator(BenchCalibrator):
             return
         table = np.concatenate(self._buffer)
         self._process_window(table, run_on_bench)
-        tail = round(TAIL_S * self._bench.rate)
-        old = _thin_rows(table[:-tail], self._column_indices)
-        self._history_rows = np.concatenate([self._history_rows, old])
+        tail_rows = round(TAIL_S * self._bench.rate)
+        old_rows = _thin_rows(table[:-tail_rows], self._column_indices)
+        self._history_rows = np.concatenate([self._history_rows, old_rows])
         if len(self._history_rows) > MAX_HISTORY_ROWS:
             self._history_rows = _thin_rows(self._history_rows, self._column_indices)
-        self._buffer = deque([table[-tail:]])
+        self._buffer = deque([table[-tail_rows:]])
 
     def _process_window(self, table: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Update the estimate from one window, and activate corrections."""
+        """Update the estimate from one window, and activate the corrections."""
         if self._refusal is not None:
             return
         setup = self._setup
         law = self._law = self._law or BearingLaw(setup.rig, setup.controller, self._magnet, self._method)
         rows = np.concatenate([self._history_rows, table])
-        columns = {name: rows[:, place] for name, place in self._column_indices.items()}
+        columns = {name: rows[:, column_index] for name, column_index in self._column_indices.items()}
         begin_row = len(self._history_rows) + round(TAIL_S * self._bench.rate)
         motion = law.make_motion(columns, begin_row)
         indices = motion.compared_indices
@@ -467,7 +468,7 @@ class BearingCalibrator(BenchCalibrator):
 
         def act() -> None:
             if estimators is not self._estimators:
-                return  # reverted meanwhile
+                return  # The calibration was reverted meanwhile.
             self._uncorrected_error[self._method] = uncorrected_rms_N
             if should_revert:
                 self.revert()
@@ -487,7 +488,7 @@ class BearingCalibrator(BenchCalibrator):
     def _update(
         self, estimators: dict[MethodName, ParameterEstimator], law: BearingLaw, motion: Motion
     ) -> tuple[Sequence[int], Corrections] | None:
-        """Update the estimate from a window; return a new block and its corrections, or None."""
+        """Update the estimate from a window; return a new block with its corrections, or None."""
         estimator = estimators.setdefault(self._method, ParameterEstimator(law, FORGETTING_TIME_S))
         try:
             estimator.update(motion)
@@ -499,7 +500,7 @@ class BearingCalibrator(BenchCalibrator):
             ):
                 return None
             gap_zero = corrections["gap_zero_m"]
-            gap_margin = 2.0 * abs(gap_zero)  # the board keeps its range of gaps
+            gap_margin = 2.0 * abs(gap_zero)  # The board does not change its range of gaps.
             magnet = calibrate_magnet(
                 self._magnet, corrections["scale_1"], gap_zero, corrections["width"], gap_margin
             )
@@ -509,7 +510,7 @@ class BearingCalibrator(BenchCalibrator):
             return None
 
     def _swap_block(self, words: Sequence[int], corrections: Corrections) -> int:
-        """Activate a block, unless somebody else swapped a model; runs in the bench's thread."""
+        """Activate a block in the bench's thread, unless somebody else has changed the model."""
         current_block = self._bench.read_block()
         if set_generation(current_block, 0) != set_generation(self._own_block, 0):
             self._stop("another model is in force")
@@ -531,16 +532,16 @@ class BearingCalibrator(BenchCalibrator):
 
 
 def _thin_rows(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
-    """Reduce each block of rows to two rows: smallest and largest ratio of current to gap."""
+    """Reduce each block of rows to two: with the smallest and the largest ratio of current to gap."""
     blocks = len(rows) // THINNING_BLOCK_ROWS
     row_count = blocks * THINNING_BLOCK_ROWS
     drive = rows[:row_count, columns["command_A"]] / rows[:row_count, columns["gap_read_m"]]
     drive = drive.reshape(blocks, THINNING_BLOCK_ROWS)
-    ends = np.column_stack([drive.argmin(axis=1), drive.argmax(axis=1)])
-    selected = np.unique(ends + THINNING_BLOCK_ROWS * np.arange(blocks)[:, None])
-    return np.concatenate([rows[selected], rows[row_count:]])
+    extreme_rows = np.column_stack([drive.argmin(axis=1), drive.argmax(axis=1)])
+    selected_rows = np.unique(extreme_rows + THINNING_BLOCK_ROWS * np.arange(blocks)[:, None])
+    return np.concatenate([rows[selected_rows], rows[row_count:]])
 
 
-def _row_index(signals: Sequence[Signal], header: str) -> int:
-    """Return the position of a recording's column in the rows of a bench."""
-    return 1 + [column_name(signal.name, signal.unit) for signal in signals].index(header)
+def _row_index(signals: Sequence[Signal], column_title: str) -> int:
+    """Return the index of a recording's column in the rows of a bench."""
+    return 1 + [column_name(signal.name, signal.unit) for signal in signals].index(column_title)

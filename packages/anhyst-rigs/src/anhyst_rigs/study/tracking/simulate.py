@@ -1,7 +1,7 @@
-"""Simulate all variants on the set-points of a stage, as ``anhyst simulate`` does.
+"""Simulate all variants on the set-points of a stage: the command ``anhyst simulate``.
 
-For each variant a search finds feedforward gains on the training set-point. The variant is then
-evaluated on the test set-point over several noise seeds. Further runs show small forces, one
+For each variant, a search finds feedforward gains on the training set-point. Then the variant is
+evaluated on the test set-point with several noise seeds. Further runs show small forces, one
 repeated set-point, standstill, learning control and the loss of magnets.
 """
 
@@ -69,17 +69,17 @@ if TYPE_CHECKING:
 
 
 LEARNING_TRIALS = 8
-"""Number of trials of learning control, the first without a learnt force."""
+"""Number of trials of learning control; the first trial has no learnt force."""
 LEARNING_FILTER_HZ = 200.0
-"""Corner of the low-pass filter of the learnt force, Hz."""
+"""Corner frequency of the low-pass filter of the learnt force, Hz."""
 _PADDING_TICKS = 4096
-"""Zeros after a trial, so that its end does not affect its beginning in the spectrum."""
+"""Number of zeros after a trial, so that its end does not affect its beginning in the spectrum."""
 
 
 def run_learning_control(
     setup: StageSetup, gains: Feedforward, trials: int = LEARNING_TRIALS
 ) -> list[Recording]:
-    """Repeat the test set-point; after each trial correct the force with a model of the loop."""
+    """Repeat the test set-point; after each trial, correct the force with a model of the loop."""
     table = setup.rig.settings.scan
     motion = scan_motion(table, table.test_m_per_s2)
     runs = [track(setup, motion, gains, seed=0)]
@@ -93,20 +93,19 @@ def run_learning_control(
 def _update_learnt_force(rig: BodyRig, learnt_force: FloatArray, error: FloatArray) -> FloatArray:
     """Add the force that removes the error in a model of the loop, and low-pass filter the sum.
 
-    With the plant ``P = e^(-s delay)/(m s^2)`` and the controller C, the force ``e/P + C e``
-    removes an error e.
+    For the plant ``P = e^(-s delay)/(m s^2)`` and the controller C, this force is ``e/P + C e``.
     """
     n, dt = error.size, rig.dt
     frequency = np.fft.rfftfreq(n + _PADDING_TICKS, dt)
-    s = 2j * math.pi * frequency
+    jw = 2j * math.pi * frequency
     delay_s = rig.loop_delay + 1.0 / (2.0 * math.pi * rig.settings.amplifier.bandwidth_Hz)
     low_pass = 1.0 / (1.0 + (frequency / LEARNING_FILTER_HZ) ** 4)
-    pid, z_inverse = pid_coefficients(rig), 1.0 / np.exp(s * dt)
+    pid, z_inverse = pid_coefficients(rig), 1.0 / np.exp(jw * dt)
     with np.errstate(divide="ignore", invalid="ignore"):
         control = pid["b0"] + pid["b1"] * z_inverse + pid["b2"] * z_inverse**2
         control = control / (1.0 + pid["a1"] * z_inverse + pid["a2"] * z_inverse**2)
-    inverse_loop = rig.settings.body.mass_kg * s**2 * np.exp(s * delay_s) + control
-    inverse_loop[0] = 0.0  # the integral part finds constant forces
+    inverse_loop = rig.settings.body.mass_kg * jw**2 * np.exp(jw * delay_s) + control
+    inverse_loop[0] = 0.0  # The integral part compensates constant forces.
     error_spectrum = np.fft.rfft(error, n + _PADDING_TICKS)
     force_spectrum = np.fft.rfft(learnt_force, n + _PADDING_TICKS) + inverse_loop * error_spectrum
     return np.ascontiguousarray(np.fft.irfft(low_pass * force_spectrum, n + _PADDING_TICKS)[:n])
@@ -115,24 +114,24 @@ def _update_learnt_force(rig: BodyRig, learnt_force: FloatArray, error: FloatArr
 TRAINING_SEED = 1000
 """First noise seed of the calibration motions."""
 GAIN_SEARCH_RUNS = 30
-"""Largest number of runs of the gain search."""
+"""Largest number of runs in the search for gains."""
 _GAIN_STEPS = np.array([0.01, 50e-6, 5e-9])
-"""Steps of the first simplex: weight of the acceleration, jerk gain (s), snap gain (s^2)."""
+"""Steps of the first simplex: acceleration gain, jerk gain (s), and snap gain (s^2)."""
 _LOST_COST_M = 1.0
 """Cost of a run that lost control, m."""
 
 
 def gains_at(point: FloatArray) -> Feedforward:
-    """Return the gains at a point of the search; at 0 only the mass of the file is fed forward."""
+    """Return the gains at a point of the search; at 0, only the mass of the file is fed forward."""
     acceleration, jerk, snap = (_GAIN_STEPS * point).tolist()
     return Feedforward(1.0 + acceleration, jerk, snap)
 
 
 def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
-    """Search the three feedforward gains with the smallest error on a set-point.
+    """Return the three feedforward gains with the smallest error on a set-point.
 
-    The cost is the error rms plus the moving average with its weight from the rig file. The search
-    is Nelder-Mead from the mass of the file; all runs have the same noise.
+    The cost is the rms error plus the moving average with its weight from the rig file. The
+    Nelder-Mead search starts with the mass of the file; all runs have the same noise.
     """
     table = setup.rig.settings.scan
 
@@ -148,12 +147,12 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
 
 
 COMPENSATOR: MethodName = "full"
-"""Method with which all others are compared; its run is recorded."""
+"""Method that is compared with all others, and whose run is recorded."""
 _OMITTED_METHODS = ("ratio", "secant", "simplified", "at-rest")
 COMPARED_METHODS = tuple(name for name in METHODS if name not in _OMITTED_METHODS)
-"""Variants, in the order of every table."""
+"""Compared variants, in the order of every table."""
 SMALL_ACCELERATION_RATIO = 0.1
-"""Fraction of the test accelerations in the run with small forces."""
+"""Fraction of the test accelerations in the run that tests small forces."""
 _STANDSTILL_S = 0.2
 
 
@@ -161,25 +160,25 @@ _STANDSTILL_S = 0.2
 class VariantResult:
     """Results of one variant on the test set-point."""
 
-    gains: Feedforward  # found on the training set-point
-    measures: tuple[Measures, ...]  # one for each seed
-    # settling times of every scan of every seed, for each error band, s
+    gains: Feedforward  # gains found on the training set-point
+    measures: tuple[Measures, ...]  # measures for each seed
+    # settling times of all scans and seeds, for each error band, s
     settling_times: tuple[tuple[float, ...], ...]
     recording: Recording  # run with the first seed
-    small_force_measures: Measures  # same gains, a tenth of the accelerations
-    # gains found on the test set-point, as for a single repeated one
+    small_force_measures: Measures  # same gains, but a tenth of the accelerations
+    # gains found on the test set-point, as if the stage repeated only this set-point
     repeated_setpoint_measures: Measures
-    # errors at rest while the long stroke moves, rms, by column
+    # rms errors at rest while the long stroke moves, by column
     standstill_errors: Mapping[str, float]
-    learning_peaks_m: tuple[float, ...]  # peak of each trial of learning control, m
+    learning_peaks_m: tuple[float, ...]  # peak error in each trial of learning control, m
     # largest error of each coordinate that the set-point does not move, for each seed, by axis and
-    # unit; empty if it moves all
+    # unit; empty if it moves all coordinates
     cross_talk: Mapping[str, tuple[float, ...]]
-    calibration: CalibratedMethod | None  # None unless the stage calibrates itself
+    calibration: CalibratedMethod | None  # None unless the stage uses online calibration
 
     @property
     def case_figures(self) -> CaseFigures:
-        """All metrics on the test set-point over the seeds."""
+        """All metrics on the test set-point over the noise seeds."""
         runs = []
         for seed, measures in enumerate(self.measures):
             axis_errors = {key: values[seed] for key, values in self.cross_talk.items()}
@@ -187,23 +186,23 @@ class VariantResult:
         return CaseFigures.summarise(runs)
 
     def interval(self, key: str) -> Interval:
-        """Return the interval of a metric over the seeds; without a mean if control was lost."""
+        """Return the interval of a metric over the seeds, without a mean if control was lost."""
         return self.case_figures.interval(key)
 
     @property
     def standstill_m(self) -> float:
-        """Error at rest along the set-point, rms, m."""
+        """Rms error at rest along the set-point, m."""
         return self.standstill_errors["error_m"]
 
     @property
     def standstill_by_axis(self) -> dict[str, float]:
-        """Error at rest of each coordinate, rms, by axis and unit."""
+        """Rms error at rest of each coordinate, by axis and unit."""
         errors = self.standstill_errors.items()
         return {name.removeprefix("error_"): error for name, error in errors if name != "error_m"}
 
     @property
     def lost_in(self) -> list[str]:
-        """Runs that lost control, without learning control."""
+        """Runs that lost control, except runs of learning control."""
         lost_count, count = self.case_figures.lost, self.case_figures.runs
         is_lost_by_run = {
             f"test set-point ({lost_count} of {count} runs)": lost_count > 0,
@@ -216,7 +215,7 @@ class VariantResult:
 
 @dataclass(frozen=True, repr=False)
 class TrackingStudy(StudyResult):
-    """Results of all variants on a stage.
+    """The results of all variants on a stage.
 
     Parameters
     ----------
@@ -236,7 +235,7 @@ class TrackingStudy(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Runs that lost control with the compensator."""
+        """Runs with the compensator that lost control."""
         return self.variants[COMPENSATOR].lost_in
 
     def as_dict(self) -> dict[str, Any]:
@@ -257,7 +256,7 @@ class TrackingStudy(StudyResult):
 
     @property
     def completed(self) -> list[MethodName]:
-        """Variants that kept control on the test set-point."""
+        """Variants that did not lose control on the test set-point."""
         return [name for name, variant in self.variants.items() if not variant.case_figures.lost]
 
     @property
@@ -274,9 +273,9 @@ class TrackingStudy(StudyResult):
 
     @property
     def verdicts(self) -> dict[MethodName, Judgement]:
-        """Comparisons with the best curve without memory, and with each variant that has memory.
+        """Comparisons with the best variant without memory, and with each variant that has memory.
 
-        Lost variants are not compared.
+        Variants that lost control are not compared.
         """
         if self.lost_in:
             return {}
@@ -290,14 +289,14 @@ class TrackingStudy(StudyResult):
 
     @property
     def memoryless(self) -> MethodName:
-        """The variant without memory that has the smallest peak."""
+        """The variant without memory that has the smallest peak error."""
         methods: list[MethodName] = [*CONSTANT_METHODS, "single-valued"]
         candidates = [name for name in methods if name in self.variants]
-        completed = [name for name in candidates if name in self.completed]
-        return min(completed or candidates, key=lambda name: self.variants[name].interval("peak_m").mean)
+        names = [name for name in candidates if name in self.completed]
+        return min(names or candidates, key=lambda name: self.variants[name].interval("peak_m").mean)
 
     def _compare_with_best(self, names: Sequence[MethodName]) -> list[ComparedFigure]:
-        """Compare each metric with the smallest value among some variants."""
+        """Compare each metric with its smallest value among given variants."""
         compared = []
         for metric in (PEAK_ERROR, MOVING_AVERAGE, SETTLING_TIME):
             intervals = {name: self.variants[name].interval(metric.key) for name in names}
@@ -307,7 +306,7 @@ class TrackingStudy(StudyResult):
         return compared
 
     def facts(self) -> dict[str, str]:
-        """Return peak and moving average of the error of every variant."""
+        """Return the peak and the moving average of the error for every variant."""
         facts = {"rig": self.rig.settings.name}
         for name, variant in self.variants.items():
             peak = 1e9 * variant.interval("peak_m").mean
@@ -319,7 +318,7 @@ class TrackingStudy(StudyResult):
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the measures of each variant on the test set-point, means over seeds, SI units."""
+        """Return measures of each variant on the test set-point, as means over seeds, SI units."""
         names = [field.name for field in fields(Measures)]
         rows = self.variants.items()
         return rows_to_columns(
@@ -330,7 +329,7 @@ class TrackingStudy(StudyResult):
         )
 
     def draw(self, ax: Axes) -> None:
-        """Draw the error of every variant over the test set-point, for one noise seed."""
+        """Draw the error of every variant on the test set-point, for one noise seed."""
         for name, variant in self.variants.items():
             ax.plot(variant.recording["t_s"], 1e9 * variant.recording["error_m"], lw=0.8, label=name)
         ax.set_xlabel("time [s]")
@@ -362,7 +361,8 @@ def _variant_dict(variant: VariantResult) -> dict[str, Any]:
 def evaluate_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> VariantResult:
     """Find the gains of a variant on the training set-point; evaluate it on the test set-point.
 
-    A variant that calibrates itself does so on the training set-point first, and continues.
+    A variant with online calibration first calibrates itself on the training set-point, and
+    continues with this calibration.
     """
     table = setup.rig.settings.scan
     gains, estimator = tune_and_calibrate(setup, magnet)
@@ -398,7 +398,7 @@ def evaluate_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> VariantResu
 def tune_and_calibrate(
     setup: StageSetup, magnet: IdentifiedMagnet
 ) -> tuple[Feedforward, ParameterEstimator | None]:
-    """Return the gains of a variant, and its estimator if it calibrates itself."""
+    """Return the gains of a variant, and its estimator if it uses online calibration."""
     training = scan_motion(setup.rig.settings.scan, setup.rig.settings.scan.train_m_per_s2)
     gains = find_gains(setup, training)
     estimator = calibrate_running_stage(setup, magnet, gains, TRAINING_SEED)
@@ -406,7 +406,7 @@ def tune_and_calibrate(
 
 
 def measure_standstill(setup: StageSetup, gains: Feedforward, seed: int = 1) -> dict[str, float]:
-    """Return the errors at rest, rms, by column, m or rad."""
+    """Return the rms errors at rest by column, m or rad."""
     file, table = setup.rig.settings, setup.rig.settings.scan
     columns = ["error_m", *error_columns(file.body.free)]
     set_point = replace(scan_motion(table, table.test_m_per_s2[:2]), cruise=_STANDSTILL_S, speed=0.0)
@@ -414,13 +414,13 @@ def measure_standstill(setup: StageSetup, gains: Feedforward, seed: int = 1) -> 
     if run.loss is not None:
         return dict.fromkeys(columns, math.inf)
     cruises = cruise_slices(set_point, run.dt)
-    return {name: rms(np.concatenate([run[name][part] for part in cruises])) for name in columns}
+    return {name: rms(np.concatenate([run[name][cruise] for cruise in cruises])) for name in columns}
 
 
 def make_variants(
     rig: BodyRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = ()
 ) -> tuple[dict[MethodName, StageSetup], dict[MethodName, str]]:
-    """Fit variants to the magnet; by default all compared ones.
+    """Fit variants to the magnet; by default, all compared ones.
 
     If the model has layers of a solid core, the same compensator for a laminated core is added. The
     second result gives the reasons for variants that could not be made.
@@ -442,7 +442,7 @@ def make_variants(
 
 
 def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
-    """Reject a loop that is lost at a tenth of the accelerations with mass feedforward only."""
+    """Raise an error if control is lost at a tenth of the accelerations with mass feedforward only."""
     table = setup.rig.settings.scan
     small_motion = scan_motion(table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2[:2]])
     run = track(setup, small_motion, Feedforward(), seed=1)
@@ -459,7 +459,7 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
 
 
 def check_calibration(rig: BodyRig) -> None:
-    """Reject an unusable calibration, or a rig that cannot calibrate itself, before any work."""
+    """Raise an error if a calibration is unusable or impossible, before any computation."""
     if rig.settings.tracking.calibrate:
         refuse_slow_amplifier(rig)
     check_calibration_covers(rig, COMPENSATOR, rig.settings.tracking.calibration)
@@ -478,8 +478,8 @@ def explore_stage(
     setups, left_out = make_variants(rig, identified_magnet, names)
     refuse_unstable(setups[COMPENSATOR], out)
     results = map_ordered(partial(evaluate_variant, identified_magnet), list(setups.values()), progress)
-    found = TrackingStudy(rig, dict(zip(setups, results, strict=True)), left_out)
-    if rig.settings.loss_case is None or found.lost_in:
-        return found
-    flights = LossFlights(setups[COMPENSATOR], found.variants[COMPENSATOR].gains, rig.settings.loss_case)
-    return replace(found, losses=flights.run_all())
+    study = TrackingStudy(rig, dict(zip(setups, results, strict=True)), left_out)
+    if rig.settings.loss_case is None or study.lost_in:
+        return study
+    flights = LossFlights(setups[COMPENSATOR], study.variants[COMPENSATOR].gains, rig.settings.loss_case)
+    return replace(study, losses=flights.run_all())

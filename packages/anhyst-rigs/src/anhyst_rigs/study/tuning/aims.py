@@ -1,9 +1,8 @@
-"""Define the aims of a tuning and the cost of controller gains.
+"""Define the aims of a tuning, and the cost of controller gains.
 
 If gains meet all aims, their cost is a single metric: the settling time of a bearing, the moving
 average of a stage, or the rms error of a piezo stage. Otherwise, the cost is larger and increases
-with the relative excess over each limit. Therefore, a search first finds permitted gains and then
-the best of them.
+with the relative excess over each limit. Thus, a search finds permitted gains, then improves them.
 """
 
 # ruff: noqa: N815 - figures carry units
@@ -20,61 +19,61 @@ from anhyst.support.errors import InputError
 from anhyst_rigs.study.engine.table import Metric
 
 MISSED_AIM_COST = 1e3
-"""Cost of gains that miss an aim, in SI units. The sum of their relative excesses is added."""
+"""Cost of gains that miss an aim, to which the sum of their relative excesses is added."""
 _MAX_RELATIVE_EXCESS = 100.0
-"""Largest relative excess that counts for one aim, so that infinite metrics have a finite cost."""
+"""Largest relative excess that counts for one aim. Thus infinite metrics have a finite cost."""
 LOST_BODY_COST = 1e6
 """Cost of gains with which control is lost."""
 
 
 @dataclass(frozen=True)
 class GainFigures:
-    """Metrics of a set of gains, the worst value of all trials."""
+    """Metrics of a set of gains: the worst values of all trials."""
 
-    cost_name: ClassVar[str]  # metric that is the cost of gains that meet all aims
+    cost_name: ClassVar[str]  # name of the metric that is the cost of gains that meet all aims
     settling_time_s: float = 0.0
     peak_sensitivity: float = 0.0
     standstill_rms_m: float = 0.0
-    current_rate_rms_A_per_s: float = 0.0  # largest of all currents
+    current_rate_rms_A_per_s: float = 0.0  # rms rate, the largest of all currents
 
     def by_name(self) -> dict[str, float]:
-        """Return the metrics by name, in the order of every table."""
+        """Return the metrics by name, in the order of all tables."""
         return {name: getattr(self, name) for name in GAIN_METRICS if hasattr(self, name)}
 
-    def merge_worst(self, other: Self) -> Self:
+    def merge_worst(self, other_figures: Self) -> Self:
         """Return the larger value of each metric."""
-        other_values = other.by_name()
+        other_values = other_figures.by_name()
         return type(self)(**{name: max(value, other_values[name]) for name, value in self.by_name().items()})
 
     @property
     def cost(self) -> float:
-        """The metric that is the cost of gains that meet all aims."""
+        """Cost of these gains if they meet all aims: one of the metrics."""
         return float(getattr(self, self.cost_name))
 
     @classmethod
     def for_lost_body(cls) -> Self:
-        """Return infinite metrics, for gains with which control is lost."""
+        """Return infinite metrics, which stand for gains with which control is lost."""
         return cls(*[math.inf] * len(fields(cls)))
 
 
 @dataclass(frozen=True)
 class BearingFigures(GainFigures):
-    """Figures of a bearing.
+    """Metrics of the gains of a bearing.
 
-    The settling time lasts until the gap stays within 2 % of the step height around the reference.
-    It is the mean of both directions. The sensitivity is measured with a sine that is added to the
-    position sensor.
+    The settling time, averaged over both directions, ends when the gap stays within 2 % of the step
+    height. The sensitivity is measured with a sine that is added to the position sensor.
     """
 
     cost_name = "settling_time_s"
-    overshoot_percent: float = 0.0  # % of the step height, the larger of both directions
+    # overshoot, % of the step height, the larger one of both directions
+    overshoot_percent: float = 0.0
 
 
 @dataclass(frozen=True)
 class StageFigures(GainFigures):
-    """Figures of a stage on its set-points.
+    """Metrics of the gains of a stage on its set-points.
 
-    The settling time starts at the end of an acceleration and ends when the error stays within 50
+    The settling time begins at the end of an acceleration and ends when the error stays within 50
     nm. The sensitivity is that of the linear loop.
     """
 
@@ -85,26 +84,26 @@ class StageFigures(GainFigures):
 
 @dataclass(frozen=True)
 class PiezoFigures(GainFigures):
-    """Figures of a piezo stage on its triangle. The sensitivity is that of the linear loop."""
+    """Metrics of a piezo stage on its triangle; the sensitivity is that of the linear loop."""
 
     cost_name = "error_rms_m"
     error_rms_m: float = 0.0
     error_peak_m: float = 0.0
 
     def by_name(self) -> dict[str, float]:
-        """Return the metrics by name. A triangle has no settling time and no standstill."""
+        """Return the metrics by name; a triangle has no settling time and no standstill."""
         names = ("error_rms_m", "error_peak_m", "peak_sensitivity")
         return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True)
 class GainMetric(Metric):
-    """A metric of gains with its title, unit and format."""
+    """Title, unit and format of a metric of gains."""
 
-    digits: int = 2  # decimal places in tables
+    digits: int = 2  # number of decimal places in tables
 
     def format_limit(self, limit: float) -> str:
-        """Return a limit as text with its unit."""
+        """Return a limit of this metric as text with its unit."""
         return f"{self.factor * limit:g} {self.unit}".rstrip()
 
 
@@ -124,7 +123,7 @@ GAIN_METRICS: Mapping[str, GainMetric] = {
 
 
 def format_figure(name: str, value: float) -> str:
-    """Return a metric as text with its title and unit."""
+    """Return the value of a metric as text with title and unit."""
     metric = GAIN_METRICS[name]
     number = f"{metric.factor * value:.3g}" if math.isfinite(value) else "unlimited"
     return f"{metric.title} {number} {metric.unit}".rstrip()
@@ -132,10 +131,7 @@ def format_figure(name: str, value: float) -> str:
 
 @dataclass(frozen=True)
 class Aims:
-    """Upper limits of the metrics of gains.
-
-    Tuning minimises one further metric among the gains that meet these limits.
-    """
+    """Upper limits of the metrics of gains. Within them, a tuning minimises one further metric."""
 
     overshoot_percent: float | None = 2.0  # None: no limit
     peak_sensitivity: float = 3.0
@@ -163,7 +159,7 @@ class Aims:
 
     @property
     def limits(self) -> dict[str, float]:
-        """All limits by the name of their metric, without those that are None."""
+        """All limits that are not None, by the names of their metrics."""
         return {
             field.name: float(limit)
             for field in fields(self)
@@ -171,10 +167,10 @@ class Aims:
         }
 
     def missed_by(self, figures: GainFigures) -> dict[str, float]:
-        """Return the relative excess above the limit for every missed aim.
+        """Return, for every missed aim, the relative excess above its limit.
 
-        An infinite cost metric (no settling, or no moving average) exceeds its limit by 1, even if
-        it has no limit.
+        An infinite cost metric (no settling or moving average) has the excess 1, even without
+        limit.
         """
         excess = {name: float(getattr(figures, name)) / limit - 1.0 for name, limit in self.limits.items()}
         if not math.isfinite(figures.cost):
@@ -200,4 +196,4 @@ F = TypeVar("F", bound=GainFigures)
 
 def merge_worst_figures(figures: Iterable[F]) -> F:
     """Return the largest value of each metric."""
-    return reduce(lambda worst, other: worst.merge_worst(other), figures)
+    return reduce(lambda worst_figures, next_figures: worst_figures.merge_worst(next_figures), figures)

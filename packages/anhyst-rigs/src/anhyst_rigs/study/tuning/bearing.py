@@ -1,8 +1,7 @@
 """Tune the controller of a magnetic bearing.
 
-A trial runs steps and a swept sine at every gap and load. After the search, this module reports
-what limits the result: aims, sensor noise, force, voltage, current, delay or the pinning of the
-iron.
+A trial consists of steps and a stepped sine at every gap and load. After the search, the limiting
+factors are reported: aims, sensor noise, force, voltage, current, delay or pinning of the iron.
 """
 
 from __future__ import annotations
@@ -44,12 +43,13 @@ from anhyst_rigs.study.tuning.trial import (
 )
 
 MAX_SEARCH_HOLD_S = 0.03
-"""Longest hold after a step during the search, s. Checks use the hold of the rig file."""
-_PEAK_FACTORS = (0.55, 0.7, 1.0)  # factors on the peak limit, for the initial guesses
+"""Longest hold after a step during the search, s. A check uses the hold of the rig file."""
+# factors on the limit of the peak sensitivity for the initial guesses
+_PEAK_FACTORS = (0.55, 0.7, 1.0)
 
 
 def default_conditions(rig: BodyRig) -> tuple[BearingCondition, ...]:
-    """Return all gaps of a rig file, each with its load and with two thirds of it."""
+    """Return all gaps of a rig file, each with the load of the file and with two thirds of it."""
     settings, load = rig.settings, rig.settings.load.force_N
     return tuple(
         BearingCondition(gap, force)
@@ -67,7 +67,7 @@ class BearingLoop:
 
     @property
     def space(self) -> BearingSpace:
-        """The search range of all parameters."""
+        """Search range of all parameters."""
         settings = self.setup.rig.settings
         return BearingSpace(settings.timing.rate_Hz, settings.body.mass_kg)
 
@@ -83,15 +83,15 @@ class BearingLoop:
         return replace(self, setup=replace(self.setup, rig=change_rig(rig, {"step.hold_s": hold_s})))
 
     def make_controller(self) -> None:
-        """Make the controller; raises InputError if fixed point cannot represent its gains."""
+        """Make the controller; raise InputError if fixed point cannot represent its gains."""
         self.setup.make_controller()
 
     def figures(
         self, condition: BearingCondition, aims: Aims, ceiling: float, seed: int
     ) -> BearingFigures | None:
-        """Run steps and a sine at one condition; None if levitation was lost.
+        """Run steps and a stepped sine at one condition; return None if levitation was lost.
 
-        The sine is skipped if the steps alone cost more than the ceiling.
+        The sine is skipped if the cost of the steps already exceeds the ceiling.
         """
         setup = self.setup
         heights = tuple(setup.rig.settings.step.heights_m)
@@ -101,24 +101,23 @@ class BearingLoop:
         step_rows = [
             merge_directions(steps, height) for height in dict.fromkeys(step.height for step in steps)
         ]
-        figures = _worst_figures([row for row in step_rows if row is not None])
+        figures = _worst_figures([step_figures for step_figures in step_rows if step_figures is not None])
         if aims.cost(figures) > ceiling:
-            return figures  # the sine can only add cost
-        # The sensitivity of a fast loop has its peak in this range.
+            return figures  # The sine can only increase the cost.
+        # The peak sensitivity of a fast loop is in this range.
         rate_Hz = setup.rig.settings.timing.rate_Hz
         frequencies = geometric_spacing(rate_Hz / 160.0, rate_Hz / 10.0, 11)
-        measured = measure_loop_sensitivity(setup, condition.gap, condition.load, frequencies, seed)
-        if measured is None:
+        response = measure_loop_sensitivity(setup, condition.gap, condition.load, frequencies, seed)
+        if response is None:
             return None
-        return replace(figures, peak_sensitivity=interpolate_peak(measured))
+        return replace(figures, peak_sensitivity=interpolate_peak(response))
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return functions that find the points with the best linear loops.
 
-        There is one function for each combination of a limit of the peak sensitivity and a softened
-        magnet slope.
+        There is one function for each pair of a peak sensitivity limit and a softened magnet slope.
         """
-        screens = [make_screen(self.setup, self.conditions, part) for part in SLOPE_FRACTIONS]
+        screens = [make_screen(self.setup, self.conditions, factor) for factor in SLOPE_FRACTIONS]
         aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
         return [
             partial(self._find_best_point, seed, (screen, screen_aims))
@@ -134,14 +133,14 @@ class BearingLoop:
         gains = self.space.gains_per_tick(points, self.setup.controller)
         return screen.evaluate(gains).costs(aims, screen.horizon_s)
 
-    def minimum_settling_time(self, seed: int, changed: tuple[Screen, Aims]) -> float:
-        """Return the settling time of the best linear loops, s; inf if the aims are missed."""
-        best_point = self._find_best_point(seed, changed)
-        cost = float(self._linear_costs(*changed, best_point[None, :])[0])
-        return cost if cost <= changed[0].horizon_s else math.inf
+    def minimum_settling_time(self, seed: int, changed_problem: tuple[Screen, Aims]) -> float:
+        """Return the settling time of the best linear loops, s; inf if they miss the aims."""
+        best_point = self._find_best_point(seed, changed_problem)
+        cost = float(self._linear_costs(*changed_problem, best_point[None, :])[0])
+        return cost if cost <= changed_problem[0].horizon_s else math.inf
 
     def check(self, jobs: int | None = None) -> CheckResult:
-        """Run all steps with every noise seed, and a swept sine at each condition."""
+        """Run all steps with every noise seed, and a stepped sine at each condition."""
         setup, conditions = self.setup, self.conditions
         seeds = default_seeds(setup.rig)
         heights = setup.rig.settings.step.heights_m
@@ -173,7 +172,7 @@ class BearingLoop:
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits the checked gains."""
+        """Return what limits the checked gains."""
         if not math.isfinite(check_result.worst.cost):
             return [Limit("settling_time_s", "no gains settle within the hold at every condition")]
         return [
@@ -184,7 +183,7 @@ class BearingLoop:
         ]
 
     def gains(self) -> dict[str, float]:
-        """Return the gains by their names in files."""
+        """Return the gains, keyed by their names in files."""
         pidd2 = self.setup.controller.pidd2()
         return {
             "K_p_N_per_m": pidd2.K_p,
@@ -198,7 +197,7 @@ class BearingLoop:
 
     @property
     def trial_text(self) -> str:
-        """Description of the trial at every condition."""
+        """Description of the trial that is run at every condition."""
         heights = self.setup.rig.settings.step.heights_m
         return f"steps of {', '.join(f'{1e6 * height:g}' for height in heights)} um up and down"
 
@@ -223,20 +222,20 @@ class BearingLoop:
 
 
 def _worst_figures(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> BearingFigures:
-    """Return the largest value of each metric; the peak sensitivity is given."""
+    """Return the largest value of each metric, with the given peak sensitivity."""
     names = set(rows[0]) & set(BearingFigures().by_name())
     return BearingFigures(peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names})
 
 
-def interpolate_peak(measured: Sensitivity) -> float:
-    """Return the peak sensitivity, interpolated by a parabola through the three largest values."""
-    log_magnitude = np.log(measured.magnitude)
+def interpolate_peak(response: Sensitivity) -> float:
+    """Return the peak sensitivity from a parabola through the largest value and its two neighbours."""
+    log_magnitude = np.log(response.magnitude)
     peak_index = int(np.argmax(log_magnitude))
     if not 0 < peak_index < log_magnitude.size - 1:
-        return measured.peak
-    left, middle, right = log_magnitude[peak_index - 1 : peak_index + 2].tolist()
-    curvature = left - 2.0 * middle + right
-    return math.exp(middle - (right - left) ** 2 / (8.0 * curvature)) if curvature < 0.0 else measured.peak
+        return response.peak
+    left, centre, right = log_magnitude[peak_index - 1 : peak_index + 2].tolist()
+    curvature = left - 2.0 * centre + right
+    return math.exp(centre - (right - left) ** 2 / (8.0 * curvature)) if curvature < 0.0 else response.peak
 
 
 def _measure_sensitivity(setup: BearingSetup, condition: BearingCondition) -> Sensitivity | None:
@@ -245,30 +244,30 @@ def _measure_sensitivity(setup: BearingSetup, condition: BearingCondition) -> Se
     return measure_loop_sensitivity(setup, condition.gap, condition.load, frequencies, 0)
 
 
-def _condition_figures(cells: Sequence[StepCell], measured: Sensitivity | None) -> BearingFigures:
-    if measured is None or any(cell.lost or not cell.figures for cell in cells):
+def _condition_figures(cells: Sequence[StepCell], measured_sensitivity: Sensitivity | None) -> BearingFigures:
+    if measured_sensitivity is None or any(step_cell.lost or not step_cell.figures for step_cell in cells):
         return BearingFigures.for_lost_body()
-    means = [{name: interval.mean for name, interval in cell.figures.items()} for cell in cells]
-    return _worst_figures(means, interpolate_peak(measured))
+    mean_figures = [{name: interval.mean for name, interval in cell.figures.items()} for cell in cells]
+    return _worst_figures(mean_figures, interpolate_peak(measured_sensitivity))
 
 
 _LIMIT_FRACTION = 0.995  # fraction of a limit above which a signal counts as saturated
-_NOISE_SIGMAS = 3.0  # width of the noise in the settling band, in standard deviations
-_SETTLING_BAND = 0.02  # relative to the step height
+_NOISE_SIGMAS = 3.0  # assumed width of the noise, in standard deviations
+_SETTLING_BAND = 0.02  # settling band, relative to the step height
 
 
-def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:
-    """Report sensor noise that fills at least half of the settling band of the smallest step."""
+def _noise_limits(setup: BearingSetup, check_result: CheckResult) -> list[Limit]:
+    """Report whether sensor noise fills at least half of the smallest step's settling band."""
     height = min(setup.rig.settings.step.heights_m)
-    standstill_m = reached.worst.standstill_rms_m
-    share = _NOISE_SIGMAS * standstill_m / (_SETTLING_BAND * height)
-    if share < 0.5:
+    standstill_m = check_result.worst.standstill_rms_m
+    noise_ratio = _NOISE_SIGMAS * standstill_m / (_SETTLING_BAND * height)
+    if noise_ratio < 0.5:
         return []
     sensor_kind = setup.rig.settings.gap_sensor.kind
     return [
         Limit(
             "noise",
-            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fills {100.0 * share:.0f} % of "
+            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fills {100.0 * noise_ratio:.0f} % of "
             f"the band in which a step of {1e6 * height:g} um must stay (position sensor: {sensor_kind})",
         )
     ]
@@ -292,7 +291,7 @@ def _saturation_limits(
     found_limits = []
     for quantity, text in texts.items():
         condition, seconds = max(
-            ((condition, times[quantity]) for condition, times in times_by_condition),
+            ((condition, time_by_quantity[quantity]) for condition, time_by_quantity in times_by_condition),
             key=lambda entry: entry[1],
         )
         if seconds > 0.0:
@@ -303,7 +302,7 @@ def _saturation_limits(
 
 
 def _saturation_times(setup: BearingSetup, seed: int, condition: BearingCondition) -> Mapping[str, float]:
-    """Return the longest time within a step that force, voltage and current are at their limits, s."""
+    """Return how long force, voltage and current are at their limits in the worst step, s."""
     rig, limits = setup.rig, setup.controller.limits
     heights = rig.settings.step.heights_m
     scenario = plan_steps(rig, setup.controller, condition.gap, heights, condition.load)
@@ -353,8 +352,8 @@ def _find_helpful_changes(loop: BearingLoop, aims: Aims, seed: int, jobs: int | 
         fast_amplifier_screen = screen.with_loops(loops_with_fast_amplifier)
         changes["amplifier"] = ("an amplifier of twice the bandwidth", fast_amplifier_screen, aims)
 
-    def text(change: str, cost: float, base: float) -> str:
-        times_text = f"{1e3 * cost:.2g} instead of {1e3 * base:.2g} ms"
+    def text(change: str, cost: float, base_cost: float) -> str:
+        times_text = f"{1e3 * cost:.2g} instead of {1e3 * base_cost:.2g} ms"
         return f"with {change} linear loops would settle in {times_text}"
 
     minimum_cost = partial(loop.minimum_settling_time, seed)

@@ -1,7 +1,7 @@
 """Tune the integrator and the notch filter of a piezo stage.
 
-A trial follows a triangle with the nominal stage and with random plants. A linear loop of each
-plant gives the sensitivity, the initial guesses, and the changes that would help.
+In a trial, the nominal stage and random plants follow a triangle. A linear loop of each plant gives
+the sensitivity, the initial guesses, and the changes that would help.
 """
 
 from __future__ import annotations
@@ -35,19 +35,20 @@ from anhyst_rigs.study.tuning.trial import (
 )
 
 SEARCH_PLANTS = 6
-"""Number of random plants of [spread] in the search."""
+"""Number of random plants from [spread] in the search."""
 CHECK_PLANTS = 20
-"""Number of random plants of [spread] in the check."""
+"""Number of random plants from [spread] in the check."""
 _FIRST_CHECK_PLANT = 1000
-"""Number of the first plant of the check. The search uses the plants from number 0."""
-_PEAK_FACTORS = (0.5, 0.75, 1.0)  # factors on the peak limit, for the initial guesses
+"""Number of the first plant in the check. The plants in the search begin at number 0."""
+# factors on the limit of the peak sensitivity for the initial guesses
+_PEAK_FACTORS = (0.5, 0.75, 1.0)
 _FREQUENCY_COUNT = 300
 _MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency, relative to the sample rate
 
 
 @dataclass(frozen=True)
 class PiezoCondition:
-    """A plant that follows the triangle."""
+    """The plant that follows the triangle."""
 
     text: str
     number: int | None = None  # number of the random plant; None: the nominal plant
@@ -74,13 +75,13 @@ CHECK_CONDITIONS = tuple(
 
 @dataclass(frozen=True)
 class PiezoSpace(SearchBox):
-    """Parameter box of a piezo stage: keys of ``[control]`` around its resonance."""
+    """Search range of a piezo stage: keys of ``[control]``, with bounds relative to its resonance."""
 
     file: RigFile
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """All axes by parameter name."""
+        """Ranges by parameter name."""
         resonance_Hz, damping = self.file.flexure.resonance_Hz, self.file.flexure.damping_ratio
         rate = self.file.timing.rate_Hz
         return {
@@ -91,7 +92,7 @@ class PiezoSpace(SearchBox):
         }
 
     def nearest_point(self, gains: Mapping[str, float]) -> FloatArray:
-        """Return the point of the box that is nearest to some gains."""
+        """Return the point of the search range that is nearest to given gains."""
         bounds = [(gains[name], axis.low, axis.high) for name, axis in self.axes.items()]
         positions = [math.log(value / low) / math.log(high / low) for value, low, high in bounds]
         return np.clip(positions, 0.0, 1.0)
@@ -99,37 +100,37 @@ class PiezoSpace(SearchBox):
 
 @dataclass(frozen=True)
 class LinearPiezo:
-    """Linear loops of plants with resonance, delay and feedback, without hysteresis."""
+    """Linear loops of several plants: resonance, delay and feedback, without hysteresis."""
 
-    file: RigFile  # rig file of the controller
+    file: RigFile  # rig file that the controller uses
     plants: tuple[RigFile, ...]
 
     def evaluate(self, rows: Sequence[Mapping[str, float]]) -> tuple[FloatArray, ...]:
-        """Return peak sensitivities, their frequencies (Hz) and the residuals of a triangle.
+        """Return peak sensitivities, their frequencies (Hz), and the residuals of a triangle.
 
-        Each row contains values of the keys of ``[control]``. Peak and residual are the largest of
+        Each row contains values for the keys of ``[control]``. Peak and residual are the largest of
         all plants. An unstable loop has an infinite peak.
         """
-        coefficients = np.array([self._controller_coefficients(row) for row in rows])
+        coefficients = np.array([self._controller_coefficients(gain_values) for gain_values in rows])
         results = [_evaluate_plant(self.file, plant, coefficients) for plant in self.plants]
         peaks, frequencies, residuals = (np.array(column) for column in zip(*results, strict=True))
         worst_index = (np.argmax(peaks, axis=0), np.arange(len(rows)))
         return peaks[worst_index], frequencies[worst_index], residuals.max(axis=0)
 
-    def _controller_coefficients(self, row: Mapping[str, float]) -> list[float]:
-        """Return the gain of the integrator and the coefficients of the notch filter."""
-        file = self.file.with_changes({f"control.{name}": value for name, value in row.items()})
+    def _controller_coefficients(self, controller_values: Mapping[str, float]) -> list[float]:
+        """Return the gain of the integrator, then the coefficients of the notch filter."""
+        file = self.file.with_changes({f"control.{name}": value for name, value in controller_values.items()})
         gain = 2.0 * math.pi * file.displacement.bandwidth_Hz / file.timing.rate_Hz
         return [gain, *make_notch(file)]
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
-        """Return the costs of points: the residual if the peak is permitted, else more."""
+        """Return the cost of each point: the residual if the peak is permitted, else more."""
         peak, _, residual = self.evaluate([space.parameters(point) for point in points])
         excess = np.clip(peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
         return np.where(excess > 0.0, MISSED_AIM_COST + excess, residual)
 
     def with_doubled(self, table: str, key: str) -> LinearPiezo:
-        """Return loops in which one key of all rig files has twice its original value."""
+        """Return loops in which a key has twice its value in all rig files."""
         file, *plants = (
             file_.with_changes({f"{table}.{key}": 2.0 * getattr(getattr(file_, table), key)})
             for file_ in (self.file, *self.plants)
@@ -140,8 +141,8 @@ class LinearPiezo:
 def _plant_matrices(file: RigFile, plant: RigFile) -> tuple[FloatArray, FloatArray]:
     """Return the matrices of voltage, speed and position for one tick of the controller.
 
-    They equal the substeps of the simulated plant. The voltage is expressed as the displacement of
-    the nominal stack at this voltage.
+    They agree with the sub-steps of the simulated plant. The voltage is expressed as the
+    displacement of the nominal stack at this voltage.
     """
     dt = 1.0 / file.timing.rate_Hz
     count = integration_steps(plant, dt)
@@ -162,10 +163,10 @@ def _plant_matrices(file: RigFile, plant: RigFile) -> tuple[FloatArray, FloatArr
 def _evaluate_plant(
     file: RigFile, plant: RigFile, coefficients: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the peaks of the sensitivity, their frequencies and the residuals for one plant."""
+    """Return, for one plant, the peak sensitivities, their frequencies and the residuals."""
     matrix, input_vector = _plant_matrices(file, plant)
     gain, b0, b1, b2, a1, a2 = coefficients.T
-    closed = np.zeros((coefficients.shape[0], 6, 6))  # plant (3), last demand, notch (2)
+    closed = np.zeros((coefficients.shape[0], 6, 6))  # states: plant (3), last demand, notch (2)
     closed[:, :3, :3], closed[:, :3, 3] = matrix, input_vector
     closed[:, 3, 2], closed[:, 3, 3], closed[:, 3, 4] = -gain * b0, 1.0, gain
     closed[:, 4, 2], closed[:, 4, 4], closed[:, 4, 5] = a1 * b0 - b1, -a1, 1.0
@@ -174,7 +175,7 @@ def _evaluate_plant(
     is_stable = np.abs(poles).max(axis=1) < 1.0
     rate = file.timing.rate_Hz
     sweep_Hz = np.geomspace(_MIN_FREQUENCY_RATIO * rate, 0.499 * rate, _FREQUENCY_COUNT)
-    # Narrow peaks lie near poles of the closed loop, so their frequencies are evaluated too.
+    # Narrow peaks lie near the closed-loop poles, whose frequencies are therefore evaluated.
     pole_Hz = np.maximum(np.abs(np.angle(poles)) * rate / (2.0 * math.pi), sweep_Hz[0])
     frequency = np.hstack([np.tile(sweep_Hz, (coefficients.shape[0], 1)), pole_Hz])
     z = np.exp(2j * math.pi * frequency / rate)
@@ -185,7 +186,7 @@ def _evaluate_plant(
     b0, b1, b2, a1, a2, gain = (column[:, None] for column in (b0, b1, b2, a1, a2, gain))
     notch_response = (b0 + b1 * z_1 + b2 * z_2) / (1.0 + a1 * z_1 + a2 * z_2)
     sensitivity = 1.0 / np.abs(1.0 + gain / (1.0 - z_1) * notch_response * z_1 * response)
-    # The residual of a triangle consists of harmonics that decrease with the square of their order.
+    # The residual of a triangle has harmonics that decrease with the square of their order.
     first_Hz = file.displacement_case.frequency_Hz
     harmonics = np.where(sweep_Hz >= first_Hz, (first_Hz / sweep_Hz) ** 2, 0.0)
     residual = np.sqrt(np.trapezoid((sensitivity[:, :_FREQUENCY_COUNT] * harmonics) ** 2, sweep_Hz, axis=1))
@@ -203,11 +204,11 @@ class PiezoLoop:
 
     @property
     def space(self) -> PiezoSpace:
-        """The search range of all parameters."""
+        """Search range of all parameters."""
         return PiezoSpace(self.rig.settings)
 
     def linear_loops(self, conditions: Sequence[PiezoCondition]) -> LinearPiezo:
-        """Return the linear loops of some plants."""
+        """Return the linear loops of the plants in given conditions."""
         file = self.rig.settings
         return LinearPiezo(file, tuple(condition.plant(file)[0] for condition in conditions))
 
@@ -218,29 +219,29 @@ class PiezoLoop:
         return replace(self, rig=replace(self.rig, settings=self.rig.settings.with_changes(changes)))
 
     def for_search(self) -> PiezoLoop:
-        """Return this loop: the triangle is equally long in search and check."""
+        """Return this loop, because the triangle is equally long in search and check."""
         return self
 
     def make_controller(self) -> None:
-        """Do nothing: floating point represents any gains."""
+        """Do nothing, because floating point represents any gains."""
 
     def sensitivity_peak(self, conditions: Sequence[PiezoCondition]) -> tuple[float, float]:
-        """Return the largest peak of the sensitivity of the linear loops, and its frequency, Hz."""
+        """Return the largest peak sensitivity of the linear loops, and its frequency, Hz."""
         peaks, frequencies, _ = self.linear_loops(conditions).evaluate([self.gains()])
         return float(peaks[0]), float(frequencies[0])
 
     def figures(
         self, condition: PiezoCondition, aims: Aims, ceiling: float, seed: int
     ) -> PiezoFigures | None:
-        """Follow the triangle with one plant; None if control was lost.
+        """Follow the triangle with one plant; return None if control was lost.
 
-        The motion is skipped if the sensitivity alone costs more than the ceiling.
+        The motion is skipped if the cost of the sensitivity already exceeds the ceiling.
         """
         figures = PiezoFigures(peak_sensitivity=self.sensitivity_peak([condition])[0])
         if math.isinf(figures.peak_sensitivity):
             return None
         if aims.cost(figures) > ceiling:
-            return figures  # the motion can only add cost
+            return figures  # The motion can only increase the cost.
         file, noise_seed = condition.plant(self.rig.settings)
         plant = replace(self.rig, settings=file)
         run = follow_reference(self.rig, make_reference(self.rig), self.inverse, plant, noise_seed + seed)
@@ -250,12 +251,12 @@ class PiezoLoop:
         return replace(figures, error_rms_m=rms(error), error_peak_m=peak_deviation(error))
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return functions that find initial points: gains of the file, and best linear loops."""
+        """Return functions that find initial points: gains of the file, and the best linear loops."""
         linear, file_gains = (
             self.linear_loops(self.conditions),
             partial(self.space.nearest_point, self.gains()),
         )
-        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
+        aims_list = [aims.with_scaled_limits({"peak_sensitivity": factor}) for factor in _PEAK_FACTORS]
         return [
             file_gains,
             *(partial(find_best_point, linear, self.space, seed, peak_aims) for peak_aims in aims_list),
@@ -268,7 +269,7 @@ class PiezoLoop:
         results = map_ordered(self._run_check, tasks, jobs=jobs)
         figures = [result or PiezoFigures.for_lost_body() for result in results]
         nominal_results, random_results = figures[: len(seeds)], figures[len(seeds) :]
-        means = {
+        averages = {
             name: mean_interval([getattr(result, name) for result in nominal_results]).mean
             for name in nominal_results[0].by_name()
         }
@@ -277,7 +278,7 @@ class PiezoLoop:
         median_nm, largest_nm = 1e9 * np.median(errors), 1e9 * max(errors)
         error_text = f"rms error {median_nm:.3g} nm in the median, {largest_nm:.3g} nm at most"
         return CheckResult(
-            figures={NOMINAL: PiezoFigures(**means), RANDOM_PLANTS: merge_worst_figures(random_results)},
+            figures={NOMINAL: PiezoFigures(**averages), RANDOM_PLANTS: merge_worst_figures(random_results)},
             peak_frequencies={
                 NOMINAL: self.sensitivity_peak([NOMINAL])[1],
                 RANDOM_PLANTS: self.sensitivity_peak(CHECK_CONDITIONS)[1],
@@ -296,7 +297,7 @@ class PiezoLoop:
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits the checked gains: aims, and changes that would help."""
+        """Return what limits the checked gains: aims, and changes that would help."""
         if not math.isfinite(check_result.worst.cost):
             return [Limit("error_rms_m", "control was lost with a noise seed or a random plant")]
         linear = self.linear_loops(self.conditions)
@@ -306,8 +307,8 @@ class PiezoLoop:
             "damping": ("twice the damping of the resonance", twice_damping, aims),
         }
 
-        def text(change: str, cost: float, base: float) -> str:
-            return f"with {change} linear loops would have {100.0 * cost / base:.0f} % of the error"
+        def text(change: str, cost: float, base_cost: float) -> str:
+            return f"with {change} linear loops would have {100.0 * cost / base_cost:.0f} % of the error"
 
         minimum_cost = partial(find_minimum_cost, self.space, seed)
         return [
@@ -316,13 +317,13 @@ class PiezoLoop:
         ]
 
     def gains(self) -> dict[str, float]:
-        """Return the gains by their names in files, including the defaults of omitted keys."""
+        """Return the gains, keyed by their names in files, including defaults of omitted keys."""
         file = self.rig.settings
         return {"bandwidth_Hz": file.displacement.bandwidth_Hz, **notch_parameters(file)}
 
     @property
     def trial_text(self) -> str:
-        """Description of the trial at every condition."""
+        """Description of the trial that is run at every condition."""
         return f"evaluated on the triangle and on {RANDOM_PLANTS.text}"
 
     def facts(self) -> dict[str, Any]:

@@ -29,21 +29,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TunedVariant:
-    """The tuning of one variant."""
+    """The result of tuning one variant."""
 
     variant: MethodName
-    search_result: TuningSearchResult  # result of the search
-    limits: tuple[Limit, ...]  # limits of the gains
+    search_result: TuningSearchResult  # result of the search for gains
+    limits: tuple[Limit, ...]  # what limits the gains
     aims: Aims
 
     @property
     def figures(self) -> GainFigures:
-        """The metrics of the gains, the worst of all conditions."""
+        """Metrics of the gains, the worst values of all conditions."""
         return self.search_result.figures
 
     @property
     def missed_aims(self) -> Mapping[str, float]:
-        """The missed aims, each with its relative excess above the limit."""
+        """Relative excess above the limit, for each missed aim."""
         return self.aims.missed_by(self.figures)
 
 
@@ -87,11 +87,11 @@ class Tuning(Result):
 
     @property
     def first_tuned(self) -> TunedVariant:
-        """The variant that was tuned first; all have the same rig, conditions and metrics."""
+        """The variant that was tuned first. All variants have the same rig, conditions and metrics."""
         return next(iter(self.tuned.values()))
 
     def facts(self) -> dict[str, str]:
-        """Return the metrics of every variant and its missed aims, as text."""
+        """Return the metrics of every variant, and the aims that it misses, as text."""
         facts = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}
         for name, tuned in self.tuned.items():
             figure_texts = [format_figure(title, value) for title, value in tuned.figures.by_name().items()]
@@ -100,7 +100,7 @@ class Tuning(Result):
         return facts
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the metrics of every variant, the worst of all conditions."""
+        """Return the metrics of every variant, the worst values of all conditions."""
         return rows_to_columns(
             [
                 {"variant": name, **tuned.figures.by_name(), "met": not tuned.missed_aims}
@@ -118,19 +118,18 @@ class Tuning(Result):
         ax.set_ylabel("peak sensitivity")
 
 
-_PHRASES = {
+_CONDITION_PHRASES = {
     "settling_time_s": ("settles in", "in", "settling time", BENEFICIAL_CONDITIONS["feedback"]),
     "average_m": ("has a moving average of", "one of", "moving average", BENEFICIAL_CONDITIONS["stage"]),
     "error_rms_m": ("has an rms error of", "one of", "rms error", BENEFICIAL_CONDITIONS["piezo"]),
 }
-"""Words for each minimised metric: verbs for the model and for the baseline, its name, and the
-advice."""
+"""Words for each minimised metric: verbs for model and baseline, name of the metric, and advice."""
 
 
 def verdict_text(tuning: Tuning) -> str:
-    """Return a sentence on whether hysteresis models are beneficial, and on measured flux.
+    """Return a sentence on the benefit of hysteresis models and of measured flux.
 
-    The best model and the best baseline are compared by settling time, moving average or rms error.
+    The best model is compared with the best baseline by settling time, moving average or rms error.
     Variants that meet their aims come first.
     """
     model_variants = [
@@ -152,13 +151,13 @@ def verdict_text(tuning: Tuning) -> str:
 
 
 def _sort_best_first(variants: Iterable[TunedVariant]) -> list[TunedVariant]:
-    """Sort variants: first those that meet their aims, then by cost."""
+    """Sort variants: those that meet their aims come first, then the cost decides."""
     return sorted(variants, key=lambda tuned: (bool(tuned.missed_aims), tuned.figures.cost))
 
 
 def _compare_with_baseline(model: TunedVariant, baseline: TunedVariant) -> str:
     baseline_name = f"the strongest baseline without hysteresis model ('{baseline.variant}')"
-    model_verb, baseline_verb, noun, pays_where = _PHRASES[model.figures.cost_name]
+    model_verb, baseline_verb, noun, pays_where = _CONDITION_PHRASES[model.figures.cost_name]
     comparison_text = (
         f"'{model.variant}' {model_verb} {_format_cost(model)}, "
         f"{baseline_name} {baseline_verb} {_format_cost(baseline)}"
@@ -192,13 +191,13 @@ def _cost_interval(tuned: TunedVariant) -> Interval:
 
 
 RESULT_FILES = ("tuning.json", "tuning.md", "pareto.png")
-"""Files that are written next to the tuned controllers."""
-_MAX_NOTES = 3
-"""Maximum number of limits in a comment or a message. ``tuning.json`` contains all of them."""
+"""Names of the files that are written next to the tuned controllers."""
+_MAX_LISTED_LIMITS = 3
+"""Largest number of limits in a comment or a message; ``tuning.json`` contains all of them."""
 
 
 def describe_shortfall(tuning: Tuning) -> str | None:
-    """Return a sentence on missed aims of the main variant; None if it meets all."""
+    """Return a sentence on the missed aims of the main variant; None if it meets all aims."""
     tuned = tuning.tuned.get(tuning.main_variant)
     if tuned is None or not tuned.missed_aims:
         return None
@@ -209,7 +208,7 @@ def describe_shortfall(tuning: Tuning) -> str | None:
             text += f" (aim {GAIN_METRICS[name].format_limit(limits[name])})"
         texts.append(text)
     other_limits = [limit.text for limit in tuned.limits if limit.what not in tuned.missed_aims]
-    reason = "; ".join(other_limits[:_MAX_NOTES])
+    reason = "; ".join(other_limits[:_MAX_LISTED_LIMITS])
     return f"no gains of '{tuned.variant}' meet the aims, the best reach {', '.join(texts)}" + (
         f"; what limits: {reason}" if reason else ""
     )
@@ -234,13 +233,13 @@ def make_file_note(tuned: TunedVariant, tuning: Tuning) -> str:
         *missed_lines,
         *result.loop.explain_parameters(result.parameters),
         *(f"{note}." for note in (result.check.notes if result.check else ())),
-        *(f"What limits: {limit.text}." for limit in tuned.limits[:_MAX_NOTES]),
+        *(f"What limits: {limit.text}." for limit in tuned.limits[:_MAX_LISTED_LIMITS]),
     ]
     return "\n".join(lines)
 
 
 def format_aims(tuning: Tuning) -> str:
-    """Return the aims as one line of text."""
+    """Return all aims as one line of text."""
     limits = ", ".join(
         f"{GAIN_METRICS[name].title} <= {GAIN_METRICS[name].format_limit(limit)}"
         for name, limit in tuning.aims.limits.items()
@@ -257,7 +256,7 @@ def write_results(tuning: Tuning, folder: Path) -> None:
 
 
 def table_rows(tuning: Tuning) -> list[list[str]]:
-    """Return the table of all variants, sorted by result."""
+    """Return the table of all variants, the best variant first."""
     return [_table_row(tuned) for tuned in _sort_best_first(tuning.tuned.values())]
 
 
@@ -283,7 +282,7 @@ def _table_row(tuned: TunedVariant) -> list[str]:
 
 
 def column_heads(tuning: Tuning) -> list[str]:
-    """Return the column heads of :func:`table_rows`."""
+    """Return the column headings for :func:`table_rows`."""
     titles = [GAIN_METRICS[name] for name in tuning.first_tuned.figures.by_name()]
     figures = [f"{metric.title}, {metric.unit}" if metric.unit else metric.title for metric in titles]
     return ["variant", *figures, "aims", "what limits"]
@@ -316,7 +315,7 @@ def make_markdown(tuning: Tuning) -> str:
 
 
 def result_dict(tuning: Tuning) -> dict[str, Any]:
-    """Return the content of ``tuning.json``; equal inputs and seeds give equal contents."""
+    """Return the content of ``tuning.json``; the same inputs and seeds give the same content."""
     rig, loop = tuning.rig.settings, tuning.first_tuned.search_result.loop
     return {
         "format": "anhyst-tuning",
@@ -346,7 +345,7 @@ def _variant_dict(tuned: TunedVariant) -> dict[str, Any]:
         "before": result.initial_outcome.worst.by_name() if result.initial_outcome.is_complete else None,
         "gains": result.loop.gains(),
         "searched": dict(result.parameters),
-        "limits": [asdict(item) for item in tuned.limits],
+        "limits": [asdict(limit) for limit in tuned.limits],
         "conditions": [
             {**condition.as_dict(), **figures.by_name(), "peak_Hz": check.peak_frequencies[condition]}
             for condition, figures in condition_figures
@@ -366,5 +365,5 @@ def _variant_dict(tuned: TunedVariant) -> dict[str, Any]:
 
 
 def meets_other_aims(aims: Aims, figures: GainFigures) -> bool:
-    """Whether all aims are met, except those for the minimised metric and for the peak sensitivity."""
+    """Whether gains meet all aims except those for the minimised metric and the peak sensitivity."""
     return not set(aims.missed_by(figures)) - {figures.cost_name, "peak_sensitivity"}

@@ -1,10 +1,10 @@
 """Search controller gains for stated aims.
 
-The search has three parts. A screen evaluates many gains in loops that are linearised at every gap
-and load, and finds initial guesses. It neglects hysteresis and noise, and limits the force demand
-of the largest step. A CMA evolution strategy then improves the gains in the nonlinear loop. A check
-runs the best gains with all noise seeds. If it misses an aim, the search continues with tighter
-limits.
+The search has three parts. First, a screen evaluates many gains in loops that are linearised at
+every gap and load, and finds initial guesses. It neglects hysteresis and noise, and limits the
+force demand of the largest step. Then, a CMA evolution strategy improves the gains in the nonlinear
+loop. Finally, a check runs the best gains with all noise seeds. If the check misses an aim, the
+search continues with tighter limits.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ from anhyst_rigs.study.tuning.trial import (
 
 
 class CmaStrategy:
-    """CMA evolution strategy in the unit box, with an ask-and-tell interface."""
+    """A CMA evolution strategy in the unit box, with an ask-and-tell interface."""
 
     def __init__(self, mean: FloatArray, sigma: float, seed: list[int], population_size: int) -> None:
-        box = np.tile([0.0, 1.0], (mean.size, 1))
+        unit_box = np.tile([0.0, 1.0], (mean.size, 1))
         cma_seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
-        self._optimiser = CMA(mean, sigma, bounds=box, seed=cma_seed, population_size=population_size)
+        self._optimiser = CMA(mean, sigma, bounds=unit_box, seed=cma_seed, population_size=population_size)
         self._points: list[FloatArray] = []
 
     def ask(self) -> FloatArray:
@@ -57,8 +57,8 @@ class CmaStrategy:
 
 
 _FREQUENCY_COUNT = 72
-_OUTPUT_INTERVAL_TICKS = 4  # a power of two
-_SETTLING_BAND = 0.02  # relative to the step height
+_OUTPUT_INTERVAL_TICKS = 4  # must be a power of two
+_SETTLING_BAND = 0.02  # settling band, relative to the step height
 
 SOBOL_POINTS = 1024
 """Number of Sobol points that are evaluated first; a power of two."""
@@ -70,10 +70,9 @@ REFINEMENT_POPULATION = 32
 
 @dataclass(frozen=True)
 class ScreenResult:
-    """Metrics of linear loops with n sets of gains, the worst value of all conditions."""
+    """Metrics of linear loops for n sets of gains, the worst values of all conditions."""
 
-    # Arrays have the shape (n,). The settling time is infinite if a step does not settle in the
-    # horizon.
+    # All arrays have the shape (n,). A settling time beyond the horizon is infinite.
     overshoot_percent: FloatArray
     settling_time_s: FloatArray
     peak_sensitivity: FloatArray
@@ -81,7 +80,7 @@ class ScreenResult:
     effort: FloatArray
 
     def costs(self, aims: Aims, horizon_s: float) -> FloatArray:
-        """Return costs similar to :meth:`Aims.cost`, from the metrics of linear loops, shape (n,)."""
+        """Return a cost like that of :meth:`Aims.cost` for each set of gains, shape (n,)."""
         excess = np.zeros(self.peak_sensitivity.size)
         limits = {"overshoot_percent": aims.overshoot_percent, "effort": 1.0}
         for name, limit in (limits | {"peak_sensitivity": aims.peak_sensitivity}).items():
@@ -94,7 +93,7 @@ class ScreenResult:
 
 
 class Screen:
-    """Linear loops at several conditions, for a fast evaluation of gains."""
+    """Linear loops at several conditions, with which gains are evaluated quickly."""
 
     def __init__(self, loops: Sequence[LinearLoop], reserves: Sequence[float], horizon_s: float) -> None:
         self.loops = tuple(loops)
@@ -107,14 +106,14 @@ class Screen:
         self._plants = [loop.plant_response(frequency) for loop in loops]
 
     def with_loops(self, loops: Sequence[LinearLoop]) -> Screen:
-        """Return a screen with other loops at the same conditions."""
+        """Return a screen with other loops for the same conditions."""
         return Screen(loops, self._reserves, self.horizon_s)
 
     def select_loops(self, indices: Iterable[int]) -> Screen:
-        """Return a screen with some of the loops."""
-        selected = list(indices)
-        reserves = [self._reserves[index] for index in selected]
-        return Screen([self.loops[index] for index in selected], reserves, self.horizon_s)
+        """Return a screen that contains only some of the loops."""
+        selected_loops = list(indices)
+        reserves = [self._reserves[index] for index in selected_loops]
+        return Screen([self.loops[index] for index in selected_loops], reserves, self.horizon_s)
 
     def with_scaled_force(self, factor: float) -> Screen:
         """Return a screen in which the available force is multiplied by a factor."""
@@ -142,7 +141,7 @@ class Screen:
         return np.asarray(np.max(1.0 / np.abs(1.0 + loop_gain), axis=1))
 
     def _evaluate_step(self, index: int, per_tick: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return overshoot (%), settling time (s) and force ratio of a step of the reference."""
+        """Return overshoot (%), settling time (s) and force ratio for a step of the reference."""
         loop = self.loops[index]
         matrix, input_vector = closed_loop_matrices(loop, per_tick)
         for _ in range(int(np.log2(_OUTPUT_INTERVAL_TICKS))):
@@ -153,12 +152,13 @@ class Screen:
         controller_output = np.stack([d * s + e * s * t, e * t, np.ones(p.size)], axis=1)
         position_output = (-p - d * s - e * s * t)[:, None] * loop.plant[2]
         output_rows = np.concatenate([position_output, controller_output], axis=1)
-        feedthrough = weight * p  # direct feedthrough of the reference, N/m
+        # response of the force demand to a step of the reference in the same tick, N/m
+        feedthrough = weight * p
         count = round(self.horizon_s * self._rate / _OUTPUT_INTERVAL_TICKS)
         state = np.zeros_like(input_vector)
         position = np.empty((count, input_vector.shape[0]))
         force = np.abs(feedthrough)
-        with np.errstate(all="ignore"):  # unstable loops overflow
+        with np.errstate(all="ignore"):  # Unstable loops overflow.
             for tick in range(count):
                 state = (matrix @ state[..., None])[..., 0] + input_vector
                 position[tick] = state @ c
@@ -174,7 +174,7 @@ class Screen:
 
 
 def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the matrices of closed loops for one tick, and their input vectors for the reference."""
+    """Return, for one tick, the matrices of closed loops and the input vectors of the reference."""
     a, b, c = loop.plant
     n, m = per_tick.shape[0], a.shape[0]
     p, k, d, e, _, _, s, t, weight = per_tick.T[:9]
@@ -198,8 +198,8 @@ def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatA
 
 
 def minimise_cost(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
-    """Return the point of the unit box with the smallest cost, from a Sobol sequence and CMA."""
-    from scipy.stats import qmc  # slow import
+    """Return the point of the unit box with the smallest cost, from a Sobol sequence, then CMA."""
+    from scipy.stats import qmc  # imported here because it loads slowly
 
     points = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SOBOL_POINTS)
     cost = costs(points)
@@ -216,10 +216,10 @@ def minimise_cost(costs: Callable[[FloatArray], FloatArray], size: int, seed: in
 
 
 class LinearLoops(Protocol):
-    """Linear loops that evaluate points of a box."""
+    """Linear loops in which points of a search range can be evaluated."""
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
-        """Return costs similar to :meth:`Aims.cost`, from linear loops."""
+        """Return a cost like that of :meth:`Aims.cost` for each point, from linear loops."""
 
 
 def find_best_point(loop: LinearLoops, space: SearchBox, seed: int, aims: Aims) -> FloatArray:
@@ -227,16 +227,16 @@ def find_best_point(loop: LinearLoops, space: SearchBox, seed: int, aims: Aims) 
     return minimise_cost(partial(loop.costs, space, aims), len(space.axes), seed)
 
 
-def find_minimum_cost(space: SearchBox, seed: int, changed: tuple[LinearLoops, Aims]) -> float:
-    """Return the smallest cost in linear loops, for a pair of loops and aims."""
-    loop, aims = changed
+def find_minimum_cost(space: SearchBox, seed: int, changed_problem: tuple[LinearLoops, Aims]) -> float:
+    """Return the smallest cost in linear loops, for changed loops and aims."""
+    loop, aims = changed_problem
     return float(loop.costs(space, aims, find_best_point(loop, space, seed, aims)[None, :])[0])
 
 
 SCREEN_HORIZON_S = 0.03
-"""Duration of steps in the screen, s."""
+"""Simulated time after a step in the screen, s."""
 SLOPE_FRACTIONS = (0.3, 0.5, 0.75)
-"""Slopes of softened loops, from the slope after a reversal (0) to the static slope (1). The
+"""Slopes of softened loops, from 0 for the slope after a reversal to 1 for the static slope. The
 effective slope for small steps is not known in advance."""
 
 
@@ -246,7 +246,7 @@ def make_screen(
     """Linearise a setup at every condition, with the static slope and with a softened slope.
 
     A small step reverses the current. Just after a reversal, only the reversible part of the iron
-    responds, so the slope of the magnet is smaller. The softened loop represents such steps.
+    responds. Therefore, the slope of the magnet is smaller, which the softened loop represents.
     """
     limits = setup.controller.limits
     largest_step_m = max(setup.rig.settings.step.heights_m)
@@ -274,42 +274,43 @@ def make_screen(
 DEFAULT_BUDGET = 240
 """Number of sets of gains that are tried in the nonlinear loop."""
 POPULATION_SIZE = 10
-"""Number of points in a generation; even, so that two cores are used equally."""
-_INITIAL_SIGMA = 0.1  # initial step of the search, relative to the box
-_MAX_STARTS = 2  # starting points; the better one continues after a third of the budget each
-_MIN_START_DISTANCE = 0.15  # smallest distance between starting points, relative to the box
+"""Number of points in a generation; an even number uses two cores equally."""
+_INITIAL_SIGMA = 0.1  # initial standard deviation of the points, relative to the range
+# number of starting points; the better one continues after each had a third of the budget
+_MAX_STARTS = 2
+_MIN_START_DISTANCE = 0.15  # smallest distance between starting points, relative to the range
 _CHECKS_PER_ROUND = 2  # number of candidates that are checked after every round
-_MAX_ROUNDS = 3  # maximum number of rounds; a failed check starts another one
-_REPEAT_GENERATIONS = 4  # generations of a repeated search
-_TIGHTENING_FACTOR = 0.98  # factor on the tightened limits of missed aims
-_CHECK_WORK = 15.0  # work of one check in units of one trial, for the progress
+_MAX_ROUNDS = 3  # maximum number of rounds; a further round follows if a check misses an aim
+_REPEAT_GENERATIONS = 4  # number of generations in a repeated search
+_TIGHTENING_FACTOR = 0.98  # additional factor on the limits of missed aims
+_CHECK_WORK = 15.0  # work of one check, in units of one trial, for the progress
 _LIMITS_WORK = 40.0  # work of finding the limits, in units of one trial
 
 
 @dataclass(frozen=True, eq=False)
 class TriedGains:
-    """Gains that were tried, and their result."""
+    """A set of gains that was tried, and its result."""
 
-    point: FloatArray  # point of the unit box
+    point: FloatArray  # point in the unit box
     outcome: GainOutcome  # result with one noise seed
 
 
 @dataclass(frozen=True)
 class TuningSearchResult:
-    """The result of a search."""
+    """The result of a search for gains."""
 
     loop: Tunable  # loop with the best gains
     parameters: dict[str, float]  # parameters of the best point
-    check: CheckResult | None  # check of the best gains; None if the search was interrupted before
-    initial_outcome: GainOutcome  # result of the original gains with one noise seed
+    check: CheckResult | None  # check of the best gains; None after an interruption
+    initial_outcome: GainOutcome  # result of the original gains, with one noise seed
     # all gains that were tried at every condition, including the initial guesses
     candidates: tuple[TriedGains, ...]
-    tried_count: int  # number of sets of gains in the nonlinear loop
+    tried_count: int  # number of sets of gains that were tried in the nonlinear loop
     interrupted: bool  # whether ctrl-C ended the search
 
     @property
     def figures(self) -> GainFigures:
-        """The metrics of the best gains, from the check or, without a check, from the search."""
+        """Metrics of the best gains from the check; if there was no check, from the search."""
         if self.check is not None:
             return self.check.worst
         return self.candidates[0].outcome.worst
@@ -319,11 +320,11 @@ class TuningSearchResult:
 class GainSearch:
     """A search for the gains of one variant."""
 
-    loop: Tunable  # loop; only the gains of its controller change
+    loop: Tunable  # loop whose controller gains are searched
     aims: Aims
-    budget: int = DEFAULT_BUDGET  # sets of gains tried in the nonlinear loop before the first check
+    budget: int = DEFAULT_BUDGET  # number of sets of gains that are tried before the first check
     seed: int = 0  # seed of the search and of the noise
-    progress: Progress | None = None  # called with the completed and the total work
+    progress: Progress | None = None  # function of the completed and the total work
     jobs: int | None = None  # number of processes; None: the number of cores
     _search_loop: Tunable = field(init=False)
     _candidates: list[TriedGains] = field(init=False, default_factory=list)
@@ -336,7 +337,7 @@ class GainSearch:
         self._total_work = self.budget + _CHECKS_PER_ROUND * _CHECK_WORK + _LIMITS_WORK
 
     def run(self) -> TuningSearchResult:
-        """Run the search; ctrl-C returns the best gains so far."""
+        """Run the search. After ctrl-C, return the best gains up to now."""
         initial = run_trial(self._search_loop, self.loop.conditions, self.aims, seed=self.seed)
         checked: list[tuple[float, TriedGains, CheckResult]] = []
         interrupted = False
@@ -363,13 +364,13 @@ class GainSearch:
         )
 
     def _run_rounds(self, checked: list[tuple[float, TriedGains, CheckResult]]) -> None:
-        """Search and check; if the check misses an aim, search again with tighter limits."""
+        """Search, then check. If the check misses an aim, search again with tighter limits."""
         aims = self.aims
         generations = max(self.budget // POPULATION_SIZE, 1)
         for round_ in range(_MAX_ROUNDS):
             if round_ > 0:
                 self._total_work += _REPEAT_GENERATIONS * POPULATION_SIZE + _CHECKS_PER_ROUND * _CHECK_WORK
-            self._search(aims, generations if round_ == 0 else _REPEAT_GENERATIONS, round_)
+            self._search_gains(aims, generations if round_ == 0 else _REPEAT_GENERATIONS, round_)
             checked_candidates = [candidate for _, candidate, _ in checked]
             for candidate in [
                 candidate
@@ -380,15 +381,15 @@ class GainSearch:
                 checked.append((self.aims.cost(result.worst), candidate, result))
                 self._report_progress(_CHECK_WORK)
             _, _, best_check = min(checked, key=lambda entry: entry[0])
-            misses = self.aims.missed_by(best_check.worst)
-            if not misses:
+            missed_aims = self.aims.missed_by(best_check.worst)
+            if not missed_aims:
                 return
             aims = aims.with_scaled_limits(
-                {name: _TIGHTENING_FACTOR / (1.0 + min(excess, 1.0)) for name, excess in misses.items()}
+                {name: _TIGHTENING_FACTOR / (1.0 + min(excess, 1.0)) for name, excess in missed_aims.items()}
             )
 
     def _try_initial_guesses(self) -> None:
-        """Try the initial guesses of linear loops."""
+        """Evaluate the initial guesses from linear loops."""
         tasks = list(self.loop.initial_guesses(self.aims, self.seed))
         self._total_work += 2.0 * len(tasks)
         points = map_ordered(call, tasks, lambda *_: self._report_progress(1.0), self.jobs)
@@ -400,16 +401,16 @@ class GainSearch:
                 code="no-gains-hold",
             )
 
-    def _search(self, aims: Aims, generations: int, round_: int) -> None:
-        """Search from several starting points first, then continue from the best."""
-        starts = self._select_distant_starts(aims, _MAX_STARTS if round_ == 0 else 1)
+    def _search_gains(self, aims: Aims, generations: int, round_: int) -> None:
+        """Search from several starting points, then continue from the best one."""
+        guesses = self._select_distant_starts(aims, _MAX_STARTS if round_ == 0 else 1)
         paths = [
             _SearchPath(
                 CmaStrategy(
-                    start.point, _INITIAL_SIGMA / (1 + 2 * round_), [self.seed, 3, round_, i], POPULATION_SIZE
+                    guess.point, _INITIAL_SIGMA / (1 + 2 * round_), [self.seed, 3, round_, i], POPULATION_SIZE
                 )
             )
-            for i, start in enumerate(starts)
+            for i, guess in enumerate(guesses)
         ]
         early_generations = generations // (_MAX_STARTS + 1) if len(paths) > 1 else 0
         for path in paths:
@@ -419,7 +420,7 @@ class GainSearch:
 
     def _run_generations(self, path: _SearchPath, aims: Aims, count: int) -> None:
         for _ in range(count):
-            # The hardest conditions first, so that poor gains are abandoned early.
+            # The hardest conditions come first, so that poor gains are abandoned early.
             best_figures = self._sorted_candidates(aims)[0].outcome.figures
             order = sorted(self.loop.conditions, key=lambda condition: -aims.cost(best_figures[condition]))
             points = path.strategy.ask()
@@ -453,18 +454,18 @@ class GainSearch:
         return outcomes
 
     def _sorted_candidates(self, aims: Aims) -> list[TriedGains]:
-        """Return all completely tried gains, sorted by cost."""
+        """Return all gains that were tried at every condition, sorted by cost."""
         return sorted(self._candidates, key=lambda candidate: aims.cost(candidate.outcome.worst))
 
-    def _report_progress(self, work: float) -> None:
-        self._work_done += work
+    def _report_progress(self, completed_work: float) -> None:
+        self._work_done += completed_work
         if self.progress is not None:
             self.progress(self._work_done, self._total_work)
 
 
 @dataclass
 class _SearchPath:
-    """One run of the strategy from a starting point."""
+    """A run of the strategy from one starting point."""
 
     strategy: CmaStrategy
     ceiling: float = math.inf

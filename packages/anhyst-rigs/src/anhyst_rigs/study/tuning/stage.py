@@ -1,7 +1,7 @@
 """Tune the PID of a stage.
 
-A trial follows set-points and a standstill. The linear loop of mass, amplifier, delay and PID gives
-the sensitivity, the initial guesses, and the changes that would help.
+A trial consists of set-points and a standstill. The linear loop of mass, amplifier, delay and PID
+gives the sensitivity, the initial guesses, and the changes that would help.
 """
 
 from __future__ import annotations
@@ -38,15 +38,17 @@ from anhyst_rigs.study.tuning.trial import (
 )
 
 CHECK_PLANTS = 10
-"""Number of random plants of [spread] for the check."""
+"""Number of random plants from [spread] in the check."""
 MAX_PERIOD_TICKS = 1000.0
-"""Largest period of the crossover frequency in the search, in ticks of the controller."""
-_PEAK_FACTORS = (0.7, 0.85, 1.0)  # factors on the peak limit, for the initial guesses
+"""Longest period of the crossover frequency in the search, in ticks of the controller."""
+# factors on the limit of the peak sensitivity for the initial guesses
+_PEAK_FACTORS = (0.7, 0.85, 1.0)
 _FREQUENCY_COUNT = 400
 _MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency, relative to the sample rate
-_MIN_NOISE_RATIO = 1e-9  # smallest relative interval that is reported
-_CROSSOVER_LIMIT_FRACTION = 0.95  # fraction of the highest crossover that counts as reached
-_FORCE_LIMIT_FRACTION = 0.995  # fraction of the largest force that counts as reached
+_MIN_NOISE_RATIO = 1e-9  # smallest interval that is reported, relative to the mean
+# fraction of the highest crossover above which it counts as reached
+_CROSSOVER_LIMIT_FRACTION = 0.95
+_FORCE_LIMIT_FRACTION = 0.995  # fraction of the largest force above which it counts as reached
 
 
 @dataclass(frozen=True)
@@ -68,14 +70,14 @@ TEST = StageCondition("the test set-point")
 
 @dataclass(frozen=True)
 class StageSpace(SearchBox):
-    """The box of parameters of a stage: the keys of ``[control]`` that define its PID."""
+    """Search range of a stage: the keys of ``[control]`` that define its PID."""
 
     rate: float  # sample rate of the controller, Hz
-    max_crossover: float  # highest crossover, Hz
+    max_crossover: float  # highest crossover in the search, Hz
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """All axes by parameter name."""
+        """Ranges by parameter name."""
         return {
             "crossover_Hz": Axis(
                 self.rate / MAX_PERIOD_TICKS, min(self.rate / 20.0, self.max_crossover), True
@@ -88,29 +90,29 @@ class StageSpace(SearchBox):
 
 @dataclass(frozen=True)
 class LinearStage:
-    """The linear position loop of a stage: a free mass, amplifier, delay and PID.
+    """The linear position loop of a stage with a free mass, the amplifier, the delay and the PID.
 
-    Errors of the compensation appear only as a disturbance force.
+    In it, errors of the compensation appear only as a disturbance force.
     """
 
-    rate: float  # Hz
-    mass: float  # kg
-    delay: float  # delay from a sample to the middle of the tick in which it acts, s
+    rate: float  # sample rate, Hz
+    mass: float  # mass, kg
+    delay: float  # delay from a sample to the middle of the tick in which it takes effect, s
     bandwidth: float  # bandwidth of the current, Hz
-    slit: float  # s
+    slit: float  # length of the slit, s
 
     def evaluate(self, gains: Mapping[str, FloatArray]) -> tuple[FloatArray, ...]:
-        """Evaluate n sets of gains, given as columns of the keys of ``[control]``.
+        """Evaluate n sets of gains, given as columns for the keys of ``[control]``.
 
-        Returns three arrays of shape (n,): the peak sensitivity, which is infinite for an unstable
-        loop, its frequency (Hz), and the moving average of the error under a disturbance force of
-        flat spectrum, m/(N/sqrt(Hz)).
+        Returns three arrays of shape (n,). The first is the peak sensitivity, which is infinite for
+        an unstable loop. The second is its frequency (Hz). The third is the moving average of the
+        error under a disturbance force of flat spectrum, m/(N/sqrt(Hz)).
         """
         frequency = np.geomspace(_MIN_FREQUENCY_RATIO * self.rate, 0.499 * self.rate, _FREQUENCY_COUNT)
-        s, z = 2j * math.pi * frequency, np.exp(2j * math.pi * frequency / self.rate)
-        body = 1.0 / (self.mass * s**2)
-        hold = np.sinc(frequency / self.rate) * np.exp(-s * self.delay)
-        current = 1.0 / (1.0 + s / (2.0 * math.pi * self.bandwidth))
+        jw, z = 2j * math.pi * frequency, np.exp(2j * math.pi * frequency / self.rate)
+        body = 1.0 / (self.mass * jw**2)
+        hold = np.sinc(frequency / self.rate) * np.exp(-jw * self.delay)
+        current = 1.0 / (1.0 + jw / (2.0 * math.pi * self.bandwidth))
         omega, integral, lead, rolloff = (
             np.asarray(gains[name], dtype=float)[:, None]
             for name in ("crossover_Hz", "integral_ratio", "lead_ratio", "rolloff_ratio")
@@ -123,8 +125,7 @@ class LinearStage:
         gain = self.mass * omega**2 / np.abs(shape(1j * omega))
         loop = gain * shape(2.0 * self.rate * (z - 1.0) / (z + 1.0)) * body * hold * current
         phase = np.unwrap(np.angle(1.0 + loop), axis=1)
-        # With three poles at z = 1, a stable loop turns the phase of 1 + L by +270 degrees
-        # (Nyquist).
+        # With three poles at z = 1, 1 + L of a stable loop turns by +270 degrees (Nyquist).
         is_stable = np.abs(phase[:, -1] - phase[:, 0] - 1.5 * math.pi) < 0.5 * math.pi
         sensitivity = np.where(is_stable[:, None], 1.0 / np.abs(1.0 + loop), np.inf)
         position_response = np.where(
@@ -134,7 +135,7 @@ class LinearStage:
         return sensitivity.max(axis=1), frequency[np.argmax(sensitivity, axis=1)], average
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
-        """Return the costs of points: the moving average if the peak is permitted, else more."""
+        """Return the cost of each point: the moving average if the peak is permitted, else more."""
         rows = [space.parameters(point) for point in points]
         columns = {name: np.array([row[name] for row in rows]) for name in space.axes}
         peak, _, average = self.evaluate(columns)
@@ -143,7 +144,7 @@ class LinearStage:
 
 
 def make_linear_stage(rig: BodyRig) -> LinearStage:
-    """Return the linear loop of a rig; the amplifier is a low pass of its bandwidth."""
+    """Return the linear loop of a rig; the amplifier is a low pass with its bandwidth."""
     file = rig.settings
     return LinearStage(
         rate=file.timing.rate_Hz,
@@ -159,18 +160,19 @@ class StageLoop:
     """One compensation variant with the controller of a stage."""
 
     setup: StageSetup
-    feedforward: Feedforward  # feedforward for the original gains; a check identifies it again
-    max_crossover: float = math.inf  # highest crossover, Hz; set by resonances of real stages
+    feedforward: Feedforward  # feedforward for the original gains; each check identifies it again
+    # highest crossover in the search, Hz, which the resonances of real stages limit
+    max_crossover: float = math.inf
     conditions: tuple[StageCondition, ...] = (TRAINING, SLOW_TRAINING, STANDSTILL)
 
     @property
     def space(self) -> StageSpace:
-        """The search range of all parameters."""
+        """Search range of all parameters."""
         return StageSpace(self.setup.rig.settings.timing.rate_Hz, self.max_crossover)
 
     @property
     def linear_loop(self) -> LinearStage:
-        """The linear loop without its gains."""
+        """Linear loop, to which the gains are given later."""
         return make_linear_stage(self.setup.rig)
 
     def with_gains_at(self, point: FloatArray) -> StageLoop:
@@ -182,15 +184,15 @@ class StageLoop:
         return replace(self, setup=replace(self.setup, rig=rig))
 
     def for_search(self) -> StageLoop:
-        """Return this loop: set-points are equally long in search and check."""
+        """Return this loop, because the set-points are equally long in search and check."""
         return self
 
     def make_controller(self) -> None:
-        """Make the controller; raises InputError if fixed point cannot represent its gains."""
+        """Make the controller; raise InputError if fixed point cannot represent its gains."""
         self.setup.make_controller()
 
     def sensitivity_peak(self) -> tuple[float, float]:
-        """Return the peak of the sensitivity of the linear loop, and its frequency, Hz."""
+        """Return the peak sensitivity of the linear loop, and its frequency, Hz."""
         gains = {name: np.array([value]) for name, value in self.gains().items()}
         peaks, frequencies, _ = self.linear_loop.evaluate(gains)
         return float(peaks[0]), float(frequencies[0])
@@ -198,15 +200,15 @@ class StageLoop:
     def figures(
         self, condition: StageCondition, aims: Aims, ceiling: float, seed: int
     ) -> StageFigures | None:
-        """Follow a set-point or stand still; None if control was lost.
+        """Follow a set-point or stand still; return None if control was lost.
 
-        The motion is skipped if the sensitivity alone costs more than the ceiling.
+        The motion is skipped if the cost of the sensitivity already exceeds the ceiling.
         """
         figures = StageFigures(peak_sensitivity=self.sensitivity_peak()[0])
         if math.isinf(figures.peak_sensitivity):
             return None
         if aims.cost(figures) > ceiling:
-            return figures  # the motion can only add cost
+            return figures  # The motion can only increase the cost.
         return self._run_condition(condition, self.feedforward, seed, figures)
 
     def _run_condition(
@@ -242,8 +244,8 @@ class StageLoop:
         )
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return functions that find the best linear loops for several peak limits."""
-        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
+        """Return functions that find the best linear loops, one for each peak sensitivity limit."""
+        aims_list = [aims.with_scaled_limits({"peak_sensitivity": factor}) for factor in _PEAK_FACTORS]
         return [
             partial(find_best_point, self.linear_loop, self.space, seed, peak_aims) for peak_aims in aims_list
         ]
@@ -251,8 +253,8 @@ class StageLoop:
     def check(self, jobs: int | None = None) -> CheckResult:
         """Identify the feedforward as a simulation does, and evaluate new motions.
 
-        These are the test set-point with all noise seeds and with random plants, and a standstill.
-        A tenth of the training accelerations is run once more.
+        These are a standstill, and the test set-point with all noise seeds and with random plants.
+        A run with a tenth of the training accelerations is repeated.
         """
         file = self.setup.rig.settings
         feedforward = find_gains(self.setup, self._set_point(TRAINING))
@@ -302,13 +304,13 @@ class StageLoop:
         rig = self.setup.rig
         drift, noise_seed = sample_plant(rig.settings, rig.settings.seed, seed_or_plant)
         motion = self._set_point(TEST)
-        drifted = replace(self.setup, drift=drift)
-        return self._evaluate_run(track(drifted, motion, feedforward, noise_seed), motion, figures)
+        drifted_setup = replace(self.setup, drift=drift)
+        return self._evaluate_run(track(drifted_setup, motion, feedforward, noise_seed), motion, figures)
 
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits the checked gains: aims, force, crossover, and helpful changes."""
+        """Return what limits the checked gains: aims, force, crossover, and helpful changes."""
         if not math.isfinite(check_result.worst.cost):
             return [Limit("average_m", "control was lost with a noise seed or a random plant")]
         limits = check_result.find_binding_aims(aims)
@@ -335,15 +337,15 @@ class StageLoop:
             "amplifier": ("an amplifier of twice the bandwidth", loop_with_fast_amplifier, aims),
         }
 
-        def text(change: str, cost: float, base: float) -> str:
-            percent = 100.0 * cost / base
+        def text(change: str, cost: float, base_cost: float) -> str:
+            percent = 100.0 * cost / base_cost
             return f"with {change} linear loops would have {percent:.0f} % of the moving average"
 
         minimum_cost = partial(find_minimum_cost, self.space, seed)
         return find_helpful_changes(minimum_cost, loop, aims, changes, jobs, text)
 
     def gains(self) -> dict[str, float]:
-        """Return the gains by their names in files."""
+        """Return the gains, keyed by their names in files."""
         control = self.setup.rig.settings.tracking
         return {name: float(getattr(control, name)) for name in self.space.axes}
 
@@ -377,13 +379,13 @@ def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, di
 
     Intervals that are only rounding errors are omitted.
     """
-    means, widths = {}, {}
+    mean_values, widths = {}, {}
     for name in StageFigures().by_name():
         interval = mean_interval([getattr(run, name) for run in runs])
-        means[name] = interval.mean
+        mean_values[name] = interval.mean
         if interval.half_width > _MIN_NOISE_RATIO * interval.mean:
             widths[name] = interval.half_width
-    return StageFigures(**means), widths
+    return StageFigures(**mean_values), widths
 
 
 def _summarise_plants(plant_figures: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:

@@ -1,7 +1,7 @@
-"""Define the search space of gains, and try one set of gains in the nonlinear loop.
+"""Define the search range of gains, and try one set of gains in the nonlinear loop.
 
-The space of a bearing contains the poles of the closed loop. With the moving mass m, the distance w
-of the pole pair from the origin, its damping z and the relative position a of the real pole::
+The range of a bearing contains the poles of the closed loop. The moving mass is m. From the origin,
+the pole pair has the distance w, its damping is z, and the real pole has the distance a w::
 
     (m + K_dd) s^3 + K_d s^2 + K_p s + K_i = (m + K_dd) (s + a w) (s^2 + 2 z w s + w^2)
 
@@ -31,11 +31,12 @@ from anhyst_rigs.study.tuning.aims import (
 )
 
 _GAIN_DIGITS = 5
-"""Significant digits of all gains, so that a file contains exactly the gains that were tried."""
+"""Number of significant digits of gains, so that a file contains exactly the gains that were tried.
+"""
 
 
 class Axis(NamedTuple):
-    """The range of one parameter, and whether its scale is logarithmic."""
+    """Range of one parameter, and whether its scale is logarithmic."""
 
     low: float
     high: float
@@ -43,11 +44,11 @@ class Axis(NamedTuple):
 
 
 class SearchBox:
-    """The search range of all parameters (a box)."""
+    """Search range of all parameters: a box."""
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """All axes by parameter name."""
+        """Ranges by parameter name."""
         raise NotImplementedError
 
     def parameters(self, point: FloatArray) -> dict[str, float]:
@@ -63,35 +64,35 @@ class SearchBox:
 
 @dataclass(frozen=True)
 class BearingSpace(SearchBox):
-    """The box of parameters of a bearing."""
+    """Search range of a bearing."""
 
-    rate: float  # sample rate of the controller, Hz; the unit of all frequencies
+    rate: float  # sample rate of the controller, Hz, to which all frequencies are related
     mass: float  # moving mass, kg
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """All axes by parameter name."""
+        """Ranges by parameter name."""
         rate = self.rate
         return {
             "bandwidth_Hz": Axis(rate / 1000.0, rate / 20.0, True),
             "damping": Axis(0.3, 3.0, True),
-            "real_pole": Axis(0.03, 3.0, True),  # relative to the bandwidth
-            "virtual_mass": Axis(-0.5, 1.0, False),  # relative to the mass
+            "real_pole": Axis(0.03, 3.0, True),  # real pole relative to the bandwidth
+            "virtual_mass": Axis(-0.5, 1.0, False),  # virtual mass relative to the mass
             "set_point_weight": Axis(0.0, 1.0, False),
             "cutoff_Hz": Axis(rate / 100.0, 0.45 * rate, True),
             "cutoff_2_Hz": Axis(rate / 100.0, 0.45 * rate, True),
         }
 
     def make_controller_table(self, point: FloatArray, template: ControllerTable) -> ControllerTable:
-        """Return the controller at a point of the unit box, with the template's settings."""
+        """Return the controller at a point of the unit box; `template` gives all other settings."""
         parameters = self.parameters(point)
-        w = 2.0 * math.pi * parameters["bandwidth_Hz"]
-        z, a = parameters["damping"], parameters["real_pole"]
+        angular_bandwidth = 2.0 * math.pi * parameters["bandwidth_Hz"]
+        damping, pole_ratio = parameters["damping"], parameters["real_pole"]
         total_mass = self.mass * (1.0 + parameters["virtual_mass"])
         gains = GainsTable(
-            K_p_N_per_m=round_gain(total_mass * (1.0 + 2.0 * z * a) * w**2),
-            K_i_N_per_m_s=round_gain(total_mass * a * w**3),
-            K_d_N_s_per_m=round_gain(total_mass * (2.0 * z + a) * w),
+            K_p_N_per_m=round_gain(total_mass * (1.0 + 2.0 * damping * pole_ratio) * angular_bandwidth**2),
+            K_i_N_per_m_s=round_gain(total_mass * pole_ratio * angular_bandwidth**3),
+            K_d_N_s_per_m=round_gain(total_mass * (2.0 * damping + pole_ratio) * angular_bandwidth),
             K_dd_N_s2_per_m=round_gain(self.mass * parameters["virtual_mass"]),
         )
         filters = FilterTable(
@@ -107,25 +108,25 @@ class BearingSpace(SearchBox):
         )
 
     def gains_per_tick(self, points: FloatArray, template: ControllerTable) -> FloatArray:
-        """Return the gains per tick of many points, as :attr:`Pidd2.per_tick`, shape (n, 11)."""
+        """Return the gains of many points as :attr:`Pidd2.per_tick`, shape (n, 11)."""
         return np.array([self.make_controller_table(point, template).pidd2().per_tick for point in points])
 
 
 def round_gain(value: float) -> float:
-    """Return a gain with the number of digits that files contain."""
+    """Return a gain, rounded to the number of digits that files contain."""
     return float(f"{value:.{_GAIN_DIGITS}g}")
 
 
-_BINDING_RATIO = 0.9  # fraction of a limit above which it is reported as binding
+_BINDING_RATIO = 0.9  # fraction of a limit above which the limit is reported
 _MIN_COST_REDUCTION = 0.05  # smallest relative reduction of the cost that is reported
 
 
 @dataclass(frozen=True)
 class BearingCondition:
-    """The gap and the load of a trial of a bearing."""
+    """Gap and load in a trial of a bearing."""
 
-    gap: float  # m
-    load: float  # N
+    gap: float  # gap, m
+    load: float  # load, N
 
     @property
     def text(self) -> str:
@@ -139,34 +140,34 @@ class BearingCondition:
 
 @dataclass(frozen=True)
 class Limit:
-    """One thing that limits the gains."""
+    """Something that limits the gains."""
 
     # name of a metric, or ``noise``, ``force``, ``voltage``, ``current``, ``crossover``, ``delay``,
     # ``damping``, ``amplifier``, ``pinning``
     what: str
-    text: str  # a sentence with values
+    text: str  # explanation as a sentence with values
 
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Figures of gains over all noise seeds."""
+    """Metrics of gains over all noise seeds."""
 
-    # by condition: means over the seeds, worst of all heights; infinite if control was lost
+    # metrics by condition: means over the seeds, worst of all heights; infinite if control was lost
     figures: Mapping[Any, GainFigures]
     peak_frequencies: Mapping[Any, float]  # frequency of the peak sensitivity, Hz
     seed_count: int  # number of noise seeds
     half_widths: Mapping[str, float]  # half-width of the 95 % interval of each worst metric
-    locations: Mapping[str, str]  # step of each worst metric
+    locations: Mapping[str, str]  # step at which each worst metric occurs
     rows: Mapping[str, Any]  # further results for tuning.json
     notes: tuple[str, ...] = ()  # further results as sentences
 
     @property
     def worst(self) -> GainFigures:
-        """The worst value of each metric."""
+        """Worst value of each metric."""
         return merge_worst_figures(self.figures.values())
 
     def find_binding_aims(self, aims: Aims) -> list[Limit]:
-        """Return the aims that are missed or almost reached, with the condition."""
+        """Return the aims that are missed or almost missed, with the condition that is decisive."""
         limits = []
         for name, limit in aims.limits.items():
             value = float(getattr(self.worst, name))
@@ -185,15 +186,15 @@ class CheckResult:
 
 
 class Tunable(Protocol):
-    """One variant in its loop with adjustable gains; it is sent to worker processes."""
+    """A variant in a loop with adjustable gains. It can be sent to worker processes."""
 
     @property
     def conditions(self) -> tuple[Any, ...]:
-        """All conditions of a trial; each has ``text`` and ``as_dict()``."""
+        """All conditions of a trial. Each of them has ``text`` and ``as_dict()``."""
 
     @property
     def space(self) -> SearchBox:
-        """The box of parameters that is searched."""
+        """Search range of the parameters."""
 
     def with_gains_at(self, point: FloatArray) -> Tunable:
         """Return this loop with the gains at a point of the search range."""
@@ -202,25 +203,25 @@ class Tunable(Protocol):
         """Return this loop with shorter motions than those of a check."""
 
     def make_controller(self) -> None:
-        """Make the controller; raises InputError if fixed point cannot represent its gains."""
+        """Make the controller; raise InputError if fixed point cannot represent its gains."""
 
     def figures(self, condition: Any, aims: Aims, ceiling: float, seed: int) -> GainFigures | None:
-        """Try the gains at one condition; None if control was lost.
+        """Try the gains at one condition; return None if control was lost.
 
-        A trial may stop early if its cost exceeds the ceiling.
+        A trial may end early if its cost exceeds the ceiling.
         """
 
     def initial_guesses(self, aims: Aims, seed: int) -> Sequence[Callable[[], FloatArray]]:
         """Return functions that find the points with the best linear loops."""
 
     def check(self, jobs: int | None) -> CheckResult:
-        """Try the gains with all noise seeds."""
+        """Evaluate the gains with all noise seeds."""
 
     def find_limits(self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None) -> list[Limit]:
         """Return what limits the checked gains."""
 
     def gains(self) -> dict[str, float]:
-        """Return the gains by their names in files."""
+        """Return the gains, keyed by their names in files."""
 
     @property
     def trial_text(self) -> str:
@@ -244,10 +245,10 @@ def find_helpful_changes(
     jobs: int | None,
     format_text: Callable[[str, float, float], str],
 ) -> list[Limit]:
-    """Report the changes that reduce the cost of the best gains in linear loops, the largest first.
+    """Return the changes that reduce the cost of the best linear loops, in order of their effect.
 
-    One of the tested changes is always an increase of the peak sensitivity limit by half. The text
-    of a change is made from its description and the costs with and without it.
+    An increase of the peak sensitivity limit by half is always tested too. The text of a change is
+    made from its description and from the costs with and without it.
     """
     relaxed_peak = 1.5 * aims.peak_sensitivity
     relaxed_aims = aims.with_scaled_limits({"peak_sensitivity": 1.5})
@@ -273,14 +274,14 @@ def find_helpful_changes(
 class GainOutcome:
     """The result of one trial of gains."""
 
-    cost: float  # :meth:`Aims.cost`; a lower bound if the trial stopped early
-    # metrics of each condition that was completed before the trial stopped or control was lost
+    cost: float  # cost as in :meth:`Aims.cost`; a lower bound if the trial ended early
+    # metrics of each condition that was completed before the trial ended or control was lost
     figures: dict[Any, GainFigures]
     is_complete: bool  # whether all conditions were tried
 
     @property
     def worst(self) -> GainFigures:
-        """The worst value of each metric."""
+        """Worst value of each metric."""
         return merge_worst_figures(self.figures.values())
 
 
@@ -289,13 +290,13 @@ def run_trial(
 ) -> GainOutcome:
     """Try the gains of a loop at one condition after another, until the cost exceeds a ceiling.
 
-    The nonlinear loop includes hysteresis, noise of one seed, and all limits.
+    The nonlinear loop includes hysteresis, the noise of one seed, and all limits.
     """
     figures: dict[Any, GainFigures] = {}
     cost = 0.0
     try:
         loop.make_controller()
-    except InputError:  # fixed point cannot represent the gains
+    except InputError:  # Fixed point cannot represent the gains.
         return GainOutcome(LOST_BODY_COST + len(conditions), figures, is_complete=False)
     for index, condition in enumerate(conditions):
         condition_figures = loop.figures(condition, aims, ceiling, seed)

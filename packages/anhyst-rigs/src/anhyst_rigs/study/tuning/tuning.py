@@ -114,11 +114,11 @@ def tune(
 class TuningSubject(ABC):
     """A rig whose controller is tuned, and the files that are written for it."""
 
-    file_stem: str  # stem of the names of written files
+    file_stem: str  # stem of the names of the written files
     rig: BodyRig | PiezoRig
     controller: ControllerFile | None = None
     plant: PlantCheck | None = None  # comparison of the plant with the measured loops
-    main_variant: MethodName  # the variant that is tuned by default
+    main_variant: MethodName  # variant that is tuned by default
 
     def with_default_aims(self, aims: Aims) -> Aims:
         """Return aims with the default limits of this kind of rig."""
@@ -130,10 +130,10 @@ class TuningSubject(ABC):
 
     @abstractmethod
     def make_loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
-        """Identify the plant and make the loops of the variants; impossible variants are omitted."""
+        """Identify the plant, and return the loops of all variants except impossible ones."""
 
     def write(self, tuned: TunedVariant, path: Path, note: str) -> None:
-        """Write the tuned rig file, if there is no controller file for the gains."""
+        """Write a rig file with the tuned gains, if the rig has no controller file for them."""
         gains = tuned.search_result.loop.gains().items()
         changes: dict[KeyPath, Any] = {("control", name): value for name, value in gains}
         rewrite_rig(self.rig.path, path, changes, note)
@@ -141,7 +141,7 @@ class TuningSubject(ABC):
     def plan_paths(
         self, folder: Path, names: Sequence[MethodName], reads: Sequence[Path]
     ) -> dict[MethodName, Path]:
-        """Return the paths of the output files, after a check that they can be written."""
+        """Return the paths of the output files; raise an error if they cannot be written."""
         files = {name: f"{self.file_stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names}
         if folder.is_dir():
             for name in (*files.values(), *RESULT_FILES):
@@ -149,7 +149,7 @@ class TuningSubject(ABC):
         elif folder.exists():
             raise InputError(f"{folder}: is a file; enter a folder", code="is-a-file")
         else:
-            # If a file of this name could be made, so can the folder.
+            # If a file of this name can be made, the folder can be made too.
             existing_parent = next(parent for parent in folder.absolute().parents if parent.exists())
             check_writable(existing_parent / folder.name)
         return {name: folder / file for name, file in files.items()}
@@ -162,7 +162,7 @@ class HasTuning(Protocol):
         """Return the rig file, and all files that it and a controller file name."""
 
     def tuning(self, rig: PathLike, controller: PathLike | None, crossover: float | None) -> TuningSubject:
-        """Read a rig file, and a controller file or highest crossover (Hz) if accepted."""
+        """Read a rig file, and a controller file or highest crossover (Hz) if the kind accepts it."""
 
 
 class BearingSubject(TuningSubject):
@@ -177,7 +177,7 @@ class BearingSubject(TuningSubject):
         self.main_variant = self.controller.settings.compensation.variant
 
     def with_default_aims(self, aims: Aims) -> Aims:
-        """Return aims with a limit of 2 % for the overshoot, if none is given."""
+        """Return aims with an overshoot limit of 2 %, if no aims are given."""
         return aims if aims.overshoot_percent is not None else replace(aims, overshoot_percent=2.0)
 
     def variants(self) -> Sequence[MethodName]:
@@ -185,7 +185,7 @@ class BearingSubject(TuningSubject):
         return compared_variants(self.rig, self.main_variant)
 
     def make_loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
-        """Identify the magnet and make the loops of the variants."""
+        """Identify the magnet, and return the loops of the variants."""
         inputs = check_inputs(self.rig, self.controller)
         self.rig, knowledge = inputs.rig, inputs.identify_magnet()
         self.plant = check_plant(inputs.rig, knowledge)
@@ -233,11 +233,11 @@ class StageSubject(TuningSubject):
         ]
 
     def make_loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
-        """Identify the magnets and make the loops of the variants."""
+        """Identify the magnets, and return the loops of the variants."""
         setups, _ = make_variants(self.rig, identify_stage_magnet(self.rig), names)
         scan = self.rig.settings.scan
-        work = partial(find_gains, motion=scan_motion(scan, scan.train_m_per_s2))
-        feedforwards = map_ordered(work, list(setups.values()), jobs=jobs)
+        find_stage_gains = partial(find_gains, motion=scan_motion(scan, scan.train_m_per_s2))
+        feedforwards = map_ordered(find_stage_gains, list(setups.values()), jobs=jobs)
         return {
             name: StageLoop(setup, gains, self.max_crossover)
             for (name, setup), gains in zip(setups.items(), feedforwards, strict=True)
@@ -258,7 +258,7 @@ class PiezoSubject(TuningSubject):
         return tuple(PIEZO_METHODS)
 
     def make_loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
-        """Identify the stack and make the loops of the variants."""
+        """Identify the stack, and return the loops of the variants."""
         inverses = find_inverses(self.rig)
         return {name: PiezoLoop(self.rig, inverses[PIEZO_METHODS[name]]) for name in names}
 
@@ -266,11 +266,11 @@ class PiezoSubject(TuningSubject):
 def _tune_all(
     search: Callable[..., GainSearch], loops: Mapping[MethodName, Tunable], progress: Progress | None
 ) -> tuple[dict[MethodName, TunedVariant], bool]:
-    """Tune one variant after another; after ctrl-C, the completed variants are kept."""
+    """Tune one variant after another. After ctrl-C, return the completed variants."""
     tuned: dict[MethodName, TunedVariant] = {}
-    parts = split_progress(progress, [1.0] * len(loops))
-    for (name, loop), part in zip(loops.items(), parts, strict=True):
-        gain_search = search(loop, progress=part)
+    loop_progress = split_progress(progress, [1.0] * len(loops))
+    for (name, loop), progress_part in zip(loops.items(), loop_progress, strict=True):
+        gain_search = search(loop, progress=progress_part)
         try:
             result = gain_search.run()
             check_result = result.check
@@ -279,7 +279,7 @@ def _tune_all(
                 if check_result
                 else []
             )
-            part(1, 1)
+            progress_part(1, 1)
         except KeyboardInterrupt:
             if not tuned:
                 raise Interrupted("no gains were found yet, nothing was written") from None
@@ -292,5 +292,5 @@ def _tune_all(
 
 def _processor_time() -> float:
     """Return the processor time of this process and its finished children, s."""
-    times = os.times()
-    return times.user + times.system + times.children_user + times.children_system
+    usage = os.times()
+    return usage.user + usage.system + usage.children_user + usage.children_system
