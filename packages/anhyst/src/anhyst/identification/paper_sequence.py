@@ -56,7 +56,7 @@ _NEGLIGIBLE_COST = 1e-5
 
 
 def count_stages(search: PaperSearch, last_name: str | None) -> int:
-    """Return the number of stages of :func:`reductions`."""
+    """Return the number of stages of :func:`reduce_gap_dependence`."""
     gaps, names = search.gap_count, len(search.searched_names)
     fixed_last = 0 if last_name is None else 1
     return gaps + sum(varying_count - fixed_last + gaps for varying_count in range(2, names + 1))
