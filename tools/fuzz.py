@@ -117,7 +117,9 @@ def fuzz(runs: int, seed: int, folder: Path) -> int:
         return 2
     folder.mkdir(parents=True, exist_ok=True)
     write_model(make_small_magnet(), folder / "model.toml")
-    failures = sum(run_in_parallel(pair, runs, seed, folder, clang) for pair in (XCP_RUNS, VARIANTS))
+    failures = sum(
+        run_in_parallel(run_names, runs, seed, folder, clang) for run_names in (XCP_RUNS, VARIANTS)
+    )
     return 1 if failures else 0
 
 

@@ -109,7 +109,9 @@ def measure_walks() -> dict[str, int]:
     completed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     measured: dict[str, dict[str, int]] = json.loads(completed.stdout)
     return {
-        f"{walk_name}, {what}": count for walk_name, each in measured.items() for what, count in each.items()
+        f"{walk_name}, {quantity}": count
+        for walk_name, counts_by_quantity in measured.items()
+        for quantity, count in counts_by_quantity.items()
     }
 
 
@@ -117,9 +119,9 @@ def find_imports(trees: Mapping[str, ast.Module], *, include_top_packages: bool 
     """Return the modules that each module imports, with or without the top packages."""
     return {
         name: {
-            one
-            for one in _find_imported_modules(tree, trees)
-            if one != name and (include_top_packages or "." in one)
+            imported_module
+            for imported_module in _find_imported_modules(tree, trees)
+            if imported_module != name and (include_top_packages or "." in imported_module)
         }
         for name, tree in trees.items()
         if include_top_packages or "." in name
@@ -243,8 +245,8 @@ def _count_kind_tests(tree: ast.Module) -> int:
 
 def _count_code_lines(text: str, tree: ast.Module) -> int:
     """Return the number of lines that contain executable code."""
-    numbered = enumerate(text.splitlines(), 1)
-    lines = {number for number, line in numbered if line.strip()[:1] not in {"", "#"}}
+    numbered_lines = enumerate(text.splitlines(), 1)
+    lines = {number for number, line in numbered_lines if line.strip()[:1] not in {"", "#"}}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import | ast.ImportFrom) or (
             isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
@@ -255,7 +257,9 @@ def _count_code_lines(text: str, tree: ast.Module) -> int:
 
 def _count_c_lines(*folders: Path) -> int:
     """Return the number of lines of C and C++ in folders, without the headers of the FMI standard."""
-    sources = (path for place in folders for path in place.rglob("*") if path.suffix in {".c", ".h", ".cpp"})
+    sources = (
+        path for folder in folders for path in folder.rglob("*") if path.suffix in {".c", ".h", ".cpp"}
+    )
     project_files = (path for path in sources if path.parent.name != "fmi")
     return sum(len(path.read_text("utf-8").splitlines()) for path in project_files)
 

@@ -50,8 +50,8 @@ def test_the_data_are_reproduced_by_their_script(example: ModuleType) -> None:
 def test_the_first_version_has_its_data_too(example: ModuleType) -> None:
     rig = read_rig(FOLDER / "drawn" / "rig.toml")
     made = example.rows(rig)
-    kept = (FOLDER / "drawn" / "loops.csv").read_text().splitlines()[4:]
-    for row, line in zip(range(300), kept, strict=False):
+    stored_rows = (FOLDER / "drawn" / "loops.csv").read_text().splitlines()[4:]
+    for row, line in zip(range(300), stored_rows, strict=False):
         assert next(made) == line, f"row {row}"
 
 

@@ -61,7 +61,7 @@ class Symbols(NamedTuple):
 
 def symbols(sources: list[Path], folder: Path) -> Symbols:
     defined: set[str] = set()
-    wanted: set[str] = set()
+    undefined_symbols: set[str] = set()
     writable: set[str] = set()
     # Without -fno-pie, constant tables of functions would count as writable, because a loader fills
     # them.
@@ -71,9 +71,9 @@ def symbols(sources: list[Path], folder: Path) -> Symbols:
         listing = subprocess.run([tool("nm"), compiled], capture_output=True, text=True, check=True)
         for line in listing.stdout.splitlines():
             *_, kind, name = line.split()
-            (wanted if kind == "U" else defined).add(name)
+            (undefined_symbols if kind == "U" else defined).add(name)
             writable |= {name} if kind in "BbCDdGgSs" else set()
-    return Symbols(wanted - defined, writable)
+    return Symbols(undefined_symbols - defined, writable)
 
 
 @pytest.mark.parametrize("sources", [FIRMWARE_SOURCES, POSITION_SOURCES], ids=["force", "position"])

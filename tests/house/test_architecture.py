@@ -62,8 +62,8 @@ def test_tests_of_a_package_use_only_it_and_its_dependencies() -> None:
     for at, folder in enumerate(folders.values()):
         for path in folder.rglob("*.py"):
             for name in _imported_modules(ast.parse(path.read_text(encoding="utf-8"))):
-                known = name if name in rank else name.split(".")[0]
-                if rank.get(known, 0) > at:
+                module_name = name if name in rank else name.split(".")[0]
+                if rank.get(module_name, 0) > at:
                     found.append(f"{path.relative_to(ROOT)}: {name}")
     assert found == []
 

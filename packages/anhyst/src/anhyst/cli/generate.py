@@ -252,16 +252,18 @@ def _run_verb(verb: Verb, options: dict[str, Any]) -> None:
 def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any]:
     """Convert the options of the command line to the arguments of the function."""
     arguments = dict(options)
-    texts = {}
+    option_texts = {}
     for name, value in options.items():
         if isinstance(value, str) and "Sequence[str]" in str(verb.parameters[name].annotation):
             arguments[name] = value.split(",")
         parameter = verb.docstring.parameters.get(name)
         if name in _READING_PARAMETERS and (parameter is None or _SHARED_TEXT_MARK in parameter.type_text):
-            texts[name] = value
-    read = asdict(read_options(**texts)) if texts else {}
+            option_texts[name] = value
+    parsed_options = asdict(read_options(**option_texts)) if option_texts else {}
     has_reading = "reading" in inspect.signature(verb.function).parameters
-    return arguments | {name: read[name] for name, value in texts.items() if has_reading or value is not None}
+    return arguments | {
+        name: parsed_options[name] for name, value in option_texts.items() if has_reading or value is not None
+    }
 
 
 def _call_function(verb: Verb, arguments: Mapping[str, Any]) -> Any:

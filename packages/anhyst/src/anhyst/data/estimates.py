@@ -143,7 +143,10 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
             return None
         tips = [_tip_output(drive, output, sign * 0.98 * extreme) for sign in (1.0, -1.0)]
         shift_out += 0.5 * (tips[0] + tips[1])
-        zero_inputs = [find_crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)]
+        zero_inputs = [
+            find_crossings(loop.output - shift_out, drive, 0.0, rising=is_rising)
+            for is_rising in (True, False)
+        ]
         if not zero_inputs[0].size or not zero_inputs[1].size:
             return None
         shift_in += 0.5 * float(np.median(zero_inputs[0]) + np.median(zero_inputs[1]))

@@ -278,7 +278,11 @@ class Loops(Result):
         scale = max((abs(value) for value in self.schedule_values), default=0.0)
         selected_values: set[float] = set()
         for value in requested_values:
-            matching_values = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
+            matching_values = {
+                known_value
+                for known_value in self.schedule_values
+                if abs(known_value - value) <= 1e-9 * scale
+            }
             if not matching_values:
                 value_list = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
                 raise InputError(f"no loop at {value:g}; there are: {value_list}", code="no-such-loop")
@@ -403,13 +407,15 @@ class Loops(Result):
         return Path(path)
 
 
-def replace_columns(loop: Loop, convert: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
+def replace_columns(loop: Loop, convert: Callable[[FloatArray], FloatArray], **other_changes: Any) -> Loop:
     """Return a loop with the same change to all columns, except the columns that are given."""
     columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
     changed_columns = {
-        name: convert(values) for name, values in columns.items() if values is not None and name not in others
+        name: convert(values)
+        for name, values in columns.items()
+        if values is not None and name not in other_changes
     }
-    return replace(loop, **changed_columns | others)
+    return replace(loop, **changed_columns | other_changes)
 
 
 def is_even(loopset: Loops) -> bool:

@@ -174,8 +174,8 @@ def _find_local_extremes(values: FloatArray) -> NDArray[np.intp]:
     moving_rows = np.flatnonzero(np.diff(values) != 0.0)
     if moving_rows.size == 0:
         return np.array([0] if values.size == 1 else [0, values.size - 1], dtype=np.intp)
-    up = values[moving_rows + 1] > values[moving_rows]
-    inner_extremes = moving_rows[np.flatnonzero(up[1:] != up[:-1])] + 1
+    is_rising = values[moving_rows + 1] > values[moving_rows]
+    inner_extremes = moving_rows[np.flatnonzero(is_rising[1:] != is_rising[:-1])] + 1
     return np.unique(np.concatenate(([0], inner_extremes, [values.size - 1]))).astype(np.intp)
 
 
@@ -443,9 +443,9 @@ class History:
         """Return the text form with full precision, which `parse` accepts."""
         if not self.turning_points:
             return self.kind
-        pairs = zip(self.turning_points, self.schedule_at_points(None), strict=True)
+        points_and_schedule = zip(self.turning_points, self.schedule_at_points(None), strict=True)
         texts = []
-        for value, points_part in groupby(pairs, key=lambda pair: pair[1]):
+        for value, points_part in groupby(points_and_schedule, key=lambda pair: pair[1]):
             points = ",".join(repr(float(point)) for point, _ in points_part)
             texts.append(points if value is None else f"{points}@{float(value)!r}")
         return f"{self.kind}:{';'.join(texts)}"

@@ -57,7 +57,7 @@ class DataTable:
 
     def get(self, name: str) -> FloatArray | None:
         """Return the SI values of a quantity by name (``current``, ``gap``, ...), or ``None``."""
-        indices = [index for index, entry in enumerate(self.names) if entry == name]
+        indices = [index for index, column_name in enumerate(self.names) if column_name == name]
         usable_indices = [index for index in indices if self.headers[index].problem is None]
         usable_indices = [
             index for index in usable_indices if self.headers[index].is_certain

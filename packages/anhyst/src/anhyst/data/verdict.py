@@ -24,7 +24,7 @@ from anhyst.support.units import choose_display_unit
 
 Level = Literal["yes", "little", "no", "unknown"]
 
-_MEAN_OF_NORMAL = 0.7979
+_MEAN_MAGNITUDE_OF_NORMAL = 0.7979
 """Mean absolute value of a normal variable with unit standard deviation."""
 MIN_SAMPLES_PER_BRANCH = 200
 """Number of samples that resolve a branch; noise at higher frequencies does not affect the gain."""
@@ -152,14 +152,14 @@ def assess_loops(loopset: Loops) -> Verdict:
     loop_residuals = single_valued_residuals(loopset)  # grouped by gap, not in the order of the loops
     pooled_deviation = np.abs(np.concatenate([residual for _, residual in loop_residuals]))
     mean, worst_deviation = float(pooled_deviation.mean()), float(pooled_deviation.max())
-    band_figures = [_band_residuals(*pair) for pair in loop_residuals]
+    band_figures = [_band_residuals(*curve_and_residuals) for curve_and_residuals in loop_residuals]
     band_mean, band_noise = np.average(
         [entry[:2] for entry in band_figures], axis=0, weights=[loop.n for loop, _ in loop_residuals]
     ).tolist()
     dynamics = describe_resonance(loopset) or describe_coil_lag(loopset) or describe_turn_back(loopset)
     counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)
     sigmas = np.array([estimate_noise(loop.output) for loop in loopset.loops])
-    noise_floor = _MEAN_OF_NORMAL * float(np.average(sigmas, weights=counts))
+    noise_floor = _MEAN_MAGNITUDE_OF_NORMAL * float(np.average(sigmas, weights=counts))
     largest_output_value = largest_output(loopset)
     span = max(float(np.ptp(loop.input)) for loop in loopset.loops)
     gain = max(0.0, 1.0 - band_noise / band_mean) if band_mean > 0.0 else 0.0
@@ -200,7 +200,7 @@ def _band_residuals(loop: Loop, residual: FloatArray) -> tuple[float, float, int
     full_averages = slice(0, -1) if size > 1 else slice(None)
     return (
         float(np.mean(np.abs(residuals[full_averages]))),
-        _MEAN_OF_NORMAL * estimate_noise(output[full_averages]),
+        _MEAN_MAGNITUDE_OF_NORMAL * estimate_noise(output[full_averages]),
         size,
     )
 

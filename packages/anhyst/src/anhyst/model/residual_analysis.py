@@ -60,7 +60,7 @@ _MIN_RECORD_SAMPLES = 40
 minimum number per record."""
 _MAX_NOISE_RATIO = 6.0
 """Smooth residuals above this multiple of the noise of the record are not filtered noise."""
-_EQUAL_WORTH_SHARE = 0.97
+_MIN_SHARE_OF_BEST_SHAPE = 0.97
 """Fraction of the sum of squares of the best shape above which a shape with fewer parameters is
 preferred."""
 
@@ -114,8 +114,10 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
     if outlier is not None:
         outlier_limit = MAX_NOISE_PEAK_RATIO * rms * span
         without_outliers = [
-            replace(entry, deviation=np.where(np.abs(entry.deviation) < outlier_limit, entry.deviation, 0.0))
-            for entry in records
+            replace(
+                record, deviation=np.where(np.abs(record.deviation) < outlier_limit, record.deviation, 0.0)
+            )
+            for record in records
         ]
         return replace(analyse_residual(without_outliers, span), rms=rms, outlier=outlier)
     # A white residual may still be too large: a resonance with a random input leaves white
@@ -136,7 +138,9 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
 def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
     """Return the largest deviation; None if noise of this rms may cause it."""
     worst_samples = [int(np.argmax(np.abs(record.deviation))) for record in records]
-    deviations = [abs(float(entry.deviation[row])) for entry, row in zip(records, worst_samples, strict=True)]
+    deviations = [
+        abs(float(record.deviation[row])) for record, row in zip(records, worst_samples, strict=True)
+    ]
     index = int(np.argmax(deviations))
     deviation, drive, sample = deviations[index] / span, records[index].drive, worst_samples[index]
     if deviation < max(MAX_NOISE_PEAK_RATIO * rms, MIN_OUTLIER_DEVIATION):
@@ -162,9 +166,11 @@ def _quantisation_step(values: FloatArray) -> float:
 def _is_white(deviations: Sequence[FloatArray]) -> bool:
     """Whether samples are uncorrelated with earlier ones, by their signs and products."""
     signs = [np.sign(deviation[deviation != 0.0]) for deviation in deviations]
-    pairs = sum(max(sign.size - 1, 0) for sign in signs)
+    neighbour_count = sum(max(sign.size - 1, 0) for sign in signs)
     equal_signs = sum(int(np.sum(sign[1:] == sign[:-1])) for sign in signs)
-    if pairs and equal_signs - 0.5 * pairs > _MAX_WHITE_SIGMAS * 0.5 * math.sqrt(pairs):
+    if neighbour_count and equal_signs - 0.5 * neighbour_count > _MAX_WHITE_SIGMAS * 0.5 * math.sqrt(
+        neighbour_count
+    ):
         return False
     square_sum = sum(float(deviation @ deviation) for deviation in deviations)
     samples = sum(deviation.size for deviation in deviations)
@@ -198,9 +204,9 @@ def _attribute_to_shapes(
     noise_rms, max_noise = noise_limits
     deviation = np.concatenate([record.deviation for record in records])
     shape_bases = [
-        (name, orthonormal_basis(variant))
-        for name, entry in shape_columns(records).items()
-        for variant in entry
+        (name, orthonormal_basis(shape_basis))
+        for name, bases_of_shape in shape_columns(records).items()
+        for shape_basis in bases_of_shape
     ]
     all_shapes = orthonormal_basis(np.hstack([variant for _, variant in shape_bases]))
     sizes = [record.deviation.size for record in records]
@@ -211,18 +217,18 @@ def _attribute_to_shapes(
         noise_model = ColouredNoise(
             tuple(sizes), white_variance, 0.0, float(max(deviation.size - all_shapes.shape[1], 2))
         )
-    variants = [
+    shape_variants = [
         _ShapeVariant(name, variant, noise_model.expected_squares(variant)) for name, variant in shape_bases
     ]
     attributed_shapes: list[tuple[Shape, float]] = []
     remaining, start_samples = deviation, 0
-    while variants:
+    while shape_variants:
         # Select the shape that explains most, or one with fewer parameters that explains almost as
         # much.
-        all_excesses = [entry.excess_squares(remaining) for entry in variants]
-        min_excess = max(all_excesses) - (1.0 - _EQUAL_WORTH_SHARE) * abs(max(all_excesses))
+        all_excesses = [entry.excess_squares(remaining) for entry in shape_variants]
+        min_excess = max(all_excesses) - (1.0 - _MIN_SHARE_OF_BEST_SHAPE) * abs(max(all_excesses))
         good_variants = [
-            entry for entry, excess in zip(variants, all_excesses, strict=True) if excess >= min_excess
+            entry for entry, excess in zip(shape_variants, all_excesses, strict=True) if excess >= min_excess
         ]
         variant = min(good_variants, key=lambda entry: entry.columns.shape[1])
         excess, size = variant.excess_squares(remaining), variant.columns.shape[1]
@@ -236,7 +242,9 @@ def _attribute_to_shapes(
             else start_samples
         )
         remaining = remaining - explained
-        variants = [other_variant for other_variant in variants if other_variant.shape != variant.shape]
+        shape_variants = [
+            other_variant for other_variant in shape_variants if other_variant.shape != variant.shape
+        ]
     remaining_rms = float(np.sqrt(np.mean(remaining**2)))
     if remaining_rms <= max(max_noise, NEGLIGIBLE_DEVIATION * span):
         noise_rms = remaining_rms

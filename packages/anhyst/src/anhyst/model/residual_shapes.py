@@ -26,7 +26,7 @@ _CURVE_DEGREE = 7
 """Degree of the polynomial in the input for a deviation that is common to all loops."""
 _WIDTH_DEGREE = 5
 """Degree of the polynomial in the input for the difference of ascending and descending branches."""
-_LEVEL_DEGREE = 2
+_GROUP_OFFSET_DEGREE = 2
 """Degree of the polynomial in the input for the deviation of each gap or each loop size."""
 _DECAY_POWERS = (1, 2, 4)
 """Powers of the remaining fraction of the first branch, with which the effect of a wrong history
@@ -122,14 +122,14 @@ def _columns_by_gap(records: Sequence[Residual], gap: FloatArray, scaled_input: 
     # The modelled output is used, because measured output contains the noise and would explain it.
     output = np.concatenate([record.measured + record.deviation for record in records])
     relative_output = output / max(float(np.abs(output).max()), 1e-300)
-    shared_columns = np.column_stack([legvander(scaled_input, _LEVEL_DEGREE), relative_output])
+    shared_columns = np.column_stack([legvander(scaled_input, _GROUP_OFFSET_DEGREE), relative_output])
     return np.hstack([(gap == node)[:, None] * shared_columns for node in np.unique(gap)])
 
 
 def _columns_by_branch_size(span: FloatArray, position: FloatArray, rising: FloatArray) -> FloatArray:
     """Return columns of position and direction, times the relative branch size and its square."""
     size = span / float(span.max())
-    shared_columns = legvander(position, _LEVEL_DEGREE)
+    shared_columns = legvander(position, _GROUP_OFFSET_DEGREE)
     both_directions = np.hstack([shared_columns, rising[:, None] * shared_columns])
     return np.hstack([size[:, None] * both_directions, size[:, None] ** 2 * both_directions])
 

@@ -209,7 +209,9 @@ def figure_residuals(loopset: Loops, fitted: LoopOutputs) -> Figure:
     y_scale = quantity_scale(loopset.output, largest_residuals)
     for ax, group in axes.items():
         loops = [loopset.loops[index] for index in group.indices]
-        sigma = np.average([estimate_noise(loop.output) for loop in loops], weights=[o.n for o in loops])
+        sigma = np.average(
+            [estimate_noise(loop.output) for loop in loops], weights=[loop.n for loop in loops]
+        )
         ax.axhspan(-2.0 * y_scale.factor * sigma, 2.0 * y_scale.factor * sigma, color=FAINT_COLOUR, lw=0.0)
         ax.axhline(0.0, color="#555555", lw=0.7)
         _draw_residuals(ax, loopset, residuals, group, x_scale, y_scale)
@@ -244,9 +246,9 @@ def _draw_residuals(
             rows = mask_rising_samples(loop) == is_rising
             x.append(x_scale.factor * loop.input[rows])
             y.append(y_scale.factor * residual[rows])
-        drawn_points = np.concatenate(x), np.concatenate(y)
-        dot_style = _dot_style(colour, 2.4 if drawn_points[0].size < 2000 else 1.4)
-        ax.plot(*drawn_points, rasterized=True, alpha=0.7, **dot_style)
+        plotted_points = np.concatenate(x), np.concatenate(y)
+        dot_style = _dot_style(colour, 2.4 if plotted_points[0].size < 2000 else 1.4)
+        ax.plot(*plotted_points, rasterized=True, alpha=0.7, **dot_style)
 
 
 @use_report_style

@@ -116,9 +116,13 @@ def section_rate(subject: ModelSubject) -> Section | None:
 
 
 def _speed_row(subject: ModelSubject, measurements: Measurements, group: Sequence[Loop]) -> list[Cell]:
-    ids, scale = {id(loop) for loop in group}, subject.deviation_scale
-    entries = zip(measurements.loops.loops, measurements.fitted, strict=True)
-    residuals = [output - loop.output for loop, output in entries if output is not None and id(loop) in ids]
+    loop_ids, scale = {id(loop) for loop in group}, subject.deviation_scale
+    loops_and_outputs = zip(measurements.loops.loops, measurements.fitted, strict=True)
+    residuals = [
+        output - loop.output
+        for loop, output in loops_and_outputs
+        if output is not None and id(loop) in loop_ids
+    ]
     cells = [Cell(figures.speed_text(group)), Cell(str(len(group)))]
     if not residuals:
         return [*cells, *[Cell("")] * 4]
@@ -310,8 +314,8 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
         "the largest value of that loop."
     )
     if subject.measurements:
-        entries = zip(loops, subject.measurements.baseline, strict=False)
-        single_valued_means = {id(entry): float(np.mean(np.abs(curve))) for entry, curve in entries}
+        loops_and_curves = zip(loops, subject.measurements.baseline, strict=False)
+        single_valued_means = {id(entry): float(np.mean(np.abs(curve))) for entry, curve in loops_and_curves}
         columns.append(
             (scale.heading("single-valued"), lambda entry: scale.format(single_valued_means[id(entry)]))
         )

@@ -367,15 +367,15 @@ def symbol_markup(name: str) -> Markup:
 
 def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list[Block]:
     rows: list[list[str | Cell]] = []
-    previous_meaning = ""
+    meaning_in_previous_row = ""
     fitted_parameters = zip(uncertainty.names, uncertainty.values, uncertainty.std, strict=True)
     for index, (name, value, deviation) in enumerate(fitted_parameters, start=1):
         relative = deviation / abs(value) if value and "offset" not in name else None
         meaning = next((text for prefix, text in QUANTITY_MEANINGS.items() if name.startswith(prefix)), "")
         share = Cell(format_percent(relative), strong=relative is not None and relative > 0.2)
-        shown_meaning = "" if meaning == previous_meaning else meaning
+        shown_meaning = "" if meaning == meaning_in_previous_row else meaning
         rows.append([str(index), typeset(name), shown_meaning, format_deviation(value, deviation), share])
-        previous_meaning = meaning
+        meaning_in_previous_row = meaning
     caption = (
         "The fitted quantities are combinations of parameters that the data determine. "
         "Single parameters can compensate each other. The standard deviation treats the error of "
@@ -400,7 +400,7 @@ def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list
 
 def _correlation_text(uncertainty: Uncertainty) -> str:
     """Return the alternative text of the heat map: the strongest correlations."""
-    pairs = sorted(
+    correlations = sorted(
         (
             (abs(value), uncertainty.names[row], uncertainty.names[column], value)
             for row, values in enumerate(uncertainty.correlation)
@@ -409,10 +409,13 @@ def _correlation_text(uncertainty: Uncertainty) -> str:
         ),
         reverse=True,
     )
-    pair_texts = (f"{first} with {second} {format_number(value, 3)}" for _, first, second, value in pairs[:3])
-    pairs_text = "; ".join(pair_texts)
+    correlation_texts = (
+        f"{first_name} with {second_name} {format_number(value, 3)}"
+        for _, first_name, second_name, value in correlations[:3]
+    )
+    strongest_text = "; ".join(correlation_texts)
     text = f"Heat map of {len(uncertainty.names)} by {len(uncertainty.names)} correlations"
-    return f"{text}, the strongest: {pairs_text}." if pairs_text else f"{text}."
+    return f"{text}, the strongest: {strongest_text}." if strongest_text else f"{text}."
 
 
 def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Section:

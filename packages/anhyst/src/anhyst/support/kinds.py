@@ -50,10 +50,12 @@ class FileKind:
         """Whether this kind supports an option of a command that only some kinds support."""
         return option in self.options.get(verb, ())
 
-    def refuse_options(self, verb: str, given: Mapping[str, object]) -> None:
+    def refuse_options(self, verb: str, given_options: Mapping[str, object]) -> None:
         """Raise an error if an option is given (not None) that this kind does not support."""
         unsupported = [
-            name for name, value in given.items() if value is not None and not self.has_option(verb, name)
+            name
+            for name, value in given_options.items()
+            if value is not None and not self.has_option(verb, name)
         ]
         if unsupported:
             raise InputError(

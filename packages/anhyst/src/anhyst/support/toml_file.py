@@ -111,8 +111,8 @@ class TomlFileError(InputError):
         text = f"{location}: {first_problem.key}: {first_problem.text}"
         if other_problems:
             other_keys = [
-                f"{entry.key} (line {entry.line})" if entry.line else entry.key
-                for entry in other_problems[:MAX_NAMED_PROBLEMS]
+                f"{problem.key} (line {problem.line})" if problem.line else problem.key
+                for problem in other_problems[:MAX_NAMED_PROBLEMS]
             ]
             more_text = (
                 f" and {len(other_problems) - MAX_NAMED_PROBLEMS} more"
@@ -312,8 +312,8 @@ def _table_types(annotation: Any) -> list[type[BaseModel]]:
 def dotted_path(path: KeyPath) -> str:
     """Return the path of a key in readable form: ``lift_off.speed``, ``loop[2].label``."""
     text = ""
-    for part in path:
-        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else part
+    for path_part in path:
+        text += f"[{path_part + 1}]" if isinstance(path_part, int) else f".{path_part}" if text else path_part
     return text
 
 

@@ -164,7 +164,11 @@ def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         elif channel is not clock:
             clocked.append(replace(channel, clock=clock))
     # A clock without channels is an ordinary channel.
-    unused_clocks = [clock for clock in clocks.values() if all(other.clock is not clock for other in clocked)]
+    unused_clocks = [
+        clock
+        for clock in clocks.values()
+        if all(clocked_channel.clock is not clock for clocked_channel in clocked)
+    ]
     return (*unused_clocks, *clocked)
 
 
