@@ -27,7 +27,7 @@ CALLS_WITH_KEY_FIRST = {"FileFault", "Problem", "add", "wrong_key"}
 """Calls whose second argument is the text; the first one is a key."""
 PLACEHOLDER = "{...}"
 MAX_WORDINGS_OF_PART = 3
-"""Maximum number of wordings of one part of a text. With more, the part becomes a placeholder."""
+"""Maximum number of wordings of a part of a text; a part with more becomes a placeholder."""
 MAX_DEPTH = 4
 """Maximum number of variables and functions that are followed in a chain."""
 

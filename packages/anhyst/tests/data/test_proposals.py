@@ -86,7 +86,7 @@ def bench_of(seed: int) -> Bench:
 
 
 def options_in(text: str) -> dict[str, str]:
-    """Return the first of each option that a message proposes, split as in a shell."""
+    """Return the first value of each option that a message proposes, split as in a shell."""
     found: dict[str, str] = {}
     for match in re.finditer(r"--(columns|scale|flip|drop|loop|schedule) ", text):
         words = shlex.split(text[match.start() :].replace("; ", " "))

@@ -1,7 +1,7 @@
 """Assess whether a hysteresis model has a benefit over the best single-valued curve.
 
-The residual of the best monotone curve of each gap is compared with the noise. If the residual is
-close to the noise, a model gains nothing. Loops that are caused by dynamics cannot be assessed.
+The residual of the best monotone curve of each gap is compared with the noise. If this residual is
+close to the noise, a model cannot be better. Loops that are caused by dynamics cannot be assessed.
 """
 
 from __future__ import annotations

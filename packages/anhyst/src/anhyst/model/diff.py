@@ -169,7 +169,7 @@ def _common_range(ranges: list[Range]) -> Range:
 
 
 def _common_schedule(first_model: Model, second_model: Model) -> list[float | None]:
-    """Return the nodes of both models and the middles between them, within both valid ranges."""
+    """Return the nodes of both models and the midpoints between them, within both valid ranges."""
     if first_model.schedule != second_model.schedule and (
         first_model.needs_schedule or second_model.needs_schedule
     ):

@@ -218,8 +218,8 @@ def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[Floa
     start = None if record.schedule is None else float(record.schedule[run.start])
     iron = record.model.iron_at(start)
     if record.rate is not None:
-        # A steady-state cycle returns to its start at its own rate. Before any other first sample,
-        # the rate is unknown and taken as zero.
+        # A steady-state cycle returns to its start at its own rate. Without such a cycle, the rate
+        # at the first sample is unknown and taken as zero.
         later_rates = record.rate[run][1:]
         is_cycle = history.kind == "settled" and later_rates.size
         record.rate[run.start] = np.median(later_rates) if is_cycle else 0.0

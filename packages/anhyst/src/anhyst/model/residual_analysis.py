@@ -335,7 +335,7 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
         )
     schedule_name = loopset.schedule.name if loopset.schedule is not None else "gap"
     main_shape, share = residual.shapes[0]
-    text += f"{100.0 * share:.0f} % of its square " if share < 1.0 - _MIN_SECOND_SHARE else ""
+    text += f"{100.0 * share:.0f} % of the squared residual " if share < 1.0 - _MIN_SECOND_SHARE else ""
     text += _SHAPE_TEXTS[main_shape].main_text.format(
         drive=loopset.input.name, at=schedule_name, first=residual.start_samples
     )

@@ -199,7 +199,7 @@ def estimate_coloured_noise(deviation: FloatArray, shapes: FloatArray, sizes: Se
     shape_products = np.einsum("nk,nl->kl", shapes, neighbour_means)
 
     def expected_sums(correlation: float) -> tuple[float, float]:
-        """Return the expected sums of squares and of products with the sample before."""
+        """Return the expected sum of squares, and of products of neighbouring samples."""
         correlated_shapes = _apply_correlation(shapes, correlation, record_sizes)
         projected_shapes = np.einsum("nk,nl->kl", shapes, correlated_shapes)
         product_sum = (

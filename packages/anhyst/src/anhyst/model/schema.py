@@ -97,7 +97,7 @@ class CrossValidation(FileRecord):
     # mean absolute error relative to the largest output, mean over values withheld from the fit,
     # from the selection of the map and from the decision about offsets
     error: FiniteNumber
-    interval: Range  # interval with the error at an unmeasured value in about nine of ten cases
+    interval: Range  # contains the error at an unmeasured value in about nine of ten cases
     folds: Numbers = ()  # error at each withheld value, in ascending order of the values
     # ``gap``, or ``block`` for withheld blocks of samples, which is not evidence about other loops
     left_out: Literal["gap", "block"] = "gap"

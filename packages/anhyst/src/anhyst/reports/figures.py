@@ -67,7 +67,7 @@ class LoopGroup:
 
 
 def group_by_schedule(loopset: Loops) -> list[LoopGroup]:
-    """Group loops by the scheduling value, ascending. Loops with a moving value come last."""
+    """Group loops by the scheduling value, ascending; loops whose value changes come last."""
     if loopset.schedule is None:
         return [LoopGroup("", tuple(range(len(loopset))))]
     indices_by_value: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
@@ -304,7 +304,7 @@ def _draw_candidates(
 
 
 def _rejected_candidates(step: ReductionStep) -> list[tuple[float, str]]:
-    """Return cost (%) and name of each candidate that a step did not fix, by ascending cost."""
+    """Return cost (%) and name of each candidate that a step left free, by ascending cost."""
     return sorted(
         (100.0 * cost, name)
         for name, cost in step.candidates.items()

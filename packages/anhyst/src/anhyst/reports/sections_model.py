@@ -39,12 +39,12 @@ from anhyst.support.page import (
 
 GAP_MAP_TEXTS: Mapping[str, str] = {
     "none": "No parameter depends on the scheduling variable.",
-    "scaling": "The iron is the same everywhere. Only the factor from input to field (c_H) depends on "
-    "the scheduling variable, as in the paper.",
-    "reluctance": "The iron is the same everywhere and has the hysteresis. Only the series reluctance "
-    "ρ depends on the scheduling variable, as for an air gap.",
-    "circuit": "The iron is the same everywhere and has the hysteresis. The series reluctance, the "
-    "output per flux and the offsets depend on the scheduling variable.",
+    "scaling": "The iron has the same parameters at all scheduling values. Only the factor from input to "
+    "field (c_H) depends on the scheduling variable, as in the paper.",
+    "reluctance": "The iron, which causes the hysteresis, has the same parameters at all scheduling "
+    "values. Only the series reluctance ρ depends on the scheduling variable, as for an air gap.",
+    "circuit": "The iron, which causes the hysteresis, has the same parameters at all scheduling values. "
+    "The series reluctance, the output per flux and the offsets depend on the scheduling variable.",
     "free": "All parameters can depend on the scheduling variable, including those of the iron. This "
     "map is for fixed values only.",
 }

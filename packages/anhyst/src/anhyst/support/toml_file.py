@@ -86,7 +86,7 @@ T = TypeVar("T", bound=Table)
 
 
 MAX_NAMED_PROBLEMS = 5
-"""Number of problems that are named after the first one; the rest is counted."""
+"""Number of problems that a message lists after the first problem; it only counts the others."""
 
 
 @dataclass(frozen=True, slots=True)

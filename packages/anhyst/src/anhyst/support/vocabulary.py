@@ -215,7 +215,9 @@ def is_formula(name: str) -> bool:
 
 
 def undo_formula(name: str) -> str:
-    """Return the factor that undoes a formula; ``FACTOR`` if only the user knows it; else empty.
+    """Return the factor, as text, that undoes a formula in a column name.
+
+    Return ``FACTOR`` if only the user knows the factor, and an empty text if no factor exists.
 
     >>> undo_formula("2*F"), undo_formula("F/10"), undo_formula("I/Imax"), undo_formula("F^2")
     ('0.5', '10', 'FACTOR', '')

@@ -358,7 +358,7 @@ class OpenTable(Protocol):
         """Return the index of a column by a name from the user, ``None`` without such a column."""
 
     def first_rows(self, count: int) -> list[list[str]]:
-        """Return the fields of the first data rows, one for each column."""
+        """Return the first data rows, each as a list with one field for each column."""
 
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
