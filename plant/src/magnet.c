@@ -119,7 +119,8 @@ static inline void solve_iron(const anhyst_plant_circuit *c, const anhyst_plant_
   }
 }
 
-static void advance_iron(const anhyst_plant_circuit *c, anhyst_plant_coil *coil, const solution *found)
+static void advance_iron(const anhyst_plant_circuit *c, anhyst_plant_coil *coil,
+                         const solution *found)
 {
   if (c->solid) {
     anhyst_plant_soaked_move(&c->iron, c->solid, coil->volume, &coil->iron, &found->solid);
