@@ -107,10 +107,10 @@ def measure_walks() -> dict[str, int]:
     """
     command = [sys.executable, "-m", "tools.walks"]
     completed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    measured: dict[str, dict[str, int]] = json.loads(completed.stdout)
+    measured_walks: dict[str, dict[str, int]] = json.loads(completed.stdout)
     return {
         f"{walk_name}, {quantity}": count
-        for walk_name, counts_by_quantity in measured.items()
+        for walk_name, counts_by_quantity in measured_walks.items()
         for quantity, count in counts_by_quantity.items()
     }
 
@@ -169,15 +169,15 @@ def main() -> int:
     """Print the metrics, lower the limits and update the page; return 1 if a limit is exceeded."""
     metrics = count_metrics()
     limits: dict[str, int] = json.loads(RECORD.read_text("utf-8"))
-    rounded = round_up(metrics)
+    rounded_metrics = round_up(metrics)
     for name, value in metrics.items():
-        increase = f"   exceeds the limit {limits[name]:,}" if rounded[name] > limits[name] else ""
+        increase = f"   exceeds the limit {limits[name]:,}" if rounded_metrics[name] > limits[name] else ""
         excess = f"   budget {BUDGETS[name]:,}" if value > BUDGETS.get(name, value) else ""
         print(f"{DESCRIPTIONS[name]:78}{value:8,}{excess}{increase}")
-    limits = {name: min(value, limits[name]) for name, value in rounded.items()}
+    limits = {name: min(value, limits[name]) for name, value in rounded_metrics.items()}
     RECORD.write_text(json.dumps(limits, indent=2) + "\n", "utf-8")
     PAGE.write_text(TABLE.sub(rf"\g<1>{format_table(metrics)}\g<2>", PAGE.read_text("utf-8")), "utf-8")
-    return int(limits != rounded)
+    return int(limits != rounded_metrics)
 
 
 def _module_name(path: Path, source: Path) -> str:
@@ -196,21 +196,21 @@ def _find_imported_modules(tree: ast.Module, project_modules: Iterable[str]) -> 
 
 
 def _merge_groups(graph: ImportGraph, group_of: Callable[[str], str]) -> ImportGraph:
-    merged: ImportGraph = {}
+    merged_graph: ImportGraph = {}
     for name, targets in graph.items():
-        merged.setdefault(group_of(name), set()).update(
+        merged_graph.setdefault(group_of(name), set()).update(
             {group_of(name_of_member) for name_of_member in targets} - {group_of(name)}
         )
-    return merged
+    return merged_graph
 
 
 def _find_reachable(graph: ImportGraph, start: str) -> set[str]:
-    visited, pending_names = {start}, [start]
+    visited_names, pending_names = {start}, [start]
     while pending_names:
-        unvisited = graph.get(pending_names.pop(), set()) - visited
-        visited |= unvisited
-        pending_names += unvisited
-    return visited
+        unvisited_names = graph.get(pending_names.pop(), set()) - visited_names
+        visited_names |= unvisited_names
+        pending_names += unvisited_names
+    return visited_names
 
 
 _CLASSES_OF_ONE_KIND = {

@@ -79,8 +79,8 @@ class Module:
 
         The search goes back to the last assignment that no branch avoids.
         """
-        enclosing = list(self._enclosing_nodes(usage))
-        function = next((node for node in enclosing if isinstance(node, Function)), None)
+        enclosing_nodes = list(self._enclosing_nodes(usage))
+        function = next((node for node in enclosing_nodes if isinstance(node, Function)), None)
         assignments: list[list[ast.expr]] = []
         additions: list[ast.AugAssign] = []
         for statement in sorted(_find_earlier_assignments(function, usage), key=lambda node: -node.lineno):
@@ -92,7 +92,7 @@ class Module:
                     | ast.NamedExpr(target=ast.Name(id=target), value=value)
                 ) if target == name:
                     assignments.append([value, *(addition.value for addition in additions)])
-                    if isinstance(statement, ast.NamedExpr) or self.parents[statement] in enclosing:
+                    if isinstance(statement, ast.NamedExpr) or self.parents[statement] in enclosing_nodes:
                         break
                     additions = [more for more in additions if self.parents[more] != self.parents[statement]]
                 case ast.Assign(targets=[ast.Tuple(elts=elements)]) if name in {
@@ -178,14 +178,14 @@ class WordingReader:
                 return []
             module = self.package[name]
         reader = WordingReader(module, self.package)
-        returned = [
+        returned_values = [
             node.value
             for node in ast.walk(module.functions[name])
             if isinstance(node, ast.Return) and node.value is not None
         ]
         return [
             text
-            for value in returned
+            for value in returned_values
             if not (isinstance(value, ast.Constant) and value.value is None)
             for text in reader.find_wordings(value, depth)
         ]

@@ -276,8 +276,8 @@ def _read_c(file: str, source: str) -> Iterator[Item]:
 
 
 def _read_markdown(file: str, source: str) -> Iterator[Item]:
-    blanked = re.compile(r"```.*?```|<!--.*?-->", re.DOTALL)
-    source = blanked.sub(lambda match: "\n" * match.group().count("\n"), source)
+    ignored_pattern = re.compile(r"```.*?```|<!--.*?-->", re.DOTALL)
+    source = ignored_pattern.sub(lambda match: "\n" * match.group().count("\n"), source)
     for number, line in enumerate(source.splitlines(), 1):
         if line.startswith("    "):
             continue

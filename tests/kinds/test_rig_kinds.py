@@ -54,14 +54,16 @@ def test_a_rig_kind_implements_exactly_the_protocols_of_its_verbs(word: str) -> 
     kind = rig_kinds()[word]
     assert isinstance(kind, RigKind)
     assert ("export" in kind.verbs) == (word in RIG_PART_FACTORIES)
-    asked = [protocol for verb in kind.verbs for protocol in PROTOCOLS[verb]]
+    required_protocols = [protocol for verb in kind.verbs for protocol in PROTOCOLS[verb]]
     if kind.has_option("simulate", "--board"):
-        asked.append(HasBoard)
+        required_protocols.append(HasBoard)
     if "with_iron" in kind.places:
-        asked.append(HasIrons)
-    expected = {name: method for protocol in asked for name, method in methods_of(protocol).items()}
-    assert kind.places.keys() == expected.keys()
-    for name, method in expected.items():
+        required_protocols.append(HasIrons)
+    expected_methods = {
+        name: method for protocol in required_protocols for name, method in methods_of(protocol).items()
+    }
+    assert kind.places.keys() == expected_methods.keys()
+    for name, method in expected_methods.items():
         own_arguments = arguments(getattr(kind, name))
         # callers may omit an argument that has a default
         assert own_arguments <= arguments(method), name

@@ -114,9 +114,9 @@ def test_columns_that_hold_no_loop_are_refused_with_the_reason(text: str) -> Non
 
 def test_inspect_accepts_a_path_a_folder_a_list_arrays_and_loops_alike(tmp_path: Path) -> None:
     path = LOOPS.save(tmp_path / "loops.csv")
-    cleaned = anhyst.clean(LOOPS, "dedupe")
-    expected = anhyst.inspect(cleaned).as_dict()["verdict"]
-    for source in (path, str(path), tmp_path, [path], ARRAYS, cleaned):
+    cleaned_loops = anhyst.clean(LOOPS, "dedupe")
+    expected = anhyst.inspect(cleaned_loops).as_dict()["verdict"]
+    for source in (path, str(path), tmp_path, [path], ARRAYS, cleaned_loops):
         assert anhyst.inspect(source).as_dict()["verdict"] == expected
 
 
@@ -187,8 +187,8 @@ def test_report_accepts_a_model(tmp_path: Path) -> None:
 
 
 def loops_of_two() -> Loops:
-    wide = Loop("wide", FIELD, ARRAYS["B_T"])
-    return Loops((wide, Loop("small", 0.5 * FIELD, ARRAYS["B_T"])), LOOPS.input, LOOPS.output)
+    wide_loop = Loop("wide", FIELD, ARRAYS["B_T"])
+    return Loops((wide_loop, Loop("small", 0.5 * FIELD, ARRAYS["B_T"])), LOOPS.input, LOOPS.output)
 
 
 def test_loops_iterate_and_index_by_label_and_position() -> None:

@@ -100,8 +100,8 @@ def test_every_result_has_a_short_representation(results: dict[str, Result]) -> 
 def test_text_of_a_result_is_escaped(found: anhyst.IdentifyResult) -> None:
     from dataclasses import replace
 
-    odd = replace(found.model, name="<script>x</script>")
-    assert "<script>" not in odd._repr_html_()
+    renamed_model = replace(found.model, name="<script>x</script>")
+    assert "<script>" not in renamed_model._repr_html_()
 
 
 def test_every_result_is_saved_whole(results: dict[str, Result], tmp_path: Path) -> None:
@@ -112,8 +112,8 @@ def test_every_result_is_saved_whole(results: dict[str, Result], tmp_path: Path)
         assert path.stat().st_size > 100
         with refused("cannot-be-written: nowhere"):
             result.save(tmp_path / "nowhere" / path.name)
-    back = anhyst.read_loops(tmp_path / "loops.csv")
-    assert np.array_equal(back.loops[3].output, results["loops"].loops[3].output)  # type: ignore[attr-defined]
+    reread_loops = anhyst.read_loops(tmp_path / "loops.csv")
+    assert np.array_equal(reread_loops.loops[3].output, results["loops"].loops[3].output)  # type: ignore[attr-defined]
     assert anhyst.read_model(tmp_path / "model.toml") == results["model"]
 
 
@@ -125,8 +125,8 @@ def test_a_model_is_a_function_and_has_an_inverse(found: anhyst.IdentifyResult) 
     ascending_force = np.interp(1.0, current[:80], force[:80])
     descending_force = np.interp(-1.0, -current[80:], force[80:])
     assert descending_force > ascending_force
-    again = found.model.inverse(force, GAP)
-    assert np.abs(again - current).max() < 1e-6
+    inverse_current = found.model.inverse(force, GAP)
+    assert np.abs(inverse_current - current).max() < 1e-6
 
 
 def test_the_table_agrees_with_the_fit_metrics(found: anhyst.IdentifyResult) -> None:
@@ -171,7 +171,7 @@ def test_a_model_in_memory_compiles_as_its_file_does(
 
 
 def test_two_models_are_distinguished(results: dict[str, Result]) -> None:
-    apart = results["diff"]
-    assert isinstance(apart, ModelDiff)
-    assert not apart.same
-    assert apart.to_dataframe()["worst"].max() == pytest.approx(apart.worst)
+    model_diff = results["diff"]
+    assert isinstance(model_diff, ModelDiff)
+    assert not model_diff.same
+    assert model_diff.to_dataframe()["worst"].max() == pytest.approx(model_diff.worst)

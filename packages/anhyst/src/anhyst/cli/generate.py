@@ -89,10 +89,14 @@ class Verb:
         """Parameters of the function that become options or arguments of the command."""
         parameters = dict(inspect.signature(self.function).parameters)
         docs = self.docstring.parameters.items()
-        hidden = {name for name, parameter in docs if "only in Python" in parameter.type_text}
-        if parameters.pop("reading", None) is not None and "**reading" not in hidden:
+        python_only_names = {name for name, parameter in docs if "only in Python" in parameter.type_text}
+        if parameters.pop("reading", None) is not None and "**reading" not in python_only_names:
             parameters |= _READING_PARAMETERS
-        return {name: value for name, value in parameters.items() if name not in hidden | _CALLBACK_NAMES}
+        return {
+            name: value
+            for name, value in parameters.items()
+            if name not in python_only_names | _CALLBACK_NAMES
+        }
 
     @cached_property
     def docstring(self) -> Docstring:

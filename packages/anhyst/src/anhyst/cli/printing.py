@@ -53,16 +53,18 @@ class TerminalTable:
         label_column, remaining_columns = columns[0], columns[1:]
         blocks: list[list[_Column]] = []
         while remaining_columns or not blocks:
-            fitting = [label_column]
+            fitting_columns = [label_column]
             while (
                 remaining_columns
-                and sum(column.width + len(_COLUMN_GAP) for column in (*fitting, remaining_columns[0]))
+                and sum(
+                    column.width + len(_COLUMN_GAP) for column in (*fitting_columns, remaining_columns[0])
+                )
                 <= width + 2
             ):
-                fitting.append(remaining_columns.pop(0))
-            if len(fitting) == 1 and remaining_columns:
-                fitting.append(remaining_columns.pop(0))
-            blocks.append(fitting)
+                fitting_columns.append(remaining_columns.pop(0))
+            if len(fitting_columns) == 1 and remaining_columns:
+                fitting_columns.append(remaining_columns.pop(0))
+            blocks.append(fitting_columns)
         text = wrap_sentence(self.title, width) if self.title else []
         for block in blocks if is_verbose else blocks[:1]:
             text += _table_lines(block)

@@ -69,7 +69,7 @@ class _RiseComparison:
         )
 
 
-def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryProposal]:
+def propose_histories(loops: Sequence[Loop], *, is_even_output: bool) -> list[HistoryProposal]:
     """Propose the history before each of several loops of one recording, with a reason.
 
     The initial curve lies below later rises from the remanent state, or inside the loop if the
@@ -78,12 +78,12 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryPropo
     start. If noise hides the difference, a common decision is made for all unsure records that
     start at rest, otherwise the proposal is settled.
     """
-    comparisons = [_compare_rises(loop, even=even) for loop in loops]
+    comparisons = [_compare_rises(loop, is_even_output=is_even_output) for loop in loops]
     are_all_virgin = _are_all_virgin(
         [comparisons_of_loop for comparisons_of_loop in comparisons if comparisons_of_loop]
     )
     return [
-        _propose_history(loop, parts, are_all_virgin, even=even)
+        _propose_history(loop, parts, are_all_virgin, is_even_output=is_even_output)
         for loop, parts in zip(loops, comparisons, strict=True)
     ]
 
@@ -152,10 +152,10 @@ def _select_clearest(comparisons: list[_RiseComparison]) -> _RiseComparison:
 
 
 def _propose_history(
-    loop: Loop, comparisons: list[_RiseComparison], are_all_virgin: bool, *, even: bool
+    loop: Loop, comparisons: list[_RiseComparison], are_all_virgin: bool, *, is_even_output: bool
 ) -> HistoryProposal:
     if not comparisons:
-        return _propose_from_closure(loop, even=even)
+        return _propose_from_closure(loop, is_even_output=is_even_output)
     clearest_comparison = _select_clearest(comparisons)
     if clearest_comparison.verdict == "virgin":
         difference_share = clearest_comparison.difference / float(np.ptp(loop.output))
@@ -171,7 +171,7 @@ def _propose_history(
     return SETTLED, "its first rise differs from later rises by noise only"
 
 
-def _propose_from_closure(loop: Loop, *, even: bool) -> HistoryProposal:
+def _propose_from_closure(loop: Loop, *, is_even_output: bool) -> HistoryProposal:
     """Propose a history for a record without a second rise."""
     drive, output = loop.input, loop.output
     height = float(np.ptp(output)) or 1.0
@@ -179,8 +179,8 @@ def _propose_from_closure(loop: Loop, *, even: bool) -> HistoryProposal:
     closing_error = None if end_output is None else float(end_output - output[0])
     # Noise alone explains this difference of two samples.
     noise_limit = 5.0 * estimate_noise(output)
-    is_at_rest = _starts_at_rest(loop, even=even)
-    if is_at_rest and even and closing_error is not None:
+    is_at_rest = _starts_at_rest(loop, is_even_output=is_even_output)
+    if is_at_rest and is_even_output and closing_error is not None:
         is_virgin = closing_error > max(_MIN_REMANENCE_SHARE * height, noise_limit) and _has_remanence(
             loop, closing_error
         )
@@ -232,12 +232,12 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
     return difference >= 5.0 * closing_error and abs(input_at_4 - start) <= 2.4 * abs(input_at_1 - start)
 
 
-def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
+def _starts_at_rest(loop: Loop, *, is_even_output: bool) -> bool:
     drive, output = loop.input, loop.output
     if abs(drive[0]) > _MAX_END_DISTANCE * float(np.max(np.abs(drive))):
         return False
     # The minimum of an even output is at rest, even with a sensor offset.
-    zero_output = float(output.min()) if even else 0.0
+    zero_output = float(output.min()) if is_even_output else 0.0
     distance = abs(output[0] - zero_output)
     return bool(
         distance
@@ -245,16 +245,16 @@ def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
     )
 
 
-def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
+def _compare_rises(loop: Loop, *, is_even_output: bool) -> list[_RiseComparison]:
     """Compare the first rise with a later one, part by part; empty without a later rise."""
-    inputs, output = fold_input(loop, even=even)
+    inputs, output = fold_input(loop, is_even_output=is_even_output)
     rest_limit = _MAX_REST_SHARE * float(np.max(np.abs(inputs)))
     branches = find_branches(inputs)
     if abs(inputs[0]) > rest_limit or len(branches) < 3:
         return []
     first_rise = branches[0]
     if not first_rise.is_rising:
-        inputs, output = -inputs, output if even else -output
+        inputs, output = -inputs, output if is_even_output else -output
     start_input, end_input = float(inputs[0]), float(inputs[first_rise.stop - 1])
     for index in range(2, len(branches), 2):
         later_branch = branches[index]
@@ -279,7 +279,8 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     # Inside a loop, the initial curve lies above later rises. Near rest, a squared flux lies above
     # it instead, because the remanence has the other sign there.
     signs = [
-        np.sign(part.difference) if even and part is not comparisons[-1] else -1.0 for part in comparisons
+        np.sign(part.difference) if is_even_output and part is not comparisons[-1] else -1.0
+        for part in comparisons
     ]
     return [
         replace(part, difference=sign * part.difference)
@@ -365,7 +366,7 @@ def _output_at_return(drive: FloatArray, output: FloatArray) -> float | None:
         return None
     later_rows = slice(branches[0].stop - 1, None)
     outputs_at_return = find_crossings(
-        drive[later_rows], output[later_rows], float(drive[0]), rising=branches[0].is_rising
+        drive[later_rows], output[later_rows], float(drive[0]), is_rising=branches[0].is_rising
     )
     if outputs_at_return.size:
         return float(outputs_at_return[-1])

@@ -108,10 +108,10 @@ class _JoinedLoop:
 
 def _make_labels_unique(joined_loops: Sequence[_JoinedLoop]) -> tuple[Loop, ...]:
     """Return the loops with labels that are unique at each scheduling value."""
-    entries_by_label: defaultdict[tuple[str, float | None], list[_JoinedLoop]] = defaultdict(list)
+    loops_by_label: defaultdict[tuple[str, float | None], list[_JoinedLoop]] = defaultdict(list)
     for joined_loop in joined_loops:
         if joined_loop.is_identifiable:
-            entries_by_label[joined_loop.loop.label, joined_loop.schedule_value].append(joined_loop)
+            loops_by_label[joined_loop.loop.label, joined_loop.schedule_value].append(joined_loop)
     paths = {entry.part.source_name: PurePath(entry.part.source_name) for entry in joined_loops}
     stem_counts = Counter(path.stem for path in paths.values())
     names = {
@@ -120,7 +120,7 @@ def _make_labels_unique(joined_loops: Sequence[_JoinedLoop]) -> tuple[Loop, ...]
     }
     labels = {
         id(entry): _unique_label(entry, group[0], names[entry.part.source_name])
-        for group in entries_by_label.values()
+        for group in loops_by_label.values()
         if len(group) > 1
         for entry in group
     }
@@ -254,12 +254,12 @@ def _is_on_larger_loop(loop: Loop, larger_loop: Loop) -> bool | None:
     if float(np.ptp(loop.input)) > (1.0 - _MAX_END_DISTANCE) * span:
         return None
     verdicts = []
-    for rising in (True, False):
-        inner_branch, outer_branch = _longest_branch(loop, rising), _longest_branch(larger_loop, rising)
-        opposite_branch = _longest_branch(larger_loop, not rising)
+    for is_rising in (True, False):
+        inner_branch, outer_branch = _longest_branch(loop, is_rising), _longest_branch(larger_loop, is_rising)
+        opposite_branch = _longest_branch(larger_loop, not is_rising)
         if inner_branch is None or outer_branch is None or opposite_branch is None:
             continue
-        end_index = 0 if rising else -1
+        end_index = 0 if is_rising else -1
         if abs(inner_branch[0][end_index] - outer_branch[0][end_index]) > _MAX_END_DISTANCE * span:
             continue
         is_in_range = (inner_branch[0] >= outer_branch[0][0]) & (inner_branch[0] <= outer_branch[0][-1])
@@ -275,9 +275,9 @@ def _is_on_larger_loop(loop: Loop, larger_loop: Loop) -> bool | None:
     return all(verdicts) if verdicts else None
 
 
-def _longest_branch(loop: Loop, rising: bool) -> _Curve | None:
+def _longest_branch(loop: Loop, is_rising: bool) -> _Curve | None:
     """Return ascending inputs and the outputs of the longest rising or falling branch."""
-    branches = [branch for branch in find_branches(loop.input) if branch.is_rising == rising]
+    branches = [branch for branch in find_branches(loop.input) if branch.is_rising == is_rising]
     if not branches:
         return None
     longest_branch = max(branches, key=lambda branch: float(np.ptp(loop.input[branch.rows])))

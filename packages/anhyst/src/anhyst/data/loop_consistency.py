@@ -99,8 +99,10 @@ def _are_apart(loop: Loop, larger_loop: Loop) -> bool:
     """Whether two loops are apart at most levels, so that neither history nor speed explains it."""
     sign = 1.0 if float(loop.input.max()) >= -float(loop.input.min()) else -1.0
     distances, middle_distances = [], []
-    for level in float((sign * loop.input).max()) * _LEVEL_SHARES:
-        outputs_by_loop = [_outputs_at(compared_loop, sign, level) for compared_loop in (loop, larger_loop)]
+    for input_level in float((sign * loop.input).max()) * _LEVEL_SHARES:
+        outputs_by_loop = [
+            _outputs_at(compared_loop, sign, input_level) for compared_loop in (loop, larger_loop)
+        ]
         if outputs_by_loop[0].size == 0 or outputs_by_loop[1].size == 0:
             continue
         (low, high), (other_low, other_high) = [
@@ -134,9 +136,9 @@ def _are_comparable(loop: Loop, larger_loop: Loop) -> bool:
     return len(speeds) < 2 or max(speeds) <= _MAX_SPEED_RATIO * min(speeds)
 
 
-def _outputs_at(loop: Loop, sign: float, level: float) -> FloatArray:
+def _outputs_at(loop: Loop, sign: float, input_level: float) -> FloatArray:
     """Return the outputs where the input crosses a level, in both directions."""
     drive = sign * loop.input
     return np.concatenate(
-        [find_crossings(drive, loop.output, level, rising=rising) for rising in (True, False)]
+        [find_crossings(drive, loop.output, input_level, is_rising=is_rising) for is_rising in (True, False)]
     )

@@ -105,30 +105,30 @@ class Loop:
             )
 
     def _check_column(self, name: str, values: FloatArray) -> FloatArray:
-        array = np.asarray(values, dtype=np.float64)
-        if array.ndim != 1 or array.size != np.size(self.input):
+        column = np.asarray(values, dtype=np.float64)
+        if column.ndim != 1 or column.size != np.size(self.input):
             raise InputError(
                 f"loop '{self.label}': {name} must have one value per sample", code="length-differs", key=name
             )
-        if array.size < 3:
+        if column.size < 3:
             raise InputError(
-                f"loop '{self.label}': has {count_text(array.size, 'sample')}; a loop needs at least 3",
+                f"loop '{self.label}': has {count_text(column.size, 'sample')}; a loop needs at least 3",
                 code="too-few-samples",
                 key=self.label,
             )
-        is_measured = are_measured(array)
+        is_measured = are_measured(column)
         if not is_measured.all():
             bad_row = int(np.argmin(is_measured))
             raise InputError(
-                f"loop '{self.label}': {name} is {array[bad_row]:g} at sample {bad_row + 1}, which is not a "
+                f"loop '{self.label}': {name} is {column[bad_row]:g} at sample {bad_row + 1}, which is not a "
                 "measured value; remove the sample",
                 code="not-finite",
                 key=name,
             )
-        if array.flags.writeable or not array.flags.c_contiguous:
-            array = array.copy()
-            array.flags.writeable = False
-        return array
+        if column.flags.writeable or not column.flags.c_contiguous:
+            column = column.copy()
+            column.flags.writeable = False
+        return column
 
     @property
     def n(self) -> int:
@@ -434,10 +434,10 @@ def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
     return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar_loops)
 
 
-def fold_input(loop: Loop, *, even: bool) -> tuple[FloatArray, FloatArray]:
+def fold_input(loop: Loop, *, is_even_output: bool) -> tuple[FloatArray, FloatArray]:
     """Return input and output of a loop, with the magnitude of the input for an even output."""
-    if even and is_bipolar(loop.input):
+    if is_even_output and is_bipolar(loop.input):
         return np.abs(loop.input), loop.output
-    if even and is_negative(loop.input):
+    if is_even_output and is_negative(loop.input):
         return -loop.input, loop.output
     return loop.input, loop.output

@@ -78,7 +78,7 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
                 key=name,
             )
         if is_largest or not (is_even_output and is_bipolar(loop.input)):
-            warnings += _check_loop_direction(loopset, loop, name, even=is_even_output)
+            warnings += _check_loop_direction(loopset, loop, name, is_even_output=is_even_output)
         _check_branch_order(loopset, loop, name)
         warnings += _check_clipping(loopset, loop, name)
         if not loop.reverses:
@@ -235,7 +235,7 @@ def _initial_slope_ratio(loop: Loop) -> float | None:
     The input is folded to one sign, and the noise is subtracted. ``None`` if it cannot be
     determined.
     """
-    inputs, output = fold_input(loop, even=True)
+    inputs, output = fold_input(loop, is_even_output=True)
     if is_bipolar(loop.input) and is_bipolar(output):
         return None
     span = float(np.ptp(inputs))
@@ -254,11 +254,11 @@ def _initial_slope_ratio(loop: Loop) -> float | None:
     return None if next_slope <= 0.02 * float(np.ptp(output)) else first_slope / next_slope
 
 
-def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, even: bool) -> list[str]:
+def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, is_even_output: bool) -> list[str]:
     """Warn of a loop in the wrong direction: it would gain energy."""
     if not output_map(loopset.output).is_flux_based or not loop.reverses:
         return []
-    inputs, output = fold_input(loop, even=even)
+    inputs, output = fold_input(loop, is_even_output=is_even_output)
     height = float(np.ptp(output))
     weighted_width = total_span = variance = 0.0
     for branch, next_branch in itertools.pairwise(find_branches(inputs)):

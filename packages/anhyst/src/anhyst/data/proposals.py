@@ -56,10 +56,13 @@ _DOUBT_PENALTY = 4
 
 
 def advise_mapping(
-    headers: Sequence[Header], *missing: Sequence[str], skip: Collection[int] = (), min_score: int = -8
+    headers: Sequence[Header],
+    *missing_quantities: Sequence[str],
+    skip: Collection[int] = (),
+    min_score: int = -8,
 ) -> str:
     """Return advice on how to map the likeliest columns to the missing quantities."""
-    likely_columns = find_likely_columns(headers, missing, skip, min_score)
+    likely_columns = find_likely_columns(headers, missing_quantities, skip, min_score)
     note = _note_formulas(headers)
     if not likely_columns:
         return note
@@ -168,14 +171,14 @@ def quote_name(name: str) -> str:
 
 def find_likely_columns(
     headers: Sequence[Header],
-    missing: Sequence[Sequence[str]],
+    missing_quantities: Sequence[Sequence[str]],
     skip: Collection[int] = (),
     min_score: int = -8,
 ) -> list[tuple[int, str]]:
     """Return the likeliest column for each missing quantity, as pairs of index and quantity."""
     free_columns = _unmapped_columns(headers, skip)
     candidates = []
-    for quantities in missing:
+    for quantities in missing_quantities:
         is_driven_by_volts = set(quantities) >= set(DRIVE_QUANTITIES) and _is_piezo(headers)
         names = ("voltage",) if is_driven_by_volts else quantities
         scored_columns = [

@@ -225,11 +225,13 @@ def _read_table(
         *label_candidates,
         *(() if roles.label is None else (roles.label,)),
     }
-    raw = table.read([index for index in role_columns if index is not None], sorted(text_indices), progress)
-    selected_rows = _select_rows(
-        source_name, description, {name: raw.texts[i] for name, i in selection_columns.items()}
+    raw_columns = table.read(
+        [index for index in role_columns if index is not None], sorted(text_indices), progress
     )
-    used_rows, remarks = UsedRows(table, headers, raw, selected_rows).drop_invalid(
+    selected_rows = _select_rows(
+        source_name, description, {name: raw_columns.texts[i] for name, i in selection_columns.items()}
+    )
+    used_rows, remarks = UsedRows(table, headers, raw_columns, selected_rows).drop_invalid(
         description.drop, (roles.input, roles.output)
     )
     _ask_about_hidden_gap(used_rows, roles, text_columns)
@@ -255,11 +257,13 @@ def _read_table(
     columns = _SourceColumns(
         source_name, drive, output, schedule, time, has_times, labels, used_rows.locate_row
     )
-    source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
-    source_loops = _cut_into_loops(
-        columns, headers, roles, description, source, [*raw.notes, *remarks, *schedule_notes]
+    source = (
+        Source(source_name, raw_columns.sha256, dict(description.columns)) if raw_columns.sha256 else None
     )
-    remarks_above = raw.breaks[0][1] if raw.breaks else raw.notes
+    source_loops = _cut_into_loops(
+        columns, headers, roles, description, source, [*raw_columns.notes, *remarks, *schedule_notes]
+    )
+    remarks_above = raw_columns.breaks[0][1] if raw_columns.breaks else raw_columns.notes
     gap_above = find_stated_gap(remarks_above) if can_use_gap and roles.schedule_quantity is None else None
     return replace(source_loops, has_blocks=blocks is not None, stated_gap=gap_above)
 
@@ -426,7 +430,9 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
     is_unstated = [index in part.without_history for part in parts for index in range(len(part.loops))]
     loops_without_history = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
     remaining = iter(
-        propose_histories(loops_without_history, even=are_even(loops_without_history, parts[0].output))
+        propose_histories(
+            loops_without_history, is_even_output=are_even(loops_without_history, parts[0].output)
+        )
     )
     candidates = [
         next(remaining) if is_unknown else (loop.history, "stated")

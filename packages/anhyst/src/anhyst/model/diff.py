@@ -194,8 +194,8 @@ def _common_schedule(first_model: Model, second_model: Model) -> list[float | No
 def _compare_loops(
     first_model: Model, second_model: Model, drive: Range, gap: float | None
 ) -> LoopDifference:
-    ascending = np.linspace(*drive, DRIVES_PER_BRANCH)
-    cycle = np.concatenate([ascending, ascending[-2::-1]])
+    ascending_drive = np.linspace(*drive, DRIVES_PER_BRANCH)
+    cycle = np.concatenate([ascending_drive, ascending_drive[-2::-1]])
     times = slow_times(cycle.size)
     output, other_output = (
         model.predict(cycle, gap, times, "settled").output for model in (first_model, second_model)

@@ -42,12 +42,12 @@ def flag_samples(
     rows: bool = False,
 ) -> tuple[BoolArray, tuple[str, ...]]:
     """Flag samples outside the valid range; also return warnings in words."""
-    valid, flags = reachable.copy(), []
+    is_valid, flags = reachable.copy(), []
     if not reachable.all():
         flags.append(_describe_samples(reachable, output, model.output.unit, rows, _UNREACHABLE))
     if model.valid is None:
         flags.append("the model has no valid range (no [valid]), so samples were not checked")
-        return valid, tuple(flags)
+        return is_valid, tuple(flags)
     computed_quantity = {"drive": model.output, "demand": model.input}[kind]
     ranges = (
         (model.input, drive, model.valid.input),
@@ -66,7 +66,7 @@ def flag_samples(
         low, high = limits
         allowance = margin * (high - low) + GIVEN_MARGIN * max(abs(low), abs(high))
         is_inside = (values >= low - allowance) & (values <= high + allowance)
-        valid &= is_inside
+        is_valid &= is_inside
         # If given values are far outside, computed values are outside as a consequence.
         if not is_inside.all() and not (quantity is computed_quantity and any(out_of_range_texts.values())):
             description = (
@@ -75,7 +75,7 @@ def flag_samples(
             )
             text = _describe_samples(is_inside, values, quantity.unit, rows, description)
             flags.append(": ".join(filter(None, (text, out_of_range_texts.get(quantity)))))
-    return valid, tuple(flags)
+    return is_valid, tuple(flags)
 
 
 def describe_far_value(

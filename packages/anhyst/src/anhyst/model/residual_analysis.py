@@ -191,9 +191,9 @@ class _ShapeVariant:
     columns: FloatArray
     expected_squares: float
 
-    def excess_squares(self, remaining: FloatArray) -> float:
+    def excess_squares(self, residual: FloatArray) -> float:
         """Return the sum of squares that the columns explain beyond the noise."""
-        projections = self.columns.T @ remaining
+        projections = self.columns.T @ residual
         return float(projections @ projections) - self.expected_squares
 
 
@@ -221,31 +221,31 @@ def _attribute_to_shapes(
         _ShapeVariant(name, variant, noise_model.expected_squares(variant)) for name, variant in shape_bases
     ]
     attributed_shapes: list[tuple[Shape, float]] = []
-    remaining, start_samples = deviation, 0
+    remaining_deviation, start_samples = deviation, 0
     while shape_variants:
         # Select the shape that explains most, or one with fewer parameters that explains almost as
         # much.
-        all_excesses = [entry.excess_squares(remaining) for entry in shape_variants]
+        all_excesses = [entry.excess_squares(remaining_deviation) for entry in shape_variants]
         min_excess = max(all_excesses) - (1.0 - _MIN_SHARE_OF_BEST_SHAPE) * abs(max(all_excesses))
         good_variants = [
             entry for entry, excess in zip(shape_variants, all_excesses, strict=True) if excess >= min_excess
         ]
         variant = min(good_variants, key=lambda entry: entry.columns.shape[1])
-        excess, size = variant.excess_squares(remaining), variant.columns.shape[1]
+        excess, size = variant.excess_squares(remaining_deviation), variant.columns.shape[1]
         if noise_model.can_explain(excess + variant.expected_squares, variant.expected_squares, size):
             break
         attributed_shapes.append((variant.shape, excess / deviation.size))
-        explained = variant.columns @ (variant.columns.T @ remaining)
+        explained_deviation = variant.columns @ (variant.columns.T @ remaining_deviation)
         start_samples = (
-            _count_start_samples(records, explained, noise_model.variance)
+            _count_start_samples(records, explained_deviation, noise_model.variance)
             if variant.shape == "start"
             else start_samples
         )
-        remaining = remaining - explained
+        remaining_deviation = remaining_deviation - explained_deviation
         shape_variants = [
             other_variant for other_variant in shape_variants if other_variant.shape != variant.shape
         ]
-    remaining_rms = float(np.sqrt(np.mean(remaining**2)))
+    remaining_rms = float(np.sqrt(np.mean(remaining_deviation**2)))
     if remaining_rms <= max(max_noise, NEGLIGIBLE_DEVIATION * span):
         noise_rms = remaining_rms
     noise_rms = min(noise_rms / span, rms)
@@ -256,12 +256,14 @@ def _attribute_to_shapes(
     return ResidualAnalysis(rms, noise_rms, beyond_noise, shares, start_samples)
 
 
-def _count_start_samples(records: Sequence[Residual], explained: FloatArray, variance: float) -> int:
+def _count_start_samples(
+    records: Sequence[Residual], explained_deviation: FloatArray, variance: float
+) -> int:
     """Count the samples at the start of records until the effect of a wrong history has faded."""
     longest_start, start = 0, 0
     for record in records:
         visible_samples = np.flatnonzero(
-            np.abs(explained[start : start + record.deviation.size]) > math.sqrt(variance)
+            np.abs(explained_deviation[start : start + record.deviation.size]) > math.sqrt(variance)
         )
         longest_start = max(longest_start, int(visible_samples[-1]) + 1 if visible_samples.size else 0)
         start += record.deviation.size

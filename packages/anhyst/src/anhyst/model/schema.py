@@ -161,7 +161,7 @@ class FitFigures(FileRecord):
 
 def fit_figures(
     loopset: Loops,
-    fitted: Sequence[FloatArray],
+    fitted_outputs: Sequence[FloatArray],
     left_out: Mapping[str, float] = MappingProxyType({}),
     monotone: bool | None = None,
     cross_validation: CrossValidation | None = None,
@@ -169,7 +169,7 @@ def fit_figures(
 ) -> FitFigures:
     """Compute the deviations between measured and modelled loops."""
     rows, deviations = [], []
-    for loop, output in zip(loopset.loops, fitted, strict=True):
+    for loop, output in zip(loopset.loops, fitted_outputs, strict=True):
         deviation = np.abs(output - loop.output)
         deviations.append(deviation)
         full_scale_output = full_scale(loopset.output, (loop.output,))

@@ -250,13 +250,13 @@ def render_report(subject: ModelSubject, file_name: str, file_hash: str) -> str:
 
 
 def write_plots(
-    model: Model, loopset: Loops, fitted: Sequence[FloatArray | None], folder: PathLike
+    model: Model, loopset: Loops, fitted_outputs: Sequence[FloatArray | None], folder: PathLike
 ) -> tuple[Path, ...]:
     """Write the figures of a model as PNG files."""
     plot_folder = Path(folder)
     figures = {
-        "loops": figure_loops(loopset, fitted),
-        "residuals": figure_residuals(loopset, fitted),
+        "loops": figure_loops(loopset, fitted_outputs),
+        "residuals": figure_residuals(loopset, fitted_outputs),
         "parameters": figure_parameters(model),
         "between_gaps": figure_between_gaps(model, model.check_over_gap()),
         "reduction": figure_reduction(model.reduction) if model.reduction else None,

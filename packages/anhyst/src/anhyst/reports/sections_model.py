@@ -72,7 +72,7 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
         ", ".join(model.file_keys[name][0] for name in varying_parameters(model)),
         subject.schedule_scale,
     )
-    nodes = ", ".join(scale.format(node, 4, short=True) for node in model.nodes)
+    nodes = ", ".join(scale.format(node, 4, is_short=True) for node in model.nodes)
     alt = (
         f"{varying_names} over the {subject.schedule_name}: dots at the nodes {nodes} {scale.unit}, a smooth "
         "curve between them that does not overshoot."
@@ -82,7 +82,7 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
         "uses between them. The curve cannot overshoot, and is a straight line outside."
     )
     head = [scale.heading(subject.schedule_name)]
-    columns = [[scale.format(node, 5, short=True) for node in model.nodes]]
+    columns = [[scale.format(node, 5, is_short=True) for node in model.nodes]]
     for name in varying_parameters(model):
         values = model.interpolate_parameter(name, model.nodes).tolist()
         scale = choose_scale(parameter_unit(model, name), values)
@@ -161,7 +161,7 @@ def section_between_nodes(subject: ModelSubject) -> Section | None:
         return None
     schedule_scale, input_scale = subject.schedule_scale, subject.input_scale
     schedule_text = ", ".join(
-        schedule_scale.format(node, 4, short=True) for node, _ in nodes_and_midpoints(model)
+        schedule_scale.format(node, 4, is_short=True) for node, _ in nodes_and_midpoints(model)
     )
     largest_drive = max(map(abs, model.valid_range.input))
     drive_texts = ", ".join(input_scale.format(fraction * largest_drive, 3) for fraction in DRIVE_SHARES)
@@ -283,7 +283,7 @@ def section_parameters(subject: ModelSubject) -> Section:
         values = model.parameters[name]
         all_values = values if isinstance(values, tuple) else (values,)
         scale = choose_scale(parameter_unit(model, name), all_values)
-        text = scale.format(all_values[0], 5, short=True)
+        text = scale.format(all_values[0], 5, is_short=True)
         if name in varying_parameters(model):
             text = f"{scale.format(min(all_values), 5)} to {scale.format(max(all_values), 5)}"
         meaning = spec.meaning

@@ -87,10 +87,10 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         find_fault: Callable[[object, str], str],
         *,
         prefix: str = "",
-        reserved: Collection[str] = (),
+        reserved_names: Collection[str] = (),
     ) -> None:
         self._group, self._builtin, self._find_fault = group, dict(builtin), find_fault
-        self._prefix, self._reserved = prefix, {*builtin, *reserved}
+        self._prefix, self._reserved = prefix, {*builtin, *reserved_names}
 
     @cached_property
     def _plugins(self) -> tuple[dict[str, Entry], dict[str, str]]:

@@ -135,8 +135,8 @@ def fold(text: str) -> str:
     >>> fold("Intensité")
     'intensite'
     """
-    decomposed = unicodedata.normalize("NFKD", text)
-    return "".join(letter for letter in decomposed if not unicodedata.combining(letter)).casefold()
+    decomposed_text = unicodedata.normalize("NFKD", text)
+    return "".join(letter for letter in decomposed_text if not unicodedata.combining(letter)).casefold()
 
 
 def symbol_of_word(text: str) -> str | None:

@@ -63,11 +63,15 @@ def find_shared_clock(
 ) -> tuple[Clock, tuple[str, ...]]:
     """Return the finest clock of some channels, limited to their common time range, and notes."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
-    unclocked = [channel for channel in channels if channel.clock is None and channel.length != 1]
-    channel_by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
-    if len(channel_by_length) > 1 or (unclocked and len(clocks) > 1):
+    channels_without_clock = [
+        channel for channel in channels if channel.clock is None and channel.length != 1
+    ]
+    channel_by_length = {channel.length: channel for channel in (*channels_without_clock, *clocks[:1])}
+    if len(channel_by_length) > 1 or (channels_without_clock and len(clocks) > 1):
         first_channel, second_channel = (
-            list(channel_by_length.values())[:2] if len(channel_by_length) > 1 else (unclocked[0], clocks[1])
+            list(channel_by_length.values())[:2]
+            if len(channel_by_length) > 1
+            else (channels_without_clock[0], clocks[1])
         )
         raise InputError(
             f"{source}: channels '{first_channel.full_name}' ({first_channel.length} samples) and "
