@@ -154,21 +154,21 @@ def _unique_label(joined_loop: _JoinedLoop, first_loop: _JoinedLoop, name: str) 
     return f"{name} {joined_loop.loop.label}"
 
 
-def _find_twin(joined_loop: _JoinedLoop, earlier_loop: _JoinedLoop) -> str | None:
+def _find_twin(joined_loop: _JoinedLoop, earlier_joined: _JoinedLoop) -> str | None:
     """Return the other file that contains the same data; raise an error if its gap differs."""
-    later_loop, earlier_loop = joined_loop.loop, earlier_loop.loop
+    later_loop, earlier_loop = joined_loop.loop, earlier_joined.loop
     if not (
         np.array_equal(later_loop.input, earlier_loop.input)
         and np.array_equal(later_loop.output, earlier_loop.output)
     ):
         return None
-    if joined_loop.schedule_value != earlier_loop.schedule_value:
+    if joined_loop.schedule_value != earlier_joined.schedule_value:
         raise InputError(
             f"{joined_loop.part.source_name}: contains the same data at {joined_loop.schedule_value:g} as "
-            f"{earlier_loop.part.source_name} at {earlier_loop.schedule_value:g}; one of the two is mislabelled",
+            f"{earlier_joined.part.source_name} at {earlier_joined.schedule_value:g}; one of the two is mislabelled",
             code="same-data-twice",
         )
-    return earlier_loop.part.source_name if joined_loop.part is not earlier_loop.part else None
+    return earlier_joined.part.source_name if joined_loop.part is not earlier_joined.part else None
 
 
 def _loop_fingerprint(loop: Loop) -> tuple[float, ...]:

@@ -232,7 +232,7 @@ def format_number(value: float, digits: int = 3, *, is_short: bool = False) -> s
 
     >>> format_number(0.76436), format_number(1234.4), format_number(2.5e-7)
     ('0.764', '1234', '2.5×10⁻⁷')
-    >>> format_number(0.3), format_number(0.3, short=True)
+    >>> format_number(0.3), format_number(0.3, is_short=True)
     ('0.300', '0.3')
     """
     if not math.isfinite(value):
