@@ -69,7 +69,7 @@ class _RiseComparison:
         )
 
 
-def propose_histories(loops: Sequence[Loop], *, is_even_output: bool) -> list[HistoryProposal]:
+def propose_histories(loops: Sequence[Loop], *, is_even: bool) -> list[HistoryProposal]:
     """Propose the history before each of several loops of one recording, with a reason.
 
     The initial curve lies below later rises from the remanent state, or inside the loop if the
@@ -78,12 +78,10 @@ def propose_histories(loops: Sequence[Loop], *, is_even_output: bool) -> list[Hi
     start. If noise hides the difference, a common decision is made for all unsure records that
     start at rest, otherwise the proposal is settled.
     """
-    comparisons = [_compare_rises(loop, is_even_output=is_even_output) for loop in loops]
-    are_all_virgin = _are_all_virgin(
-        [comparisons_of_loop for comparisons_of_loop in comparisons if comparisons_of_loop]
-    )
+    comparisons = [_compare_rises(loop, is_even=is_even) for loop in loops]
+    are_all_virgin = _are_all_virgin([rises for rises in comparisons if rises])
     return [
-        _propose_history(loop, parts, are_all_virgin, is_even_output=is_even_output)
+        _propose_history(loop, parts, are_all_virgin, is_even=is_even)
         for loop, parts in zip(loops, comparisons, strict=True)
     ]
 
@@ -136,7 +134,7 @@ def _history_after_slow(slow_loop: Loop, fast_loop: Loop) -> History:
 def _are_all_virgin(comparisons: Sequence[list[_RiseComparison]]) -> bool:
     """Whether records that are unsure individually are initial curves on average."""
     # The full part is used, because the clearest of several parts is biased.
-    full_parts = [comparisons_of_loop[-1] for comparisons_of_loop in comparisons]
+    full_parts = [rises[-1] for rises in comparisons]
     if not full_parts or any(_select_clearest(parts).verdict == "settled" for parts in comparisons):
         return False
     mean_sigmas = sum(comparison.difference_sigmas for comparison in full_parts) / len(full_parts) ** 0.5
@@ -152,10 +150,10 @@ def _select_clearest(comparisons: list[_RiseComparison]) -> _RiseComparison:
 
 
 def _propose_history(
-    loop: Loop, comparisons: list[_RiseComparison], are_all_virgin: bool, *, is_even_output: bool
+    loop: Loop, comparisons: list[_RiseComparison], are_all_virgin: bool, *, is_even: bool
 ) -> HistoryProposal:
     if not comparisons:
-        return _propose_from_closure(loop, is_even_output=is_even_output)
+        return _propose_from_closure(loop, is_even=is_even)
     clearest_comparison = _select_clearest(comparisons)
     if clearest_comparison.verdict == "virgin":
         difference_share = clearest_comparison.difference / float(np.ptp(loop.output))
@@ -171,7 +169,7 @@ def _propose_history(
     return SETTLED, "its first rise differs from later rises by noise only"
 
 
-def _propose_from_closure(loop: Loop, *, is_even_output: bool) -> HistoryProposal:
+def _propose_from_closure(loop: Loop, *, is_even: bool) -> HistoryProposal:
     """Propose a history for a record without a second rise."""
     drive, output = loop.input, loop.output
     height = float(np.ptp(output)) or 1.0
@@ -179,8 +177,8 @@ def _propose_from_closure(loop: Loop, *, is_even_output: bool) -> HistoryProposa
     closing_error = None if end_output is None else float(end_output - output[0])
     # Noise alone explains this difference of two samples.
     noise_limit = 5.0 * estimate_noise(output)
-    is_at_rest = _starts_at_rest(loop, is_even_output=is_even_output)
-    if is_at_rest and is_even_output and closing_error is not None:
+    is_at_rest = _starts_at_rest(loop, is_even=is_even)
+    if is_at_rest and is_even and closing_error is not None:
         is_virgin = closing_error > max(_MIN_REMANENCE_SHARE * height, noise_limit) and _has_remanence(
             loop, closing_error
         )
@@ -215,29 +213,27 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
     branches = find_branches(loop.input)
     if len(branches) < 2:
         return False
-    rising_curve, falling_curve = (
-        (loop.input[branch.rows], loop.output[branch.rows]) for branch in branches[:2]
-    )
-    growth = rising_curve[1] - loop.output[0]
+    rise_curve, fall_curve = ((loop.input[branch.rows], loop.output[branch.rows]) for branch in branches[:2])
+    growth = rise_curve[1] - loop.output[0]
     if float(growth.max()) < 4.0 * closing_error:
         return True  # a remanence of this size hides all other effects
     input_at_1, input_at_4 = (
-        float(rising_curve[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0)
+        float(rise_curve[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0)
     )
     difference = (
-        float(_interpolate_curve(falling_curve, np.array([input_at_4]))[0] - loop.output[0])
+        float(_interpolate_curve(fall_curve, np.array([input_at_4]))[0] - loop.output[0])
         - 4.0 * closing_error
     )
     start = float(loop.input[0])
     return difference >= 5.0 * closing_error and abs(input_at_4 - start) <= 2.4 * abs(input_at_1 - start)
 
 
-def _starts_at_rest(loop: Loop, *, is_even_output: bool) -> bool:
+def _starts_at_rest(loop: Loop, *, is_even: bool) -> bool:
     drive, output = loop.input, loop.output
     if abs(drive[0]) > _MAX_END_DISTANCE * float(np.max(np.abs(drive))):
         return False
     # The minimum of an even output is at rest, even with a sensor offset.
-    zero_output = float(output.min()) if is_even_output else 0.0
+    zero_output = float(output.min()) if is_even else 0.0
     distance = abs(output[0] - zero_output)
     return bool(
         distance
@@ -245,16 +241,16 @@ def _starts_at_rest(loop: Loop, *, is_even_output: bool) -> bool:
     )
 
 
-def _compare_rises(loop: Loop, *, is_even_output: bool) -> list[_RiseComparison]:
+def _compare_rises(loop: Loop, *, is_even: bool) -> list[_RiseComparison]:
     """Compare the first rise with a later one, part by part; empty without a later rise."""
-    inputs, output = fold_input(loop, is_even_output=is_even_output)
+    inputs, output = fold_input(loop, is_even=is_even)
     rest_limit = _MAX_REST_SHARE * float(np.max(np.abs(inputs)))
     branches = find_branches(inputs)
     if abs(inputs[0]) > rest_limit or len(branches) < 3:
         return []
     first_rise = branches[0]
     if not first_rise.is_rising:
-        inputs, output = -inputs, output if is_even_output else -output
+        inputs, output = -inputs, output if is_even else -output
     start_input, end_input = float(inputs[0]), float(inputs[first_rise.stop - 1])
     for index in range(2, len(branches), 2):
         later_branch = branches[index]
@@ -279,8 +275,7 @@ def _compare_rises(loop: Loop, *, is_even_output: bool) -> list[_RiseComparison]
     # Inside a loop, the initial curve lies above later rises. Near rest, a squared flux lies above
     # it instead, because the remanence has the other sign there.
     signs = [
-        np.sign(part.difference) if is_even_output and part is not comparisons[-1] else -1.0
-        for part in comparisons
+        np.sign(part.difference) if is_even and part is not comparisons[-1] else -1.0 for part in comparisons
     ]
     return [
         replace(part, difference=sign * part.difference)

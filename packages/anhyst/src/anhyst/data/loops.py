@@ -434,10 +434,10 @@ def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
     return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar_loops)
 
 
-def fold_input(loop: Loop, *, is_even_output: bool) -> tuple[FloatArray, FloatArray]:
+def fold_input(loop: Loop, *, is_even: bool) -> tuple[FloatArray, FloatArray]:
     """Return input and output of a loop, with the magnitude of the input for an even output."""
-    if is_even_output and is_bipolar(loop.input):
+    if is_even and is_bipolar(loop.input):
         return np.abs(loop.input), loop.output
-    if is_even_output and is_negative(loop.input):
+    if is_even and is_negative(loop.input):
         return -loop.input, loop.output
     return loop.input, loop.output

@@ -430,9 +430,7 @@ def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
     is_unstated = [index in part.without_history for part in parts for index in range(len(part.loops))]
     loops_without_history = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
     remaining = iter(
-        propose_histories(
-            loops_without_history, is_even_output=are_even(loops_without_history, parts[0].output)
-        )
+        propose_histories(loops_without_history, is_even=are_even(loops_without_history, parts[0].output))
     )
     candidates = [
         next(remaining) if is_unknown else (loop.history, "stated")

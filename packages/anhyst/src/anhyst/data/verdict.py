@@ -92,20 +92,20 @@ def fit_monotone(values: FloatArray, weights: FloatArray) -> FloatArray:
 
 def single_valued_residuals(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
     """Return each loop and the deviation of its output from the best monotone curve of its gap."""
-    centred_loops, is_even_output = recentre_loops(loopset)
+    centred_loops, is_even = recentre_loops(loopset)
     groups: dict[float | None, list[tuple[Loop, FloatArray, FloatArray]]] = {}
     for loop, centred_loop in zip(loopset.loops, centred_loops.loops, strict=True):
-        curve = (loop, *fold_input(centred_loop, is_even_output=is_even_output))
+        curve = (loop, *fold_input(centred_loop, is_even=is_even))
         groups.setdefault(loop.schedule_value, []).append(curve)
     return [pair for curves in groups.values() for pair in _curve_residuals(curves)]
 
 
-def loop_width_and_height(loop: Loop, *, is_even_output: bool) -> tuple[float, float]:
+def loop_width_and_height(loop: Loop, *, is_even: bool) -> tuple[float, float]:
     """Return the largest distance of neighbouring branches in input and in output.
 
     The distance in input is at equal output and vice versa. Noise is averaged.
     """
-    inputs, output = fold_input(loop, is_even_output=is_even_output)
+    inputs, output = fold_input(loop, is_even=is_even)
     span, height = float(np.ptp(inputs)), float(np.ptp(output))
     branches = find_branches(inputs)
     if len(branches) > _MAX_BRANCHES_WITH_FIRST:
@@ -147,9 +147,9 @@ def largest_output(loopset: Loops) -> float:
 
 def assess_loops(loopset: Loops) -> Verdict:
     """Return the gain of a hysteresis model from loop width, single-valued residual and noise."""
-    centred_loops, is_even_output = recentre_loops(loopset)
+    centred_loops, is_even = recentre_loops(loopset)
     width, height = np.max(
-        [loop_width_and_height(loop, is_even_output=is_even_output) for loop in centred_loops.loops], 0
+        [loop_width_and_height(loop, is_even=is_even) for loop in centred_loops.loops], 0
     ).tolist()
     loop_residuals = single_valued_residuals(loopset)  # grouped by gap, not in the order of the loops
     pooled_deviation = np.abs(np.concatenate([residual for _, residual in loop_residuals]))
