@@ -182,7 +182,7 @@ def test_a_reluctance_truth_passes_the_acceptance_test(output: str) -> None:
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
 @pytest.mark.parametrize("in_0", [-0.03, 0.005, 0.03])
 def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: float) -> None:
-    """Below its offset, the true current is negative, and remanence reverses the order of the gaps."""
+    """Below the offset, the true current is negative, and remanence changes which gap has more force."""
     loops = loops_of(magnet(gap_map, gaps=GAPS[::3], in_0=in_0), noise=NOISE, samples=60)
     assert fit_of(identify(loops, gap_map=gap_map)).monotone is True
 

@@ -37,11 +37,11 @@ def reversal_slope_ratio(loopset: Loops) -> float | None:
     minimum have a larger ratio and are not used.
     """
     even = is_even(loopset)
-    span = _MAX_DISTANCE_WIDTHS * max(loop_width_and_height(loop, even=even)[0] for loop in loopset.loops)
+    span = _MAX_DISTANCE_WIDTHS * max(loop_width_and_height(loop, is_even=even)[0] for loop in loopset.loops)
     static_changes: list[FloatArray] = []
     measured_changes: list[FloatArray] = []
     for loops in loopset.by_schedule().values():
-        curves = [fold_input(loop, even=even) for loop in loops]
+        curves = [fold_input(loop, is_even=even) for loop in loops]
         all_inputs = np.concatenate([input_values for input_values, _ in curves])
         all_outputs = np.concatenate([output_values for _, output_values in curves])
         low, high = (level * float(np.max(np.abs(all_outputs))) for level in _OUTPUT_RANGE)

@@ -296,7 +296,7 @@ def _with_series_reluctance(model: Model) -> Model:
     law, alpha = model.operator_law, model.parameters["alpha"]
     if law.cells is None or isinstance(alpha, tuple) or not alpha or model.needs_fixed_gap:
         return model
-    if alpha > 0.0 and not model.jumps_without_gap:
+    if alpha > 0.0 and not model.can_jump_without_gap:
         return model
     total = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
     new_alpha = max(0.0, 1.0 - float(total.min()))

@@ -139,8 +139,8 @@ class Model(Result, ModelData):
         Each branch has `samples` samples. A cycle of a rate-dependent model takes :data:`CYCLE_S`.
         A model without a valid range raises `InputError`.
         """
-        ascending = np.linspace(*self.valid_range.input, samples)
-        drive = np.concatenate([ascending, ascending[::-1]])
+        ascending_drive = np.linspace(*self.valid_range.input, samples)
+        drive = np.concatenate([ascending_drive, ascending_drive[::-1]])
         time = np.linspace(0.0, CYCLE_S, drive.size) if self.needs_time else None
         return drive, self(drive, schedule, time, "settled")
 

@@ -218,18 +218,18 @@ class Curve:
             return log(values)
         return 1.0 / values if self.coordinate == "reciprocal" else values
 
-    def _from_linear(self, straight: FloatArray) -> FloatArray:
+    def _from_linear(self, linear_values: FloatArray) -> FloatArray:
         if self.coordinate == "plain":
-            return straight
+            return linear_values
         is_log = self.coordinate == "log"
-        if (np.abs(straight) > MAX_LOGARITHM if is_log else straight <= 0.0).any():
+        if (np.abs(linear_values) > MAX_LOGARITHM if is_log else linear_values <= 0.0).any():
             raise wrong_key(
                 self.name,
                 f"the extrapolation beyond the nodes {self.nodes[0]:g} to {self.nodes[-1]:g} has "
                 "left the range of the parameter; stay closer to the nodes",
                 code="too-far-beyond-nodes",
             )
-        return exp(straight) if is_log else 1.0 / straight
+        return exp(linear_values) if is_log else 1.0 / linear_values
 
 
 def _monotone_slopes(nodes: FloatArray, heights: FloatArray) -> FloatArray:

@@ -295,7 +295,9 @@ def _find_target_fault(target: object, _: str) -> str:
     return "" if all(map(callable, target_functions)) else "and it is not a target"
 
 
-WHOLE_TARGETS: Registry[WholeTarget] = Registry("anhyst.targets", {}, _find_target_fault, reserved=TARGETS)
+WHOLE_TARGETS: Registry[WholeTarget] = Registry(
+    "anhyst.targets", {}, _find_target_fault, reserved_names=TARGETS
+)
 """Targets by name, from the entry points ``anhyst.targets`` of installed packages."""
 
 FLOAT_TARGETS = ("host", *CORTEX_PROCESSORS)
