@@ -32,7 +32,7 @@ from anhyst_rigs.rig.case_table import DisplacementCase, TrajectoryCase
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import FittedPlant
 from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.lines import AGAINST_X, ALONG_X, Coordinate, LinesOfAction
+from anhyst_rigs.rig.lines import LINE_AGAINST_X, LINE_ALONG_X, Coordinate, LinesOfAction
 from anhyst_rigs.rig.magnet_table import LAW_KIND
 from anhyst_rigs.rig.measurement_table import MeasuredLoops
 from anhyst_rigs.rig.parts.magnet import (
@@ -101,8 +101,8 @@ class BodyRig:
 
     def magnet_gaps(self, gap: FloatArray) -> list[FloatArray]:
         """Return the gaps of all magnets, m, for given gaps of the first magnet."""
-        total = self.settings.gap_total_m
-        return [gap] if total is None else [gap, total - gap]
+        total_gap = self.settings.gap_total_m
+        return [gap] if total_gap is None else [gap, total_gap - gap]
 
     @property
     def parameter_names(self) -> tuple[ParameterName, ...]:
@@ -113,15 +113,15 @@ class BodyRig:
     def lines_of_action(self) -> LinesOfAction:
         """Lines of action of all forces and sensors; the coordinate of a bearing is its first gap."""
         file, body = self.settings, self.settings.body
-        pair = [(AGAINST_X, 0.0), (ALONG_X, file.gap_total_m or 0.0)]
+        pair_lines = [(LINE_AGAINST_X, 0.0), (LINE_ALONG_X, file.gap_total_m or 0.0)]
         return LinesOfAction(
             coordinates=[Coordinate(0, body.stop_low_m, body.stop_high_m, body.stop_high_m)],
-            magnets=pair[: len(file.body_magnets)],
-            gap_sensors=[(ALONG_X, 0.0)],
+            magnets=pair_lines[: len(file.body_magnets)],
+            gap_sensors=[(LINE_ALONG_X, 0.0)],
             gravity=[body.gravity_m_per_s2, 0.0, 0.0],
-            force_along=AGAINST_X["d"],
-            load=ALONG_X,
-            load_rest=file.gap_m,
+            recorded_force_direction=LINE_AGAINST_X["d"],
+            load=LINE_ALONG_X,
+            load_rest_position=file.gap_m,
         )
 
     def method_calibration(self, method: MethodName) -> CalibratedMethod | None:
@@ -271,13 +271,13 @@ def _pair_faults(file: RigFile) -> Iterator[FileFault]:
     if first_magnet.is_bidirectional:
         text = "is bidirectional, which only a stage supports; choose another kind"
         yield FileFault(file.key_path(first_magnet, "kind"), text, code="not-for-this-kind")
-    if first_magnet.direction != AGAINST_X["d"]:
-        text = f"the first magnet must pull along {AGAINST_X['d']}, towards smaller gaps; correct it"
+    if first_magnet.direction != LINE_AGAINST_X["d"]:
+        text = f"the first magnet must pull along {LINE_AGAINST_X['d']}, towards smaller gaps; correct it"
         yield FileFault(file.key_path(first_magnet, "direction"), text, code="wrong-direction")
     if opposite_magnet is None or gap_sum is None:
         return
-    if opposite_magnet.direction != ALONG_X["d"]:
-        text = f"a second magnet must oppose the first along {ALONG_X['d']}; correct it"
+    if opposite_magnet.direction != LINE_ALONG_X["d"]:
+        text = f"a second magnet must oppose the first along {LINE_ALONG_X['d']}; correct it"
         yield FileFault(file.key_path(opposite_magnet, "direction"), text, code="wrong-direction")
     if not (high := file.body.stop_high_m) < gap_sum:
         text = f"both gaps sum to {gap_sum:g} m, which must exceed stop_high_m, {high:g} m, or the "

@@ -169,17 +169,24 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
         magnet_drift: _drifted_magnet(settings, magnet_drift)
         for magnet_drift in dict.fromkeys(complete_drifts)
     }
-    numbers = plant_parameters(drifted_rig)
-    numbers.body["centre"] = _shift_position(settings.body.centre_m, drift)
-    for magnet_drift, actuator, gap in zip(complete_drifts, numbers.actuators, numbers.heads, strict=False):
+    drifted_parameters = plant_parameters(drifted_rig)
+    drifted_parameters.body["centre"] = _shift_position(settings.body.centre_m, drift)
+    for magnet_drift, actuator, gap in zip(
+        complete_drifts, drifted_parameters.actuators, drifted_parameters.heads, strict=False
+    ):
         probe, sensor = actuator["flux_probe"], gap["sensor"]
         if actuator["has_probe"]:
             actuator["flux_probe"] = {**probe, "gain": probe["gain"] + magnet_drift.flux_gain}
         gap["sensor"] = {**sensor, "offset": sensor["offset"] + magnet_drift.gap_offset}
-    for magnet_drift, head in zip(drift.heads, numbers.heads[len(complete_drifts) :], strict=False):
+    for magnet_drift, head in zip(
+        drift.heads, drifted_parameters.heads[len(complete_drifts) :], strict=False
+    ):
         head["line"] = {**head["line"], "r": _shift_position(head["line"]["r"], magnet_drift)}
     return make_plant(
-        drifted_rig, seed, *(magnets[magnet_drift] for magnet_drift in complete_drifts), parameters=numbers
+        drifted_rig,
+        seed,
+        *(magnets[magnet_drift] for magnet_drift in complete_drifts),
+        parameters=drifted_parameters,
     )
 
 

@@ -15,7 +15,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Phase, State
 
-LOST_DEMAND_RATIO = 10.0
+LOST_TO_LARGEST_DEMAND = 10.0
 """Demand, relative to the largest demand of the rig file, above which control counts as lost."""
 
 

@@ -131,7 +131,7 @@ def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers)
     for name, baseline in controllers.baselines.items():
         baseline_stand = make_stand()
         if not is_demagnetised:
-            baseline_stand.condition(controllers.conditioning, gap[0])
+            baseline_stand.condition_iron(controllers.conditioning, gap[0])
         recordings[name] = run_open_loop(baseline_stand, gap, baseline.run(trial.demand.force, gap_reading))
     return ForceOutcome(trial, recordings, simulated_force, differing_ticks)
 

@@ -114,7 +114,9 @@ def run_bearing(
     """Simulate a plant of a bearing; return its metrics, or only the time of a loss of levitation."""
     setup = setups[method]
     rig, settings = setup.rig, setup.rig.settings
-    scenario = plan_steps(rig, setup.controller, settings.gap_m, settings.step.heights_m, rest=STANDSTILL_S)
+    scenario = plan_steps(
+        rig, setup.controller, settings.gap_m, settings.step.heights_m, final_hold_time=STANDSTILL_S
+    )
     loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, noise))
     recording = loop.run(scenario)
     lost_at_s = levitation_loss_time(rig, recording, scenario.lift_end_tick)

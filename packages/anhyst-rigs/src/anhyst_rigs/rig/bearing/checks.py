@@ -89,13 +89,13 @@ def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileF
             if getattr(converter, key) != value:
                 text = f"the amplifier of {rig.path} has {value:g}; make them equal"
                 yield FileFault(("converter", key), text, code="differs-from-rig")
-    pair = pair_table(rig)
-    if settings.pair is not None and pair is None:
+    rig_pair = pair_table(rig)
+    if settings.pair is not None and rig_pair is None:
         text = f"{rig.path} has a single magnet; remove it"
         yield FileFault(("pair",), text, code="differs-from-rig")
-    elif settings.pair is not None and pair is not None:
-        for key in type(pair).model_fields:
-            value = getattr(pair, key)
+    elif settings.pair is not None and rig_pair is not None:
+        for key in type(rig_pair).model_fields:
+            value = getattr(rig_pair, key)
             if getattr(settings.pair, key) != value:
                 text = f"is {value:g} in {rig.path}; make them equal"
                 yield FileFault(("pair", key), text, code="differs-from-rig")

@@ -82,12 +82,14 @@ class LoadDrive:
             self._phase_zero_tick = tick
         self._bearing.set_load(self._knobs["load_damping"], self._knobs["load_stiffness"])
 
-    def forces(self, begin: int, ticks: int) -> FloatArray:
+    def forces(self, first_tick: int, ticks: int) -> FloatArray:
         """Return the commanded force at the next ticks, N, shape (ticks,)."""
         amplitude = self._knobs["disturbance_force"]
         if amplitude == 0.0:
             return np.full(ticks, self.force)
-        ticks_since = np.arange(begin - self._phase_zero_tick, begin - self._phase_zero_tick + ticks)
+        ticks_since = np.arange(
+            first_tick - self._phase_zero_tick, first_tick - self._phase_zero_tick + ticks
+        )
         phase = self._knobs["disturbance_frequency"] * self._dt * ticks_since
         wave: FloatArray = self.force + amplitude * sine(phase)
         return wave
@@ -252,9 +254,11 @@ class BearingBench(LockStepBench):
         recordings, begin = [], 0
         while begin < scenario.ticks:
             remaining_ticks = scenario.ticks - begin
-            count = self._heartbeat.count_ticks(remaining_ticks) if self.sends_heartbeat else remaining_ticks
-            recordings.append(self._run(scenario.slice_ticks(begin, begin + count)))
-            begin += count
+            tick_count = (
+                self._heartbeat.count_ticks(remaining_ticks) if self.sends_heartbeat else remaining_ticks
+            )
+            recordings.append(self._run(scenario.slice_ticks(begin, begin + tick_count)))
+            begin += tick_count
         return np.concatenate(recordings)
 
     def _run(self, scenario: Scenario) -> FloatArray:

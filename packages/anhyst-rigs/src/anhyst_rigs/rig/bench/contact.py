@@ -139,7 +139,7 @@ def _common_columns(force: float) -> tuple[_Column, ...]:
     )
 
 
-OpenLine = Callable[[], XcpMaster]
+OpenLineFunction = Callable[[], XcpMaster]
 """Function that opens a line. It raises an InputError if no controller responds."""
 
 
@@ -147,7 +147,7 @@ class OtherFirmware(InputError):  # noqa: N818 - not an error of the controller
     """Error: the controller that responds is not the one for which the folder was compiled."""
 
 
-class Contact:
+class ControllerContact:
     """An open line to a controller with its first readings; no command has been sent."""
 
     def __init__(self, line: XcpMaster, manifest: Mapping[str, Any]) -> None:
@@ -173,7 +173,7 @@ class Contact:
     def _last_value(self, signal: str) -> int:
         return int(self.rows[-1, 1 + self.line.signals.index(signal)])
 
-    def check_same_controller(self, earlier_contact: Contact) -> None:
+    def check_same_controller(self, earlier_contact: ControllerContact) -> None:
         """Raise OtherFirmware if the controller of an earlier contact was a different one."""
         line, earlier_line = self.line, earlier_contact.line
         identity = attrgetter("name", "body", "signals", "tick_interval")
@@ -186,13 +186,15 @@ class Contact:
             )
 
 
-def open_contact(open_line: OpenLine, manifest: Mapping[str, Any], before: Contact | None = None) -> Contact:
+def open_contact(
+    open_line: OpenLineFunction, manifest: Mapping[str, Any], earlier_contact: ControllerContact | None = None
+) -> ControllerContact:
     """Open a line and return the contact; close the line if the controller is not the expected one."""
     line = open_line()
     try:
-        contact = Contact(line, manifest)
-        if before is not None:
-            contact.check_same_controller(before)
+        contact = ControllerContact(line, manifest)
+        if earlier_contact is not None:
+            contact.check_same_controller(earlier_contact)
     except BaseException:
         line.close()
         raise

@@ -131,7 +131,7 @@ class PiezoBench(CycleBench):
             self._cycle_count += 1
             self._triangle_height = 0.0
         if self._staged:
-            self._take_staged()
+            self._take_staged_values()
             self._path_ticks = 0
         if self._state is State.RUN and not self._path_ticks:
             stroke = self._values["stroke"]
@@ -139,7 +139,7 @@ class PiezoBench(CycleBench):
             self._start_phase = min(0.5 * self._triangle_height / stroke, 0.5) if stroke else 0.0
             self._whole_periods = 0
 
-    def _take_staged(self) -> None:
+    def _take_staged_values(self) -> None:
         old_number, staged_values, self._staged = int(self._values["compensation"]), self._staged, {}
         self._values |= staged_values
         if "plant" in staged_values:

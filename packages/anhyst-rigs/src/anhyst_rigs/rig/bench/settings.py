@@ -108,27 +108,33 @@ class ControllerSettings:
 
 
 _COMPENSATION_DOC = "1: the compensator; 0: the constant ratio"
-_COMPENSATION = SettingSpec("compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, _COMPENSATION_DOC)
+_COMPENSATION_SETTING = SettingSpec(
+    "compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, _COMPENSATION_DOC
+)
 
 
-def force_settings(demand: float, current: float, rate: float) -> tuple[SettingSpec, ...]:
+def force_settings(
+    demand_full_scale: float, current_full_scale: float, rate: float
+) -> tuple[SettingSpec, ...]:
     """Return the settings of a force controller from its full scales, N and A, and its rate, Hz."""
-    max_slew, ratio = demand * rate, current / demand
+    max_slew, current_per_force = demand_full_scale * rate, current_full_scale / demand_full_scale
     slew_doc, ratio_doc = "largest slope of the demand", "constant ratio of current to force"
     follow_doc = "current that updates the hysteresis state: 0: driven; 1: measured"
     return (
         SettingSpec(
             "demand_slew", Setting.DEMAND_SLEW, "N/s", max_slew / Q31, max_slew, max_slew / Q31, slew_doc
         ),
-        _COMPENSATION,
-        SettingSpec("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, ratio_doc),
+        _COMPENSATION_SETTING,
+        SettingSpec(
+            "ratio", Setting.RATIO, "A/N", 0.0, 2.0 * current_per_force, current_per_force / Q30, ratio_doc
+        ),
         SettingSpec("follow", Setting.FOLLOW, "", 0.0, 1.0, 1.0, follow_doc),
     )
 
 
 def position_settings(gains: Sequence[float]) -> tuple[SettingSpec, ...]:
     """Return the settings of a position controller."""
-    settings = [_COMPENSATION]
+    settings = [_COMPENSATION_SETTING]
     for (setting, (unit, doc)), gain in zip(_GAIN_SETTINGS.items(), gains, strict=True):
         if gain == 0.0:
             continue
@@ -138,7 +144,7 @@ def position_settings(gains: Sequence[float]) -> tuple[SettingSpec, ...]:
     return tuple(settings)
 
 
-_AMPLIFIER_MARGIN = 2.0
+_EXPECTED_TO_NOMINAL_TIME = 2.0
 """Ratio of the lag and the sweep time that a controller expects to the nominal values."""
 _MAX_DELAY_TICKS = 2.0
 """Largest number of ticks between a driven current and the sample that measures it."""
@@ -156,7 +162,7 @@ def set_expected_amplifier(line: SettingsLine, file: RigFile, slew: float, full_
         Setting.CURRENT_SWEEP_TICKS: full_scale / slew,
     }
     for setting, seconds in time_constants.items():
-        ticks = math.ceil(min(_AMPLIFIER_MARGIN * seconds, 1e-3 * HEARTBEAT_MS) * rate)
+        ticks = math.ceil(min(_EXPECTED_TO_NOMINAL_TIME * seconds, 1e-3 * HEARTBEAT_MS) * rate)
         if ticks > line.read_setting(setting):
             line.write_setting(setting, min(ticks, int(1e-3 * HEARTBEAT_MS * rate)))
 

@@ -53,7 +53,7 @@ class ActuatorStand:
         for current_share in (*rng.uniform(size=_HISTORY_CURRENT_COUNT).tolist(), 0.0):
             self._plant.hold(current_share * self._high, gap)
 
-    def condition(self, reversal_currents: list[float], gap: float) -> None:
+    def condition_iron(self, reversal_currents: list[float], gap: float) -> None:
         """Move the current slowly through a sequence of reversal points, A."""
         for reversal_current in reversal_currents:
             self._plant.hold(max(reversal_current - self._zero, 0.0), gap)

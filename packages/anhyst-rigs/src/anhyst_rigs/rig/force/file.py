@@ -143,9 +143,9 @@ class ForceControlRig:
 
     def make_sensors(self, seed: list[int], sample: float | None = None) -> Sensors:
         """Return the sensors with independent noise; the default sampling time is one tick, s."""
-        own_seed, numbers = [self.settings.seed, *seed], self.sensor_parameters(sample or self.dt)
+        sensor_seed, numbers = [self.settings.seed, *seed], self.sensor_parameters(sample or self.dt)
         return {
-            name: NoisySensor(sensor, [*own_seed, index])
+            name: NoisySensor(sensor, [*sensor_seed, index])
             for index, (name, sensor) in enumerate(numbers.items())
         }
 

@@ -114,13 +114,13 @@ class SolidIron:
 
     def layer_parameters(self) -> tuple[FloatArray, FloatArray]:
         """Return each volume's fraction of the cross-section, and its eddy-current drag, A s/(m T)."""
-        width = np.geomspace(1.0, _VOLUME_WIDTH_RATIO, self.volumes)
+        width = np.geomspace(1.0, _INNER_TO_SURFACE_VOLUME_WIDTH, self.volumes)
         width /= width.sum()
         distances = 0.5 * np.append(width[0], width[1:] + width[:-1])
         return width, self.conductivity * self.depth**2 * distances
 
 
-_VOLUME_WIDTH_RATIO = 6.0
+_INNER_TO_SURFACE_VOLUME_WIDTH = 6.0
 """Ratio of the width of the innermost volume to that of the volume at the surface."""
 
 
@@ -216,10 +216,10 @@ def check_flux_range(
 def _check_all_combinations(
     path: str, gaps: FloatArray, currents: FloatArray, numbers: NDArray[np.int_]
 ) -> None:
-    holes = np.argwhere(numbers < 0)
-    if len(holes):
-        first_hole = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
-        further_text = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
+    missing_points = np.argwhere(numbers < 0)
+    if len(missing_points):
+        first_hole = _point_text(gaps[missing_points[0, 0]], currents[missing_points[0, 1]])
+        further_text = f" and at {len(missing_points) - 1} other points" if len(missing_points) > 1 else ""
         raise InputError(
             f"{path}: has a hole at {first_hole}{further_text}; {gaps.size} gaps and "
             f"{currents.size} currents must form a full grid; add the missing points",

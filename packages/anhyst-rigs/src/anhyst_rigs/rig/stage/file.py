@@ -61,9 +61,9 @@ class StageRig(BodyRig):
                 ({"r": place, "d": [-magnet for magnet in direction]}, gap) for place, direction, gap in lines
             ],
             gravity=[0.0, 0.0, -body.gravity_m_per_s2],
-            force_along=scan_axis,
+            recorded_force_direction=scan_axis,
             load={"r": ORIGIN, "d": scan_axis},
-            load_rest=0.0,
+            load_rest_position=0.0,
             heads=[({"r": place, "d": direction}, sensor) for (place, direction), sensor in head_positions],
         )
 

@@ -16,9 +16,9 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import ScanCase
 
-STRAY_DELAY_S = 5e-3
+STROKE_ERROR_DELAY_S = 5e-3
 """Delay between the acceleration of the long stroke and its path error, s."""
-_OWN_STRAY_HZ = 3.0  # frequency of the independent half of the path error, Hz
+_INDEPENDENT_STROKE_ERROR_HZ = 3.0  # frequency of the independent half of the path error, Hz
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,8 @@ class SampledMotion:
 
     def motion_at(self, tick: int, dt: float) -> tuple[float, float]:
         """Return the speed, m/s, and the acceleration, m/s2, at a tick."""
-        around = self.position[max(tick - 1, 0) : tick + 2]
-        speed = (around[-1] - around[0]) / ((around.size - 1) * dt)
+        nearby_positions = self.position[max(tick - 1, 0) : tick + 2]
+        speed = (nearby_positions[-1] - nearby_positions[0]) / ((nearby_positions.size - 1) * dt)
         return float(speed), float(self.acceleration[tick])
 
 
@@ -153,18 +153,26 @@ def plan_braking(
     return SampledMotion(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + lead_time)))
 
 
-def frame_stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
+def long_stroke_error(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     """Return the path error of the long stroke along a motion, m."""
-    return frame_stray_from(rig, motion.derivatives_at(time - STRAY_DELAY_S)[1] / max(motion.peaks), time)
+    return long_stroke_error_from(
+        rig, motion.derivatives_at(time - STROKE_ERROR_DELAY_S)[1] / max(motion.peaks), time
+    )
 
 
-def frame_stray_from(rig: BodyRig, delayed_acceleration: FloatArray | float, time: FloatArray) -> FloatArray:
+def long_stroke_error_from(
+    rig: BodyRig, delayed_acceleration: FloatArray | float, time: FloatArray
+) -> FloatArray:
     """Return the path error of the long stroke, m: half from its acceleration, half independent.
 
-    `delayed_acceleration` is relative to its largest value, and :data:`STRAY_DELAY_S` late.
+    `delayed_acceleration` is relative to its largest value, and :data:`STROKE_ERROR_DELAY_S` late.
     """
-    stray = rig.settings.frame.stray_m
-    return np.asarray(0.25 * stray * (delayed_acceleration + np.sin(2.0 * math.pi * _OWN_STRAY_HZ * time)))
+    error_range = rig.settings.frame.stray_m
+    return np.asarray(
+        0.25
+        * error_range
+        * (delayed_acceleration + np.sin(2.0 * math.pi * _INDEPENDENT_STROKE_ERROR_HZ * time))
+    )
 
 
 def tick_times(rig: BodyRig, count: int) -> FloatArray:

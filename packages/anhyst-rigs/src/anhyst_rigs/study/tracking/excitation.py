@@ -30,7 +30,13 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import mass_matrix, scan_direction, weight_wrench
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, run_scenario, track
-from anhyst_rigs.rig.stage.setpoint import STRAY_DELAY_S, SetPoint, frame_stray_from, scan_motion, tick_times
+from anhyst_rigs.rig.stage.setpoint import (
+    STROKE_ERROR_DELAY_S,
+    SetPoint,
+    long_stroke_error_from,
+    scan_motion,
+    tick_times,
+)
 from anhyst_rigs.study.tracking.bodies import COMPARISON_START_S, StageLaw
 from anhyst_rigs.study.tracking.estimator import ParameterEstimator
 from anhyst_rigs.study.tracking.motion import refuse_slow_amplifier
@@ -87,8 +93,8 @@ def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
             leg_time = time - start_s
             position[:, column] = leg.derivatives_at(leg_time)[0]
             acceleration[:, column] = leg.derivatives_at(leg_time + rig.loop_delay)[1]
-            stray_acceleration = leg.derivatives_at(leg_time - STRAY_DELAY_S)[1] / max(leg.peaks)
-            frame[:, column] = position[:, column] + frame_stray_from(rig, stray_acceleration, time)
+            stray_acceleration = leg.derivatives_at(leg_time - STROKE_ERROR_DELAY_S)[1] / max(leg.peaks)
+            frame[:, column] = position[:, column] + long_stroke_error_from(rig, stray_acceleration, time)
             start_s += leg.duration
     assumed_file = setup.assumed_rig.settings
     wrench = acceleration[:n] @ mass_matrix(assumed_file).T - weight_wrench(assumed_file)

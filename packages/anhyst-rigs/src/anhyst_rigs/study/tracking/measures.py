@@ -40,9 +40,9 @@ from anhyst_rigs.rig.stage.loop import (
 )
 from anhyst_rigs.rig.stage.recording import axis_columns, recording_columns
 from anhyst_rigs.rig.stage.setpoint import (
-    STRAY_DELAY_S,
+    STROKE_ERROR_DELAY_S,
     SetPoint,
-    frame_stray_from,
+    long_stroke_error_from,
     motion_ticks,
     plan_braking,
     scan_motion,
@@ -460,9 +460,9 @@ class LossFlights:
     ) -> Recording:
         """Simulate a plan with faults and commands that begin at given ticks."""
         rig, n = self._rig, plan.feedforward.size
-        delay = round(STRAY_DELAY_S / rig.dt)
+        delay = round(STROKE_ERROR_DELAY_S / rig.dt)
         delayed_acceleration = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
-        stray = frame_stray_from(
+        stray = long_stroke_error_from(
             rig, delayed_acceleration / max(rig.settings.scan.test_m_per_s2), tick_times(rig, n + 1)
         )
         wrench = feedforward_wrench(self.setup.assumed_rig, plan.feedforward)

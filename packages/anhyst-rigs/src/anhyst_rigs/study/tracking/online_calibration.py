@@ -96,8 +96,8 @@ class _CorrectionHistory:
     ) -> tuple[Corrections, float] | None:
         """Return better corrections and their error, m, if the last two cycles were worse, or None."""
         # If the plant, the load or the gains have changed, earlier errors cannot be compared.
-        if cycle.conditions != self._conditions:
-            self._conditions = cycle.conditions
+        if cycle.settings_and_loads != self._conditions:
+            self._conditions = cycle.settings_and_loads
             self._last_average = math.inf
             self._best_average = math.inf
         pair, self._last_average = (self._last_average, average), average
