@@ -22,7 +22,12 @@ from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import mass_matrix, weight_wrench
 from anhyst_rigs.rig.stage.loop import StageSetup
 from anhyst_rigs.rig.stage.recording import axis_columns
-from anhyst_rigs.rig.stage.setpoint import STROKE_ERROR_DELAY_S, SetPoint, long_stroke_error_from, tick_times
+from anhyst_rigs.rig.stage.setpoint import (
+    STROKE_ERROR_DELAY_S,
+    SetPoint,
+    stroke_error_from_acceleration,
+    tick_times,
+)
 from planar import RIG
 from rows import Row
 
@@ -91,8 +96,8 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
         file.scan.test_m_per_s2
     )
     frame = set_points.copy()
-    frame[:, 0] += long_stroke_error_from(rig, delayed_stray, time)
-    frame[:, 1] += long_stroke_error_from(rig, 0.0, time)
+    frame[:, 0] += stroke_error_from_acceleration(rig, delayed_stray, time)
+    frame[:, 1] += stroke_error_from_acceleration(rig, 0.0, time)
     bearing = drifted_plant(rig, NO_DRIFT, 1)
     loop = ClosedLoop(bearing, setup.make_controller(), current_controllers(rig))
     pose_errors, flags = np.zeros((n, len(free))), 0

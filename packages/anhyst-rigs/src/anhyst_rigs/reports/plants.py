@@ -42,7 +42,7 @@ from anhyst_rigs.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantM
 
 def terminal_summary(runs: MonteCarlo) -> TerminalSummary:
     """Return the terminal output of a Monte Carlo study."""
-    count = f"{len(runs.drifts)} plants, seed {runs.plants.seed}; evaluated is '{runs.plants.own_method}'"
+    count = f"{len(runs.drifts)} plants, seed {runs.plants.seed}; evaluated is '{runs.plants.main_method}'"
     return TerminalSummary([percentile_table(runs)], [count])
 
 
@@ -122,7 +122,7 @@ def _figure_title(figure: PlantMetric, case: str) -> str:
 
 def _worst_plants(runs: MonteCarlo) -> Items:
     """Return the worst plant for each case of the first metric, with the drift of this plant."""
-    figure, own_method = runs.plants.figures[0], runs.plants.own_method
+    figure, own_method = runs.plants.figures[0], runs.plants.main_method
     rows = []
     for case, name in enumerate(figure.case_names):
         values = runs.values(own_method, figure.key, case)

@@ -84,7 +84,7 @@ class ForceOutcome:
     recordings: Mapping[str, Recording]
     # by program: force that the model predicts for the currents of the firmware, N
     simulated_force: Mapping[str, FloatArray] = field(default_factory=dict)
-    # by program: number of ticks at which the firmware had another current than its simulation
+    # number of ticks, by program, at which the currents of firmware and simulation differ
     differing_ticks: Mapping[str, int] = field(default_factory=dict)
 
 

@@ -32,7 +32,7 @@ from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup
 from anhyst_rigs.study.excite.design import Specimen, bearing_specimen, force_specimen
 from anhyst_rigs.study.tracking.online_calibration import BearingCalibrator, StageCalibrator
 
-_GAP_TOLERANCE = 1e-6
+_GAP_TOLERANCE_TO_RANGE = 1e-6
 """Permitted distance of the measured gaps from a board's gap limits, relative to its gap range."""
 
 
@@ -41,7 +41,7 @@ class PreparedBearing:
     """A bearing with its controller and the firmware."""
 
     setup: BearingSetup  # active setup, in fixed point
-    model: Model  # model of the compiled program
+    model: Model  # hysteresis model in the compiled program
     firmware: Path  # path of the firmware for the board ``library``; needed until the bench is open
 
     @property
@@ -149,7 +149,7 @@ class PreparedForce(ForceRig):
 
     @property
     def model(self) -> Model:
-        """The model of the compiled program."""
+        """The hysteresis model in the compiled program."""
         return self.program.model
 
     @property
@@ -189,7 +189,7 @@ class PreparedForce(ForceRig):
 class PreparedBoard(ForceRig):
     """An actuator with a stand-alone controller, and the data with which it was compiled."""
 
-    model: Model  # model of the compiled controller
+    model: Model  # hysteresis model in the compiled controller
     request: CompileRequest
     scales: Scales
     limits: DemandLimits  # limits of the controller
@@ -305,7 +305,7 @@ def _covered_gaps(model: Model, scales: Scales) -> tuple[float, float] | None:
         return None if model.valid is None else model.valid.schedule
     low, high = scales.gap_low, scales.gap_high
     model_gaps = None if model.valid is None else model.valid.schedule
-    tolerance = _GAP_TOLERANCE * (high - low)
+    tolerance = _GAP_TOLERANCE_TO_RANGE * (high - low)
     if model_gaps is None or model_gaps[0] > low + tolerance or model_gaps[1] < high - tolerance:
         known_text = "no gap" if model_gaps is None else f"gaps of {model_gaps[0]:g} to {model_gaps[1]:g} m"
         raise InputError(

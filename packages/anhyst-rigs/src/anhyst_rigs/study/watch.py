@@ -130,9 +130,9 @@ LEARNING_CYCLES = 10
 """Number of cycles from which the reference is estimated."""
 DEFAULT_RUN_LENGTH = 1e5
 """Mean number of cycles until a false alarm occurs."""
-MIN_DRIFT_RATIO = 0.001
+MIN_DRIFT_TO_MAX_OUTPUT = 0.001
 """Smallest drift that causes an alarm, relative to the largest output of the model."""
-REVERSAL_RATIO = 0.1
+REVERSAL_TO_CURRENT_RANGE = 0.1
 """Smallest change of the current that counts as a reversal, relative to the model's range."""
 
 
@@ -249,10 +249,10 @@ class DriftMonitor:
     def __post_init__(self) -> None:
         low, high = self.model.valid_range.input
         self._stepper = Stepper(self.model, self.gap, self.history)
-        self._splitter = _BranchSplitter(REVERSAL_RATIO * (high - low))
+        self._splitter = _BranchSplitter(REVERSAL_TO_CURRENT_RANGE * (high - low))
         self._learning_values = {"level": [], "width": []}
         if self.min_drift is None:
-            self.min_drift = MIN_DRIFT_RATIO * max(abs(end) for end in self.model.valid_range.output)
+            self.min_drift = MIN_DRIFT_TO_MAX_OUTPUT * max(abs(end) for end in self.model.valid_range.output)
 
     def add_samples(
         self, ticks: FloatArray, current: FloatArray, gap: FloatArray, force: FloatArray

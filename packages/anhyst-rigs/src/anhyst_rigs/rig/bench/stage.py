@@ -64,7 +64,7 @@ from anhyst_rigs.rig.stage.setpoint import (
     STROKE_ERROR_DELAY_S,
     SampledMotion,
     SetPoint,
-    long_stroke_error_from,
+    stroke_error_from_acceleration,
     plan_braking,
     sample_motion,
     scan_motion,
@@ -308,7 +308,7 @@ class StageBench(CycleBench):
     def _next_stroke_errors(self, n: int, delayed_acceleration: FloatArray | float) -> FloatArray:
         """Return the path error of the long stroke at the next ticks, m, as in other simulations."""
         ticks = np.arange(self.tick, self.tick + n, dtype=np.float64)
-        return long_stroke_error_from(self.rig, delayed_acceleration, self.rig.dt * ticks)
+        return stroke_error_from_acceleration(self.rig, delayed_acceleration, self.rig.dt * ticks)
 
     def _run_ticks(self, n: int) -> FloatArray:
         if self._active_course is not None:

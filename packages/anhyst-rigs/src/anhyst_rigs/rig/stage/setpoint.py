@@ -155,12 +155,12 @@ def plan_braking(
 
 def long_stroke_error(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     """Return the path error of the long stroke along a motion, m."""
-    return long_stroke_error_from(
+    return stroke_error_from_acceleration(
         rig, motion.derivatives_at(time - STROKE_ERROR_DELAY_S)[1] / max(motion.peaks), time
     )
 
 
-def long_stroke_error_from(
+def stroke_error_from_acceleration(
     rig: BodyRig, delayed_acceleration: FloatArray | float, time: FloatArray
 ) -> FloatArray:
     """Return the path error of the long stroke, m: half from its acceleration, half independent.

@@ -24,7 +24,7 @@ from anhyst_rigs.study.bearing import linear
 
 _CURRENT_POINTS = 1200
 _GAP_STEP_M = 2e-6
-MIN_TICKS_PER_POLE = 20.0
+MIN_RATE_TO_POLE_FREQUENCY = 20.0
 """Smallest sample rate, as a multiple of the frequency of the plant's unstable pole."""
 
 
@@ -125,10 +125,10 @@ def check_load(rig: BodyRig, force_max: float) -> None:
 
 def check_rate(rig: BodyRig, pole_Hz: float) -> None:
     """Raise an error if the sample rate is too low for the unstable pole of the plant."""
-    rate_Hz, min_rate_Hz = rig.settings.timing.rate_Hz, MIN_TICKS_PER_POLE * pole_Hz
+    rate_Hz, min_rate_Hz = rig.settings.timing.rate_Hz, MIN_RATE_TO_POLE_FREQUENCY * pole_Hz
     if rate_Hz < min_rate_Hz:
         text = f"{rate_Hz:.6g} Hz is too low for the unstable pole of the plant at {pole_Hz:.4g} Hz"
-        text += f"; use at least {MIN_TICKS_PER_POLE:g} times that, {math.ceil(min_rate_Hz)} Hz"
+        text += f"; use at least {MIN_RATE_TO_POLE_FREQUENCY:g} times that, {math.ceil(min_rate_Hz)} Hz"
         raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
@@ -192,13 +192,13 @@ def sweep_frequencies(rig: BodyRig) -> FloatArray:
     return geometric_spacing(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)
 
 
-PATHOLOGICAL_SLOPE_RATIO = 0.25
+PATHOLOGICAL_REVERSAL_TO_STATIC_SLOPE = 0.25
 """Slope after a reversal divided by the static slope, below which an iron is called pathological.
 """
 _SETTLING_CYCLES = 3  # number of cycles until the loop is in steady state
 _SAMPLES_PER_BRANCH = 400  # number of samples of a branch
-_SLOPE_HALF_WIDTH = 0.05  # half-width of the fit of a static slope, relative to the current range
-_REVERSAL_STEP = 0.0005  # size of the reversal, relative to the current range
+_SLOPE_HALF_WIDTH_TO_RANGE = 0.05  # half-width of the fit of a static slope, relative to the current range
+_REVERSAL_STEP_TO_RANGE = 0.0005  # size of the reversal, relative to the current range
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,7 @@ class ReversalSlopes:
 
 def label_iron(slope_ratio: float) -> Literal["regular", "pathological"]:
     """Return the class of an iron from its ratio of the slope after a reversal to the static slope."""
-    return "pathological" if slope_ratio < PATHOLOGICAL_SLOPE_RATIO else "regular"
+    return "pathological" if slope_ratio < PATHOLOGICAL_REVERSAL_TO_STATIC_SLOPE else "regular"
 
 
 def measure_slopes(
@@ -243,7 +243,10 @@ def measure_slopes(
     gap_step: float,
 ) -> ReversalSlopes:
     """Measure the slopes of a magnet with hysteresis on its steady-state loop."""
-    slope_span, reversal_step = _SLOPE_HALF_WIDTH * (high - low), _REVERSAL_STEP * (high - low)
+    slope_span, reversal_step = (
+        _SLOPE_HALF_WIDTH_TO_RANGE * (high - low),
+        _REVERSAL_STEP_TO_RANGE * (high - low),
+    )
     if not low + slope_span < current < high - slope_span:
         raise ValueError(f"the current of {current:g} A is too close to the ends of {low:g}..{high:g} A")
     below_gap, at_gap, above_gap = (
@@ -282,7 +285,7 @@ def _mean_branch(
     grid = np.linspace(low, high, _SAMPLES_PER_BRANCH + 1)
     mean_force = 0.5 * (ascending[:-1] + descending[-2::-1])  # samples at grid[1:-1]
     deviation = grid[1:-1] - current
-    is_near = np.abs(deviation) <= _SLOPE_HALF_WIDTH * (high - low)
+    is_near = np.abs(deviation) <= _SLOPE_HALF_WIDTH_TO_RANGE * (high - low)
     # A parabola is fitted, so that the curvature does not bias the slope.
     coefficients = np.polynomial.Polynomial.fit(deviation[is_near], mean_force[is_near], 2).convert().coef
     return float(coefficients[0]), float(coefficients[1])

@@ -67,7 +67,7 @@ class Plants:
     # it returns every metric (infinite or null if not reached), or only ``lost_s`` after a loss
     run: Callable[[MethodName, Drift, int], dict[str, Any]]
     methods: tuple[MethodName, ...]
-    own_method: MethodName  # main method, which is compared with all others
+    main_method: MethodName  # main method, which is compared with all others
     figures: tuple[PlantMetric, ...]
     input_files: tuple[Path, ...]  # files that affect the results
     setting_texts: Mapping[str, str]  # further settings that affect the results
@@ -153,14 +153,14 @@ class MonteCarlo(StudyResult):
     def lost_in(self) -> list[str]:
         """Texts with the number of lost plants, one for each method that lost any."""
         return [
-            f"{lost} of {len(self.drifts)} plants with '{name}'"
+            f"{lost_plants} of {len(self.drifts)} plants with '{name}'"
             for name in self.runs
-            if (lost := self.lost_count(name))
+            if (lost_plants := self.lost_count(name))
         ]
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult if a plant lost control with the compensator."""
-        own_method = self.plants.own_method
+        own_method = self.plants.main_method
         if self.lost_count(own_method):
             raise NegativeResult(
                 f"{self.lost_count(own_method)} of {len(self.drifts)} plants were lost with '{own_method}'",
@@ -170,7 +170,7 @@ class MonteCarlo(StudyResult):
     @property
     def verdict(self) -> Judgement:
         """Whether compensation is beneficial over all plants, for each metric and each case."""
-        own_method = self.plants.own_method
+        own_method = self.plants.main_method
         if self.lost_count(own_method):
             return Judgement(
                 "unknown", f"'{own_method}' lost {self.lost_count(own_method)} of {len(self.drifts)} plants"
@@ -191,7 +191,7 @@ class MonteCarlo(StudyResult):
         means = {method: mean_interval(self.values(method, figure.key, case)) for method in survivors}
         if (baseline := strongest_baseline(means)) is None:
             return None
-        own_method = self.plants.own_method
+        own_method = self.plants.main_method
         own_values, best_values = (
             np.array(self.values(method, figure.key, case)) for method in (own_method, baseline)
         )

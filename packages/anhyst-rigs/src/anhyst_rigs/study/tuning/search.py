@@ -257,11 +257,11 @@ def make_screen(
         operating_point = find_operating_point(rig)
         static_loop = make_linear_loop(replace(setup, rig=rig), operating_point)
         slope_ratio = min(max(operating_point.slopes.slope_ratio, 0.0), 1.0)
-        softening = slope_ratio + slope_fraction * (1.0 - slope_ratio)
+        slope_factor = slope_ratio + slope_fraction * (1.0 - slope_ratio)
         loops += [
             static_loop,
             replace(
-                static_loop, bearing=replace(static_loop.bearing, k_i=softening * static_loop.bearing.k_i)
+                static_loop, bearing=replace(static_loop.bearing, k_i=slope_factor * static_loop.bearing.k_i)
             ),
         ]
         reserve_N = min(limits.force_high_N - rig.static_load, rig.static_load - limits.force_low_N)
