@@ -234,7 +234,7 @@ BUFFER_S = 10.0
 
 MAX_RECORDING_S = 86400.0
 
-_BUFFER_SLACK_S = 1.0
+_BUFFER_MARGIN_S = 1.0
 _ROWS_PER_WRITE = 4000
 """Largest number of buffered rows that are written between two chunks of the bench."""
 
@@ -304,7 +304,7 @@ class TickRecorder:
         self._signals = signals
         self._rate = rate
         self._notify = notify
-        self._ring = RingBuffer(math.ceil((BUFFER_S + _BUFFER_SLACK_S) * rate), 1 + len(signals))
+        self._ring = RingBuffer(math.ceil((BUFFER_S + _BUFFER_MARGIN_S) * rate), 1 + len(signals))
         self._lock = threading.RLock()
         self._file: RecordingFile | None = None
         self._span = RecordingSpan()

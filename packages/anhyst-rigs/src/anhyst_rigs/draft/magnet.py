@@ -18,16 +18,16 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import round_down, round_nearest
 
-TOP_CURRENT_RATIO = 0.95
+TOP_CURRENT_TO_MAX = 0.95
 """Fraction of the largest current, above which samples determine the force at this current."""
 
-USABLE_FORCE_RATIO = 0.95
+USABLE_FORCE_FRACTION = 0.95
 """Fraction of the measured force that a controller may demand."""
 
 MAX_DEMAND_TO_SMALLEST_FORCE = 4.0
 """Largest ratio of a demanded force to the smallest force over all gaps at the largest current."""
 
-MIN_LOAD_RATIO = 0.01
+MIN_LOAD_TO_USABLE_FORCE = 0.01
 """Smallest load, as a fraction of the usable force at the operating gap. The loops are too
 uncertain for a smaller load."""
 
@@ -54,12 +54,12 @@ class MeasuredMagnet:
         """
         # The reciprocal root of the force is almost linear in the gap.
         force = float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
-        return min(USABLE_FORCE_RATIO * force, MAX_DEMAND_TO_SMALLEST_FORCE * float(self.forces.min()))
+        return min(USABLE_FORCE_FRACTION * force, MAX_DEMAND_TO_SMALLEST_FORCE * float(self.forces.min()))
 
     def slopes(self, force: float, gap: float) -> Tangent:
         """Return the slopes of the force over current and over gap at an operating point."""
         force_high = self.usable_force(gap)
-        if force < MIN_LOAD_RATIO * force_high:
+        if force < MIN_LOAD_TO_USABLE_FORCE * force_high:
             raise InputError(
                 f"load: {force:g} N is less than a hundredth of the {force_high:.4g} N that the "
                 "magnet may pull, and the loops are too uncertain there; give a larger load, or "
@@ -138,9 +138,9 @@ def _force_at_top(loops: Sequence[Loop], current_high: float) -> float:
     """Return the force at the largest current, N, from a line through the samples near it."""
     current = np.concatenate([loop.input for loop in loops])
     force = np.concatenate([loop.output for loop in loops])
-    is_at_top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_RATIO) * current_high
+    is_at_top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_TO_MAX) * current_high
     current, force = current[is_at_top], force[is_at_top]
-    if np.ptp(current) < 0.1 * (1.0 - TOP_CURRENT_RATIO) * current_high:
+    if np.ptp(current) < 0.1 * (1.0 - TOP_CURRENT_TO_MAX) * current_high:
         return float(np.mean(force))
     _, level = np.polyfit(current - current_high, force, 1)
     return float(level)
@@ -149,13 +149,13 @@ def _force_at_top(loops: Sequence[Loop], current_high: float) -> float:
 GRAVITY_M_PER_S2 = 9.81
 """Acceleration of gravity, m/s^2."""
 
-MIN_LIFT_RATIO = 1.1
+MIN_FORCE_TO_LOAD = 1.1
 """Smallest ratio of the magnet's force to the load at any gap, for a reliable lift-off."""
 
-DEFAULT_LOAD_RATIO = 0.5
+DEFAULT_LOAD_TO_SMALLEST_FORCE = 0.5
 """Default load, as a fraction of the smallest force over all gaps at the largest current."""
 
-STOP_CLEARANCE_RATIO = 0.05
+STOP_CLEARANCE_TO_TRAVEL = 0.05
 """Smallest distance of the operating gap from a stop, as a fraction of the travel."""
 
 
@@ -229,7 +229,7 @@ def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue
         )
     if request.gap is None:
         return GuessedValue(round_nearest(0.5 * (low + high), 3), "the middle of the measured gaps")
-    gap, clearance = request.gap, STOP_CLEARANCE_RATIO * (high - low)
+    gap, clearance = request.gap, STOP_CLEARANCE_TO_TRAVEL * (high - low)
     if not low + clearance <= gap <= high - clearance:
         hints = [
             f", {gap:g}{exponent} m if {unit} are meant"
@@ -254,15 +254,15 @@ def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValu
         load = GuessedValue(round_nearest(request.mass * GRAVITY_M_PER_S2, 3), "the weight of the mass")
     else:
         load = GuessedValue(
-            round_down(DEFAULT_LOAD_RATIO * weakest_force),
-            f"{100.0 * DEFAULT_LOAD_RATIO:.0f} % of the force at {weakest_gap:g} m",
+            round_down(DEFAULT_LOAD_TO_SMALLEST_FORCE * weakest_force),
+            f"{100.0 * DEFAULT_LOAD_TO_SMALLEST_FORCE:.0f} % of the force at {weakest_gap:g} m",
         )
-    if load.number * MIN_LIFT_RATIO > weakest_force:
+    if load.number * MIN_FORCE_TO_LOAD > weakest_force:
         origin = f", guessed as {load.guess}; give --load" if load.guess else ""
         raise InputError(
             f"load: {load.number:g} N cannot be lifted at a gap of {weakest_gap:g} m: there the "
-            f"loops reach {weakest_force:.4g} N at {magnet.current_high:.4g} A, and {MIN_LIFT_RATIO:g} times the "
-            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower the load, or give loops with larger "
+            f"loops reach {weakest_force:.4g} N at {magnet.current_high:.4g} A, and {MIN_FORCE_TO_LOAD:g} times the "
+            f"load, {load.number * MIN_FORCE_TO_LOAD:.4g} N, are needed; lower the load, or give loops with larger "
             f"currents or smaller gaps{origin}",
             code="load-too-large",
             key="load",

@@ -110,8 +110,8 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
         # A folder without a position controller lacks this source, which the firmware needs.
         sources.append(core_folder() / "src" / "control" / "supervisor.c")
     include.append(core_folder() / "include")
-    for part in ("app", "link", "services", "xcp", controller_kind):
-        sources += sorted((root / part).glob("*.c"))
+    for source_part in ("app", "link", "services", "xcp", controller_kind):
+        sources += sorted((root / source_part).glob("*.c"))
     for sources_of_board in board_folders:
         sources += sorted(
             file

@@ -138,7 +138,7 @@ class XcpLine:
         try:
             while not self._closed.is_set():
                 result = split_packets(incomplete + self._port.read(_POLL_S), self.serial)
-                incomplete = result.rest
+                incomplete = result.incomplete_bytes
                 self.skipped_bytes += result.skipped_bytes
                 if result.is_broken:
                     raise InputError(f"{self.url}: does not support XCP", code="no-xcp")
@@ -285,8 +285,8 @@ class XcpMaster:
                         data,
                         frames.BlockDataRequest(offset, part_words),
                     )
-                swap = frames.BlockSwapRequest(block_words[GENERATION_INDEX] & 0xFFFF)
-                self._send_checked(bytes((_SET_PAGE, _CONTROLLER_PAGE, 0, 1)), swap)
+                swap_request = frames.BlockSwapRequest(block_words[GENERATION_INDEX] & 0xFFFF)
+                self._send_checked(bytes((_SET_PAGE, _CONTROLLER_PAGE, 0, 1)), swap_request)
             finally:
                 self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 0)))
 

@@ -27,12 +27,12 @@ from anhyst_rigs.reports.study.page import (
     COLOURS,
     TerminalSummary,
     file_hashes,
-    in_report_order,
     legend_below,
     line_style,
     origin_section,
     page_text,
     picture,
+    sort_for_report,
     verdict_note,
 )
 from anhyst_rigs.rig.drift import Drift
@@ -54,7 +54,7 @@ def render(runs: MonteCarlo, files: Sequence[Path], command: str) -> str:
 
 def _headline(runs: MonteCarlo) -> Headline:
     file = runs.plants.file
-    counts = [f"{name}: {runs.lost_count(name)} of {len(runs.drifts)}" for name in in_report_order(runs.runs)]
+    counts = [f"{name}: {runs.lost_count(name)} of {len(runs.drifts)}" for name in sort_for_report(runs.runs)]
     has_losses = any(runs.lost_count(name) for name in runs.runs)
     return Headline(
         title=file.name,
@@ -108,7 +108,7 @@ def percentile_table(runs: MonteCarlo) -> PageTable:
         [_figure_title(figure, case), name, *(format_number(value, 3) for value in percentiles)]
         for figure in runs.plants.figures
         for case_index, case in enumerate(figure.case_names)
-        for name in in_report_order(runs.runs)
+        for name in sort_for_report(runs.runs)
         for values in (runs.values(name, figure.key, case_index),)
         for percentiles in ([figure.factor * percentile(values, percentage) for percentage in PERCENTILES],)
     ]
@@ -155,7 +155,7 @@ def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figu
     figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
     axes = create_panels(figure, len(spreads))
     for ax, (title, by_method) in zip(axes, spreads.items(), strict=True):
-        for name in in_report_order(by_method):
+        for name in sort_for_report(by_method):
             values = np.sort(by_method[name])
             plant_percent = 100.0 * np.arange(1, values.size + 1) / values.size
             finite = np.isfinite(values)

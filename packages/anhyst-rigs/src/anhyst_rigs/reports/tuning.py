@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from anhyst.support.figures import ALARM_COLOUR, new_figure, use_report_style, write_png
 from anhyst.support.kinds import MethodName
-from anhyst_rigs.reports.study.page import COLOURS, INK_COLOUR, in_report_order, legend_below, line_style
+from anhyst_rigs.reports.study.page import COLOURS, INK_COLOUR, legend_below, line_style, sort_for_report
 from anhyst_rigs.study.engine.table import Metric
 from anhyst_rigs.study.tuning.aims import GAIN_METRICS, Aims, GainFigures
 from anhyst_rigs.study.tuning.result import RESULT_FILES, Tuning, meets_other_aims
@@ -39,7 +39,7 @@ def figure_pareto(
     figure = new_figure(4.6)
     ax = figure.add_subplot()
     finite_candidates = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
-    for name in in_report_order(trial.variant for trial in finite_candidates):
+    for name in sort_for_report(trial.variant for trial in finite_candidates):
         variant_trials = [trial for trial in finite_candidates if trial.variant == name]
         for meets_aims, alpha in ((False, 0.25), (True, 0.8)):
             drawn_trials = [trial for trial in variant_trials if trial.meets_other_aims is meets_aims]

@@ -188,24 +188,24 @@ def force_control(
         },
     }
     with atomic_folder(out) as folder:
-        complete_rig = complete_rig(rig_from_file, loops)
+        fitted_rig = complete_rig(rig_from_file, loops)
         found_models = map_ordered(
-            partial(identify_force_model, complete_rig), [end_loops, loops], next(progress_parts)
+            partial(identify_force_model, fitted_rig), [end_loops, loops], next(progress_parts)
         )
         models = dict(zip(baselines, found_models, strict=True))
-        programs = _build_programs(complete_rig, models, board, folder, next(progress_parts))
+        programs = _build_programs(fitted_rig, models, board, folder, next(progress_parts))
         controllers = {
             scope: Controllers(programs[scope], results, board) for scope, results in baselines.items()
         }
-        tasks = [(complete_rig, trial, controllers[MODEL_SCOPES[trial.trial_stage]]) for trial in trials]
+        tasks = [(fitted_rig, trial, controllers[MODEL_SCOPES[trial.trial_stage]]) for trial in trials]
         outcomes = map_ordered(_run_trial, tasks, next(progress_parts))
-        plant = complete_rig.check_plant(loops, models["stroke"])
-        results = make_figures(complete_rig, outcomes, board) | {"plant": plant.as_dict()}
+        plant = fitted_rig.check_plant(loops, models["stroke"])
+        results = make_figures(fitted_rig, outcomes, board) | {"plant": plant.as_dict()}
         results["verdict"] = None if results["lost_in"] else verdict_dict(results["summary"])
         for outcome in outcomes:
-            _write_trial(complete_rig, folder / f"{outcome.trial.name}.{recordings}", outcome)
+            _write_trial(fitted_rig, folder / f"{outcome.trial.name}.{recordings}", outcome)
         write_json(folder / FIGURES_FILE, results)
-    return ForceControl(complete_rig, Path(out), results, tuple(outcomes), plant)
+    return ForceControl(fitted_rig, Path(out), results, tuple(outcomes), plant)
 
 
 def _compiled_methods(model: Model) -> tuple[MethodName, ...]:

@@ -64,10 +64,10 @@ from anhyst_rigs.rig.stage.setpoint import (
     STROKE_ERROR_DELAY_S,
     SampledMotion,
     SetPoint,
-    stroke_error_from_acceleration,
     plan_braking,
     sample_motion,
     scan_motion,
+    stroke_error_from_acceleration,
 )
 
 INTEGRAL_AVERAGING_TIME_S = 1e-3

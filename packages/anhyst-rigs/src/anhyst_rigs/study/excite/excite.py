@@ -444,13 +444,11 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
         for speed in specimen.fast_rates
         if speed > specimen.max_rate.value
     ]
-    recommended_current_rate = FASTEST_TO_REQUIRED_RATE * max(
-        place.required_current_rate for place in probed_gaps
-    )
-    if specimen.fast_rates and recommended_current_rate > max(fast_cycle_rates(specimen)):
+    recommended_rate = FASTEST_TO_REQUIRED_RATE * max(place.required_current_rate for place in probed_gaps)
+    if specimen.fast_rates and recommended_rate > max(fast_cycle_rates(specimen)):
         notes.append(
-            f"the set-point needs {recommended_current_rate / FASTEST_TO_REQUIRED_RATE:.3g} A/s at the operating point, and "
-            f"cycles of {recommended_current_rate:.3g} A/s would show its eddy currents there "
+            f"the set-point needs {recommended_rate / FASTEST_TO_REQUIRED_RATE:.3g} A/s at the operating point, and "
+            f"cycles of {recommended_rate:.3g} A/s would show its eddy currents there "
             "(measurement.fast_A_per_s)"
         )
     if specimen.gaps and specimen.winding is None:

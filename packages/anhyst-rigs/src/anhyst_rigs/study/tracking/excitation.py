@@ -33,8 +33,8 @@ from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, run_scenario, tr
 from anhyst_rigs.rig.stage.setpoint import (
     STROKE_ERROR_DELAY_S,
     SetPoint,
-    stroke_error_from_acceleration,
     scan_motion,
+    stroke_error_from_acceleration,
     tick_times,
 )
 from anhyst_rigs.study.tracking.bodies import COMPARISON_START_S, StageLaw

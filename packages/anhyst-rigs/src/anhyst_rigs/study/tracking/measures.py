@@ -42,10 +42,10 @@ from anhyst_rigs.rig.stage.recording import axis_columns, recording_columns
 from anhyst_rigs.rig.stage.setpoint import (
     STROKE_ERROR_DELAY_S,
     SetPoint,
-    stroke_error_from_acceleration,
     motion_ticks,
     plan_braking,
     scan_motion,
+    stroke_error_from_acceleration,
     tick_times,
 )
 from anhyst_rigs.study.engine.table import Metric

@@ -262,14 +262,14 @@ def _noise_limits(setup: BearingSetup, check_result: CheckResult) -> list[Limit]
     """Report whether sensor noise fills at least half of the smallest step's settling band."""
     height = min(setup.rig.settings.step.heights_m)
     standstill_m = check_result.worst.standstill_rms_m
-    noise_to_step_height = _NOISE_SIGMAS * standstill_m / (_SETTLING_BAND * height)
-    if noise_to_step_height < 0.5:
+    noise_to_band = _NOISE_SIGMAS * standstill_m / (_SETTLING_BAND * height)
+    if noise_to_band < 0.5:
         return []
     sensor_kind = setup.rig.settings.gap_sensor.kind
     return [
         Limit(
             "noise",
-            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fills {100.0 * noise_to_step_height:.0f} % of "
+            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fills {100.0 * noise_to_band:.0f} % of "
             f"the band in which a step of {1e6 * height:g} um must stay (position sensor: {sensor_kind})",
         )
     ]
