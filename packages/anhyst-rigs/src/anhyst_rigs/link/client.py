@@ -366,8 +366,7 @@ class _DemandWindow:
         self._send_demands(demands)
 
     def _renumber_from(self, oldest_lost: _SentDemand) -> None:
-        """Send a demand and all later ones with new numbers, because a newer one was accepted
-        before."""
+        """Send a demand and all later ones again, because a newer one was accepted before."""
         demands = list(self.unanswered_demands)
         lost_index = demands.index(oldest_lost)
         renumbered = [self._make_demand(demand.force) for demand in demands[lost_index:]]

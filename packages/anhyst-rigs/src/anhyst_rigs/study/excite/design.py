@@ -439,7 +439,8 @@ def find_thermal_peak(specimen: Specimen) -> Bound:
         f"excite.continuous_A: a winding for {winding.continuous_current:g} A with a time constant of "
         f"{winding.time_constant:g} s becomes too warm in a record of {MIN_PEAK_TO_MAX_CURRENT * highest:.3g} A, "
         f"{100 * MIN_PEAK_TO_MAX_CURRENT:.0f} % of {specimen.max_current.key}; measure faster "
-        f"(measurement.sweep_A_per_s), or correct continuous_A and thermal_s (I^2 t is kept below {100 * MAX_WARMTH:.0f} %)",
+        f"(measurement.sweep_A_per_s), or correct continuous_A and thermal_s "
+        f"(I^2 t is kept below {100 * MAX_WARMTH:.0f} %)",
         code="winding-too-warm",
         key="excite.continuous_A",
     )
