@@ -24,6 +24,6 @@ def test_minor_loops_and_their_closing_errors_are_found() -> None:
     assert [one.output_step(kept, drive**2) for one in found] == pytest.approx([0.0] * 3, abs=1e-4)
     for loop, off in ((kept, (0.0, 0.0, 0.0)), (lost, (0.0, 0.0, 0.1))):
         for one, expected in zip(found, off, strict=True):
-            measured = one.measure_step(loop, drive**2)
+            measured = one.measure_output_step(loop, drive**2)
             assert measured is not None
             assert abs(measured[0] - expected) < 4.0 * measured[1] < 0.08

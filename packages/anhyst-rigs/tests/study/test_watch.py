@@ -154,7 +154,7 @@ def test_a_chart_keeps_its_run_length_and_finds_a_shift_soon(correlation: float,
         # The shift is scaled for the correlation, so that its effect equals that on independent
         # values.
         after = row[10:] + shift * np.sqrt((1 + correlation) / (1 - correlation))
-        length = next((n for n, one in enumerate(after, 1) if chart.add(float(one))), after.size)
+        length = next((n for n, one in enumerate(after, 1) if chart.add_value(float(one))), after.size)
         runs.append(length)
     if shift == 0.0:
         assert np.mean(runs) > wanted

@@ -230,8 +230,10 @@ def _read_wave(session: LiveSession, fields: Fields) -> Wave:
         return read_wave_table(str(fields.get("text", "")), session.bench.demand_range.unit, begin_tick)
     amplitude = read_finite_number(fields, "amplitude")
     if shape == "chirp":
-        low, high, duration = (read_finite_number(fields, name) for name in ("low", "high", "lasts"))
-        return Chirp(amplitude, low, high, duration, begin_tick)
+        start_frequency, end_frequency, duration = (
+            read_finite_number(fields, name) for name in ("low", "high", "lasts")
+        )
+        return Chirp(amplitude, start_frequency, end_frequency, duration, begin_tick)
     return PeriodicWave(shape, amplitude, read_finite_number(fields, "frequency"), begin_tick)
 
 

@@ -131,8 +131,8 @@ _Result = TypeVar("_Result")
 class Client:
     """A browser that is connected, and the data that wait for it."""
 
-    def __init__(self, number: int, socket: WebSocket, ticks_per_row: int) -> None:
-        self.number = number
+    def __init__(self, client_number: int, socket: WebSocket, ticks_per_row: int) -> None:
+        self.number = client_number
         self.socket = socket
         self.outbox = RowQueue(ticks_per_row=ticks_per_row)
         self.sent_log_entries, self.sent_laps = 0, 0
@@ -287,12 +287,14 @@ class LiveServer:
 
     async def _handle_message(self, client: Client, message: Mapping[str, Any]) -> None:
         """Execute the order of a browser, and answer it. Every browser may stop the rig."""
-        number = message.get("id")
+        message_number = message.get("id")
         try:
             reply = await self._perform_order(client, message)
         except InputError as error:
             reply = {"reason": str(error)}
-        client.queue_message({"kind": "answer", "id": number if isinstance(number, int) else 0, **reply})
+        client.queue_message(
+            {"kind": "answer", "id": message_number if isinstance(message_number, int) else 0, **reply}
+        )
 
     async def _perform_order(self, client: Client, message: Mapping[str, Any]) -> Mapping[str, Any]:
         order = message.get("do")

@@ -132,10 +132,10 @@ class LiveSession:
             self.recorder.start_in_file(recording, RecordingSpan(), 0)
             self._note_parameters()
         self.pacer = PacedBench(self.bench, is_paused=True)
-        complete = self.pacer.subscribe("the recording", needs_every_tick=True)
+        full_subscription = self.pacer.subscribe("the recording", needs_every_tick=True)
         self._threads = [
             _start_thread("pages", self._pass_rows_to_listeners, self.pacer.subscribe("pages")),
-            _start_thread("recorder", self.recorder.run, complete),
+            _start_thread("recorder", self.recorder.run, full_subscription),
         ]
         if learner is not None:
             learn = partial(learner.run, run_on_bench=self.run_between_chunks)
@@ -183,24 +183,24 @@ class LiveSession:
         """Call a function between two chunks of ticks, and return its result."""
         return self.pacer.execute(lambda _: act())
 
-    def log_change(self, who: str, text: str) -> None:
+    def log_change(self, actor: str, text: str) -> None:
         """Write a change into the log and into the recording."""
-        self.log.append(LogEntry(self.bench.tick, who, text))
+        self.log.append(LogEntry(self.bench.tick, actor, text))
         self.log_entry_count += 1
-        self.recorder.note(self.bench.tick, f"{who}: {text}")
+        self.recorder.note(self.bench.tick, f"{actor}: {text}")
 
-    def record(self, name: str, span: RecordingSpan) -> None:
+    def record(self, name: str, recording_span: RecordingSpan) -> None:
         """Start a recording that includes active parameters and changes in its pretrigger time."""
         tick = self.bench.tick
-        self.recorder.start(name, span, tick)
+        self.recorder.start(name, recording_span, tick)
         self._note_parameters()
         for entry in tuple(self.log):
-            if entry.tick >= tick - span.pretrigger_s * self.bench.rate:
+            if entry.tick >= tick - recording_span.pretrigger_s * self.bench.rate:
                 self.recorder.note(entry.tick, f"{entry.who}: {entry.text}")
 
-    def stop(self, who: str) -> None:
+    def stop(self, actor: str) -> None:
         """Stop the rig, even if the bench is paused. The order is logged even if it is refused."""
-        self.log_change(who, "emergency stop")
+        self.log_change(actor, "emergency stop")
         try:
             self.bench.command(Command.STOP)
         finally:

@@ -42,15 +42,18 @@ SOLID_HELD_GAP_COUNT = 3
 
 def draft_force_control(magnet: MeasuredMagnet, loop_origin: dict[str, Any]) -> Draft:
     """Draft the rig file of a magnet with force control."""
-    low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
-    if not low > 0.0:
+    lowest_gap, highest_gap = float(magnet.gaps[0]), float(magnet.gaps[-1])
+    if not lowest_gap > 0.0:
         text = "an armature cannot be held at a gap of 0 m; remove its loops"
         raise InputError(text, code="gap-zero")
     cycle_Hz, sweep_time = magnet.fastest or (0.0, 0.0)
     rate = max(DEFAULT_RATE_HZ, min(round_nearest(TICKS_PER_CYCLE * cycle_Hz), MAX_RATE_HZ))
     gap_count = SOLID_HELD_GAP_COUNT if cycle_Hz else HELD_GAP_COUNT
-    gaps = [round_nearest(gap, 3) for gap in np.linspace(low, high, gap_count if high > low else 1)]
-    gaps[0], gaps[-1] = low, high
+    gaps = [
+        round_nearest(gap, 3)
+        for gap in np.linspace(lowest_gap, highest_gap, gap_count if highest_gap > lowest_gap else 1)
+    ]
+    gaps[0], gaps[-1] = lowest_gap, highest_gap
     return render_draft(
         "force",
         **loop_origin,

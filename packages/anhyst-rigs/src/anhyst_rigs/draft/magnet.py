@@ -92,18 +92,22 @@ class MeasuredMagnet:
         return float(current), float(force)
 
     @property
-    def pace(self) -> tuple[float, float] | None:
+    def sampling_and_rate(self) -> tuple[float, float] | None:
         """Sample interval, s, and rate of the current, A/s; None if the loops have no times."""
-        steps, sweeps = [], []
+        sample_intervals, current_rates = [], []
         for loop in self.loops.loops:
             if loop.time is None:
                 return None
             dt = np.diff(loop.time)
-            moving = dt > 0.0
-            steps.append(float(np.median(dt[moving])) if moving.any() else math.nan)
-            sweeps.append(float(np.abs(np.diff(loop.input)[moving]).sum() / dt[moving].sum()))
-        time_step, sweep_time = float(np.median(steps)), float(np.median(sweeps))
-        return (time_step, sweep_time) if time_step > 0.0 and sweep_time > 0.0 else None
+            is_time_increasing = dt > 0.0
+            sample_intervals.append(
+                float(np.median(dt[is_time_increasing])) if is_time_increasing.any() else math.nan
+            )
+            current_rates.append(
+                float(np.abs(np.diff(loop.input)[is_time_increasing]).sum() / dt[is_time_increasing].sum())
+            )
+        time_step, current_rate = float(np.median(sample_intervals)), float(np.median(current_rates))
+        return (time_step, current_rate) if time_step > 0.0 and current_rate > 0.0 else None
 
 
 def evaluate_loops(loops: Loops) -> MeasuredMagnet:
@@ -202,13 +206,13 @@ class Machine:
 
 def guess_missing_machine_data(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
     """Return the data of a machine, and guess values that the user did not give."""
-    for name, number, unit in (
+    for name, given_value, unit in (
         ("mass", request.mass, "kg"),
         ("load", request.load, "N"),
         ("gap", request.gap, "m"),
     ):
-        if number is not None and not (math.isfinite(number) and number > 0.0):
-            text = f"{name}: {number:g} {unit} is not above 0; correct it"
+        if given_value is not None and not (math.isfinite(given_value) and given_value > 0.0):
+            text = f"{name}: {given_value:g} {unit} is not above 0; correct it"
             raise InputError(text, code="not-above-zero", key=name)
     gap = _choose_gap(request, magnet)
     load = _choose_load(request, magnet)
@@ -220,25 +224,28 @@ def guess_missing_machine_data(request: MachineRequest, magnet: MeasuredMagnet) 
 
 
 def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue:
-    low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
+    lowest_gap, highest_gap = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if magnet.gaps.size < 2:
         raise InputError(
-            f"loops at one gap only, {low:g} m, but a bearing moves; measure loops at a smaller and "
+            f"loops at one gap only, {lowest_gap:g} m, but a bearing moves; measure loops at a smaller and "
             "a larger one",
             code="single-gap",
         )
     if request.gap is None:
-        return GuessedValue(round_nearest(0.5 * (low + high), 3), "the middle of the measured gaps")
-    gap, clearance = request.gap, STOP_CLEARANCE_TO_TRAVEL * (high - low)
-    if not low + clearance <= gap <= high - clearance:
+        return GuessedValue(
+            round_nearest(0.5 * (lowest_gap + highest_gap), 3), "the middle of the measured gaps"
+        )
+    gap, clearance = request.gap, STOP_CLEARANCE_TO_TRAVEL * (highest_gap - lowest_gap)
+    if not lowest_gap + clearance <= gap <= highest_gap - clearance:
         hints = [
             f", {gap:g}{exponent} m if {unit} are meant"
             for exponent, unit in (("e-3", "millimetres"), ("e-6", "micrometres"))
-            if low < gap * float(f"1{exponent}") < high
+            if lowest_gap < gap * float(f"1{exponent}") < highest_gap
         ]
         raise InputError(
             f"gap: {gap:g} m is too near the stops, which are the ends of the measured gaps of "
-            f"{low:g} to {high:g} m; give one from {low + clearance:g} to {high - clearance:g} m{''.join(hints)}",
+            f"{lowest_gap:g} to {highest_gap:g} m; give one from {lowest_gap + clearance:g} to "
+            f"{highest_gap - clearance:g} m{''.join(hints)}",
             code="gaps-not-covered",
             key="gap",
         )

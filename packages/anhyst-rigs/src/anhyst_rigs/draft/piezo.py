@@ -67,8 +67,8 @@ class FittedStack:
     @property
     def fit_text(self) -> str:
         """Residual of the fit as text."""
-        size, stroke = f"{1e6 * self.rms:.3g}", f"{1e6 * self.stroke:.3g}"
-        return f"{size} um rms, {100.0 * self.rms / self.stroke:.2g} % of the stroke of {stroke} um"
+        rms_text, stroke = f"{1e6 * self.rms:.3g}", f"{1e6 * self.stroke:.3g}"
+        return f"{rms_text} um rms, {100.0 * self.rms / self.stroke:.2g} % of the stroke of {stroke} um"
 
     @property
     def creep_text(self) -> str:
@@ -78,7 +78,9 @@ class FittedStack:
         if not self.creep_times:
             return "the loops show none: it barely reduces the residual"
         share_and_time = zip(self.creep_shares, self.creep_times, strict=True)
-        texts = ", ".join(f"{100 * ratio:.2g} % in {time:.2g} s" for ratio, time in share_and_time)
+        texts = ", ".join(
+            f"{100 * creep_fraction:.2g} % in {time:.2g} s" for creep_fraction, time in share_and_time
+        )
         return f"{texts}; without creep the residual is {1e6 * self.rms_without_creep:.3g} um"
 
 
@@ -102,15 +104,17 @@ def fit_stack(loopset: Loops) -> FittedStack:
             f"{100 * fit.rms / fit_problem.stroke:.2g} % of the stroke; check them with anhyst inspect",
             code="no-piezo",
         )
-    span, low = fit_problem.voltage_range, fit_problem.low / fit_problem.voltage_range
-    beta, ratio = math.exp(fit.shape[0]), float(fit.shape[1])
-    remaining_state = bouc_wen_state(np.array([0.0, fit_problem.high / span, low]), beta, ratio)[-1]
+    voltage_range, relative_low = fit_problem.voltage_range, fit_problem.low / fit_problem.voltage_range
+    beta, gamma_to_beta = math.exp(fit.shape[0]), float(fit.shape[1])
+    remaining_state = bouc_wen_state(
+        np.array([0.0, fit_problem.high / voltage_range, relative_low]), beta, gamma_to_beta
+    )[-1]
     parameters = {
-        "stroke_m_per_V": stroke / span,
-        "bend_m_per_V2": curvature / span**2,
-        "slope_m_per_V": slope / span,
-        "beta_per_V": beta / span,
-        "gamma_per_V": ratio * beta / span,
+        "stroke_m_per_V": stroke / voltage_range,
+        "bend_m_per_V2": curvature / voltage_range**2,
+        "slope_m_per_V": slope / voltage_range,
+        "beta_per_V": beta / voltage_range,
+        "gamma_per_V": gamma_to_beta * beta / voltage_range,
     }
     return FittedStack(
         numbers={key: float(value) for key, value in parameters.items()},
@@ -119,7 +123,7 @@ def fit_stack(loopset: Loops) -> FittedStack:
         low=fit_problem.low,
         high=fit_problem.high,
         stroke=max(float(np.ptp(displacement)) for displacement in fit_problem.displacements()),
-        remains=float(stroke * low + curvature * low**2 - slope * remaining_state),
+        remains=float(stroke * relative_low + curvature * relative_low**2 - slope * remaining_state),
         rms=fit.rms,
         rms_without_creep=fit_without_creep.rms,
         has_times=fit_problem.sample_s > 0.0,
@@ -189,15 +193,15 @@ class _FitProblem:
         from scipy.optimize import least_squares
 
         min_creep_shares = [0.0] * len(creep_times)
-        low = [-3.0, 0.0, 0.0, *min_creep_shares]
-        high = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
+        lower_bounds = [-3.0, 0.0, 0.0, *min_creep_shares]
+        upper_bounds = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
         shapes = [[guess, 0.3, 0.0] for guess in INITIAL_LOG_BETAS] if initial is None else [initial.shape]
         results = []
         for shape in shapes:
             result = least_squares(
                 lambda point: self._solve_weights(point, creep_times)[1],
-                np.clip([*shape[:3], *(0.005 for _ in creep_times)], low, high),
-                bounds=(low, high),
+                np.clip([*shape[:3], *(0.005 for _ in creep_times)], lower_bounds, upper_bounds),
+                bounds=(lower_bounds, upper_bounds),
                 x_scale=[1.0, 1.0, 0.3, *(0.01 for _ in creep_times)],
                 diff_step=1e-4,
                 max_nfev=50,
@@ -269,34 +273,34 @@ class _FitProblem:
         return creep
 
 
-def bouc_wen_state(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
+def bouc_wen_state(drive: FloatArray, beta: float, gamma_to_beta: float) -> FloatArray:
     """Return h of the Bouc-Wen model for a = 1 along a drive that begins without hysteresis.
 
     The solution is exact between reversal points. With the travel v and with g = h in its
     direction, dg/dv = 1 - beta*g - gamma*|g|, where gamma is ``ratio`` times beta.
     """
     step = np.diff(drive)
-    moving = np.flatnonzero(step)
+    moving_samples = np.flatnonzero(step)
     state = np.zeros(drive.size)
-    if not moving.size:
+    if not moving_samples.size:
         return state
-    step_signs = np.sign(step[moving])
-    reversals = moving[1:][step_signs[1:] != step_signs[:-1]]
+    step_signs = np.sign(step[moving_samples])
+    reversals = moving_samples[1:][step_signs[1:] != step_signs[:-1]]
     last_state = 0.0
     for begin, end in pairwise([0, *reversals.tolist(), drive.size - 1]):
         travel = np.abs(drive[begin : end + 1] - drive[begin])
         direction = 1.0 if drive[end] > drive[begin] else -1.0
-        branch = _branch_state(travel, direction * last_state, beta, ratio)
+        branch = _branch_state(travel, direction * last_state, beta, gamma_to_beta)
         state[begin : end + 1] = direction * branch
         last_state = float(state[end])
     return state
 
 
-def _branch_state(travel: FloatArray, start_state: float, beta: float, ratio: float) -> FloatArray:
+def _branch_state(travel: FloatArray, start_state: float, beta: float, gamma_to_beta: float) -> FloatArray:
     """Solve dg/dv = 1 - beta*g - gamma*|g| from an initial value; the sign of g sets the rate."""
     rate_at_positive_state, rate_at_negative_state = (
-        beta * (1.0 + ratio),
-        beta * (1.0 - ratio) or _NUMERICAL_MARGIN,
+        beta * (1.0 + gamma_to_beta),
+        beta * (1.0 - gamma_to_beta) or _NUMERICAL_MARGIN,
     )
     # g approaches 1/rate_at_positive_state from below
     start_state = min(start_state, (1.0 - _NUMERICAL_MARGIN) / rate_at_positive_state)

@@ -142,9 +142,9 @@ class ControllerLink:
         """Write a setting from the next tick on; return the value that the controller stores."""
         return self.request(frames.SettingWriteRequest(setting, value), frames.SettingAnswer).value
 
-    def write_block(self, words: Sequence[int]) -> int:
+    def write_block(self, block_words: Sequence[int]) -> int:
         """Send a parameter block and activate it between two ticks; return the active generation."""
-        all_words = [int(code) for code in words]
+        all_words = [int(word) for word in block_words]
         if len(all_words) <= GENERATION_INDEX:
             text = f"a block of {len(all_words)} words: is too short; send a complete block"
             raise InputError(text, code="block-too-short")
@@ -171,12 +171,14 @@ class ControllerLink:
 
     def read_block(self) -> list[int]:
         """Return the active parameter block."""
-        words: list[int] = []
+        block_words: list[int] = []
         with self._lock:
             length = self._read_block_words(0, LENGTH_INDEX + 1)[LENGTH_INDEX]
-            while len(words) < length:
-                words += self._read_block_words(len(words), min(length - len(words), _MAX_FRAME_WORDS))
-        return words
+            while len(block_words) < length:
+                block_words += self._read_block_words(
+                    len(block_words), min(length - len(block_words), _MAX_FRAME_WORDS)
+                )
+        return block_words
 
     def _read_block_words(self, offset: int, count: int) -> tuple[int, ...]:
         return self.request(frames.BlockReadRequest(offset, count), frames.BlockWordsAnswer).words

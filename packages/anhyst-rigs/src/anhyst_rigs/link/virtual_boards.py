@@ -96,7 +96,7 @@ class PlantBus:
         for _ in range(ticks):
             self._step(self.tick + 1)
 
-    def skip(self, ticks: int) -> None:
+    def skip_ticks(self, ticks: int) -> None:
         """Advance the plant by ticks that the controller misses because it does not run."""
         for _ in range(ticks):
             self.tick += 1

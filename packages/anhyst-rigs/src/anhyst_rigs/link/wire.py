@@ -168,8 +168,8 @@ def split_packets(data: bytes, serial: bool = False) -> SplitResult:
 
 def _checksum(data: bytes) -> bytes:
     """Return the sum of all words, with the low byte first."""
-    total: int = sum(struct.unpack(f"<{len(data) // 2}H", data))
-    return (total & 0xFFFF).to_bytes(_CHECKSUM_BYTES, "little")
+    word_sum: int = sum(struct.unpack(f"<{len(data) // 2}H", data))
+    return (word_sum & 0xFFFF).to_bytes(_CHECKSUM_BYTES, "little")
 
 
 def compute_key(seed: bytes, secret: int = SEED_SECRET) -> bytes:
@@ -290,11 +290,11 @@ def _open_serial(url: str, baud: int) -> Any:
 
 
 def _explain_error(error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    if number is None and isinstance(error.__context__, OSError):
-        number = error.__context__.errno
-    if number in _ERROR_TEXTS:
-        return _ERROR_TEXTS[number]
+    error_number = getattr(error, "errno", None)
+    if error_number is None and isinstance(error.__context__, OSError):
+        error_number = error.__context__.errno
+    if error_number in _ERROR_TEXTS:
+        return _ERROR_TEXTS[error_number]
     text = str(error)
     if "refused" in text:
         return "connection refused; start the controller first"

@@ -149,8 +149,8 @@ def _label_cell(
 ) -> None:
     """Write the ratio into its square, and hatch the square if there is no significant gain."""
     x, y = position
-    ratio, baseline = _ratio_or_nan(comparison), comparison.baseline
-    text = "lost" if math.isnan(ratio) else f"{ratio:.2f}"
+    metric_ratio, baseline = _ratio_or_nan(comparison), comparison.baseline
+    text = "lost" if math.isnan(metric_ratio) else f"{metric_ratio:.2f}"
     if map_cell.iron.label == "pathological":
         text += "†"
     if baseline and baseline != map_baseline:
@@ -163,7 +163,7 @@ def _label_cell(
         ha="center",
         va="center",
         fontsize=7.0,
-        color="#FFFFFF" if is_gain and ratio < _MAX_RATIO_WITH_WHITE_TEXT else INK_COLOUR,
+        color="#FFFFFF" if is_gain and metric_ratio < _MAX_RATIO_WITH_WHITE_TEXT else INK_COLOUR,
         bbox=None if is_gain else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
     )
     if not is_gain:

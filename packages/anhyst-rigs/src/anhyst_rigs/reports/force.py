@@ -239,14 +239,14 @@ def _headline(result: ForceControl, has_verification: bool) -> Headline:
         + "; ".join(result.plant.report_lines)
         + ".",
         notes=tuple(notes),
-        tiles=_tiles(result),
+        tiles=_error_tiles(result),
         comparison=comparison_table(result),
         validity="Errors of the true force after the lead-in, which only a simulation knows. They "
         "include the delay of one tick and the lag of the amplifier.",
     )
 
 
-def _tiles(result: ForceControl) -> tuple[Tile, ...]:
+def _error_tiles(result: ForceControl) -> tuple[Tile, ...]:
     """Return the largest errors for the fastest demand with a fixed armature."""
     demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
     fastest_demand = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
@@ -282,8 +282,12 @@ def comparison_table(result: ForceControl) -> PageTable:
 @use_report_style
 def figure_constant_gap(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
     """Draw forces and errors at the end of the stroke: one column per demand (paper, Fig. 7)."""
-    unknown_starts = [outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"]
-    return _draw_columns(rig, unknown_starts, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0)
+    outcomes_with_unknown_history = [
+        outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"
+    ]
+    return _draw_columns(
+        rig, outcomes_with_unknown_history, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0
+    )
 
 
 @use_report_style
@@ -361,7 +365,7 @@ def _draw_forces(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome) -> None:
 
 
 def _draw_deviations(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome, *, title: bool = True) -> None:
-    worst = []
+    worst_errors = []
     for name in (controller for controller in _DRAWN_ERRORS if controller in outcome.recordings):
         deviation = outcome.recordings[name]["force_N"] - outcome.trial.demand.force
         deviation[: outcome.trial.demand.lead_in] = np.nan
@@ -369,11 +373,11 @@ def _draw_deviations(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome, *, t
         ax.plot(
             *_thin_curve(rig, outcome, deviation), color=COLOURS[_DRAWN_ERRORS[name]], lw=1.0, label=label
         )
-        worst.append(
+        worst_errors.append(
             f"{CONTROLLER_TITLES[name]} {_worst_error_percent(rig, outcome, name):.2f}\N{NO-BREAK SPACE}%"
         )
     if title:
-        text = textwrap.fill(f"worst: {'; '.join(worst)}", MAX_TITLE_LETTERS)
+        text = textwrap.fill(f"worst: {'; '.join(worst_errors)}", MAX_TITLE_LETTERS)
         ax.set_title(text, fontsize=8.0, weight="normal")
 
 

@@ -122,19 +122,18 @@ def _figure_title(figure: PlantMetric, case: str) -> str:
 
 def _worst_plants(runs: MonteCarlo) -> Items:
     """Return the worst plant for each case of the first metric, with the drift of this plant."""
-    figure, own_method = runs.plants.figures[0], runs.plants.main_method
+    figure, main_method = runs.plants.figures[0], runs.plants.main_method
     rows = []
     for case, name in enumerate(figure.case_names):
-        values = runs.values(own_method, figure.key, case)
-        number = int(np.argmax(values))
+        values = runs.values(main_method, figure.key, case)
+        plant_number = int(np.argmax(values))
         value_text = "lost"
-        if math.isfinite(values[number]):
-            value_text = f"{format_number(figure.factor * values[number], 2)}{NBSP}{figure.unit}"
-        text = (
-            f"{_figure_title(figure, name)}, {value_text}: plant {number}, {_drift_text(runs.drifts[number])}"
-        )
+        if math.isfinite(values[plant_number]):
+            value_text = f"{format_number(figure.factor * values[plant_number], 2)}{NBSP}{figure.unit}"
+        text = f"{_figure_title(figure, name)}, {value_text}: plant {plant_number}, "
+        text += f"{_drift_text(runs.drifts[plant_number])}"
         rows.append(text)
-    return Items(f"Worst plants of {own_method}", tuple(rows))
+    return Items(f"Worst plants of {main_method}", tuple(rows))
 
 
 def _drift_text(drift: Drift) -> str:

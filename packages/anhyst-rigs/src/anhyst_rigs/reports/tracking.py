@@ -295,15 +295,21 @@ def _scan_section(study: TrackingStudy) -> Section:
 def _limit_section(study: TrackingStudy) -> Section:
     columns: tuple[tuple[str, Callable[[VariantResult], float]], ...] = (
         ("small forces: peak [nm]", lambda variant: 1e9 * variant.small_force_measures.peak_m),
-        ("moving average over the slit [nm]", lambda figures: 1e9 * figures.small_force_measures.average_m),
-        ("standstill, rms [nm]", lambda one: 1e9 * one.standstill_m),
-        ("one repeated set-point: peak [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.peak_m),
-        ("moving average over the slit [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.average_m),
-        ("into 50 nm [ms]", lambda one: 1e3 * one.repeated_setpoint_measures.settling_50_s),
+        ("moving average over the slit [nm]", lambda variant: 1e9 * variant.small_force_measures.average_m),
+        ("standstill, rms [nm]", lambda variant: 1e9 * variant.standstill_m),
+        (
+            "one repeated set-point: peak [nm]",
+            lambda variant: 1e9 * variant.repeated_setpoint_measures.peak_m,
+        ),
+        (
+            "moving average over the slit [nm]",
+            lambda variant: 1e9 * variant.repeated_setpoint_measures.average_m,
+        ),
+        ("into 50 nm [ms]", lambda variant: 1e3 * variant.repeated_setpoint_measures.settling_50_s),
     )
     rows = [
-        [name, *(format_number(value(one), 3) for _, value in columns)]
-        for name, one in study.variants.items()
+        [name, *(format_number(value(variant), 3) for _, value in columns)]
+        for name, variant in study.variants.items()
     ]
     table_header = ["variant", *(title for title, _ in columns)]
     return Section(

@@ -31,7 +31,7 @@ class GainsPoint:
 @use_report_style
 def figure_pareto(
     candidates: Sequence[GainsPoint],
-    chosen: Mapping[MethodName, GainsPoint],
+    chosen_points: Mapping[MethodName, GainsPoint],
     metric: Metric,
     limits: tuple[float | None, float | None],
 ) -> Figure:
@@ -60,7 +60,7 @@ def figure_pareto(
             drawstyle="steps-post",
             label=f"front, {name}",
         )
-        if (chosen_point := chosen.get(name)) is not None:
+        if (chosen_point := chosen_points.get(name)) is not None:
             metric_value = metric.factor * chosen_point.reached
             label = f"chosen, {name}: {metric_value:.2f} {metric.unit}, peak {chosen_point.peak:.2f}"
             chosen_style: dict[str, Any] = {"ms": 13.0, "mfc": COLOURS[name], "mec": INK_COLOUR, "mew": 0.7}
@@ -99,12 +99,12 @@ def write_pareto(tuning: Tuning, folder: Path) -> None:
         for name, tuned_variant in tuning.tuned.items()
         for trial in tuned_variant.search_result.candidates
     ]
-    chosen = {
+    chosen_points = {
         name: gains_point(name, tuned.aims, tuned.figures)
         for name, tuned in tuning.tuned.items()
         if math.isfinite(tuned.figures.cost)
     }
     minimised_name = tuning.first_tuned.figures.cost_name
     limits = tuning.aims.limits.get(minimised_name), tuning.aims.peak_sensitivity
-    figure = figure_pareto(candidates, chosen, GAIN_METRICS[minimised_name], limits)
+    figure = figure_pareto(candidates, chosen_points, GAIN_METRICS[minimised_name], limits)
     write_png(figure, folder / RESULT_FILES[2])

@@ -96,8 +96,8 @@ class LoopDeviation:
 def measure_deviation(loops: Loops, force: Callable[[Loop], FloatArray]) -> LoopDeviation:
     """Return the deviation of predicted forces from loops."""
     deviations = np.abs(np.concatenate([force(loop) - loop.output for loop in loops.loops]))
-    largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
-    return LoopDeviation(float(deviations.mean()), float(deviations.max()), largest)
+    largest_force = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
+    return LoopDeviation(float(deviations.mean()), float(deviations.max()), largest_force)
 
 
 def measure_model_deviation(loops: Loops, model: Model) -> LoopDeviation:

@@ -191,8 +191,10 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
 
 
 def _shift_position(position: Sequence[float], drift: Drift) -> list[float]:
-    shift = (drift.place_x, drift.place_y, drift.place_z)
-    return [coordinate + displacement for coordinate, displacement in zip(position, shift, strict=True)]
+    position_shift = (drift.place_x, drift.place_y, drift.place_z)
+    return [
+        coordinate + displacement for coordinate, displacement in zip(position, position_shift, strict=True)
+    ]
 
 
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
@@ -233,10 +235,13 @@ def drifted_law(model: Model, drift: Drift) -> Model:
 def _drifted_cells(model: Model, drift: Drift) -> Model:
     """Return a drifted law of play cells; cell 0 (without a threshold) is the reversible part."""
     cells = cell_weights(model)
-    shares = cells.weights.sum(axis=1) / cells.saturation
-    reversible_share = min(float(shares[0]) * (1.0 + drift.reversible), 1.0)
-    factors = np.full(shares.size, (1.0 - reversible_share) / (1.0 - shares[0]) if shares[0] < 1.0 else 1.0)
-    factors[0] = reversible_share / shares[0] if shares[0] > 0.0 else 1.0
+    cell_fractions = cells.weights.sum(axis=1) / cells.saturation
+    reversible_fraction = min(float(cell_fractions[0]) * (1.0 + drift.reversible), 1.0)
+    factors = np.full(
+        cell_fractions.size,
+        (1.0 - reversible_fraction) / (1.0 - cell_fractions[0]) if cell_fractions[0] < 1.0 else 1.0,
+    )
+    factors[0] = reversible_fraction / cell_fractions[0] if cell_fractions[0] > 0.0 else 1.0
     drifted_weights = replace(
         cells,
         thresholds=(1.0 + drift.pinning) * cells.thresholds,

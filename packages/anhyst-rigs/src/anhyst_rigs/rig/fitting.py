@@ -167,7 +167,7 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
         force=np.concatenate(forces),
         flux_density=np.concatenate(densities),
         delay=timing.delay_ticks * rig.dt + amplifier.delay_s,
-        lag=sum(1.0 / (2.0 * math.pi * corner) for corner in corner_frequencies)
+        lag=sum(1.0 / (2.0 * math.pi * corner_frequency) for corner_frequency in corner_frequencies)
         + rig.settings.magnet.eddy_time_s,
     )
 

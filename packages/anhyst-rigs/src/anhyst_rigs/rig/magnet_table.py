@@ -167,8 +167,8 @@ class MagnetTable(Table):
     @property
     def poles(self) -> Poles:
         """Winding and poles; requires that all their parameters are given or fitted."""
-        numbers = {name: getattr(self, key) for name, key in POLE_KEYS.items()}
-        poles = Poles(**{**numbers, "joints": self.joints_m or 0.0})
+        pole_values = {name: getattr(self, key) for name, key in POLE_KEYS.items()}
+        poles = Poles(**{**pole_values, "joints": self.joints_m or 0.0})
         return poles if self.kind == LAW_KIND else ACTUATORS[self.kind].circuit(poles, self.numbers)
 
 

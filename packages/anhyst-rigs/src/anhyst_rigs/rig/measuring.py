@@ -187,9 +187,11 @@ def measure_loops(rig: BodyRig) -> Loops:
 
     The conditioning cycles precede every record. With fast cycles, all loops are measured in time.
     """
-    held, campaign = HeldBearing(rig), rig.settings.measurement
+    held_bearing, campaign = HeldBearing(rig), rig.settings.measurement
     indices = range(len(campaign.gaps_m))
     rates = campaign.fast_A_per_s
-    loops = [loop for index in indices for loop in measure_at_gap(held, campaign, index, fast_rates=rates)]
+    loops = [
+        loop for index in indices for loop in measure_at_gap(held_bearing, campaign, index, fast_rates=rates)
+    ]
     output = QUANTITIES[rig.settings.magnet.output]
     return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

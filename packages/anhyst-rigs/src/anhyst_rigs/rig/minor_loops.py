@@ -41,16 +41,16 @@ class LoopClosing:
             outputs.append(float(np.interp(self.closing_input, loop.input[rows][order], output[rows][order])))
         return outputs[1] - outputs[0]
 
-    def measure_step(self, loop: Loop, model_output: FloatArray) -> tuple[float, float] | None:
+    def measure_output_step(self, loop: Loop, model_output: FloatArray) -> tuple[float, float] | None:
         """Return the measured misclosure and its standard error; None if there are too few samples.
 
         The estimate uses the residuals of a model that follows the loop. These residuals are
         assumed to depend linearly on the input within the window.
         """
         window, distances, residuals = _WINDOW_HALF_WIDTH_TO_RANGE * float(np.ptp(loop.input)), [], []
-        for rows, side in ((self.earlier_samples, 0.0), (self.later_samples, self.after_side)):
+        for rows, side_indicator in ((self.earlier_samples, 0.0), (self.later_samples, self.after_side)):
             distance = (loop.input[rows] - self.closing_input) / window
-            is_near = (np.abs(distance) <= 1.0) & (side * distance >= 0.0)
+            is_near = (np.abs(distance) <= 1.0) & (side_indicator * distance >= 0.0)
             if np.count_nonzero(is_near) < _MIN_SAMPLES:
                 return None
             distances.append(distance[is_near])

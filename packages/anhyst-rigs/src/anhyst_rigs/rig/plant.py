@@ -159,15 +159,15 @@ def _amplifier_parameters(rig: BodyRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
     gain, reset = current_controller_gains(rig)
     is_current_source = amplifier.mode == "current"
-    low = amplifier.current_low_A if is_current_source else -amplifier.supply
-    high = amplifier.current_high_A if is_current_source else amplifier.supply
+    output_low = amplifier.current_low_A if is_current_source else -amplifier.supply
+    output_high = amplifier.current_high_A if is_current_source else amplifier.supply
     return {
         "limit": amplifier.supply,
         "gain": gain if is_current_source else 0.0,
         "reset": reset if is_current_source else 0.0,
-        "low": low,
-        "high": high,
-        "step": (high - low) / ((1 << amplifier.dac_bits) - 1),
+        "low": output_low,
+        "high": output_high,
+        "step": (output_high - output_low) / ((1 << amplifier.dac_bits) - 1),
     }
 
 

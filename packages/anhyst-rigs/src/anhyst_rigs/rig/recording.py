@@ -43,9 +43,13 @@ def column_name(signal: str, unit: str, number: int = 1) -> str:
     return "_".join(name_part for name_part in (signal, f"{number}" if number > 1 else "", unit) if name_part)
 
 
-def magnet_columns(signals: Sequence[tuple[str, str]], first: int, last: int) -> tuple[str, ...]:
+def magnet_columns(
+    signals: Sequence[tuple[str, str]], first_magnet: int, last_magnet: int
+) -> tuple[str, ...]:
     """Return the columns of the given signals, one magnet after another."""
-    return tuple(column_name(*name, number) for number in range(first, last + 1) for name in signals)
+    return tuple(
+        column_name(*name, number) for number in range(first_magnet, last_magnet + 1) for name in signals
+    )
 
 
 COLUMNS: tuple[str, ...] = (

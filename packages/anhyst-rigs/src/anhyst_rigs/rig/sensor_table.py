@@ -189,8 +189,8 @@ SensorEntry = Annotated[
 class NoisySensor:
     """A sensor with noise from a seed, which is read sample by sample."""
 
-    def __init__(self, numbers: Mapping[str, float], seed: list[int]) -> None:
-        self._sensor, self._sigma = Sensor(numbers), numbers["noise"]
+    def __init__(self, parameters: Mapping[str, float], seed: list[int]) -> None:
+        self._sensor, self._sigma = Sensor(parameters), parameters["noise"]
         self._rng = np.random.default_rng(seed)
 
     def noise(self, count: int) -> FloatArray:

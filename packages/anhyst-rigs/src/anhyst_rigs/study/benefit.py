@@ -263,8 +263,8 @@ def _make_step_cell(
     }
     hold_time = rig.settings.step.hold_s
     values = {
-        name: {metric.key: _step_values(pairs, metric.key, hold_time) for metric in STEP_METRICS}
-        for name, pairs in runs.items()
+        name: {metric.key: _step_values(step_pairs, metric.key, hold_time) for metric in STEP_METRICS}
+        for name, step_pairs in runs.items()
     }
     standstill = {
         name: float(
@@ -429,7 +429,7 @@ def _cases_by_name(plants: Plants) -> Mapping[str, Sequence[int]]:
 
 def _largest_value(figure: float | Sequence[float | None] | None, positions: Sequence[int]) -> float:
     """Return the largest of some values of a metric; infinite if a level was not reached."""
-    values = [figure[number] for number in positions] if isinstance(figure, Sequence) else [figure]
+    values = [figure[position] for position in positions] if isinstance(figure, Sequence) else [figure]
     return max(math.inf if value is None else value for value in values)
 
 

@@ -233,9 +233,13 @@ class FleetChoice:
 
     def task(self, member: Member, given_settings: FleetSettings, out: Path) -> FleetTask:
         """Return the task of a magnet; a pilot keeps the settings of the user."""
-        search = given_settings if member.name in self.pilots else self.settings
+        search_settings = given_settings if member.name in self.pilots else self.settings
         return FleetTask(
-            member, self.settings, out, (search.law, search.gap_map), self.identifications.get(member.name)
+            member,
+            self.settings,
+            out,
+            (search_settings.law, search_settings.gap_map),
+            self.identifications.get(member.name),
         )
 
 

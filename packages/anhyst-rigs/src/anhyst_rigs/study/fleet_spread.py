@@ -100,10 +100,10 @@ class _Coordinates:
 
     @classmethod
     def from_values(cls, values: FloatArray, coordinates: Sequence[Coordinate]) -> _Coordinates:
-        sizes = np.abs(values)
-        scale = np.median(sizes, axis=0)
+        magnitudes = np.abs(values)
+        scale = np.median(magnitudes, axis=0)
         # The median may be zero, which is the bound of the search.
-        scale = np.where(scale > 0.0, scale, sizes.max(axis=0))
+        scale = np.where(scale > 0.0, scale, magnitudes.max(axis=0))
         kinds = np.array(coordinates)
         log = (kinds == "log") & (values > 0.0).all(axis=0)
         asinh = kinds == "asinh"

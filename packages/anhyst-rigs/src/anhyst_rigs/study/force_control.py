@@ -128,13 +128,15 @@ class ForceControl(StudyResult):
     def _errors(self) -> list[dict[str, Any]]:
         return [
             {
-                "trial": number,
+                "trial": trial_number,
                 "stage": outcome.trial.trial_stage,
                 "controller": name,
                 "error_rms_N": figures["true"]["rms_N"],
                 "error_worst_N": figures["true"]["worst_N"],
             }
-            for number, (outcome, trial) in enumerate(zip(self.outcomes, self.figures["trials"], strict=True))
+            for trial_number, (outcome, trial) in enumerate(
+                zip(self.outcomes, self.figures["trials"], strict=True)
+            )
             for name, figures in trial["controllers"].items()
         ]
 

@@ -91,19 +91,19 @@ class ForceOutcome:
 def plan_trials(rig: ForceControlRig, demands: list[Demand]) -> Iterator[ForceTrial]:
     """Yield all trials, in the order of the paper."""
     settings = rig.settings
-    number = 0
+    trial_number = 0
     for demand in demands:
         initial_states: tuple[InitialState, ...] = ("unknown", "demagnetised")
         for initial_state in initial_states:
-            yield ForceTrial("end", demand, settings.force.end_m, initial_state, number)
-            number += 1
+            yield ForceTrial("end", demand, settings.force.end_m, initial_state, trial_number)
+            trial_number += 1
     for demand in demands:
         for position in settings.held_case.gaps_m:
-            yield ForceTrial("positions", demand, position, "unknown", number)
-            number += 1
+            yield ForceTrial("positions", demand, position, "unknown", trial_number)
+            trial_number += 1
     for demand in demands:
-        yield ForceTrial("moving", demand, None, "unknown", number)
-        number += 1
+        yield ForceTrial("moving", demand, None, "unknown", trial_number)
+        trial_number += 1
 
 
 def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:

@@ -46,11 +46,15 @@ def reversal_slope_ratio(loopset: Loops) -> float | None:
         curves = [fold_input(loop, even=has_even_output) for loop in loops]
         all_inputs = np.concatenate([input_values for input_values, _ in curves])
         all_outputs = np.concatenate([output_values for _, output_values in curves])
-        low, high = (level * float(np.max(np.abs(all_outputs))) for level in _OUTPUT_RANGE_TO_MAX)
+        output_low, output_high = (
+            level * float(np.max(np.abs(all_outputs))) for level in _OUTPUT_RANGE_TO_MAX
+        )
         mean_curve = average_in_bins(all_inputs, all_outputs, _REVERSAL_BINS)
         for input_values, output_values in curves:
             for branch, next_branch in itertools.pairwise(find_branches(input_values)):
-                if not (branch.is_rising and low <= abs(output_values[next_branch.start]) <= high):
+                if not (
+                    branch.is_rising and output_low <= abs(output_values[next_branch.start]) <= output_high
+                ):
                     continue
                 input_change, output_change = _changes_after_reversal(
                     input_values, output_values, branch, next_branch, max_input_change

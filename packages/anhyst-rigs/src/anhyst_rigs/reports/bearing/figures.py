@@ -120,9 +120,9 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
         overshoot = interval_text(panel.overshoot.get(name), "%")
         curve = reduce_curve_points(time, 1e6 * (step.gap_before - run["gap_m"]))
         ax.plot(*curve, **line_style(name), label=f"{name}: overshoot {overshoot}")
-    low, high = ax.get_ylim()
+    axis_low, axis_high = ax.get_ylim()
     if sign < 0.0:
-        ax.set_ylim(low - 0.1 * (high - low), high)
+        ax.set_ylim(axis_low - 0.1 * (axis_high - axis_low), axis_high)
     ax.set_xlim(-1e3 * _SHOWN_BEFORE_S, 1e3 * _SHOWN_AFTER_S)
     ax.tick_params(labelbottom=False)
     ax.set_ylabel("position (µm)")
@@ -137,12 +137,12 @@ def figure_forces(recordings: Recordings) -> Figure:
     names = sort_for_report(recordings)
     figure = new_figure(4.6, width=max(9.6, 3.0 * len(names)))
     axes = figure.subplots(2, len(names), squeeze=False, sharex=True, sharey="row", height_ratios=(3, 2))
-    for (above, below), name in zip(axes.T, names, strict=True):
+    for (force_ax, error_ax), name in zip(axes.T, names, strict=True):
         recording = recordings[name]
         time = 1e3 * (recording["t_s"] - recording["t_s"][0])
         demand, force = recording["demand_N"], recording["force_N"]
-        above.plot(*reduce_curve_points(time, force), **line_style(name), label=f"true force, {name}")
-        above.plot(
+        force_ax.plot(*reduce_curve_points(time, force), **line_style(name), label=f"true force, {name}")
+        force_ax.plot(
             *reduce_curve_points(time, demand),
             color=INK_COLOUR,
             lw=0.8,
@@ -150,11 +150,13 @@ def figure_forces(recordings: Recordings) -> Figure:
             label="demanded force",
         )
         error = force - demand
-        below.plot(*reduce_curve_points(time, error), **line_style(name))
+        error_ax.plot(*reduce_curve_points(time, error), **line_style(name))
         rms = float(np.sqrt(np.mean(error**2)))
-        above.set_title(METHOD_TITLES[name], fontsize=8.5)
-        below.set_title(f"rms {rms:.2f} N, worst {np.abs(error).max():.2f} N", fontsize=8.0, weight="normal")
-        below.set_xlabel("time (ms)")
+        force_ax.set_title(METHOD_TITLES[name], fontsize=8.5)
+        error_ax.set_title(
+            f"rms {rms:.2f} N, worst {np.abs(error).max():.2f} N", fontsize=8.0, weight="normal"
+        )
+        error_ax.set_xlabel("time (ms)")
     axes[0, 0].set_ylabel("force (N)")
     axes[1, 0].set_ylabel("true - demanded force (N)")
     legend_below(figure, *axes[0])
@@ -263,9 +265,9 @@ def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
     ]
 
 
-def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCurve:
+def identified_loop(model: Model, gap: float, current_low: float, current_high: float) -> LoopCurve:
     """Return the steady-state loop that a model predicts between two currents."""
-    rising_current = np.linspace(low, high, _BRANCH_SAMPLES)
+    rising_current = np.linspace(current_low, current_high, _BRANCH_SAMPLES)
     current = np.concatenate([rising_current, rising_current[-2::-1]])
     force = model.predict(current, gap, history="settled").output
     return LoopCurve(gap, current, np.asarray(force, dtype=np.float64))
@@ -399,11 +401,11 @@ def _draw_zones(ax: Axes, top_level: float) -> None:
     """Shade and label the zones of a sensitivity."""
     edges = [_MIN_LEVEL_DB, *(20.0 * math.log10(limit) for limit in ZONE_LIMITS.values()), top_level]
     names = [*ZONE_LIMITS, "D"]
-    for name, fill, low, high in zip(names, _ZONE_COLOURS, edges[:-1], edges[1:], strict=True):
-        ax.axhspan(low, high, color=fill, lw=0, zorder=0)
+    for name, fill, zone_low, zone_high in zip(names, _ZONE_COLOURS, edges[:-1], edges[1:], strict=True):
+        ax.axhspan(zone_low, zone_high, color=fill, lw=0, zorder=0)
         ax.text(
             0.93 if name == "B" else 0.995,
-            0.5 * (max(low, 0.0) + high),
+            0.5 * (max(zone_low, 0.0) + zone_high),
             f"zone {name}",
             transform=ax.get_yaxis_transform(),
             ha="right",

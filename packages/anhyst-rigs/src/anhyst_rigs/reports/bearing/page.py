@@ -76,7 +76,7 @@ def _headline(subject: SimulationSubject) -> Headline:
         description=f"{plant_text(subject.rig)}; {control}.",
         basis=f"{basis}.",
         notes=tuple(sorted(notes, key=lambda note: note.tone != "bad")),
-        tiles=_tiles(subject),
+        tiles=_overshoot_tiles(subject),
         comparison=benefit_table(subject),
         validity="These results apply only to this plant, its iron and these settings. The gain "
         "of compensation depends on loop width, reversible fraction and step height.",
@@ -93,7 +93,7 @@ def plant_text(rig: BodyRig) -> str:
     )
 
 
-def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
+def _overshoot_tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
     """Return the overshoot at the operating gap by step height, also of the best baseline."""
     tiles = []
     gap = subject.rig.settings.gap_m

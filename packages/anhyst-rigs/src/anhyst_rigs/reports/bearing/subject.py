@@ -133,7 +133,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         for step in upward_steps
     )
     standstill_plan = experiments.plan_standstill(simulation.setups[simulation.main_variant])
-    chosen = {
+    shown_runs = {
         name: run
         for name, run in complete_runs.items()
         if name in (*_FORCE_VARIANTS, simulation.main_variant)
@@ -147,8 +147,8 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         seeds=settings.noise_seeds,
         panels=panels,
         steps=steps,
-        forces=_cut_around_step(chosen, rig.dt, upward_steps[-1]),
-        run=_cut_around_step(chosen, rig.dt, upward_steps[-1]) if has_one_magnet else {},
+        forces=_cut_around_step(shown_runs, rig.dt, upward_steps[-1]),
+        run=_cut_around_step(shown_runs, rig.dt, upward_steps[-1]) if has_one_magnet else {},
         measured_loops=tuple(nearest_loops(loops, settings.gap_m)) if has_one_magnet else (),
         identified=identified_loop(simulation.knowledge.model.at_rest, settings.gap_m, 0.0, current)
         if has_one_magnet
@@ -400,8 +400,8 @@ def experiment_tables(experiments: Experiments) -> list[PageTable]:
     loads = {f"load step of {force:g}{NBSP}N": step_figures for force, step_figures in experiments.load_steps}
     recovery: dict[str, VariantFigures] = dict(loads)
     events: dict[str, VariantFigures] = {}
-    for event, one in experiments.events.items():
-        (recovery if event == "overload" else events)[event] = one
+    for event, event_figures in experiments.events.items():
+        (recovery if event == "overload" else events)[event] = event_figures
     groups = (
         (trajectories, TRACKING_METRICS),
         (loads, (LOAD_STEP_PEAK,)),
@@ -461,12 +461,12 @@ def settling_sentence(subject: SimulationSubject) -> str:
             settling_times for settling_times in settling_time_pairs if not math.isnan(sum(settling_times))
         ]  # Levitation was lost.
         if settling_time_pairs:
-            own_range, ratio_range = (
+            settling_range, ratio_range = (
                 _range_text([metric.factor * value for value in values], metric.unit)
                 for values in zip(*settling_time_pairs, strict=True)
             )
             counts.append(
-                f"{metric.title.lower()}: {own_range} with {subject.variant}, {ratio_range} with ratio"
+                f"{metric.title.lower()}: {settling_range} with {subject.variant}, {ratio_range} with ratio"
             )
     if not counts:
         return ""

@@ -226,13 +226,13 @@ def _shrink_to_box(text: Text) -> None:
         text.set_fontsize(float(text.get_fontsize()) * max_width / width)
 
 
-def draw_arrow(ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, **style: Any) -> None:
+def draw_arrow(ax: Axes, points: Sequence[Point], colour: str = RISING_COLOUR, **style: Any) -> None:
     """Draw an arrow through several points, with its head at the last point."""
-    xs, ys = zip(*corners, strict=True)
-    if len(corners) > 2:
+    xs, ys = zip(*points, strict=True)
+    if len(points) > 2:
         ax.plot(xs[:-1], ys[:-1], color=colour, lw=1.3, solid_joinstyle="round")
     arrow_style = {"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", corners[-1], corners[-2], arrowprops=arrow_style | style)
+    ax.annotate("", points[-1], points[-2], arrowprops=arrow_style | style)
 
 
 def draw_label(
@@ -327,7 +327,9 @@ def method_table(
     def cell(interval_of: Callable[[str], Interval | None], metric: Metric) -> str:
         return interval_text(interval_of(metric.key), factor=metric.factor).replace(" ", NBSP)
 
-    rows = [[name, *(cell(of, metric) for metric in metrics)] for name, of in methods.items()]
+    rows = [
+        [name, *(cell(value_of_key, metric) for metric in metrics)] for name, value_of_key in methods.items()
+    ]
     return make_table(title, ["variant", *(metric.heading for metric in metrics)], rows, caption)
 
 

@@ -266,17 +266,17 @@ class BearingBench(LockStepBench):
         run = self._loop.run(scenario)
         if len(run) < scenario.ticks:
             raise InputError(f"the controller did not answer tick {self.tick}", code="no-answer")
-        numbers = np.arange(first_tick, first_tick + len(run), dtype=np.float64)
-        rows = np.column_stack((numbers, run.table, self._firmware_columns(self._bus.take())))
+        tick_numbers = np.arange(first_tick, first_tick + len(run), dtype=np.float64)
+        rows = np.column_stack((tick_numbers, run.table, self._firmware_columns(self._bus.take())))
         self.gap = float(run["gap_m"][-1])
         self.state = State(int(rows[-1, _STATE_COLUMN]))
         self.fault = Fault(int(rows[-1, _STATE_COLUMN + 2]))
         return rows
 
-    def _firmware_columns(self, words: NDArray[np.uint32]) -> FloatArray:
+    def _firmware_columns(self, answer_words: NDArray[np.uint32]) -> FloatArray:
         """Return one column for each signal of the firmware, from the words of its answers."""
-        signed_words = words.view(np.int32).astype(np.float64)
-        state, mode = words[:, _WORD_INDEX["state"]], words[:, _WORD_INDEX["mode"]]
+        signed_words = answer_words.view(np.int32).astype(np.float64)
+        state, mode = answer_words[:, _WORD_INDEX["state"]], answer_words[:, _WORD_INDEX["mode"]]
         return np.column_stack(
             (
                 signed_words[:, _WORD_INDEX["expected"]] / Q31 * self._scales["demand_full"],

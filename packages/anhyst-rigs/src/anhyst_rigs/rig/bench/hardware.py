@@ -97,18 +97,18 @@ class HardwareBench(Bench):
                 row_blocks.append(self._new_rows(self._line.take_samples(wait_tick - self._offset)))
         except InputError as error:
             self._start_search(error)
-        codes = np.concatenate(row_blocks)
-        if len(codes):
-            self._state = State(int(codes[-1, 1 + self._sources.index("state")]))
-        return self._columns.values(codes)
+        signal_codes = np.concatenate(row_blocks)
+        if len(signal_codes):
+            self._state = State(int(signal_codes[-1, 1 + self._sources.index("state")]))
+        return self._columns.values(signal_codes)
 
-    def _new_rows(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _new_rows(self, signal_codes: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the rows after the last one, numbered by the ticks of the bench."""
-        codes = codes + np.eye(1, codes.shape[1], dtype=np.int64) * self._offset
-        codes = codes[codes[:, 0] > self.tick]
-        if len(codes):
-            self.tick, self._last_row_time = int(codes[-1, 0]), time.monotonic()
-        return codes
+        signal_codes = signal_codes + np.eye(1, signal_codes.shape[1], dtype=np.int64) * self._offset
+        signal_codes = signal_codes[signal_codes[:, 0] > self.tick]
+        if len(signal_codes):
+            self.tick, self._last_row_time = int(signal_codes[-1, 0]), time.monotonic()
+        return signal_codes
 
     def _adopt_contact(self, contact: ControllerContact, offset: int) -> None:
         """Use a contact; the bench adds `offset` to its tick numbers."""
@@ -202,10 +202,10 @@ class HardwareBench(Bench):
         """Return the active parameter block."""
         return self._connected_line().read_block()
 
-    def swap_block(self, words: Sequence[int]) -> int:
+    def swap_block(self, block_words: Sequence[int]) -> int:
         """Activate another parameter block; return the first tick that certainly uses it."""
         line = self._connected_line()
-        line.swap_block(words)
+        line.swap_block(block_words)
         self._block = active_block_checksum(line)
         return self._next_tick()
 

@@ -82,9 +82,9 @@ class ControllerSettings:
 
     def write(self, values: Mapping[str, float], is_running: bool) -> None:
         """Write several settings, or none if one is refused; unknown names are ignored."""
-        codes = {spec: spec.encode(values[spec.name]) for spec in self._specs if spec.name in values}
+        new_codes = {spec: spec.encode(values[spec.name]) for spec in self._specs if spec.name in values}
         changed_codes = {
-            spec.setting: code for spec, code in codes.items() if code != self._codes[spec.setting]
+            spec.setting: code for spec, code in new_codes.items() if code != self._codes[spec.setting]
         }
         for setting in changed_codes:
             if is_running and not SETTINGS[setting].while_running:
@@ -100,10 +100,10 @@ class ControllerSettings:
             self._send_settings(old_codes)
             raise
 
-    def _send_settings(self, codes: Mapping[Setting, int]) -> None:
-        for setting, code in codes.items():
+    def _send_settings(self, setting_codes: Mapping[Setting, int]) -> None:
+        for setting, code in setting_codes.items():
             self._codes[setting] = self._line.write_setting(setting, code)
-        if not _GAIN_SETTINGS.keys().isdisjoint(codes):
+        if not _GAIN_SETTINGS.keys().isdisjoint(setting_codes):
             self._line.write_setting(Setting.GAINS, 1)  # A 1 activates the written gains.
 
 

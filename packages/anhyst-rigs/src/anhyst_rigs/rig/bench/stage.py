@@ -186,11 +186,11 @@ class StageBench(CycleBench):
 
     def _reset_plant(self) -> None:
         """Start with the selected plant at its operating point, at rest and demagnetised."""
-        number = int(self._values["plant"])
+        plant_number = int(self._values["plant"])
         settings = self.rig.settings
         drift, noise = NO_DRIFT, 0
-        if number:
-            drift, noise = sample_plant(settings, settings.seed, number - 1)
+        if plant_number:
+            drift, noise = sample_plant(settings, settings.seed, plant_number - 1)
         self._cable_stiffness = drift.cable
         self._plant = drifted_plant(self.rig, drift, noise)
         scan_axis, initial_stroke_error = scan_direction(settings), float(self._next_stroke_errors(1, 0.0)[0])
@@ -242,7 +242,7 @@ class StageBench(CycleBench):
         if self._staged or self._corrected_setups:
             self._take_staged_changes()
         if self._state is State.RUN:
-            self._begin_course(
+            self._begin_motion(
                 self._scan_course if self._next_direction > 0.0 else self._scan_course.reverse()
             )
             self._cycle_count += 1
@@ -261,7 +261,7 @@ class StageBench(CycleBench):
             )
             self.cycles.append(cycle)
 
-    def _begin_course(self, course: SampledMotion) -> None:
+    def _begin_motion(self, course: SampledMotion) -> None:
         self._active_course, self._course_tick = course, 0
         # Minor loops at rest are not stored, because the next cycle wipes them out.
         self._history.append(self._latest_history[-1:])
@@ -375,14 +375,14 @@ class StageBench(CycleBench):
         return wrench_columns | magnet_pulls(settings, run) | {"flight": self._phases}
 
     def _rows(self, n: int, *signals: FloatArray) -> FloatArray:
-        numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
+        tick_numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
         state_columns = [np.full(n, float(value)) for value in (self._fault, self._cycle_number)]
         state = np.full(n, float(self._state))
         if self._state is not State.FAULT:
             state[self._phases != Phase.HOVER] = State.RUN
             state[self._phases == Phase.REST] = State.IDLE
         self.tick += n
-        return np.column_stack([numbers, *signals, state, *state_columns])
+        return np.column_stack([tick_numbers, *signals, state, *state_columns])
 
     def _lost_rows(self, n: int) -> FloatArray:  # the body is on a stop without current
         values = resting_values(self.rig.settings, self._course_start)
@@ -434,7 +434,7 @@ class StageBench(CycleBench):
             motion = course.motion_at(self._course_tick, dt)
             scan = self.rig.settings.scan  # has the largest acceleration, also for a slower cycle
             hardest_motion = scan_motion(scan, scan.test_m_per_s2)
-            self._begin_course(plan_braking(*motion, hardest_motion, dt, self.rig.loop_delay))
+            self._begin_motion(plan_braking(*motion, hardest_motion, dt, self.rig.loop_delay))
 
     def demand(self, value: float) -> None:
         """Demand an offset, m, from the set-point."""

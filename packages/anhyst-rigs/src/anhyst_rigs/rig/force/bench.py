@@ -97,8 +97,8 @@ class Demand:
 def add_lead_in(name: str, force: FloatArray, rate: float) -> Demand:
     """Return a demand that begins with a linear rise from zero."""
     ticks = round(LEAD_IN_S * rate)
-    rise = force[0] * np.arange(ticks) / ticks
-    return Demand(name, np.concatenate([rise, force]), ticks)
+    lead_in_force = force[0] * np.arange(ticks) / ticks
+    return Demand(name, np.concatenate([lead_in_force, force]), ticks)
 
 
 def triangle_demand(shape: ForceCase, force_max: float, rate: float) -> Demand:

@@ -47,13 +47,13 @@ class Program:
     @property
     def conditioning_currents(self) -> list[float]:
         """Reversal points of the start-up sequence, A: the limits of the current."""
-        low, high = self.block.limits.current
-        return [high, low] * self.cycles
+        low_current, high_current = self.block.limits.current
+        return [high_current, low_current] * self.cycles
 
     def gap_codes(self, gap: FloatArray) -> Codes:
         """Return the firmware codes of gap readings, m, as q31 of the gap range."""
-        codes = np.rint(self.scales.gap_fraction(gap) * (Q31_ONE >> 1)).astype(np.int64)
-        return np.minimum(2 * np.clip(codes, 0, Q31_ONE >> 1), Q31_ONE - 1)
+        q30_codes = np.rint(self.scales.gap_fraction(gap) * (Q31_ONE >> 1)).astype(np.int64)
+        return np.minimum(2 * np.clip(q30_codes, 0, Q31_ONE >> 1), Q31_ONE - 1)
 
     def demand_code(self, force: float) -> int:
         """Return the code of a force, N, on the link, as q31 of full scale."""
@@ -81,8 +81,8 @@ def count_differing_ticks(program: Program, session: FirmwareSession) -> int:
     first_tick = session.first_run_tick
     if not session.is_demagnetised:
         history = np.column_stack([session.drive[:first_tick], session.gap[:first_tick]])
-        for codes in history.tolist():
-            core.commit_q31(*codes)
+        for tick_codes in history.tolist():
+            core.commit_q31(*tick_codes)
     demand, gap = session.demand.astype(np.int32), session.gap[first_tick:].astype(np.int32)
     return int(np.count_nonzero(core.run(demand, gap, False) != session.drive[first_tick:]))
 

@@ -65,11 +65,15 @@ def largest_wrench_factor(file: RigFile, wrench: FloatArray) -> float:
         solutions = [layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)]
         return all(is_possible and max(forces) <= max_force for forces, is_possible in solutions)
 
-    low, high = 0.0, upper_limit
-    while high - low > 1e-3 * upper_limit:
-        middle_factor = 0.5 * (low + high)
-        low, high = (middle_factor, high) if can_produce(middle_factor * wrench) else (low, middle_factor)
-    return low
+    possible_factor, impossible_factor = 0.0, upper_limit
+    while impossible_factor - possible_factor > 1e-3 * upper_limit:
+        middle_factor = 0.5 * (possible_factor + impossible_factor)
+        possible_factor, impossible_factor = (
+            (middle_factor, impossible_factor)
+            if can_produce(middle_factor * wrench)
+            else (possible_factor, middle_factor)
+        )
+    return possible_factor
 
 
 def axis_yield_weights(file: RigFile) -> list[float]:

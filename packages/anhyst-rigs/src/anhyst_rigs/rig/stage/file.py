@@ -58,7 +58,8 @@ class StageRig(BodyRig):
             coordinates=[Coordinate(axis, -end, end, 0.0) for axis, end in axis_stops],
             magnets=[({"r": position, "d": direction}, gap) for position, direction, gap in lines],
             gap_sensors=[
-                ({"r": place, "d": [-magnet for magnet in direction]}, gap) for place, direction, gap in lines
+                ({"r": position, "d": [-magnet for magnet in direction]}, gap)
+                for position, direction, gap in lines
             ],
             gravity=[0.0, 0.0, -body.gravity_m_per_s2],
             recorded_force_direction=scan_axis,

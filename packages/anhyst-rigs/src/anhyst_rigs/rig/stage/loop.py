@@ -99,17 +99,17 @@ def pid_coefficients(rig: BodyRig) -> dict[str, float]:
     table, dt = rig.settings.tracking, rig.dt
     omega = 2.0 * math.pi * table.crossover_Hz
     integral_frequency, lead_frequency = omega / table.integral_ratio, omega / table.lead_ratio
-    high = table.rolloff_ratio * omega
+    rolloff_frequency = table.rolloff_ratio * omega
 
     def shape(s: complex) -> complex:
-        return (s + integral_frequency) / s * (1.0 + s / lead_frequency) / (1.0 + s / high)
+        return (s + integral_frequency) / s * (1.0 + s / lead_frequency) / (1.0 + s / rolloff_frequency)
 
     jw = 1j * omega
     gain = rig.settings.body.mass_kg * omega**2 / abs(shape(jw))
     # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = bilinear_rate*(z - 1)/(z + 1)
     bilinear_rate = 2.0 / dt
     numerator_s = (1.0 / lead_frequency, 1.0 + integral_frequency / lead_frequency, integral_frequency)
-    denominator_s = (1.0 / high, 1.0, 0.0)
+    denominator_s = (1.0 / rolloff_frequency, 1.0, 0.0)
 
     def bilinear(p: tuple[float, float, float]) -> tuple[float, float, float]:
         a, b, c = p[0] * bilinear_rate**2, p[1] * bilinear_rate, p[2]
@@ -254,7 +254,7 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     """Return the settings of a controller except its PID and its geometry, SI units."""
     rig, compensator = setup.rig, setup.compensator
     amplifier, scales = rig.settings.amplifier, compensator.scales
-    low, high = amplifier.current_low_A, amplifier.current_high_A
+    current_low, current_high = amplifier.current_low_A, amplifier.current_high_A
     allocation = usual_allocation(rig.settings)
     if setup.method in CONSTANT_METHODS and allocation is Allocation.CLASS_AB:
         allocation = Allocation.BY_HALVES
@@ -266,9 +266,9 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "gap_high": scales.gap_high,
         "allocation": allocation,
         "idle": bias_force(rig, setup.method),
-        "current_low": low,
-        "current_high": high,
-        "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),
+        "current_low": current_low,
+        "current_high": current_high,
+        "current_step": (current_high - current_low) / ((1 << amplifier.dac_bits) - 1),
     }
 
 

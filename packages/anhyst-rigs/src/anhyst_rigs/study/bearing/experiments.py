@@ -86,10 +86,10 @@ def _peak_frequencies(y: FloatArray, tick_s: float) -> list[float]:
     peak_bins = first_bin + _select_distant_peaks(power[first_bin:], 2 * _PADDING_FACTOR)
     left_log, peak_log, right_log = (np.log(power[peak_bins + i] + np.finfo(float).tiny) for i in (-1, 0, 1))
     curvature = left_log - 2.0 * peak_log + right_log
-    shift = np.divide(
+    bin_shift = np.divide(
         0.5 * (left_log - right_log), curvature, out=np.zeros_like(peak_log), where=curvature < 0.0
     )
-    return [float(f) for f in (peak_bins + shift) / (length * tick_s)]
+    return [float(f) for f in (peak_bins + bin_shift) / (length * tick_s)]
 
 
 def _select_distant_peaks(power: FloatArray, distance: int) -> NDArray[np.intp]:
@@ -354,7 +354,9 @@ def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
         return _run_overload(trial)
     if trial.subject == "wrong initial state":
         scenario = _lift_off(trial.setup).hold(RECOVERY_S).build()
-        reference_run, event_run = (_simulate_trial(trial, scenario, largest) for largest in (False, True))
+        reference_run, event_run = (
+            _simulate_trial(trial, scenario, is_magnetised_first) for is_magnetised_first in (False, True)
+        )
         # Magnetised iron lifts the armature earlier. Therefore, the evaluation of each run begins
         # when its armature begins to rise.
         return _compare_runs(
@@ -432,8 +434,8 @@ def _record_after(trial: ExperimentTrial, scenario: Scenario, begin_tick: int) -
 
 
 def _simulate_trial(
-    trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False
+    trial: ExperimentTrial, scenario: Scenario, is_magnetised_first: bool = False
 ) -> tuple[Recording, bool]:
-    recording = SimulatedLoop(trial.setup, trial.seed, largest_first).run(scenario)
+    recording = SimulatedLoop(trial.setup, trial.seed, is_magnetised_first).run(scenario)
     has_lost = levitation_loss_time(trial.setup.rig, recording, scenario.lift_end_tick) is not None
     return recording, has_lost or len(recording) < scenario.ticks

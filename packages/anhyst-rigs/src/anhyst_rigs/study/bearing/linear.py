@@ -386,4 +386,4 @@ def find_zone(peak: float) -> Zone:
     >>> find_zone(2.1), find_zone(3.0), find_zone(4.4), find_zone(9.0)
     ('A', 'A', 'C', 'D')
     """
-    return next((name for name, largest in ZONE_LIMITS.items() if peak <= largest), "D")
+    return next((name for name, zone_limit in ZONE_LIMITS.items() if peak <= zone_limit), "D")

@@ -94,10 +94,10 @@ class Plants:
 
 
 def _hash_inputs(settings: str, files: Sequence[Path]) -> str:
-    total = hashlib.sha256(settings.encode())
+    input_hash = hashlib.sha256(settings.encode())
     for path in files:
-        total.update(hashlib.sha256(path.read_bytes()).digest())
-    return total.hexdigest()
+        input_hash.update(hashlib.sha256(path.read_bytes()).digest())
+    return input_hash.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -330,8 +330,8 @@ def find_fault(result: Mapping[str, Any], plants: Plants) -> str | None:
 
 def _record_faults(result: Mapping[str, Any], plants: Plants) -> Iterator[str]:
     """Yield the faults of a line of the results file; later checks may rely on the earlier ones."""
-    number = result.get("plant")
-    if not isinstance(number, int) or isinstance(number, bool) or number < 0:
+    plant_number = result.get("plant")
+    if not isinstance(plant_number, int) or isinstance(plant_number, bool) or plant_number < 0:
         yield "plant: must be the number of a plant"
     for key in ("drift", "variants"):
         if not isinstance(result.get(key), dict):
@@ -356,5 +356,5 @@ def _record_faults(result: Mapping[str, Any], plants: Plants) -> Iterator[str]:
 def _is_valid_value(value: Any) -> bool:
     if value is None:
         return True
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and math.isfinite(value) and value >= 0.0
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and math.isfinite(value) and value >= 0.0

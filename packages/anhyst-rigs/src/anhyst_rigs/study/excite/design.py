@@ -369,8 +369,12 @@ def design_records(specimen: Specimen, peak: float, operating: float) -> list[Re
         approach = sweep_path(approach_reversals, step)
         history = History("conditioned", tuple(approach_reversals))
     lower_end = -peak if specimen.is_bipolar else 0.0
-    first_reversal, *reversals = (lower_end + ratio * (peak - lower_end) for ratio in REVERSALS_TO_PEAK)
-    major = [value for share in MAJOR_LOOP_ENDS for value in (share * peak, share * lower_end)]
+    first_reversal, *reversals = (
+        lower_end + peak_fraction * (peak - lower_end) for peak_fraction in REVERSALS_TO_PEAK
+    )
+    major = [
+        value for end_fraction in MAJOR_LOOP_ENDS for value in (end_fraction * peak, end_fraction * lower_end)
+    ]
     curves = [turn for reversal in reversals for turn in (reversal, first_reversal)]
     paths = {
         "major": sweep_path([0.0, *major], step),
@@ -399,7 +403,7 @@ def _minor_loop_reversals(peak: float, operating: float, swing_ratios: Sequence[
     """Return the reversal points of minor loops about a current, with limited amplitudes, A."""
     max_swing = min(operating, peak - operating)
     swing_sizes = [min(swing_ratio * peak, max_swing) for swing_ratio in swing_ratios]
-    return [operating + side * size for size in swing_sizes for side in (1.0, -1.0)]
+    return [operating + direction * swing_size for swing_size in swing_sizes for direction in (1.0, -1.0)]
 
 
 def _path_from_zero(peak: float, operating: float, step: float) -> FloatArray:
@@ -421,23 +425,23 @@ def find_thermal_peak(specimen: Specimen) -> Bound:
             code="supply-too-weak",
             key=specimen.max_rate.key,
         )
-    highest, winding = specimen.max_current.value, specimen.winding
+    max_current, winding = specimen.max_current.value, specimen.winding
     if winding is None:
         return specimen.max_current
-    peak = highest
-    while peak >= MIN_PEAK_TO_MAX_CURRENT * highest:
+    peak = max_current
+    while peak >= MIN_PEAK_TO_MAX_CURRENT * max_current:
         # The highest operating point causes the most heat.
         hottest_records = design_records(specimen, peak, OPERATING_RANGE[1] * peak)
         if all(
             winding.max_start_warmth(path.full_path(specimen.sample_s), specimen.sample_s) >= MIN_START_WARMTH
             for path in hottest_records
         ):
-            key = specimen.max_current.key if peak == highest else "excite.continuous_A"
+            key = specimen.max_current.key if peak == max_current else "excite.continuous_A"
             return Bound(peak, key)
         peak *= PEAK_REDUCTION
     raise InputError(
         f"excite.continuous_A: a winding for {winding.continuous_current:g} A with a time constant of "
-        f"{winding.time_constant:g} s becomes too warm in a record of {MIN_PEAK_TO_MAX_CURRENT * highest:.3g} A, "
+        f"{winding.time_constant:g} s becomes too warm in a record of {MIN_PEAK_TO_MAX_CURRENT * max_current:.3g} A, "
         f"{100 * MIN_PEAK_TO_MAX_CURRENT:.0f} % of {specimen.max_current.key}; measure faster "
         f"(measurement.sweep_A_per_s), or correct continuous_A and thermal_s "
         f"(I^2 t is kept below {100 * MAX_WARMTH:.0f} %)",

@@ -318,13 +318,13 @@ def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None =
 
 
 def _probe_gap(
-    specimen: Specimen, magnet: HeldMagnet, log: _DriveLog, gap: float, number: int, thermal_peak: Bound
+    specimen: Specimen, magnet: HeldMagnet, log: _DriveLog, gap: float, gap_number: int, thermal_peak: Bound
 ) -> ProbedGap:
     """Raise the current once until a quantity reaches its limit, then return to zero."""
     assert specimen.held_rig is not None
     path = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     log.cool_for(np.concatenate([path, path[::-1]]), gap)
-    sensors = specimen.held_rig.sensors([number, _PROBE_SEED], specimen.sample_s)
+    sensors = specimen.held_rig.sensors([gap_number, _PROBE_SEED], specimen.sample_s)
     forces: list[float] = []
     for current in path.tolist():
         forces.append(sensors["force"].read(np.array([magnet.hold(current, gap)])).item())

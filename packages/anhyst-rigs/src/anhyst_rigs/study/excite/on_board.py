@@ -291,12 +291,12 @@ class BoardDrive:
                 key="measure",
             )
         force, limit = rows[:, self._column_indices["force"]], self._specimen.max_force
-        largest = int(np.argmax(force))
-        if not force[largest] <= limit.value:  # The reading may be nan.
+        largest_force_row = int(np.argmax(force))
+        if not force[largest_force_row] <= limit.value:  # The reading may be nan.
             self._bench.demand(0.0)
             raise InputError(
-                f"{limit.key}: {force[largest]:.4g} N are read at "
-                f"{rows[largest, self._column_indices['current']]:.4g} A, more than {limit.value:g} N; lower "
+                f"{limit.key}: {force[largest_force_row]:.4g} N are read at "
+                f"{rows[largest_force_row, self._column_indices['current']]:.4g} A, more than {limit.value:g} N; lower "
                 "excite.current_max_A",
                 code="force-above-limit",
                 key=limit.key,

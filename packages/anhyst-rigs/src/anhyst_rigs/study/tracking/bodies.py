@@ -237,11 +237,11 @@ class StageLaw(MotionLaw):
 
     def is_excited(self, motion: Motion, name: ParameterName) -> bool:
         """Whether a motion excites a parameter: its magnet must exceed 6 % of the largest force."""
-        number = re.search(r"_(\d+)", name)
-        if number is None:
+        magnet_number = re.search(r"_(\d+)", name)
+        if magnet_number is None:
             return True
         assert isinstance(motion, StageMotion)
-        force = self._magnet_force(motion, int(number[1]), {})[motion.compared_indices]
+        force = self._magnet_force(motion, int(magnet_number[1]), {})[motion.compared_indices]
         max_force = np.linalg.norm(force.reshape(-1, motion.comparisons_per_tick), axis=1).max()
         return bool(max_force > MIN_DEMAND_TO_MAX_FORCE * self.force_max)
 

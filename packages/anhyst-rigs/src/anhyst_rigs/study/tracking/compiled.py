@@ -189,9 +189,12 @@ def _encode_inputs(setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_r
         return inputs.astype(np.float32)
     scales = make_fixed_stage_controller(setup).scales
     magnets = len(setup.rig.settings.body_magnets)
-    head_codes, forward = signal_codes(inputs[:wrench_row], scales.head), inputs[wrench_row:gap_row]
+    head_codes, feedforward_wrench = (
+        signal_codes(inputs[:wrench_row], scales.head),
+        inputs[wrench_row:gap_row],
+    )
     gaps, currents = inputs[gap_row : gap_row + magnets], inputs[gap_row + magnets :]
-    rows = [head_codes, signal_codes(forward, scales.wrench[:, None]), scales.gaps(gaps)]
+    rows = [head_codes, signal_codes(feedforward_wrench, scales.wrench[:, None]), scales.gaps(gaps)]
     return np.vstack([*rows, signal_codes(currents, scales.current)]).astype(np.int32)
 
 

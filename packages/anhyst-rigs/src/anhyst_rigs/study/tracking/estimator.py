@@ -403,8 +403,8 @@ class ParameterEstimator:
         def predict(changed_values: Mapping[ParameterName, float]) -> FloatArray:
             return self.law.net_force(motion, {**values, **changed_values})[motion.compared_indices]
 
-        widths = [name for name in self._names if parameter_kind(name) == "width"]
-        original_width = dict.fromkeys(widths, 0.0)
+        width_names = [name for name in self._names if parameter_kind(name) == "width"]
+        original_width = dict.fromkeys(width_names, 0.0)
         base_N = predict(original_width)
         jacobian = np.zeros((base_N.size, len(self._names)))
         for column, name in enumerate(self._names):
@@ -412,11 +412,13 @@ class ParameterEstimator:
                 jacobian[:, column] = motion.force_per_unit[name][motion.compared_indices]
             elif self.law.is_excited(motion, name):
                 step = DERIVATIVE_STEPS[parameter_kind(name)]
-                changed = {name: step if name in widths else values[name] + step}
+                changed = {name: step if name in width_names else values[name] + step}
                 jacobian[:, column] = (predict({**original_width, **changed}) - base_N) / step
         if exact:
             return jacobian, predict({})
-        width_force_N = jacobian[:, self._column_indices(widths)] @ [values[name] for name in widths]
+        width_force_N = jacobian[:, self._column_indices(width_names)] @ [
+            values[name] for name in width_names
+        ]
         return jacobian, base_N + width_force_N
 
 

@@ -237,7 +237,7 @@ class LossResult:
             max_errors = [
                 1e9 * max((v for k, v in error.items() if k.endswith(u)), default=0.0) for u in ("_m", "_rad")
             ]
-            return ", ".join(f"{size:.3g}" for size in max_errors) if error else ""
+            return ", ".join(f"{max_error:.3g}" for max_error in max_errors) if error else ""
 
         speeds = [self.down_m_per_s, self.let_go[0], self.touch_m_per_s, self.let_go[1]]
         return [
@@ -306,11 +306,11 @@ class LossFlights:
         ]
         return replace(loss_result, current_A=float(current_A), spare=bool(spare_magnets(file) >> magnet & 1))
 
-    def _lose_head(self, number: int, fault: str, test_plan: _Plan) -> LossResult:
+    def _lose_head(self, head_number: int, fault: str, test_plan: _Plan) -> LossResult:
         tick = int(np.argmax(np.abs(test_plan.acceleration)))
-        fault_word = 1 << number + FIRST_FAILURE_BIT | HEAD_FAULT_BITS[fault]
-        loss_result = self._run_failure(f"head {number + 1} {fault}", tick, fault_word, -1, test_plan)
-        return replace(loss_result, spare=bool(inverses_without_head(self._rig.settings)[number].any()))
+        fault_word = 1 << head_number + FIRST_FAILURE_BIT | HEAD_FAULT_BITS[fault]
+        loss_result = self._run_failure(f"head {head_number + 1} {fault}", tick, fault_word, -1, test_plan)
+        return replace(loss_result, spare=bool(inverses_without_head(self._rig.settings)[head_number].any()))
 
     def _run_failure(
         self, name: str, tick: int, fault_word: int, magnet: int, test_plan: _Plan

@@ -319,7 +319,8 @@ class StageCalibrator(BenchCalibrator):
         """Whether a later cycle has already ended, because an update can take longer than a cycle."""
         tick = self._bench.tick
         return any(
-            other.number > cycle.number and other.last_tick <= tick for other in tuple(self._bench.cycles)
+            later_cycle.number > cycle.number and later_cycle.last_tick <= tick
+            for later_cycle in tuple(self._bench.cycles)
         )
 
     def _restore_best(
@@ -512,13 +513,13 @@ class BearingCalibrator(BenchCalibrator):
             self._stop(str(error))
             return None
 
-    def _swap_block(self, words: Sequence[int], corrections: Corrections) -> int:
+    def _swap_block(self, block_words: Sequence[int], corrections: Corrections) -> int:
         """Activate a block in the bench's thread, unless somebody else has changed the model."""
         current_block = self._bench.read_block()
         if set_generation(current_block, 0) != set_generation(self._written_block, 0):
             self._stop("another model is in force")
             return self._bench.tick
-        self._written_block = set_generation(words, (current_block[GENERATION_INDEX] + 1) & 0xFFFF)
+        self._written_block = set_generation(block_words, (current_block[GENERATION_INDEX] + 1) & 0xFFFF)
         self._corrections = corrections
         return self._bench.swap_block(self._written_block)
 

@@ -142,8 +142,8 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
 
     simplex = np.vstack([np.zeros(3), np.eye(3)])
     options = {"initial_simplex": simplex, "maxfev": GAIN_SEARCH_RUNS, "maxiter": GAIN_SEARCH_RUNS}
-    search = minimize(cost, simplex[0], method="Nelder-Mead", options=options)
-    return gains_at(np.asarray(search.x))
+    search_result = minimize(cost, simplex[0], method="Nelder-Mead", options=options)
+    return gains_at(np.asarray(search_result.x))
 
 
 COMPENSATOR: MethodName = "full"
@@ -313,8 +313,8 @@ class TrackingStudy(StudyResult):
             average = 1e9 * variant.interval("average_m").mean
             facts[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
             for metric in cross_talk_metrics(self.rig.settings):
-                largest = metric.factor * variant.interval(metric.key).mean
-                facts[name] += f", {metric.title.partition(',')[0]} {largest:.0f} {metric.unit}"
+                peak_value = metric.factor * variant.interval(metric.key).mean
+                facts[name] += f", {metric.title.partition(',')[0]} {peak_value:.0f} {metric.unit}"
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:

@@ -235,9 +235,13 @@ def interpolate_peak(response: Sensitivity) -> float:
     peak_index = int(np.argmax(log_magnitude))
     if not 0 < peak_index < log_magnitude.size - 1:
         return response.peak
-    left, centre, right = log_magnitude[peak_index - 1 : peak_index + 2].tolist()
-    curvature = left - 2.0 * centre + right
-    return math.exp(centre - (right - left) ** 2 / (8.0 * curvature)) if curvature < 0.0 else response.peak
+    left_value, centre_value, right_value = log_magnitude[peak_index - 1 : peak_index + 2].tolist()
+    curvature = left_value - 2.0 * centre_value + right_value
+    return (
+        math.exp(centre_value - (right_value - left_value) ** 2 / (8.0 * curvature))
+        if curvature < 0.0
+        else response.peak
+    )
 
 
 def _measure_sensitivity(setup: BearingSetup, condition: BearingCondition) -> Sensitivity | None:

@@ -222,8 +222,8 @@ class PiezoLoop:
 
     def with_gains_at(self, point: FloatArray) -> PiezoLoop:
         """Return this loop with the gains at a point of the search range."""
-        numbers = self.space.parameters(point)
-        changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
+        gain_values = self.space.parameters(point)
+        changes = {f"control.{name}": round_gain(value) for name, value in gain_values.items()}
         return replace(self, rig=replace(self.rig, settings=self.rig.settings.with_changes(changes)))
 
     def for_search(self) -> PiezoLoop:

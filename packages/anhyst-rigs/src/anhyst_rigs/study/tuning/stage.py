@@ -189,8 +189,8 @@ class StageLoop:
 
     def with_gains_at(self, point: FloatArray) -> StageLoop:
         """Return this loop with the gains at a point of the search range."""
-        numbers = self.space.parameters(point)
-        changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
+        gain_values = self.space.parameters(point)
+        changes = {f"control.{name}": round_gain(value) for name, value in gain_values.items()}
         rig = self.setup.rig
         rig = replace(rig, settings=rig.settings.with_changes(changes))
         return replace(self, setup=replace(self.setup, rig=rig))
@@ -281,7 +281,7 @@ class StageLoop:
         seed_count = len(seeds)
         plant_results = results[seed_count + 2 :]
         is_complete = all(figures is not None for figures in [*results[:seed_count], *plant_results])
-        test_figures, widths = (
+        test_figures, interval_widths = (
             _mean_figures(results[:seed_count]) if is_complete else (StageFigures.for_lost_body(), {})
         )
         other_figures = [
@@ -293,7 +293,7 @@ class StageLoop:
             figures=figures,
             peak_frequencies=dict.fromkeys(figures, self.sensitivity_peak()[1]),
             seed_count=seed_count,
-            half_widths=widths,
+            half_widths=interval_widths,
             locations={},
             rows={
                 "feedforward": {
@@ -391,13 +391,13 @@ def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, di
 
     Intervals that are only rounding errors are omitted.
     """
-    mean_values, widths = {}, {}
+    mean_values, interval_widths = {}, {}
     for name in StageFigures().by_name():
         interval = mean_interval([getattr(run, name) for run in runs])
         mean_values[name] = interval.mean
         if interval.half_width > _MIN_INTERVAL_TO_MEAN * interval.mean:
-            widths[name] = interval.half_width
-    return StageFigures(**mean_values), widths
+            interval_widths[name] = interval.half_width
+    return StageFigures(**mean_values), interval_widths
 
 
 def _summarise_plants(plant_figures: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
