@@ -126,12 +126,13 @@ def _worst_plants(runs: MonteCarlo) -> Items:
     rows = []
     for case, name in enumerate(figure.case_names):
         values = runs.values(main_method, figure.key, case)
-        plant_number = int(np.argmax(values))
+        plant = int(np.argmax(values))
         value_text = "lost"
-        if math.isfinite(values[plant_number]):
-            value_text = f"{format_number(figure.factor * values[plant_number], 2)}{NBSP}{figure.unit}"
-        text = f"{_figure_title(figure, name)}, {value_text}: plant {plant_number}, "
-        text += f"{_drift_text(runs.drifts[plant_number])}"
+        if math.isfinite(values[plant]):
+            value_text = f"{format_number(figure.factor * values[plant], 2)}{NBSP}{figure.unit}"
+        text = (
+            f"{_figure_title(figure, name)}, {value_text}: plant {plant}, {_drift_text(runs.drifts[plant])}"
+        )
         rows.append(text)
     return Items(f"Worst plants of {main_method}", tuple(rows))
 
