@@ -55,10 +55,10 @@ def content_hash(paths: Iterable[str], root: Path = ROOT) -> str:
     """Return a hash over files and folders, and over the build tools of this machine."""
     digest = hashlib.sha256(json.dumps(surroundings()).encode())
     for path in sorted({*paths, *EVERY}):
-        inside = [root / path]
+        hashed_paths = [root / path]
         if (root / path).is_dir():  # a README does not affect a test
-            inside = [one for one in sorted((root / path).rglob("*")) if one.suffix != ".md"]
-        for file in inside:
+            hashed_paths = [one for one in sorted((root / path).rglob("*")) if one.suffix != ".md"]
+        for file in hashed_paths:
             if file.is_file() and "__pycache__" not in file.parts:
                 content = file.read_bytes()
                 digest.update(f"{file.relative_to(root)}\0{len(content)}\0".encode() + content)
@@ -67,8 +67,8 @@ def content_hash(paths: Iterable[str], root: Path = ROOT) -> str:
 
 def hash_of(item: pytest.Item) -> str:
     """Return the hash over the files that a marked test names, and over the test's file."""
-    named = {path for mark in item.iter_markers("depends") for path in mark.args}
-    return content_hash({*named, str(item.path.relative_to(ROOT))})
+    named_paths = {path for mark in item.iter_markers("depends") for path in mark.args}
+    return content_hash({*named_paths, str(item.path.relative_to(ROOT))})
 
 
 class Held:
@@ -95,8 +95,8 @@ class Held:
         self, item: pytest.Item
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         report = yield
-        passed = report.when == "call" and report.passed
-        if self.recording and HASH in item.stash and passed and self.is_unmoved(item):
+        has_passed = report.when == "call" and report.passed
+        if self.recording and HASH in item.stash and has_passed and self.is_unmoved(item):
             report.user_properties.append(("held", item.stash[HASH]))
         return report
 

@@ -59,16 +59,18 @@ def read_project(folder: Path) -> dict[str, Any]:
     return tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
 
 
-def requirements(listed: list[str]) -> list[str]:
+def requirements(listed_requirements: list[str]) -> list[str]:
     """Return requirements, with extras of this repository replaced by what they require."""
-    expanded = []
-    for part in listed:
-        if nested_extras := re.fullmatch(r"(anhyst[a-z-]*)\[(.*)\]", part):
+    all_requirements = []
+    for requirement_text in listed_requirements:
+        if nested_extras := re.fullmatch(r"(anhyst[a-z-]*)\[(.*)\]", requirement_text):
             extras = read_project(ROOT / "packages" / nested_extras[1])["project"]["optional-dependencies"]
-            expanded += [requirement for name in nested_extras[2].split(",") for requirement in extras[name]]
-        elif not part.startswith("anhyst"):
-            expanded.append(part)
-    return expanded
+            all_requirements += [
+                requirement for name in nested_extras[2].split(",") for requirement in extras[name]
+            ]
+        elif not requirement_text.startswith("anhyst"):
+            all_requirements.append(requirement_text)
+    return all_requirements
 
 
 def run_step(name: str, action: Callable[[], None]) -> None:
@@ -85,8 +87,8 @@ def run_step(name: str, action: Callable[[], None]) -> None:
 
 def uses_other_index() -> bool:
     """Whether pip uses a package index other than PyPI. uv does not read that setting of pip."""
-    listed = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=False)
-    return bool(re.search(r"index[-_]url|no[-_]index", listed.stdout))
+    pip_settings = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=False)
+    return bool(re.search(r"index[-_]url|no[-_]index", pip_settings.stdout))
 
 
 def create_environment() -> None:
@@ -114,9 +116,9 @@ def prepare_environment() -> None:
     """Create .venv and install the packages. Without a C++ compiler, zig compiles the binding."""
     run_step("1 of 3: .venv; nothing is installed outside this folder", create_environment)
     parts = [read_project(ROOT / "packages" / part) for part in PARTS]
-    wanted = [one for part in parts for one in part["build-system"]["requires"]]
-    wanted += [one for part in parts for one in part["project"]["dependencies"]] + DEMO_EXTRAS
-    packages = list(dict.fromkeys([*requirements(wanted), *BUILD_TOOLS]))
+    build_requirements = [requirement for part in parts for requirement in part["build-system"]["requires"]]
+    build_requirements += [one for part in parts for one in part["project"]["dependencies"]] + DEMO_EXTRAS
+    packages = list(dict.fromkeys([*requirements(build_requirements), *BUILD_TOOLS]))
     names = ", ".join(re.split(r"[=<>]", package)[0] for package in packages)
     run_step(f"2 of 3: what builds and runs anhyst: {names}", lambda: install_packages(packages))
     if not any(map(shutil.which, ("c++", "g++", "clang++"))):
@@ -130,9 +132,9 @@ def install_package() -> None:
     variables = dict(os.environ, PATH=f"{BIN}:{os.environ['PATH']}")
     if (BIN / "c++").exists():
         variables["CXX"] = str(BIN / "c++")
-    wanted = ["--quiet", "--no-deps", "--no-build-isolation"]
-    wanted += [word for part in PARTS for word in ("--editable", str(ROOT / "packages" / part))]
-    subprocess.run([*PIP, "install", *wanted], check=True, env=variables)
+    pip_arguments = ["--quiet", "--no-deps", "--no-build-isolation"]
+    pip_arguments += [word for part in PARTS for word in ("--editable", str(ROOT / "packages" / part))]
+    subprocess.run([*PIP, "install", *pip_arguments], check=True, env=variables)
 
 
 def main() -> int:

@@ -67,10 +67,12 @@ def make_small_magnet() -> Model:
 
 def build_harness(run_name: str, folder: Path, clang: str) -> Path:
     """Compile the compensator and the harness with it; return the program."""
-    compiled = folder / f"compiled-{run_name}"
+    object_folder = folder / f"compiled-{run_name}"
     is_xcp_only = run_name in XCP_RUNS
     variant = VARIANTS[1] if is_xcp_only else run_name
-    compile_model(folder / "model.toml", compiled, CompileRequest(variant, "q31", TICK_RATE_HZ, name=NAME))  # type: ignore[arg-type]
+    compile_model(
+        folder / "model.toml", object_folder, CompileRequest(variant, "q31", TICK_RATE_HZ, name=NAME)
+    )  # type: ignore[arg-type]
     sources = [
         ROOT / "tests" / "firmware" / "fuzz_firmware.c",
         *sorted(ROOT.glob("firmware/link/*.c")),
@@ -78,11 +80,11 @@ def build_harness(run_name: str, folder: Path, clang: str) -> Path:
         *sorted(ROOT.glob("firmware/xcp/*.c")),
         *sorted(ROOT.glob("firmware/force/*.c")),
         ROOT / "core" / "src" / "control" / "supervisor.c",
-        *sorted(compiled.glob("src/*/*.c")),
-        *compiled.glob("*_parameters.c"),
+        *sorted(object_folder.glob("src/*/*.c")),
+        *object_folder.glob("*_parameters.c"),
     ]
     program = folder / f"fuzz-{run_name}"
-    include = (ROOT / "firmware", compiled / "include", ROOT / "core" / "include", compiled)
+    include = (ROOT / "firmware", object_folder / "include", ROOT / "core" / "include", object_folder)
     options = [f"-I{folder_path}" for folder_path in include]
     options += [f"-D{key}={value}" for key, value in actuator_defines(NAME).items()]
     options += ["-DFUZZ_XCP"] if is_xcp_only else []
@@ -117,19 +119,21 @@ def fuzz(runs: int, seed: int, folder: Path) -> int:
         return 2
     folder.mkdir(parents=True, exist_ok=True)
     write_model(make_small_magnet(), folder / "model.toml")
-    failures = sum(run_in_parallel(pair, runs, seed, folder, clang) for pair in (XCP_RUNS, VARIANTS))
+    failures = sum(
+        run_in_parallel(run_names, runs, seed, folder, clang) for run_names in (XCP_RUNS, VARIANTS)
+    )
     return 1 if failures else 0
 
 
 def run_in_parallel(run_names: tuple[str, str], runs: int, seed: int, folder: Path, clang: str) -> int:
     """Build and run two programs, each with half of the inputs; return the number of failures."""
     programs = {run_name: build_harness(run_name, folder, clang) for run_name in run_names}
-    running = {
+    running_processes = {
         run_label: start_run(run_label, programs[run_label], runs // 2, seed + number)
         for number, run_label in enumerate(run_names)
     }
     failures = 0
-    for kind, process in running.items():
+    for kind, process in running_processes.items():
         code = process.wait()
         log = programs[kind].with_suffix(".log").read_text(encoding="utf-8", errors="replace")
         edges = re.findall(r"cov: (\d+)", log)

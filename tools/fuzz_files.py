@@ -170,8 +170,10 @@ def main() -> int:
     end_time = time.monotonic() + options.seconds
     while time.monotonic() < end_time:
         for suffix, files in seeds.items():
-            first = next_numbers[suffix]
-            completed = run_batch(suffix, files, range(first, first + FILES_PER_PROCESS), options.out)
+            first_number = next_numbers[suffix]
+            completed = run_batch(
+                suffix, files, range(first_number, first_number + FILES_PER_PROCESS), options.out
+            )
             results = (options.out / "said").read_text().split("\n")[:-1]
             counts.update(f"{suffix} {result}" for result in results)
             failed_indices = [
@@ -180,17 +182,17 @@ def main() -> int:
                 if result not in {"read", "refused", "too large"}
             ]
             for index in failed_indices:
-                saved_file = options.out / f"wrong-{first + index}{suffix}"
-                saved_file.write_bytes(make_damaged_file(suffix, files, first + index))
+                saved_file = options.out / f"wrong-{first_number + index}{suffix}"
+                saved_file.write_bytes(make_damaged_file(suffix, files, first_number + index))
             failures += len(failed_indices)
             if completed < FILES_PER_PROCESS:  # the next file crashed the process
-                saved_file = options.out / f"crash-{first + completed}{suffix}"
-                saved_file.write_bytes(make_damaged_file(suffix, files, first + completed))
+                saved_file = options.out / f"crash-{first_number + completed}{suffix}"
+                saved_file.write_bytes(make_damaged_file(suffix, files, first_number + completed))
                 result = try_file(saved_file)
                 counts.update([f"{suffix} crashes a library, then {result}"])
                 failures += result != "refused"
                 completed += 1
-            next_numbers[suffix] = first + completed
+            next_numbers[suffix] = first_number + completed
     for name, count in sorted(counts.items()):
         print(f"{name}: {count}")
     return 1 if failures else 0

@@ -38,9 +38,9 @@ DESCRIPTIONS = {
     "kind tests": "tests of a rig's kind outside its record",
     "several": "tests whether a stage has several coordinates (`.several`)",
     "model to C, files": "files that process a model on its way to C",
-    "model to C, returns": "returns to an earlier file on this way",
+    "model to C, returns": "number of times that this chain returns to an earlier file",
     "rig to recording, files": "files that process a rig file on its way to a recording",
-    "rig to recording, returns": "returns to an earlier file on this way",
+    "rig to recording, returns": "number of times that this chain returns to an earlier file",
     "files": "Python files in the parts",
     "code": "lines of Python code (without docstrings, comments, imports and blank lines)",
     **{part: f"lines of Python in `{part}`" for part in PARTS},
@@ -107,9 +107,11 @@ def measure_walks() -> dict[str, int]:
     """
     command = [sys.executable, "-m", "tools.walks"]
     completed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    measured: dict[str, dict[str, int]] = json.loads(completed.stdout)
+    measured_walks: dict[str, dict[str, int]] = json.loads(completed.stdout)
     return {
-        f"{walk_name}, {what}": count for walk_name, each in measured.items() for what, count in each.items()
+        f"{walk_name}, {quantity}": count
+        for walk_name, counts_by_quantity in measured_walks.items()
+        for quantity, count in counts_by_quantity.items()
     }
 
 
@@ -117,9 +119,9 @@ def find_imports(trees: Mapping[str, ast.Module], *, include_top_packages: bool 
     """Return the modules that each module imports, with or without the top packages."""
     return {
         name: {
-            one
-            for one in _find_imported_modules(tree, trees)
-            if one != name and (include_top_packages or "." in one)
+            imported_module
+            for imported_module in _find_imported_modules(tree, trees)
+            if imported_module != name and (include_top_packages or "." in imported_module)
         }
         for name, tree in trees.items()
         if include_top_packages or "." in name
@@ -167,15 +169,15 @@ def main() -> int:
     """Print the metrics, lower the limits and update the page; return 1 if a limit is exceeded."""
     metrics = count_metrics()
     limits: dict[str, int] = json.loads(RECORD.read_text("utf-8"))
-    rounded = round_up(metrics)
+    rounded_metrics = round_up(metrics)
     for name, value in metrics.items():
-        increase = f"   exceeds the limit {limits[name]:,}" if rounded[name] > limits[name] else ""
+        increase = f"   exceeds the limit {limits[name]:,}" if rounded_metrics[name] > limits[name] else ""
         excess = f"   budget {BUDGETS[name]:,}" if value > BUDGETS.get(name, value) else ""
         print(f"{DESCRIPTIONS[name]:78}{value:8,}{excess}{increase}")
-    limits = {name: min(value, limits[name]) for name, value in rounded.items()}
+    limits = {name: min(value, limits[name]) for name, value in rounded_metrics.items()}
     RECORD.write_text(json.dumps(limits, indent=2) + "\n", "utf-8")
     PAGE.write_text(TABLE.sub(rf"\g<1>{format_table(metrics)}\g<2>", PAGE.read_text("utf-8")), "utf-8")
-    return int(limits != rounded)
+    return int(limits != rounded_metrics)
 
 
 def _module_name(path: Path, source: Path) -> str:
@@ -194,21 +196,21 @@ def _find_imported_modules(tree: ast.Module, project_modules: Iterable[str]) -> 
 
 
 def _merge_groups(graph: ImportGraph, group_of: Callable[[str], str]) -> ImportGraph:
-    merged: ImportGraph = {}
+    merged_graph: ImportGraph = {}
     for name, targets in graph.items():
-        merged.setdefault(group_of(name), set()).update(
+        merged_graph.setdefault(group_of(name), set()).update(
             {group_of(name_of_member) for name_of_member in targets} - {group_of(name)}
         )
-    return merged
+    return merged_graph
 
 
 def _find_reachable(graph: ImportGraph, start: str) -> set[str]:
-    visited, pending_names = {start}, [start]
+    visited_names, pending_names = {start}, [start]
     while pending_names:
-        unvisited = graph.get(pending_names.pop(), set()) - visited
-        visited |= unvisited
-        pending_names += unvisited
-    return visited
+        unvisited_names = graph.get(pending_names.pop(), set()) - visited_names
+        visited_names |= unvisited_names
+        pending_names += unvisited_names
+    return visited_names
 
 
 _CLASSES_OF_ONE_KIND = {
@@ -243,8 +245,8 @@ def _count_kind_tests(tree: ast.Module) -> int:
 
 def _count_code_lines(text: str, tree: ast.Module) -> int:
     """Return the number of lines that contain executable code."""
-    numbered = enumerate(text.splitlines(), 1)
-    lines = {number for number, line in numbered if line.strip()[:1] not in {"", "#"}}
+    numbered_lines = enumerate(text.splitlines(), 1)
+    lines = {number for number, line in numbered_lines if line.strip()[:1] not in {"", "#"}}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import | ast.ImportFrom) or (
             isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
@@ -255,7 +257,9 @@ def _count_code_lines(text: str, tree: ast.Module) -> int:
 
 def _count_c_lines(*folders: Path) -> int:
     """Return the number of lines of C and C++ in folders, without the headers of the FMI standard."""
-    sources = (path for place in folders for path in place.rglob("*") if path.suffix in {".c", ".h", ".cpp"})
+    sources = (
+        path for folder in folders for path in folder.rglob("*") if path.suffix in {".c", ".h", ".cpp"}
+    )
     project_files = (path for path in sources if path.parent.name != "fmi")
     return sum(len(path.read_text("utf-8").splitlines()) for path in project_files)
 

@@ -27,7 +27,7 @@ CALLS_WITH_KEY_FIRST = {"FileFault", "Problem", "add", "wrong_key"}
 """Calls whose second argument is the text; the first one is a key."""
 PLACEHOLDER = "{...}"
 MAX_WORDINGS_OF_PART = 3
-"""Maximum number of wordings of one part of a text. With more, the part becomes a placeholder."""
+"""Maximum number of wordings of a part of a text; a part with more becomes a placeholder."""
 MAX_DEPTH = 4
 """Maximum number of variables and functions that are followed in a chain."""
 
@@ -79,8 +79,8 @@ class Module:
 
         The search goes back to the last assignment that no branch avoids.
         """
-        enclosing = list(self._enclosing_nodes(usage))
-        function = next((node for node in enclosing if isinstance(node, Function)), None)
+        enclosing_nodes = list(self._enclosing_nodes(usage))
+        function = next((node for node in enclosing_nodes if isinstance(node, Function)), None)
         assignments: list[list[ast.expr]] = []
         additions: list[ast.AugAssign] = []
         for statement in sorted(_find_earlier_assignments(function, usage), key=lambda node: -node.lineno):
@@ -91,8 +91,8 @@ class Module:
                     ast.Assign(targets=[ast.Name(id=target)], value=value)
                     | ast.NamedExpr(target=ast.Name(id=target), value=value)
                 ) if target == name:
-                    assignments.append([value, *(more.value for more in additions)])
-                    if isinstance(statement, ast.NamedExpr) or self.parents[statement] in enclosing:
+                    assignments.append([value, *(addition.value for addition in additions)])
+                    if isinstance(statement, ast.NamedExpr) or self.parents[statement] in enclosing_nodes:
                         break
                     additions = [more for more in additions if self.parents[more] != self.parents[statement]]
                 case ast.Assign(targets=[ast.Tuple(elts=elements)]) if name in {
@@ -159,10 +159,10 @@ class WordingReader:
     def _find_wordings_of_variable(self, node: ast.expr, name: str, depth: int) -> list[str]:
         """Return the possible texts of a variable; none if it is also assigned something else."""
         texts: list[str] = []
-        for parts in self.module.find_assignments(node, name):
-            if not (_is_text(parts[0]) or isinstance(parts[0], ast.Call)):
+        for text_parts in self.module.find_assignments(node, name):
+            if not (_is_text(text_parts[0]) or isinstance(text_parts[0], ast.Call)):
                 return []
-            texts += _combine(self.find_wordings(part, depth) for part in parts)
+            texts += _combine(self.find_wordings(text_part, depth) for text_part in text_parts)
         if not texts and name in self.module.constants:
             return self.find_wordings(self.module.constants[name], depth)
         return texts if any(text not in {PLACEHOLDER, ""} for text in texts) else []
@@ -178,14 +178,14 @@ class WordingReader:
                 return []
             module = self.package[name]
         reader = WordingReader(module, self.package)
-        returned = [
+        returned_values = [
             node.value
             for node in ast.walk(module.functions[name])
             if isinstance(node, ast.Return) and node.value is not None
         ]
         return [
             text
-            for value in returned
+            for value in returned_values
             if not (isinstance(value, ast.Constant) and value.value is None)
             for text in reader.find_wordings(value, depth)
         ]
@@ -221,7 +221,7 @@ def _read_error_call(call: ast.Call, module: Module, reader: WordingReader) -> E
             True,
             tuple(wording.replace("Input should", "must", 1) for wording in reader.find_wordings(text)),
         )
-    code_argument = next((one.value for one in call.keywords if one.arg == "code"), None)
+    code_argument = next((keyword.value for keyword in call.keywords if keyword.arg == "code"), None)
     code = code_argument.value if isinstance(code_argument, ast.Constant) else None
     if not call.args or (name not in ERROR_CLASSES and not isinstance(code, str)):
         return None
@@ -270,8 +270,10 @@ def _placeholder_of(node: ast.expr) -> str:
     return PLACEHOLDER
 
 
-def _combine(parts: Iterable[list[str]]) -> list[str]:
-    limited_texts = [part if len(part) <= MAX_WORDINGS_OF_PART else [PLACEHOLDER] for part in parts]
+def _combine(wordings_by_part: Iterable[list[str]]) -> list[str]:
+    limited_texts = [
+        wordings if len(wordings) <= MAX_WORDINGS_OF_PART else [PLACEHOLDER] for wordings in wordings_by_part
+    ]
     return ["".join(texts) for texts in itertools.product(*limited_texts)]
 
 

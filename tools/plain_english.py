@@ -135,9 +135,9 @@ class Item:
     @property
     def folder(self) -> str:
         """The folder whose limit applies: a package's subfolder, or the first two folders."""
-        parts = self.file.split("/")
-        depth = {"src": 5, "tests": 4}.get(parts[2], 2) if parts[0] == "packages" else 2
-        return "/".join(parts[: min(depth, len(parts) - 1)]) or "."
+        path_parts = self.file.split("/")
+        depth = {"src": 5, "tests": 4}.get(path_parts[2], 2) if path_parts[0] == "packages" else 2
+        return "/".join(path_parts[: min(depth, len(path_parts) - 1)]) or "."
 
     @property
     def broken_rules(self) -> list[str]:
@@ -154,13 +154,13 @@ class Item:
 def find_items(root: Path = ROOT) -> list[Item]:
     """Return all sentences and names of the files that git tracks."""
     command = ["git", "-C", str(root), "ls-files", "-z"]
-    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    git_listing = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     found: list[Item] = []
-    for file in sorted(filter(None, listed.split("\0"))):
+    for file in sorted(filter(None, git_listing.split("\0"))):
         path = root / file
-        read = READERS.get(path.suffix)
-        if read and path.is_file() and not SKIPPED_FOLDERS.intersection(file.split("/")):
-            found.extend(read(file, path.read_text("utf-8")))
+        reader = READERS.get(path.suffix)
+        if reader and path.is_file() and not SKIPPED_FOLDERS.intersection(file.split("/")):
+            found.extend(reader(file, path.read_text("utf-8")))
     return found
 
 
@@ -228,8 +228,8 @@ def _read_python(file: str, source: str) -> Iterator[Item]:
 
 def _split_message(node: ast.JoinedStr | ast.Constant) -> Iterator[str]:
     """Split a string literal on one line; each interpolated value counts as one word."""
-    parts = node.values if isinstance(node, ast.JoinedStr) else [node]
-    text = "".join(str(part.value) if isinstance(part, ast.Constant) else "X" for part in parts)
+    text_parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+    text = "".join(str(part.value) if isinstance(part, ast.Constant) else "X" for part in text_parts)
     is_text = isinstance(node, ast.JoinedStr) or isinstance(node.value, str)
     if is_text and len(text.split()) >= MIN_MESSAGE_WORDS and "\n" not in text.strip():
         yield from _split_sentences(text)
@@ -276,8 +276,8 @@ def _read_c(file: str, source: str) -> Iterator[Item]:
 
 
 def _read_markdown(file: str, source: str) -> Iterator[Item]:
-    blanked = re.compile(r"```.*?```|<!--.*?-->", re.DOTALL)
-    source = blanked.sub(lambda match: "\n" * match.group().count("\n"), source)
+    ignored_pattern = re.compile(r"```.*?```|<!--.*?-->", re.DOTALL)
+    source = ignored_pattern.sub(lambda match: "\n" * match.group().count("\n"), source)
     for number, line in enumerate(source.splitlines(), 1):
         if line.startswith("    "):
             continue
@@ -305,13 +305,13 @@ def main() -> int:
     is_exceeded = bool(find_exceeded(shares, limits))
     print(f"{'folder':50}{'sentences with a hit':>22}{'vague names':>14}")
     for folder, folder_shares in shares.items():
-        limit = limits.get(folder, LOWEST_LIMITS)
+        folder_limits = limits.get(folder, LOWEST_LIMITS)
         cells = (
             f"{folder_shares[kind]} %" if kind in folder_shares else "" for kind in ("sentences", "names")
         )
         print("{:50}{:>22}{:>14}".format(folder, *cells))
         limits[folder] = {
-            kind: max(LOWEST_LIMITS[kind], min(share, limit.get(kind, LOWEST_LIMITS[kind])))
+            kind: max(LOWEST_LIMITS[kind], min(share, folder_limits.get(kind, LOWEST_LIMITS[kind])))
             for kind, share in folder_shares.items()
         }
     if not options.folder:

@@ -215,16 +215,18 @@ def python_version(python: Path) -> tuple[int, int]:
     return major, minor
 
 
-def try_tutorial(python: Path, others: Sequence[Path], folder: Path, say: Callable[[str], None]) -> None:
+def try_tutorial(
+    python: Path, other_wheels: Sequence[Path], folder: Path, say: Callable[[str], None]
+) -> None:
     """Run the first steps of the tutorial with anhyst alone, then all steps with all wheels."""
     page = TUTORIAL.read_text(encoding="utf-8")
     for name, steps in (("alone", page_up_to_step(page, LAST_STEP_WITH_ANHYST_ALONE)), ("all", page)):
-        place = folder / name
-        place.mkdir()
-        count = run_page(steps, python, place)
+        tutorial_folder = folder / name
+        tutorial_folder.mkdir()
+        count = run_page(steps, python, tutorial_folder)
         say(f"{count} blocks of {TUTORIAL.name} run there")
         if name == "alone":
-            install(python, others)
+            install(python, other_wheels)
 
 
 def main() -> int:
@@ -232,8 +234,8 @@ def main() -> int:
     pythons = [Path(name) for name in sys.argv[1:]] or [Path(sys.executable)]
     start_time = time.monotonic()
 
-    def say(what: str) -> None:
-        print(f"wheel: {time.monotonic() - start_time:.0f} s: {what}", flush=True)
+    def say(text: str) -> None:
+        print(f"wheel: {time.monotonic() - start_time:.0f} s: {text}", flush=True)
 
     wheels: dict[str, Path] = {}
     try:
@@ -244,15 +246,15 @@ def main() -> int:
                     wheels[tag_text] = build_wheel(python, machine, DIST)
                     check_wheel(wheels[tag_text])
                     say(f"{wheels[tag_text].name}: built and checked")
-        others = build_others(DIST)
-        say(f"{', '.join(wheel.name for wheel in others)}: built")
+        other_wheels = build_others(DIST)
+        say(f"{', '.join(wheel.name for wheel in other_wheels)}: built")
         for python in pythons:
             wheel = wheels[wheel_tag(python_version(python), os.uname().machine)]
             with tempfile.TemporaryDirectory(prefix="anhyst-") as name:
                 environment_python = empty_environment(python, wheel, Path(name) / "environment")
                 say(f"{wheel.name}: is installed into a new environment of {python}")
                 say(f"{installed_megabytes(environment_python):.0f} MB with what it depends on")
-                try_tutorial(environment_python, others, Path(name), say)
+                try_tutorial(environment_python, other_wheels, Path(name), say)
     except RuntimeError as error:
         print(f"wheel: {error}", file=sys.stderr)
         return 1

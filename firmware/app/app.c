@@ -147,7 +147,7 @@ static void answer_request(app *a, const link_frame *request, uint8_t *wire)
 }
 
 /* Performs a new request. Only new requests count as a heartbeat, because a repetition may be an
-   echo of the line. XCP packets do not count, because an XCP master may only measure. */
+   echo of the line. XCP packets are not a heartbeat, because an XCP master may only measure. */
 static void answer_new_request(app *a, const link_frame *request)
 {
   if (request->type != (uint8_t)LINK_TYPE_XCP) {

@@ -33,7 +33,7 @@ typedef struct {
                             force and current changed (stuck_demand, stuck_current); 0: rule off */
   uint16_t max_implausible_samples; /* implausible samples in a row that are tolerated */
   uint16_t missed_ticks;            /* missed ticks in a row that are tolerated */
-  uint16_t selftest_ticks;          /* plausible samples in a row that pass the self-test */
+  uint16_t selftest_ticks;          /* plausible samples in a row that the self-test requires */
   uint16_t ramp_ms;                 /* ramp from full current to zero in the safe state, ms */
   uint16_t heartbeat_ms;            /* upper limit of each setting that is a number of ticks, ms */
   uint16_t has_current_sensor;      /* 1: the measured current is checked (app/current.h) */

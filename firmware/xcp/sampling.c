@@ -10,7 +10,7 @@
 #define DAQ_HAS_PRESCALER 0x02U
 #define DAQ_HAS_STAMP 0x10U
 #define DAQ_OVERLOAD_IS_EVENT 0x80U
-#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* the packet number has two bytes before a sample */
+#define DAQ_RELATIVE_PART_BYTE_LIST 0x40U /* a 2-byte packet number precedes the sample */
 #define STAMP_IS_FIXED_4_BYTES 0x0CU
 #define EVENT_IS_DAQ 0x04U
 #define EVENT_IS_CONSISTENT 0x80U /* all signals of a sample belong to one tick */

@@ -35,9 +35,9 @@ static double cone_flux(const anhyst_plant_cone_gap *at, double mmf, double *slo
   return at->straight * mmf + at->cone * mmf / root;
 }
 
-/* The flux is an odd function and bends towards the axis of the ampere-turns. Therefore, Newton
-   steps are below the solution after one step, and stay below. A step across zero restarts at zero,
-   because steps on the other side could oscillate. */
+/* The flux is an odd function and bends towards the axis of the ampere-turns. Therefore, after
+   one Newton step, the iterates are below the solution and stay below. A step across zero restarts
+   at zero, because steps on the other side could oscillate. */
 double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, double near,
                              double *slope)
 {

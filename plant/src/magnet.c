@@ -119,7 +119,8 @@ static inline void solve_iron(const anhyst_plant_circuit *c, const anhyst_plant_
   }
 }
 
-static void move_iron(const anhyst_plant_circuit *c, anhyst_plant_coil *coil, const solution *found)
+static void advance_iron(const anhyst_plant_circuit *c, anhyst_plant_coil *coil,
+                         const solution *found)
 {
   if (c->solid) {
     anhyst_plant_soaked_move(&c->iron, c->solid, coil->volume, &coil->iron, &found->solid);
@@ -280,7 +281,7 @@ static inline void commit_step(const anhyst_plant_magnet *magnet, anhyst_plant_c
                                const step_end *end, const solution *found)
 {
   if (magnet->circuit) {
-    move_iron(magnet->circuit, coil, found);
+    advance_iron(magnet->circuit, coil, found);
     update_force(magnet->circuit, &end->outer, coil);
   } else {
     move_law(magnet->law, coil, end->gap, 0.5 / end->half);
@@ -355,7 +356,7 @@ void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil
                                       per_second};
     solution found;
     solve_iron(c, coil, &outer, &asked, 1.0, b * FLUX_DENSITY_TOLERANCE, &found);
-    move_iron(c, coil, &found);
+    advance_iron(c, coil, &found);
     coil->steady -= eddy_mmf / magnet->turns * (coil->iron.density - density_before);
     update_force(c, &outer, coil);
     coil->psi = magnet->turns * c->iron_area * coil->iron.density;

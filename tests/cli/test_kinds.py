@@ -118,10 +118,10 @@ def spoil(path: Path) -> str:
         path.write_text("")
         return str(path)
     lines = path.read_text().splitlines()
-    place = next(n for n, line in enumerate(lines) if line.startswith("format"))
-    lines.insert(place + 1, "misspelt = 1")
+    format_line = next(n for n, line in enumerate(lines) if line.startswith("format"))
+    lines.insert(format_line + 1, "misspelt = 1")
     path.write_text("\n".join(lines) + "\n")
-    return f"{path.name}:{place + 2}: misspelt"
+    return f"{path.name}:{format_line + 2}: misspelt"
 
 
 def refusal(
@@ -142,13 +142,13 @@ def test_a_good_file_of_another_kind_is_refused_by_its_name(
     verb: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = written(kind, tmp_path)
-    before = sorted(tmp_path.iterdir())
+    files_before = sorted(tmp_path.iterdir())
     complaint = refusal(verb, path, monkeypatch, capsys)
     assert complaint.startswith(f"{path.name}: this is {CALLED[kind]}; {verb} is for ")
-    for other, kinds in WORKS.items():
+    for other_verb, kinds in WORKS.items():
         if kind in kinds:
-            assert other in complaint.rpartition(";")[2]
-    assert sorted(tmp_path.iterdir()) == before
+            assert other_verb in complaint.rpartition(";")[2]
+    assert sorted(tmp_path.iterdir()) == files_before
 
 
 @pytest.mark.parametrize(("verb", "kind"), [cell for cell in CELLS if cell[1] in WORKS[cell[0]]])
@@ -196,8 +196,8 @@ def test_the_page_lists_the_rigs_of_each_verb() -> None:
     columns = [rig_kinds()[word] for word in ("levitation", "tracking", "displacement", "force")]
     assert {verb for verb, _ in rows} == {verb for kind in columns for verb in kind.verbs}
     for verb, cells in rows:
-        taken = [cell.strip() == "yes" for cell in cells.split("|")]
-        assert taken == [kind in accepted_kinds(verb) for kind in columns], verb
+        accepted_flags = [cell.strip() == "yes" for cell in cells.split("|")]
+        assert accepted_flags == [kind in accepted_kinds(verb) for kind in columns], verb
 
 
 def test_every_verb_has_its_row() -> None:
@@ -227,12 +227,12 @@ def test_a_file_without_a_kind_is_refused_for_that_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = written("stage", tmp_path)
-    whole = path.read_text()
-    for old, new, key in (
+    complete_text = path.read_text()
+    for old_text, new_text, key in (
         ('"anhyst-rig"', '"anhyst-rug"', "format"),
         ('"tracking"', '"trackin"', "control.kind"),
     ):
-        path.write_text(whole.replace(old, new))
+        path.write_text(complete_text.replace(old_text, new_text))
         for verb in ("simulate", "tune", "excite", "force-control"):
             complaint = refusal(verb, path, monkeypatch, capsys)
             assert f": {key}: must be " in complaint

@@ -44,14 +44,14 @@ def test_docstring_describes_every_parameter(verb: Verb) -> None:
 def test_command_has_the_parameters_and_defaults_of_the_function(verb: Verb) -> None:
     command = typer.main.get_command(cli.app).commands[verb.command]  # type: ignore[attr-defined]
     defaults = {param.name: param.default for param in command.params if not param.required}
-    own = {} if verb.is_endless else {"as_json": False, "_verbose": False}
+    command_options = {} if verb.is_endless else {"as_json": False, "_verbose": False}
     in_python = {name: parameter.default for name, parameter in verb.parameters.items()}
     assert defaults == {
         name: Path(value) if (verb.name, name) == ("report", "out") else value
-        for name, value in (in_python | own).items()
+        for name, value in (in_python | command_options).items()
         if name in defaults
     }
-    assert {param.name for param in command.params} == in_python.keys() | own.keys()
+    assert {param.name for param in command.params} == in_python.keys() | command_options.keys()
     assert all(param.help for param in command.params)
 
 
@@ -142,10 +142,10 @@ def new_verb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     (tmp_path / "weigh_parts.py").write_text(NEW)
     monkeypatch.setattr(verbs, "__path__", [*verbs.__path__, str(tmp_path)])
     _find_all.cache_clear()
-    added = typer.Typer(rich_markup_mode="markdown")
+    new_app = typer.Typer(rich_markup_mode="markdown")
     for verb in load_verbs():
-        add_command(added, verb)
-    monkeypatch.setattr(cli, "app", added)
+        add_command(new_app, verb)
+    monkeypatch.setattr(cli, "app", new_app)
     yield
     _find_all.cache_clear()
 

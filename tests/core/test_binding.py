@@ -72,76 +72,76 @@ ARGUMENTS_OF_ANY_LENGTH = {("batch", "drive"), ("batch_functions", "t"), ("lange
 
 @pytest.mark.parametrize("name", ARRAY_FUNCTIONS)
 def test_valid_arguments_are_accepted(name: str) -> None:
-    function, given = ARRAY_FUNCTIONS[name]
-    function(**given)
+    function, arguments = ARRAY_FUNCTIONS[name]
+    function(**arguments)
 
 
 @pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
 def test_single_precision_is_refused_and_not_converted(name: str, argument: str) -> None:
-    function, given = ARRAY_FUNCTIONS[name]
+    function, arguments = ARRAY_FUNCTIONS[name]
     with pytest.raises(TypeError):
-        function(**{**given, argument: given[argument].astype(np.float32)})
+        function(**{**arguments, argument: arguments[argument].astype(np.float32)})
 
 
 @pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
 def test_integers_and_lists_are_refused(name: str, argument: str) -> None:
-    function, given = ARRAY_FUNCTIONS[name]
-    for wrong_type_value in (given[argument].astype(np.int64), given[argument].tolist()):
+    function, arguments = ARRAY_FUNCTIONS[name]
+    for wrong_type_value in (arguments[argument].astype(np.int64), arguments[argument].tolist()):
         with pytest.raises(TypeError):
-            function(**{**given, argument: wrong_type_value})
+            function(**{**arguments, argument: wrong_type_value})
 
 
 @pytest.mark.parametrize(("name", "argument"), ARGUMENTS)
 def test_strided_arrays_are_refused(name: str, argument: str) -> None:
-    function, given = ARRAY_FUNCTIONS[name]
+    function, arguments = ARRAY_FUNCTIONS[name]
     with pytest.raises(TypeError):
-        function(**{**given, argument: np.repeat(given[argument], 2, axis=0)[::2]})
+        function(**{**arguments, argument: np.repeat(arguments[argument], 2, axis=0)[::2]})
 
 
 @pytest.mark.parametrize(("name", "argument"), [a for a in ARGUMENTS if a[1] in {"r_t", "law_t"}])
 def test_fortran_order_is_refused(name: str, argument: str) -> None:
-    function, given = ARRAY_FUNCTIONS[name]
+    function, arguments = ARRAY_FUNCTIONS[name]
     with pytest.raises(TypeError):
-        function(**{**given, argument: np.asfortranarray(given[argument])})
+        function(**{**arguments, argument: np.asfortranarray(arguments[argument])})
 
 
 @pytest.mark.parametrize(("name", "argument"), [a for a in ARGUMENTS if a not in ARGUMENTS_OF_ANY_LENGTH])
 @pytest.mark.parametrize("extra", [-1, 1])
 def test_wrong_lengths_are_refused(name: str, argument: str, extra: int) -> None:
-    function, given = ARRAY_FUNCTIONS[name]
-    correct_array = given[argument]
+    function, arguments = ARRAY_FUNCTIONS[name]
+    correct_array = arguments[argument]
     wrong_length_array = np.resize(correct_array, (correct_array.shape[0] + extra, *correct_array.shape[1:]))
     with pytest.raises(ValueError, match=r"length|three values"):
-        function(**{**given, argument: wrong_length_array})
+        function(**{**arguments, argument: wrong_length_array})
 
 
 @pytest.mark.parametrize("name", ["omega_t", "r_t", "state_t"])
 def test_transposed_tables_are_refused(name: str) -> None:
-    function, given = ARRAY_FUNCTIONS["sensitivity"]
+    function, arguments = ARRAY_FUNCTIONS["sensitivity"]
     with pytest.raises(ValueError, match="length"):
-        function(**{**given, name: np.ascontiguousarray(given[name].T)})
+        function(**{**arguments, name: np.ascontiguousarray(arguments[name].T)})
 
 
 def test_read_only_states_of_a_batch_are_refused() -> None:
-    function, given = ARRAY_FUNCTIONS["batch"]
+    function, arguments = ARRAY_FUNCTIONS["batch"]
     read_only_array = np.zeros(SETS)
     read_only_array.flags.writeable = False
     with pytest.raises(TypeError):
-        function(**{**given, "x": read_only_array})
+        function(**{**arguments, "x": read_only_array})
 
 
 def test_read_only_input_is_accepted() -> None:
-    function, given = ARRAY_FUNCTIONS["forward"]
+    function, arguments = ARRAY_FUNCTIONS["forward"]
     read_only_array = np.ones(N)
     read_only_array.flags.writeable = False
-    function(**{**given, "drive": read_only_array})
+    function(**{**arguments, "drive": read_only_array})
 
 
 def test_inputs_are_not_modified() -> None:
-    for name, (function, given) in ARRAY_FUNCTIONS.items():
-        original_arguments = {key: value.copy() for key, value in given.items()}
-        function(**given)
-        for key, value in given.items():
+    for name, (function, arguments) in ARRAY_FUNCTIONS.items():
+        original_arguments = {key: value.copy() for key, value in arguments.items()}
+        function(**arguments)
+        for key, value in arguments.items():
             if name != "batch" or key not in {"x", "y"}:
                 np.testing.assert_array_equal(value, original_arguments[key])
 
@@ -171,10 +171,10 @@ def test_inputs_are_not_modified() -> None:
     ],
 )
 def test_iron_out_of_range_is_refused_with_a_reason(change: dict[str, Any]) -> None:
-    good: dict[str, Any] = {"m_s": 1.3e6, "a": 300.0, "k": 200.0, "c": 0.2, "alpha": 5e-4}
-    Iron(**good)
+    valid_iron: dict[str, Any] = {"m_s": 1.3e6, "a": 300.0, "k": 200.0, "c": 0.2, "alpha": 5e-4}
+    Iron(**valid_iron)
     with pytest.raises(ValueError, match=r"out of range|must lie|unknown"):
-        Iron(**{**good, **change})
+        Iron(**{**valid_iron, **change})
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ static int32_t linear_flux(anhyst_compensator *c, int32_t current)
 
 static const anhyst_kernel straight = {.field = linear_field, .flux = linear_flux};
 
-/* A compensator of that iron with random valid numbers in its head. */
+/* A compensator of an iron with a straight curve, with random valid numbers in its block header. */
 static anhyst_force_controller_q31 any_compensated(int16_t *words)
 {
   static const int tables[] = {ANHYST_WORD_GAP_GAIN, ANHYST_WORD_GAP_OFFSET, ANHYST_WORD_GAP_BIAS,

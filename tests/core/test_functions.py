@@ -36,8 +36,8 @@ class ParameterSets:
         self, drive: Array, *, implicit: bool = True, keep: bool = True
     ) -> tuple[Array, Array, Array, Array]:
         x, y = np.zeros(self.kappa.size), np.zeros(self.kappa.size)
-        given = (self.kappa, self.c, self.omega, self.scale, self.offset, drive, x, y)
-        m_out, x_out = batch(*given, implicit=implicit, keep=keep)
+        arguments = (self.kappa, self.c, self.omega, self.scale, self.offset, drive, x, y)
+        m_out, x_out = batch(*arguments, implicit=implicit, keep=keep)
         return m_out, x_out, x, y
 
     def select_set(self, index: int) -> ParameterSets:
@@ -104,10 +104,10 @@ def test_implicit_batch_follows_the_scalar_linear_step() -> None:
 def test_an_unavailable_instruction_set_is_refused_without_changing_states() -> None:
     sets = ParameterSets(5, seed=7, omega=(0.0, 1.0))
     x, y = np.full(5, 0.25), np.full(5, 0.125)
-    given = (sets.kappa, sets.c, sets.omega, sets.scale, sets.offset, np.ones(3), x, y)
+    arguments = (sets.kappa, sets.c, sets.omega, sets.scale, sets.offset, np.ones(3), x, y)
     for level in ("avx1024", ""):
         with pytest.raises(ValueError, match="no level"):
-            batch(*given, level=level)
+            batch(*arguments, level=level)
     np.testing.assert_array_equal(x, 0.25)
     assert batch_levels()[0] == "base"
 
@@ -138,7 +138,7 @@ def test_explicit_batch_ranks_sets_as_the_exact_one_does() -> None:
     assert np.max(error) < 0.1
     target = exact_error[:, :1]
     order = [np.argsort(np.mean((m - target) ** 2, axis=0)) for m in (explicit_error, exact_error)]
-    ranks = [np.argsort(o) for o in order]
+    ranks = [np.argsort(set_order) for set_order in order]
     assert np.corrcoef(ranks[0], ranks[1])[0, 1] > 0.999
 
 
@@ -237,14 +237,14 @@ def test_sensitivity_runs_the_same_path_and_knows_the_initial_state() -> None:
     r = loops(2.0, 12)
     omega = np.full(r.size, 3.0)
     start = np.array([0.2, 0.1, 0.15])
-    x, m, after, _, _ = law.run(omega, r, start)
+    x, m, end_state, _, _ = law.run(omega, r, start)
     state_t = np.zeros((1, 3))
     state_t[0, 1] = 1.0
     zeros = np.zeros((r.size, 1))
     found = law.sensitivity(omega, r, zeros, zeros, np.zeros((1, 3)), start, state_t)
     np.testing.assert_array_equal(found[0], x)
     np.testing.assert_array_equal(found[1], m)
-    np.testing.assert_array_equal(found[4], after)
+    np.testing.assert_array_equal(found[4], end_state)
     h = 1e-6
     nudge = np.array([0.0, h, 0.0])
     difference = (law.run(omega, r, start + nudge)[1] - law.run(omega, r, start - nudge)[1]) / (2 * h)

@@ -93,8 +93,8 @@ def reference_answers(run: int) -> NDArray[np.int32]:
     oracle = Oracle(gains, drives, control.settings("fixed"))
     rows = []
     for sample in make_samples(run):
-        currents, *rest = oracle.tick(sample)
-        rows.append([*currents, *[0] * (2 - len(currents)), *rest])
+        currents, *other_outputs = oracle.tick(sample)
+        rows.append([*currents, *[0] * (2 - len(currents)), *other_outputs])
     return np.array(rows, dtype=np.int32)
 
 
@@ -103,16 +103,16 @@ def magnet_count(control: PositionControl) -> int:
 
 
 def settings_as_numbers(control: PositionControl) -> NDArray[np.int32]:
-    given = control.settings("fixed")
+    control_settings = control.settings("fixed")
     names = [*LIMITS, *SETTINGS, *(f"{name}_{i}" for i in (1, 2) for name in GAP)]
     gains = control.gains("fixed").tolist()
-    return np.array([int(given.get(name, 0)) for name in names] + gains, dtype=np.int32)
+    return np.array([int(control_settings.get(name, 0)) for name in names] + gains, dtype=np.int32)
 
 
 def is_exact(library: Path) -> bool:
     """Whether a build of the core gives the answers of the reference in every run."""
     run_plant: Callable[..., int] = ctypes.CDLL(str(library)).position_run
-    entries = np.round(table() / SCALES.current * 2.0**15).astype(np.int16)
+    table_codes = np.round(table() / SCALES.current * 2.0**15).astype(np.int16)
     for i, control in enumerate(RUNS):
         expected = reference_answers(i)
         rows = [
@@ -125,7 +125,7 @@ def is_exact(library: Path) -> bool:
         found = np.zeros_like(expected)
         input_arrays: list[NDArray[Any]] = [
             settings_as_numbers(control),
-            entries,
+            table_codes,
             np.array(rows, dtype=np.int32),
             found,
         ]
@@ -159,10 +159,10 @@ def test_the_core_is_exact_without_a_fault(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault[0]}: {fault[1].strip()}")
 def test_a_seeded_fault_is_found(tmp_path: Path, fault: tuple[str, str, str]) -> None:
-    name, right, wrong = fault
+    name, correct_code, faulty_code = fault
     core = tmp_path / "core"
     shutil.copytree(ROOT / "core", core)
     text = (core / "src" / name).read_text(encoding="utf-8")
-    assert text.count(right) == 1, "the source has changed: adapt the fault"
-    (core / "src" / name).write_text(text.replace(right, wrong), encoding="utf-8")
+    assert text.count(correct_code) == 1, "the source has changed: adapt the fault"
+    (core / "src" / name).write_text(text.replace(correct_code, faulty_code), encoding="utf-8")
     assert not is_exact(build_library(core, tmp_path))

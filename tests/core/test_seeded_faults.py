@@ -266,7 +266,7 @@ FAULTS = [
         "test_fixed_cells",
     ),
     Fault(
-        "wrong sign of cells that join again",
+        "wrong sign for cells that start to move again",
         "src/compensator/generic/cells.h",
         "saturate(\n        start_m + row_difference(reversal, path->reversal.segment + row_offset(path, cells - 1)));",
         "saturate(start_m - row_difference(reversal, path->reversal.segment + row_offset(path, cells - 1)));",

@@ -68,12 +68,12 @@ def _verbs() -> dict[str, Any]:
 
 def refusal(words: list[str]) -> str:
     """Return the reason why the command line would reject these words, or an empty string."""
-    verb, *rest = words
+    verb, *verb_arguments = words
     if verb not in _verbs():
         return f"no verb '{verb}'"
     if verb.startswith("--"):
         return ""
     command = _verbs()[verb]
-    known = {name for param in command.params for name in param.opts} | {"--help"}
-    unknown = [word for word in rest if word.startswith("--") and word not in known]
+    known_options = {name for param in command.params for name in param.opts} | {"--help"}
+    unknown = [word for word in verb_arguments if word.startswith("--") and word not in known_options]
     return f"anhyst {verb} has no {', '.join(unknown)}" if unknown else ""

@@ -72,7 +72,7 @@ def test_every_code_block_names_its_language(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_commands_are_in_shell_blocks(name: str) -> None:
     shown = [block for block in blocks(text_of(name)) if block.language in SHOWN]
-    assert [one.line for one in shown if commands(f"```\n{one.code}```")] == []
+    assert [block.line for block in shown if commands(f"```\n{block.code}```")] == []
 
 
 def test_every_step_of_the_tutorial_states_its_duration() -> None:
@@ -83,9 +83,11 @@ def test_every_step_of_the_tutorial_states_its_duration() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_command_of_the_page_exists(name: str) -> None:
-    own = {"widest"} if name == "docs/contributing.md" else set()  # a command from the page
+    page_verbs = {"widest"} if name == "docs/contributing.md" else set()  # a command from the page
     refused = [
-        message for words in commands(text_of(name)) if words[0] not in own and (message := refusal(words))
+        message
+        for words in commands(text_of(name))
+        if words[0] not in page_verbs and (message := refusal(words))
     ]
     assert refused == []
 

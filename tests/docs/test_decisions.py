@@ -18,8 +18,8 @@ def test_notes_are_numbered_without_a_hole() -> None:
 
 
 def test_the_index_names_each_note_once_in_order() -> None:
-    named = re.findall(r"^\| \[\d\d\]\(([^)]+)\) \|", (FOLDER / "index.md").read_text("utf-8"), re.M)
-    assert named == [note.name for note in NOTES]
+    named_notes = re.findall(r"^\| \[\d\d\]\(([^)]+)\) \|", (FOLDER / "index.md").read_text("utf-8"), re.M)
+    assert named_notes == [note.name for note in NOTES]
 
 
 @pytest.mark.parametrize("note", NOTES, ids=lambda note: note.name[:2])

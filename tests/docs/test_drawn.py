@@ -53,10 +53,12 @@ def path() -> tuple[FloatArray, FloatArray]:
 
 def test_two_pieces_of_one_iron_in_series_are_that_iron(irons: ModuleType) -> None:
     core, steel = irons.Core(POLES), STEEL.make_steel()
-    one = irons.PlantIron(steel).answer(core, *path())
-    two = irons.SeriesIron(steel, steel, 0.3, 1.0).answer(core, *path())
-    assert np.max(np.abs(two.flux - one.flux)) < 1e-6 * np.max(one.flux)
-    assert np.max(np.abs(two.linkage - one.linkage)) < 1e-6 * np.max(one.linkage)
+    single_answer = irons.PlantIron(steel).answer(core, *path())
+    series_answer = irons.SeriesIron(steel, steel, 0.3, 1.0).answer(core, *path())
+    assert np.max(np.abs(series_answer.flux - single_answer.flux)) < 1e-6 * np.max(single_answer.flux)
+    assert np.max(np.abs(series_answer.linkage - single_answer.linkage)) < 1e-6 * np.max(
+        single_answer.linkage
+    )
 
 
 @pytest.mark.slow
@@ -77,11 +79,11 @@ def test_a_cycle_of_an_integrated_iron_loses_energy(
     irons: ModuleType, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(irons, "FINE", 300)
-    up = np.linspace(1.0, 3.0, 100)
-    cycle = np.concatenate([up, up[::-1]])
+    rising_current = np.linspace(1.0, 3.0, 100)
+    cycle = np.concatenate([rising_current, rising_current[::-1]])
     current = np.tile(cycle, 4)
     job = irons.Job(iron(irons, kind), irons.Core(POLES), current, np.full(current.size, 3e-4))
     linkage = irons.answers([job])[0].linkage[-cycle.size - 1 :]
     current = current[-cycle.size - 1 :]
-    taken = float(np.sum(0.5 * (current[1:] + current[:-1]) * np.diff(linkage)))
-    assert taken > 1e-4 * np.ptp(linkage) * np.ptp(current)
+    absorbed_energy = float(np.sum(0.5 * (current[1:] + current[:-1]) * np.diff(linkage)))
+    assert absorbed_energy > 1e-4 * np.ptp(linkage) * np.ptp(current)

@@ -28,9 +28,9 @@ def test_a_part_says_how_it_is_tested_and_its_commands_and_folders_exist(part: s
     assert len(re.sub(r"```.*?```", "", text, flags=re.S).split()) < 400  # takes a minute
     (target,) = set(re.findall(r"`make test PART=([\w-]+)`", text))
     assert target == "c" or (ROOT / "packages" / target / "tests").is_dir()
-    assert [one for words in commands(text) if (one := refusal(words))] == []
-    named = re.findall(r"`((?:include|src|packages|port)/[\w/-]+)`", text)
-    assert [one for one in named if not ((ROOT / part / one).exists() or (ROOT / one).exists())] == []
+    assert [reason for words in commands(text) if (reason := refusal(words))] == []
+    named_folders = re.findall(r"`((?:include|src|packages|port)/[\w/-]+)`", text)
+    assert [one for one in named_folders if not ((ROOT / part / one).exists() or (ROOT / one).exists())] == []
 
 
 def test_the_c_of_the_library_s_page_runs_without_python(tmp_path: Path) -> None:
@@ -54,10 +54,10 @@ int main(void)
     (tmp_path / "main.c").write_text(code + main)
     sources = [*map(str, folder.glob("src/**/*.c")), str(folder / "magnet_parameters.c")]
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-Wno-missing-prototypes"]
-    places = [f"-I{folder}", f"-I{folder / 'include'}"]
+    include_options = [f"-I{folder}", f"-I{folder / 'include'}"]
     program = tmp_path / "program"
     subprocess.run(
-        [tool("cc"), *flags, *places, str(tmp_path / "main.c"), *sources, "-lm", "-o", str(program)],
+        [tool("cc"), *flags, *include_options, str(tmp_path / "main.c"), *sources, "-lm", "-o", str(program)],
         check=True,
     )
     assert subprocess.run([program], check=False).returncode == 0

@@ -46,9 +46,11 @@ def test_the_readme_shows_the_straight_way_and_the_page_of_commands_every_verb()
 def section(link: str) -> str:
     """Return the section of a page that a link refers to."""
     page, _, anchor = link.partition("#")
-    parts = (ROOT / page).read_text(encoding="utf-8").split("\n## ")
-    named = {part.partition("\n")[0].lower().replace(" ", "-"): part for part in parts}
-    return named[anchor]
+    sections = (ROOT / page).read_text(encoding="utf-8").split("\n## ")
+    sections_by_anchor = {
+        section_text.partition("\n")[0].lower().replace(" ", "-"): section_text for section_text in sections
+    }
+    return sections_by_anchor[anchor]
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0][1:20])

@@ -31,11 +31,11 @@ def test_a_link_out_of_the_docs_becomes_a_name() -> None:
 
 def test_tests_named_on_the_page_exist() -> None:
     page = (ROOT / "docs" / "coming-from.md").read_text()
-    named = set(re.findall(r"`(test_\w+)`", page))
+    named_tests = set(re.findall(r"`(test_\w+)`", page))
     files = (path for top in ("tests", "packages") for path in (ROOT / top).rglob("test_*.py"))
     tests = "".join(path.read_text() for path in files)
-    assert len(named) > 15
-    assert {name for name in named if f"def {name}(" not in tests} == set()
+    assert len(named_tests) > 15
+    assert {name for name in named_tests if f"def {name}(" not in tests} == set()
 
 
 def test_the_gallery_has_a_dozen_short_scripts() -> None:

@@ -37,10 +37,10 @@ def test_the_virtual_stack_has_a_loop_creeps_and_rings() -> None:
     rig = read_piezo_rig(PIEZO / "rig.toml")
     dt = 1e-4
     held = rig.make_motion(dt).run(np.full(40_000, 100.0))
-    fast, later = held[200:1000].mean(), held[-1000:].mean()
-    assert 1.005 < later / fast < 1.02
-    around = held[5:60] - fast
-    turns = np.flatnonzero(np.diff(np.sign(around)))
+    early_mean, final_mean = held[200:1000].mean(), held[-1000:].mean()
+    assert 1.005 < final_mean / early_mean < 1.02
+    ringing = held[5:60] - early_mean
+    turns = np.flatnonzero(np.diff(np.sign(ringing)))
     assert 0.5 / (np.diff(turns).mean() * dt) == pytest.approx(rig.settings.flexure.resonance_Hz, rel=0.05)
     slow = 75.0 * (1.0 - np.cos(2.0 * np.pi * np.arange(2000) / 2000))
     found = rig.make_motion(1e-3).run(slow)

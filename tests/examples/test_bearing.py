@@ -52,12 +52,12 @@ def test_the_loops_are_reproduced_by_their_script(example: ModuleType) -> None:
 
 
 def test_the_loops_read_as_they_were_measured(rig: BodyRig) -> None:
-    read, made = read_loops(rig.measured_loops.paths[0]), measure_loops(rig)
-    assert len(read.loops) == len(made.loops) == 12
-    for kept, fresh in zip(read.loops, made.loops, strict=True):
-        assert str(kept.history) == str(fresh.history)
-        np.testing.assert_allclose(kept.input, fresh.input, atol=1e-6)
-        np.testing.assert_allclose(kept.output, fresh.output, atol=1e-4)
+    read_set, measured_set = read_loops(rig.measured_loops.paths[0]), measure_loops(rig)
+    assert len(read_set.loops) == len(measured_set.loops) == 12
+    for read_loop, measured_loop in zip(read_set.loops, measured_set.loops, strict=True):
+        assert str(read_loop.history) == str(measured_loop.history)
+        np.testing.assert_allclose(read_loop.input, measured_loop.input, atol=1e-6)
+        np.testing.assert_allclose(read_loop.output, measured_loop.output, atol=1e-4)
 
 
 def both_ways(rig: BodyRig, gap: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
@@ -89,8 +89,10 @@ def test_the_table_of_gaps(rig: BodyRig) -> None:
         assert f"{most:.2f} T" == density
         percent = opening(current, rising, falling)
         assert f"{percent.max():.1f} %, {percent.mean():.1f} %" == width
-        up, down = (float(np.interp(rig.static_load, one, current)) for one in (rising, falling))
-        assert f"{up:.3f} A, {down:.3f} A" == at_load
+        rising_current, falling_current = (
+            float(np.interp(rig.static_load, branch_force, current)) for branch_force in (rising, falling)
+        )
+        assert f"{rising_current:.3f} A, {falling_current:.3f} A" == at_load
         assert (where == "`loops.csv`") == (gap in measured)
 
 
@@ -100,9 +102,9 @@ def test_the_table_of_reversible_fractions(rig: BodyRig) -> None:
     assert isinstance(steel, CellSteel)
     assert float(table[0][0]) == steel.reversible_fraction
     for fraction, on, back, part, width in table:
-        changed = change_iron(rig, float(fraction))
+        changed_rig = change_iron(rig, float(fraction))
 
-        def force(*currents: float, rig: BodyRig = changed) -> float:
+        def force(*currents: float, rig: BodyRig = changed_rig) -> float:
             path = np.array([*PAST, *currents])
             return float(rig.static_map(path, np.full(path.size, gap))[0][-1])
 
@@ -112,7 +114,7 @@ def test_the_table_of_reversible_fractions(rig: BodyRig) -> None:
         assert f"{going_on:.0f} N/A" == on
         assert f"{turning:.0f} N/A" == back
         assert f"{turning / going_on:.2f}" == part
-        current, rising, falling, _ = both_ways(changed, gap)
+        current, rising, falling, _ = both_ways(changed_rig, gap)
         assert f"{opening(current, rising, falling).max():.1f} %" == width
     assert "pathological here, such as the one with 0.05" in README
     assert [float(row[3]) < 0.25 for row in table] == [False, True, False]

@@ -32,10 +32,10 @@ def major(steel: AnySteel) -> tuple[float, float, float]:
 def width(current: FloatArray, force: FloatArray) -> FloatArray:
     """Return the width of a loop at constant force, A, at evenly spaced forces."""
     current, force = np.append(current, current[0]), np.append(force, force[0])
-    top = int(np.argmax(current))
-    level = np.linspace(force[0], force[top], 500)
-    rising = np.interp(level, force[: top + 1], current[: top + 1])
-    return np.asarray(rising - np.interp(level, force[: top - 1 : -1], current[: top - 1 : -1]))
+    tip_index = int(np.argmax(current))
+    level = np.linspace(force[0], force[tip_index], 500)
+    rising = np.interp(level, force[: tip_index + 1], current[: tip_index + 1])
+    return np.asarray(rising - np.interp(level, force[: tip_index - 1 : -1], current[: tip_index - 1 : -1]))
 
 
 @every

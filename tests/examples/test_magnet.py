@@ -50,8 +50,8 @@ def branches(record: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArra
     """Return current and force of the ascending and descending branches, sorted by current."""
     current = np.append(record.current, record.current[0])
     force = np.append(record.force, record.force[0])
-    top = int(np.argmax(current))
-    return current[: top + 1], force[: top + 1], current[:top:-1], force[:top:-1]
+    tip_index = int(np.argmax(current))
+    return current[: tip_index + 1], force[: tip_index + 1], current[:tip_index:-1], force[:tip_index:-1]
 
 
 def width(record: Any) -> FloatArray:
@@ -82,8 +82,8 @@ def test_script_writes_into_the_folder_it_is_reported(
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["make_loops.py", "--out", str(tmp_path / "new")])
     example.main()
-    written = {path.name for path in (tmp_path / "new").iterdir()}
-    assert written == set(example.files())
+    written_names = {path.name for path in (tmp_path / "new").iterdir()}
+    assert written_names == set(example.files())
 
 
 def test_files_are_small_and_labelled_as_simulated(example: ModuleType) -> None:
@@ -97,9 +97,9 @@ def test_no_loop_is_longer_than_400_samples(records: list[Any]) -> None:
 
 
 def test_unseen_gaps_lie_between_the_identified_ones(settings: dict[str, Any]) -> None:
-    known, unseen = (set(settings[part]["gaps_m"]) for part in ("identification", "unseen"))
-    assert not known & unseen
-    assert min(known) < min(unseen) < max(unseen) < max(known)
+    identified_gaps, unseen_gaps = (set(settings[part]["gaps_m"]) for part in ("identification", "unseen"))
+    assert not identified_gaps & unseen_gaps
+    assert min(identified_gaps) < min(unseen_gaps) < max(unseen_gaps) < max(identified_gaps)
 
 
 @pytest.mark.parametrize("gap", GAPS)
@@ -113,8 +113,8 @@ def test_the_slope_after_a_reversal_agrees_with_the_reversible_fraction(
     area = magnet.circuit.iron_area
     force = magnet.circuit.force(magnet.flux_density * area, gap)
     db_di = slope * magnet.flux_density / (2 * force)
-    outside = area * magnet.circuit.outer_reluctance(gap)
-    dh_db = (magnet.circuit.turns / db_di - outside) / magnet.length
+    outer_ratio = area * magnet.circuit.outer_reluctance(gap)
+    dh_db = (magnet.circuit.turns / db_di - outer_ratio) / magnet.length
     susceptibility = 1 / (MU_0 * dh_db) - 1
     near = magnet.field + np.array([-0.01, 0.01])
     curve = CellIron(magnet.steel.model_copy(update={"reversible_fraction": 1.0}))
@@ -143,10 +143,10 @@ def test_every_kind_of_loop_is_settled(records: list[Any], example: ModuleType) 
     magnet, settings = example.load()
     for record in records[:4]:
         low, high = record.current.min(), record.current.max()
-        first = example.settled_loop(magnet, record.gap, low, high, settings)
+        settled_loop = example.settled_loop(magnet, record.gap, low, high, settings)
         again = example.settled_loop(magnet, record.gap, low, high, settings)
-        np.testing.assert_allclose(again[1], first[1], rtol=0, atol=1e-7)
-        np.testing.assert_allclose(record.force, first[1], rtol=0, atol=1e-7)
+        np.testing.assert_allclose(again[1], settled_loop[1], rtol=0, atol=1e-7)
+        np.testing.assert_allclose(record.force, settled_loop[1], rtol=0, atol=1e-7)
 
 
 def test_force_rises_as_the_gap_closes_on_both_branches(records: list[Any]) -> None:
@@ -185,8 +185,14 @@ def test_electric_work_of_a_cycle_is_the_heat_of_the_iron(example: ModuleType) -
 
 def test_the_energy_of_a_moving_armature_equals_the_iron_loss(example: ModuleType) -> None:
     magnet, _ = example.load()
-    near, far, low, high, n = GAPS[0], GAPS[-1], 1.0, 2.5, 400
-    corners = ((low, far), (low, near), (high, near), (high, far), (low, far))
+    smallest_gap, largest_gap, low, high, n = GAPS[0], GAPS[-1], 1.0, 2.5, 400
+    corners = (
+        (low, largest_gap),
+        (low, smallest_gap),
+        (high, smallest_gap),
+        (high, largest_gap),
+        (low, largest_gap),
+    )
     legs = [np.linspace(start, end, n) for start, end in itertools.pairwise(corners)]
     path = np.concatenate([*legs, *legs])
     state = np.empty((path.shape[0], 3))
@@ -215,12 +221,12 @@ def test_sensors_have_their_stated_errors(records: list[Any], settings: dict[str
 
     force_error, late, age = [], [], []
     tared = dict.fromkeys(GAPS, np.inf)
-    for r in records:
-        started = r.time[0] - drive["conditioning_cycles"] * r.current.size * drive["sample_s"]
-        tared[r.gap] = min(tared[r.gap], started)
-        force_error.append(r.read_force - r.force)
-        late.append((np.roll(r.force, 1) - r.force) / drive["sample_s"])
-        age.append(r.time - tared[r.gap])
+    for record in records:
+        started = record.time[0] - drive["conditioning_cycles"] * record.current.size * drive["sample_s"]
+        tared[record.gap] = min(tared[record.gap], started)
+        force_error.append(record.read_force - record.force)
+        late.append((np.roll(record.force, 1) - record.force) / drive["sample_s"])
+        age.append(record.time - tared[record.gap])
     error = np.concatenate(force_error)
     design = np.column_stack([np.concatenate(late), np.concatenate(age)])
     found, *_ = np.linalg.lstsq(design, error, rcond=None)

@@ -50,8 +50,8 @@ def test_the_data_are_reproduced_by_their_script(example: ModuleType) -> None:
 def test_the_first_version_has_its_data_too(example: ModuleType) -> None:
     rig = read_rig(FOLDER / "drawn" / "rig.toml")
     made = example.rows(rig)
-    kept = (FOLDER / "drawn" / "loops.csv").read_text().splitlines()[4:]
-    for row, line in zip(range(300), kept, strict=False):
+    stored_rows = (FOLDER / "drawn" / "loops.csv").read_text().splitlines()[4:]
+    for row, line in zip(range(300), stored_rows, strict=False):
         assert next(made) == line, f"row {row}"
 
 
@@ -63,7 +63,7 @@ def test_the_table_of_positions(rig: ForceControlRig) -> None:
     file = rig.solenoid_file
     assert file is not None
     assert file.measurement is not None
-    measured = {round(1e3 * gap, 2) for gap in file.measurement.gaps_m}
+    measured_gaps = {round(1e3 * gap, 2) for gap in file.measurement.gaps_m}
     turns = file.circuit.turns
     for place, force, left, width, density, share, where in rows:
         gap = float(place.split()[0])
@@ -71,24 +71,26 @@ def test_the_table_of_positions(rig: ForceControlRig) -> None:
         current = np.linspace(0.0, CURRENT_MAX, 201)
         for turn in (CURRENT_MAX, 0.0) * 3:
             rest = solenoid.hold(turn, 1e-3 * gap)
-        rising = solenoid.run(current, at)[:, 0]
-        assert f"{rising[-1]:.1f} N" == force
+        rising_force = solenoid.run(current, at)[:, 0]
+        assert f"{rising_force[-1]:.1f} N" == force
         assert f"{rest:.2f} N" == left
         flux = solenoid.psi / turns
         assert f"{flux / file.iron.area_m2:.2f} T" == density
         over = solenoid.density * 1e-3 * gap / MU_0 + file.circuit.slide_reluctance_per_H * flux
-        used = 1.0 - over / (turns * CURRENT_MAX)
-        assert f"{100.0 * used:.0f} %" == share
-        falling = solenoid.run(current[::-1].copy(), at)[::-1, 0]
-        level = LEVELS * rising[-1]
-        opening = np.interp(level, rising, current) - np.interp(level, falling, current)
-        percent = 100.0 * opening / CURRENT_MAX
+        usable_fraction = 1.0 - over / (turns * CURRENT_MAX)
+        assert f"{100.0 * usable_fraction:.0f} %" == share
+        falling_force = solenoid.run(current[::-1].copy(), at)[::-1, 0]
+        force_levels = LEVELS * rising_force[-1]
+        loop_width = np.interp(force_levels, rising_force, current) - np.interp(
+            force_levels, falling_force, current
+        )
+        percent = 100.0 * loop_width / CURRENT_MAX
         reported = [float(number) for number in re.findall(r"[\d.]+(?= %)", width)]
         assert percent.max() == pytest.approx(reported[0], abs=0.06)
         assert percent.mean() == pytest.approx(reported[1], abs=0.06)
         assert percent.max() >= 4.0
-        assert rising[-1] >= rig.settings.force.force_max_N
-        assert (where == "`loops.csv`") == (gap in measured)
+        assert rising_force[-1] >= rig.settings.force.force_max_N
+        assert (where == "`loops.csv`") == (gap in measured_gaps)
 
 
 def test_the_thresholds_of_the_cells(rig: ForceControlRig) -> None:

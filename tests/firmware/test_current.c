@@ -177,7 +177,7 @@ static void frozen_sensor_is_found_if_the_current_moves(void)
   CHECK_BELOW("ticks until a stuck sensor is found", found, SWEEP + 3 * LAG + OFF + 1);
 }
 
-/* As many bad samples as the setting allows are no fault. */
+/* The number of bad samples that the setting allows causes no fault. */
 static void a_short_deviation_is_no_fault(void)
 {
   amplifier a = normal;

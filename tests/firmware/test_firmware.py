@@ -29,9 +29,9 @@ def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 
 def build_tests(folder: Path, build_name: str) -> None:
-    kind, _, sanitized = build_name.partition("-")
+    kind, _, sanitizer_mark = build_name.partition("-")
     compiler = "clang" if kind == "clang" else tool("cc", "gcc")
-    options = SANITIZERS if sanitized else []
+    options = SANITIZERS if sanitizer_mark else []
     if not can_compile(compiler, folder, *options):
         pytest.skip(f"{compiler} has no sanitizers here: apt install libclang-rt-dev")
     completed = compile_c(compiler, [*BENCH_SOURCES, *FIRMWARE_SOURCES], folder, "-c", *options)
@@ -60,8 +60,8 @@ class Symbols(NamedTuple):
 
 
 def symbols(sources: list[Path], folder: Path) -> Symbols:
-    defined: set[str] = set()
-    wanted: set[str] = set()
+    defined_symbols: set[str] = set()
+    undefined_symbols: set[str] = set()
     writable: set[str] = set()
     # Without -fno-pie, constant tables of functions would count as writable, because a loader fills
     # them.
@@ -71,9 +71,9 @@ def symbols(sources: list[Path], folder: Path) -> Symbols:
         listing = subprocess.run([tool("nm"), compiled], capture_output=True, text=True, check=True)
         for line in listing.stdout.splitlines():
             *_, kind, name = line.split()
-            (wanted if kind == "U" else defined).add(name)
+            (undefined_symbols if kind == "U" else defined_symbols).add(name)
             writable |= {name} if kind in "BbCDdGgSs" else set()
-    return Symbols(wanted - defined, writable)
+    return Symbols(undefined_symbols - defined_symbols, writable)
 
 
 @pytest.mark.parametrize("sources", [FIRMWARE_SOURCES, POSITION_SOURCES], ids=["force", "position"])

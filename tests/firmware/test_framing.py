@@ -22,18 +22,18 @@ def encode_cobs(payload: bytes) -> bytes:
     """Encode by definition: put the offset of the next zero before each piece between zeros."""
     encoded = bytearray()
     for piece in (payload + b"\0").split(b"\0")[:-1]:
-        remaining = piece
-        while len(remaining) >= 254:
-            encoded += b"\xff" + remaining[:254]
-            remaining = remaining[254:]
-        encoded += bytes([len(remaining) + 1]) + remaining
+        remaining_bytes = piece
+        while len(remaining_bytes) >= 254:
+            encoded += b"\xff" + remaining_bytes[:254]
+            remaining_bytes = remaining_bytes[254:]
+        encoded += bytes([len(remaining_bytes) + 1]) + remaining_bytes
     return bytes(encoded)
 
 
 def encode_frame(kind: int, sequence: int, tick: int, payload: bytes) -> bytes:
     """Return a frame as it must be sent."""
-    plain = struct.pack("<BBBBI", frames.VERSION, kind, sequence, len(payload), tick) + payload
-    return encode_cobs(plain + struct.pack("<I", binascii.crc32(plain))) + b"\0"
+    plain_bytes = struct.pack("<BBBBI", frames.VERSION, kind, sequence, len(payload), tick) + payload
+    return encode_cobs(plain_bytes + struct.pack("<I", binascii.crc32(plain_bytes))) + b"\0"
 
 
 class CFrame(ctypes.Structure):
@@ -55,10 +55,10 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     sources = [ROOT / "firmware" / "link" / name for name in ("frame.c", "crc.c")]
     completed = compile_c(tool("cc", "gcc"), sources, library_file, "-shared", "-fPIC")
     assert completed.returncode == 0, completed.stderr
-    loaded = ctypes.CDLL(str(library_file))
-    loaded.link_crc32.restype = ctypes.c_uint32
-    loaded.link_encode.restype = ctypes.c_uint16
-    return loaded
+    loaded_library = ctypes.CDLL(str(library_file))
+    loaded_library.link_crc32.restype = ctypes.c_uint32
+    loaded_library.link_encode.restype = ctypes.c_uint16
+    return loaded_library
 
 
 def payloads() -> list[bytes]:

@@ -24,8 +24,8 @@ def test_no_input_of_a_short_run_breaks_the_firmware(tmp_path: Path) -> None:
     command = [sys.executable, str(script), "--runs", str(INPUTS), "--out", str(tmp_path / "fuzz")]
     completed = subprocess.run(command, capture_output=True, text=True, check=False)
     assert completed.returncode == 0, completed.stdout + completed.stderr
-    reached = [int(edges) for edges in re.findall(r"(\d+) edges reached", completed.stdout)]
+    reached_edges = [int(edges) for edges in re.findall(r"(\d+) edges reached", completed.stdout)]
     # Covers requests, blocks, states and both laws. A parser that rejects everything reaches far
     # less.
-    assert len(reached) == 4
-    assert all(edges > 400 for edges in reached)
+    assert len(reached_edges) == 4
+    assert all(edges > 400 for edges in reached_edges)

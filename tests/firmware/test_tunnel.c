@@ -78,7 +78,7 @@ static void samples_arrive_complete_and_none_is_lost(void)
   CHECK(found == (uint32_t)ticks && bench.answer.length == 0);
 }
 
-/* The line lost the answer. A repetition gives the same bytes, and no sample is lost. */
+/* The answer was lost on the line. A repetition gives the same bytes, and no sample is lost. */
 static void repeated_request_is_answered_with_the_same_bytes(void)
 {
   uint8_t before[LINK_MAX_PAYLOAD];

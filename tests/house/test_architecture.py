@@ -37,8 +37,10 @@ def test_no_file_is_longer_than_600_lines(folder: str) -> None:
 
 def test_every_c_source_is_in_the_one_list() -> None:
     listed_sources = (ROOT / "core" / "core.cmake").read_text(encoding="utf-8")
-    missing = [path.name for path in (ROOT / "core" / "src").rglob("*.c") if path.name not in listed_sources]
-    assert missing == []
+    missing_sources = [
+        path.name for path in (ROOT / "core" / "src").rglob("*.c") if path.name not in listed_sources
+    ]
+    assert missing_sources == []
 
 
 def _imported_modules(tree: ast.Module) -> Iterator[str]:
@@ -62,8 +64,8 @@ def test_tests_of_a_package_use_only_it_and_its_dependencies() -> None:
     for at, folder in enumerate(folders.values()):
         for path in folder.rglob("*.py"):
             for name in _imported_modules(ast.parse(path.read_text(encoding="utf-8"))):
-                known = name if name in rank else name.split(".")[0]
-                if rank.get(known, 0) > at:
+                module_name = name if name in rank else name.split(".")[0]
+                if rank.get(module_name, 0) > at:
                     found.append(f"{path.relative_to(ROOT)}: {name}")
     assert found == []
 
@@ -127,16 +129,16 @@ def _is_defined(symbol: str, path: Path) -> bool:
 
 def _missing_references(cell: str) -> list[str]:
     """Return the files of a cell that do not exist, and symbols that the preceding file lacks."""
-    missing, path = [], None
+    missing_names, path = [], None
     for name in _QUOTED.findall(cell):
         if " " in name:  # a command
             continue
         if "/" in name:
             path = next(iter(_matching_files(name)), None)
-            missing += [] if path else [name]
+            missing_names += [] if path else [name]
         elif path and path.is_file() and not _is_defined(name, path):
-            missing.append(f"{path.relative_to(ROOT)}: {name}")
-    return missing
+            missing_names.append(f"{path.relative_to(ROOT)}: {name}")
+    return missing_names
 
 
 TASKS = _table_rows("Where do I ...?")

@@ -70,7 +70,9 @@ def test_all_parts_have_one_version_and_one_licence() -> None:
         folder = house.PACKAGES / part
         project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         assert project["version"] == __version__
-        required_parts = [one for one in project["dependencies"] if one.startswith("anhyst")]
+        required_parts = [
+            dependency for dependency in project["dependencies"] if dependency.startswith("anhyst")
+        ]
         assert all(one.endswith(f"=={__version__}") for one in required_parts)
         assert list(folder.glob("src/*/py.typed"))
         assert (folder / "LICENSE").read_bytes() == (house.ROOT / "LICENSE").read_bytes()

@@ -76,9 +76,9 @@ def magnet() -> Model:
     )
 
 
-def current_cycle(largest: float) -> FloatArray:
-    ascending = np.linspace(0.0, largest, 13)
-    return np.concatenate([ascending, ascending[-2::-1], ascending[1:]])
+def current_cycle(peak_current: float) -> FloatArray:
+    ascending_current = np.linspace(0.0, peak_current, 13)
+    return np.concatenate([ascending_current, ascending_current[-2::-1], ascending_current[1:]])
 
 
 @pytest.fixture(scope="module")

@@ -44,11 +44,13 @@ def anhyst(site: Path, place: Path, *arguments: str) -> subprocess.CompletedProc
 
 def write_loops(path: Path) -> None:
     """Write loops of a single play operator in the format of the package."""
-    ascending = np.linspace(0.0, 3.0, 13)
+    ascending_current = np.linspace(0.0, 3.0, 13)
     lines: list[list[object]] = [["I_A", "F_N", "gap_mm", "loop"]]
     for gap in (0.3, 0.5):
-        for label, largest in (("large", 1.0), ("small", 0.4)):
-            drive = largest * np.concatenate([ascending, ascending[-2::-1], ascending[1:]])
+        for label, relative_peak in (("large", 1.0), ("small", 0.4)):
+            drive = relative_peak * np.concatenate(
+                [ascending_current, ascending_current[-2::-1], ascending_current[1:]]
+            )
             play_state = 0.0
             for current in drive:
                 play_state = min(max(play_state, current - 0.2), current + 0.2)

@@ -54,17 +54,19 @@ def test_a_rig_kind_implements_exactly_the_protocols_of_its_verbs(word: str) -> 
     kind = rig_kinds()[word]
     assert isinstance(kind, RigKind)
     assert ("export" in kind.verbs) == (word in RIG_PART_FACTORIES)
-    asked = [protocol for verb in kind.verbs for protocol in PROTOCOLS[verb]]
+    required_protocols = [protocol for verb in kind.verbs for protocol in PROTOCOLS[verb]]
     if kind.has_option("simulate", "--board"):
-        asked.append(HasBoard)
+        required_protocols.append(HasBoard)
     if "with_iron" in kind.places:
-        asked.append(HasIrons)
-    expected = {name: one for protocol in asked for name, one in methods_of(protocol).items()}
-    assert kind.places.keys() == expected.keys()
-    for name, method in expected.items():
-        own = arguments(getattr(kind, name))
+        required_protocols.append(HasIrons)
+    expected_methods = {
+        name: method for protocol in required_protocols for name, method in methods_of(protocol).items()
+    }
+    assert kind.places.keys() == expected_methods.keys()
+    for name, method in expected_methods.items():
+        own_arguments = arguments(getattr(kind, name))
         # callers may omit an argument that has a default
-        assert own <= arguments(method), name
+        assert own_arguments <= arguments(method), name
         assert len(inspect.signature(getattr(kind, name)).parameters) >= arguments(method), name
 
 
@@ -75,9 +77,9 @@ def test_the_files_of_an_example_are_those_that_it_names(folder: str, word: str)
     files = require_capability(file_kind(path), HasBench).files(path, None)
     assert files[0] == path
     assert all(file.is_file() for file in files)
-    named = {file.name for file in files}
-    assert ("controller.toml" in named) == (word == "levitation")
-    assert any(name.startswith("loops") for name in named) == (word != "displacement")
+    file_names = {file.name for file in files}
+    assert ("controller.toml" in file_names) == (word == "levitation")
+    assert any(name.startswith("loops") for name in file_names) == (word != "displacement")
 
 
 def test_a_record_is_copied_and_has_its_places_then() -> None:

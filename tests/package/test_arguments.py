@@ -114,9 +114,9 @@ def test_columns_that_hold_no_loop_are_refused_with_the_reason(text: str) -> Non
 
 def test_inspect_accepts_a_path_a_folder_a_list_arrays_and_loops_alike(tmp_path: Path) -> None:
     path = LOOPS.save(tmp_path / "loops.csv")
-    cleaned = anhyst.clean(LOOPS, "dedupe")
-    expected = anhyst.inspect(cleaned).as_dict()["verdict"]
-    for source in (path, str(path), tmp_path, [path], ARRAYS, cleaned):
+    cleaned_loops = anhyst.clean(LOOPS, "dedupe")
+    expected = anhyst.inspect(cleaned_loops).as_dict()["verdict"]
+    for source in (path, str(path), tmp_path, [path], ARRAYS, cleaned_loops):
         assert anhyst.inspect(source).as_dict()["verdict"] == expected
 
 
@@ -155,8 +155,8 @@ def test_history_accepts_turning_points() -> None:
     assert np.allclose(demand, field, atol=1e-3)
     stepper = MODEL.stepper(history=points)
     assert stepper.follow(field, np.zeros(20)) == pytest.approx(expected)
-    for read in (anhyst.read_loops(ARRAYS, history=points), LOOPS.with_history(points)):
-        assert str(read[0].history) == "conditioned:0.0,200.0,0.0"
+    for read_set in (anhyst.read_loops(ARRAYS, history=points), LOOPS.with_history(points)):
+        assert str(read_set[0].history) == "conditioned:0.0,200.0,0.0"
     run = anhyst.predict(MODEL, {"H_A_per_m": field}, history=points)
     assert np.array_equal(run.to_columns()["B_T"], expected)
 
@@ -168,12 +168,12 @@ def test_predict_accepts_arrays_and_loops_and_gives_a_data_frame(tmp_path: Path)
     assert run.deviation.worst == pytest.approx(0.0, abs=1e-9)
     frame = run.to_dataframe()
     assert list(frame.columns) == ["loop", "H_A_per_m", "B_T", "B_model_T", "valid"]
-    written = anhyst.predict(MODEL, LOOPS.save(tmp_path / "in.csv"), tmp_path / "out.csv")
+    file_result = anhyst.predict(MODEL, LOOPS.save(tmp_path / "in.csv"), tmp_path / "out.csv")
     assert (
         run.save(tmp_path / "own.csv").read_text().splitlines()[0]
         == ((tmp_path / "out.csv").read_text().splitlines()[0])
     )
-    assert written.out == str(tmp_path / "out.csv")
+    assert file_result.out == str(tmp_path / "out.csv")
     back = anhyst.invert(MODEL, {"B_T": [0.0, 0.1, 0.2]}, history="demagnetised")
     assert MODEL(back.to_columns()["H_A_per_m"], history="demagnetised") == pytest.approx(
         [0.0, 0.1, 0.2], abs=1e-6
@@ -187,8 +187,8 @@ def test_report_accepts_a_model(tmp_path: Path) -> None:
 
 
 def loops_of_two() -> Loops:
-    wide = Loop("wide", FIELD, ARRAYS["B_T"])
-    return Loops((wide, Loop("small", 0.5 * FIELD, ARRAYS["B_T"])), LOOPS.input, LOOPS.output)
+    wide_loop = Loop("wide", FIELD, ARRAYS["B_T"])
+    return Loops((wide_loop, Loop("small", 0.5 * FIELD, ARRAYS["B_T"])), LOOPS.input, LOOPS.output)
 
 
 def test_loops_iterate_and_index_by_label_and_position() -> None:
@@ -203,10 +203,10 @@ def test_loops_iterate_and_index_by_label_and_position() -> None:
 
 
 def test_loops_of_one_label_at_several_gaps_are_ambiguous() -> None:
-    parts = [Loop("1", FIELD, ARRAYS["B_T"], np.full(FIELD.size, gap)) for gap in (3e-4, 4e-4)]
-    loops = Loops(tuple(parts), LOOPS.input, LOOPS.output, QUANTITIES["gap"])
+    loops_of_gaps = [Loop("1", FIELD, ARRAYS["B_T"], np.full(FIELD.size, gap)) for gap in (3e-4, 4e-4)]
+    loops = Loops(tuple(loops_of_gaps), LOOPS.input, LOOPS.output, QUANTITIES["gap"])
     assert "2 loops are called '1'" in refusal(loops.__getitem__, "1")
-    assert loops.at(4e-4)["1"] is parts[1]
+    assert loops.at(4e-4)["1"] is loops_of_gaps[1]
 
 
 def test_loops_show_a_row_for_each_loop_in_a_notebook() -> None:

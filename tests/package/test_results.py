@@ -87,21 +87,21 @@ def test_every_result_can_be_plotted_on_given_axes(results: dict[str, Result]) -
 
 
 def test_every_result_has_a_short_representation(results: dict[str, Result]) -> None:
-    for one in results.values():
-        text = repr(one)
-        assert text.startswith(f"<{type(one).__name__} ")
+    for result in results.values():
+        text = repr(result)
+        assert text.startswith(f"<{type(result).__name__} ")
         assert len(text) < 2000
-        page = one._repr_html_()
-        assert type(one).__name__ in page
-        assert page.count("<tr>") >= len(one.facts())
+        page = result._repr_html_()
+        assert type(result).__name__ in page
+        assert page.count("<tr>") >= len(result.facts())
     assert "gap 0.3 mm" in repr(results["loops"])
 
 
 def test_text_of_a_result_is_escaped(found: anhyst.IdentifyResult) -> None:
     from dataclasses import replace
 
-    odd = replace(found.model, name="<script>x</script>")
-    assert "<script>" not in odd._repr_html_()
+    renamed_model = replace(found.model, name="<script>x</script>")
+    assert "<script>" not in renamed_model._repr_html_()
 
 
 def test_every_result_is_saved_whole(results: dict[str, Result], tmp_path: Path) -> None:
@@ -112,8 +112,8 @@ def test_every_result_is_saved_whole(results: dict[str, Result], tmp_path: Path)
         assert path.stat().st_size > 100
         with refused("cannot-be-written: nowhere"):
             result.save(tmp_path / "nowhere" / path.name)
-    back = anhyst.read_loops(tmp_path / "loops.csv")
-    assert np.array_equal(back.loops[3].output, results["loops"].loops[3].output)  # type: ignore[attr-defined]
+    reread_loops = anhyst.read_loops(tmp_path / "loops.csv")
+    assert np.array_equal(reread_loops.loops[3].output, results["loops"].loops[3].output)  # type: ignore[attr-defined]
     assert anhyst.read_model(tmp_path / "model.toml") == results["model"]
 
 
@@ -122,11 +122,11 @@ def test_a_model_is_a_function_and_has_an_inverse(found: anhyst.IdentifyResult) 
     force = found.model(current, GAP)
     assert force[79] > force[40] > force[0]
     # The descending branch is above the ascending branch, so that the loop has an area.
-    up = np.interp(1.0, current[:80], force[:80])
-    down = np.interp(-1.0, -current[80:], force[80:])
-    assert down > up
-    again = found.model.inverse(force, GAP)
-    assert np.abs(again - current).max() < 1e-6
+    ascending_force = np.interp(1.0, current[:80], force[:80])
+    descending_force = np.interp(-1.0, -current[80:], force[80:])
+    assert descending_force > ascending_force
+    inverse_current = found.model.inverse(force, GAP)
+    assert np.abs(inverse_current - current).max() < 1e-6
 
 
 def test_the_table_agrees_with_the_fit_metrics(found: anhyst.IdentifyResult) -> None:
@@ -147,10 +147,10 @@ def test_loops_come_from_frames_of_any_library(loops: anhyst.Loops) -> None:
             return pyarrow.table(frame).__dataframe__(nan_as_null, allow_copy)
 
     columns = {name: frame[name].to_numpy() for name in frame}
-    for given in (frame, columns, pyarrow.Table.from_pandas(frame)):
-        read = anhyst.read_loops(given)
-        assert [loop.label for loop in read.loops] == [loop.label for loop in loops.loops]
-        assert np.array_equal(read.loops[5].output, loops.loops[5].output)
+    for columns_or_frame in (frame, columns, pyarrow.Table.from_pandas(frame)):
+        read_set = anhyst.read_loops(columns_or_frame)
+        assert [loop.label for loop in read_set.loops] == [loop.label for loop in loops.loops]
+        assert np.array_equal(read_set.loops[5].output, loops.loops[5].output)
     numbers = frame.drop(columns="loop")[frame["loop"] == "0.30mm-full"]
     frame = numbers.reset_index(drop=True)
     assert np.array_equal(anhyst.read_loops(Interchanged()).loops[0].output, loops.loops[0].output)
@@ -171,7 +171,7 @@ def test_a_model_in_memory_compiles_as_its_file_does(
 
 
 def test_two_models_are_distinguished(results: dict[str, Result]) -> None:
-    apart = results["diff"]
-    assert isinstance(apart, ModelDiff)
-    assert not apart.same
-    assert apart.to_dataframe()["worst"].max() == pytest.approx(apart.worst)
+    model_diff = results["diff"]
+    assert isinstance(model_diff, ModelDiff)
+    assert not model_diff.same
+    assert model_diff.to_dataframe()["worst"].max() == pytest.approx(model_diff.worst)

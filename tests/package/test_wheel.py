@@ -80,8 +80,8 @@ def test_the_wheel_finds_the_model_that_the_native_build_finds(alone: Path, tmp_
 
 @SLOW
 def test_the_wheel_contains_examples_and_core_sources(alone: Path, tmp_path: Path) -> None:
-    where = run([str(alone), "-c", "import anhyst; print(anhyst.__file__)"], tmp_path)
-    assert Path(where).is_relative_to(alone.parents[1])
+    module_path = run([str(alone), "-c", "import anhyst; print(anhyst.__file__)"], tmp_path)
+    assert Path(module_path).is_relative_to(alone.parents[1])
     anhyst(alone, "example", "bearing", "--out", "my", cwd=tmp_path)
     example = ROOT / "examples" / "bearing" / "rig.toml"
     assert (tmp_path / "my" / "rig.toml").read_bytes() == example.read_bytes()
@@ -109,9 +109,9 @@ def test_a_verb_of_another_package_is_named_with_its_package(alone: Path, tmp_pa
 def test_the_tutorial_runs_up_to_step_6_with_anhyst_alone_and_then_with_all_parts(
     alone: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    others = build_others(tmp_path_factory.mktemp("others"))
+    other_wheels = build_others(tmp_path_factory.mktemp("others"))
     said: list[str] = []
-    try_tutorial(alone, others, tmp_path, said.append)
+    try_tutorial(alone, other_wheels, tmp_path, said.append)
     alone_, all_ = (int(text.split()[0]) for text in said)
     assert 7 <= alone_ < all_
     assert installed_megabytes(alone) < 400.0

@@ -63,8 +63,8 @@ def link_tables(frames: Entry, signals: Entry, controller: Entry) -> str:
 
 def page_with_tables(text: str, tables: str) -> str:
     """Return the page with new tables; return it unchanged if it has no markers for them."""
-    before, begin, after_begin = text.partition(BEGIN)
-    _, end, after = after_begin.partition(END)
+    text_before, begin, after_begin = text.partition(BEGIN)
+    _, end, text_after = after_begin.partition(END)
     if not begin or not end:
         return text
-    return f"{before}{BEGIN}\n\n{tables}\n\n{END}{after}"
+    return f"{text_before}{BEGIN}\n\n{tables}\n\n{END}{text_after}"

@@ -102,12 +102,12 @@ def _check(body: bytes) -> int:
 
 def docstring(text: str, indent: str) -> str:
     """Return the lines of a docstring."""
-    first, dot, more = text.partition(". ")
-    first += dot.strip()
-    if not more:
-        return f'{indent}"""{first}"""'
-    rest = textwrap.wrap(more, 100 - len(indent), break_on_hyphens=False)
-    lines = [f'{indent}"""{first}', "", *(indent + line for line in rest), f'{indent}"""']
+    summary, dot, details = text.partition(". ")
+    summary += dot.strip()
+    if not details:
+        return f'{indent}"""{summary}"""'
+    detail_lines = textwrap.wrap(details, 100 - len(indent), break_on_hyphens=False)
+    lines = [f'{indent}"""{summary}', "", *(indent + line for line in detail_lines), f'{indent}"""']
     return "\n".join(lines)
 
 

@@ -36,12 +36,12 @@ def _header_section(path: Path, include: Path) -> str:
 
 def _declarations(text: str) -> list[tuple[str, str]]:
     """Return each comment before a declaration, with that declaration."""
-    documented = []
+    documented_lines = []
     for match in _DECLARED.finditer(text):
         comment, code = _comment_as_markdown(match.group(1)), match.group(2).strip()
         if "SPDX" not in comment and not _MACRO_NOISE.match(code):
-            documented.append((comment, code))
-    return documented
+            documented_lines.append((comment, code))
+    return documented_lines
 
 
 def _declaration_entry(comment: str, code: str) -> str:

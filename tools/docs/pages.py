@@ -56,7 +56,7 @@ def landing_page() -> str:
     """Return the landing page: a picture, a command and the chapters."""
     parts = [
         "# anhyst\n",
-        "*From a measured loop to a linear actuator.*\n",
+        "*From a measured loop to a force that is a linear function of the command.*\n",
         "The force of an electromagnet lags its current. anhyst takes force-current loops at a few "
         "air gaps, finds a model in seconds, turns it round, and compiles it to fixed-point C that "
         "is proved and verified: current in, force out, in a straight line.\n",

@@ -19,7 +19,7 @@ def python_names() -> str:
             for name, public_name in found.items()
             if public_name.__module__.split(".")[0] == part
         }
-        functions = [name for name, one in part_names.items() if inspect.isfunction(one)]
+        functions = [name for name, public_object in part_names.items() if inspect.isfunction(public_object)]
         page.append(f"## {part}\n")
         page += [_directive("autofunction", part, name, part_names[name]) for name in functions]
         nouns = [name for name in part_names if name not in functions]

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Irons of several families with one interface. No iron is a Jiles-Atherton material. An iron
-   consists of its steel (parameters) and its memory (state). Every family computes the end of a
-   monotone path of one coordinate: the field and the flux density, which both rise with the
+/* Irons of several families with one interface. None of these families is the Jiles-Atherton model.
+   An iron consists of its steel (parameters) and its memory (state). Every family computes the end
+   of a monotone path of one coordinate: the field and the flux density, which both rise with the
    coordinate, and their slopes at the end. The coordinate is the field of the anhysteretic curve
    for cells and the Duhem iron, and the field of the relays for the Preisach iron. */
 #ifndef ANHYST_PLANT_IRON_H

@@ -100,7 +100,7 @@ typedef struct {
   double gain;      /* c_out, N/T^2 */
   double offset;    /* output without flux, N */
   double zero;      /* current at which the drive is zero, A */
-  double density;   /* ratio of the flux density in the gap to that of the law (free scale) */
+  double density;   /* flux density in the gap divided by that of the law (arbitrary scale) */
 } anhyst_plant_row;
 
 /* Flux linkage as a function of current (0..current_high, equal steps) and gap (equal steps). It

@@ -24,7 +24,8 @@ typedef struct {
   double drag[ANHYST_PLANT_MAX_VOLUMES];  /* eddy-current drag of each volume, A s/(m T) */
 } anhyst_plant_solid;
 
-/* Equation of the whole path: a*H + b*B = r. per_second: 1/s of the step; 0: infinitely long. */
+/* Equation of the whole path: a*H + b*B = r. per_second: reciprocal of the time step,
+   1/s; 0: the step is infinitely long. */
 typedef struct {
   double a;
   double b;

@@ -62,7 +62,7 @@ def bearing_part(rig_path: PathLike) -> Part:
             code="not-compiled-controller",
             key="compensation",
         )
-    refuse_law_magnet(checked_inputs.rig)
+    require_iron_magnet(checked_inputs.rig)
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compile_actuator(
@@ -84,7 +84,7 @@ def bearing_part(rig_path: PathLike) -> Part:
     return Part(title, text, rate, variables, sources)
 
 
-def refuse_law_magnet(rig: BodyRig) -> None:
+def require_iron_magnet(rig: BodyRig) -> None:
     """Raise an error if the magnet is a hysteresis law, which an FMU of a rig does not support."""
     if rig.settings.magnet.kind == "law":
         raise InputError(
@@ -176,13 +176,13 @@ def magnet_definition(
     winding = {key: numbers.pop(key) for key in ("turns", "resistance")}
     text, members = everett_table, {"iron": iron, **numbers}
     if solid is not None:
-        layer_shares, layer_drags = solid.layer_parameters()
+        layer_shares, layer_eddy_drags = solid.layer_parameters()
         length_share = solid.length / circuit["iron_length"]
         solid_members = {
             "volumes": solid.volumes,
             "part": length_share,
             "share": c_array_literal(layer_shares),
-            "drag": c_array_literal(layer_drags),
+            "drag": c_array_literal(layer_eddy_drags),
         }
         text += f"static const anhyst_plant_solid magnet_solid = {c_initialiser(solid_members)};\n"
         members["solid"] = "&magnet_solid"
@@ -234,9 +234,9 @@ def plant_header(rig: BodyRig) -> str:
 
 def _bearing_variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable]:
     codes = ", ".join(f"{command.value} {command.name.lower()}" for command in Command)
-    middle, load = rig.settings.gap_m, rig.settings.load
+    reference_gap, load = rig.settings.gap_m, rig.settings.load
     return [
-        Variable("target_m", "input", "m", "demanded gap", middle, *gaps),
+        Variable("target_m", "input", "m", "demanded gap", reference_gap, *gaps),
         Variable("load_N", "input", "N", "force of the load drive, which opens the gap", load.force_N),
         Variable("command", "input", "1", f"command, which acts when it changes: {codes}", 0.0, 0.0, 6.0),
         Variable("gap_read_m", "output", "m", "reading of the position sensor at the last tick"),

@@ -403,13 +403,13 @@ def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
     """Return a compensator with its own rate as a component: demand and gap in, current out."""
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
-        compiled = compile_actuator(model, folder, rate=rate, kind=kind, io="q31")
+        compiled_controller = compile_actuator(model, folder, rate=rate, kind=kind, io="q31")
         manifest, sources = compiled_sources(folder)
     sources["compensator.c"] = (WRAPPER_FOLDER / "compensator.c").read_bytes()
     sources["compensator_numbers.h"] = _compensator_header(manifest).encode()
     text = (
         f"Current of a demanded {manifest['signals']['demand']['quantity']}, hysteresis included: "
-        f"compensator {compiled.manifest['kind']} in fixed point"
+        f"compensator {compiled_controller.manifest['kind']} in fixed point"
     )
     return Part(manifest["name"], text, rate, _compensator_variables(manifest), sources)
 

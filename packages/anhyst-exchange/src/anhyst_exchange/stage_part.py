@@ -16,7 +16,7 @@ from anhyst_exchange.bearing_part import (
     magnet_variables,
     plant_header,
     plant_sources,
-    refuse_law_magnet,
+    require_iron_magnet,
 )
 from anhyst_exchange.part import Causality, Part, Variable, c_array_literal, header_text, kernel_expression
 from anhyst_rigs.rig.body import BodyRig
@@ -54,7 +54,7 @@ def stage_part(rig_path: PathLike) -> Part:
     """
     rig = read_stage(rig_path)
     _refuse_stage(rig)
-    refuse_law_magnet(rig)
+    require_iron_magnet(rig)
     stage_setup = make_stage(rig, identify_stage_magnet(rig), "full")
     memory_count = max(block.memory_count for block in parameter_blocks(stage_setup))
     files = ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h")

@@ -16,7 +16,7 @@ from tests.actuators import reversals
 from tests.cli.command import Result, quick
 from tests.foreign.identified import identified_once
 from tests.foreign.magnets import MAGNETS
-from tests.swaps import jump
+from tests.swaps import current_jump_at_swap
 
 RATE = 20000
 BEARINGS = {"u": (20.0, 150.0, 0.45e-3), "hard": (8.0, 80.0, 0.4e-3), "soft": (0.1, 1.0, 0.25e-3)}
@@ -69,8 +69,8 @@ def test_a_swap_of_the_current_limit_causes_no_step(magnet: Path) -> None:
     )
     path = reversals(0.02 * demand, 0.15 * demand, 25, 1)  # within the narrower limit
     for gap in (scales.gap_low, 0.5 * (scales.gap_low + scales.gap_high)):
-        assert jump(here, there, path, gap) < 4e-4
-        assert jump(there, here, path, gap) < 4e-4
+        assert current_jump_at_swap(here, there, path, gap) < 4e-4
+        assert current_jump_at_swap(there, here, path, gap) < 4e-4
 
 
 @pytest.mark.parametrize("magnet", ["hard", pytest.param("soft", marks=pytest.mark.campaign)], indirect=True)

@@ -22,7 +22,7 @@ SPI2_SR, SPI2_DR = 0x40003808, 0x4000380C
 DWT_CYCCNT = 0xE0001004
 FLASH_KEYR, FLASH_SR, FLASH_CR = 0x40023C04, 0x40023C0C, 0x40023C10
 KEYS = [0x45670123, 0xCDEF89AB]
-PG, SER, PSIZE_32, STRT, LOCK = 1 << 0, 1 << 1, 2 << 8, 1 << 16, 1 << 31
+FLASH_PROGRAM, SER, PSIZE_32, STRT, LOCK = 1 << 0, 1 << 1, 2 << 8, 1 << 16, 1 << 31
 SECTORS = {6: FLASH + 0x40000, 7: FLASH + 0x60000}
 SECTOR_BYTES = 0x20000
 FEED = 0x40003000
@@ -207,7 +207,7 @@ class Chip:
     def _program(self, _cpu: object, _access: int, address: int, size: int, value: int, _: object) -> None:
         """Clear bits of a word; allowed only if the flash is unlocked for a word."""
         assert self._keys[-2:] == KEYS
-        assert self.written[FLASH_CR] == PG | PSIZE_32
+        assert self.written[FLASH_CR] == FLASH_PROGRAM | PSIZE_32
         assert (size, self._word(address)) == (4, 0xFFFFFFFF)
         assert min(SECTORS.values()) <= address < max(SECTORS.values()) + SECTOR_BYTES
         self._has_power()

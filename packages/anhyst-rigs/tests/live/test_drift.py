@@ -1,4 +1,4 @@
-"""Test that the rows of a bench show whether the active model still fits."""
+"""Test that the samples of a test bench show whether the active model still fits."""
 
 from __future__ import annotations
 

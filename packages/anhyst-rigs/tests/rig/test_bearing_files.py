@@ -50,7 +50,7 @@ def reported(caught: pytest.ExceptionInfo[InputError]) -> str:
     return text
 
 
-def test_the_bundled_bearing_is_the_one_that_was_fixed() -> None:
+def test_the_bundled_bearing_has_the_specified_values() -> None:
     rig = read_bearing(EXAMPLE / "rig.toml")
     controller = read_controller(EXAMPLE / "controller.toml")
     check_controller(controller, rig)

@@ -54,7 +54,7 @@ def example(kind: str) -> Content:
 
 
 def called(key: str, table: Content) -> str:
-    """Return the name of a table of a list in these tests."""
+    """Return the name that these tests use for one table of an array of tables."""
     if key == "magnet":
         return "magnet like" if "like" in table else f"magnet {KINDS[table['kind']]}"
     if key == "amplifier":

@@ -36,7 +36,7 @@ thermal_s = 15.0
 
 
 @dataclass
-class Watched:
+class ForceRecordingRig:
     """A rig with held armature that records all forces."""
 
     rig: HeldRig
@@ -88,7 +88,7 @@ def check_limits(found: Excitation) -> None:
 def test_a_drive_keeps_to_current_rate_force_and_the_warmth_of_the_winding(tmp_path: Path) -> None:
     specimen = bearing(tmp_path, TIGHT_LIMITS)
     assert specimen.held_rig is not None
-    watched = Watched(specimen.held_rig)
+    watched = ForceRecordingRig(specimen.held_rig)
     found = measure_gaps(replace(specimen, held_rig=watched))
     check_limits(found)
     assert 0.9 * 170.0 < max(watched.forces) <= 170.0

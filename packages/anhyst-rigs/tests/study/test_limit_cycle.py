@@ -17,8 +17,8 @@ Row = FloatArray
 def noise(rng: np.random.Generator, damping: float) -> Row:
     """Noise of 10 nm rms, filtered by a resonance at 120 Hz as in a loop with that damping."""
     w = 2 * np.pi * 120.0
-    above, below = signal.bilinear([w**2], [1.0, 2.0 * damping * w, w**2], RATE)
-    row = signal.lfilter(above, below, rng.standard_normal(len(T) + 4000))[4000:]
+    numerator, denominator = signal.bilinear([w**2], [1.0, 2.0 * damping * w, w**2], RATE)
+    row = signal.lfilter(numerator, denominator, rng.standard_normal(len(T) + 4000))[4000:]
     return np.asarray(10e-9 * row / np.std(row))
 
 

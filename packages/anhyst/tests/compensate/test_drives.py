@@ -158,7 +158,7 @@ def test_the_fixed_map_against_exact_rational_arithmetic(
         assert expected == max(force, 0)
         return
     assert 0 <= expected < ONE
-    # The force of the current, except for two of its last digits.
+    # The expected force agrees with the force of the applied current to within two codes.
     around = value(max(expected - 2, 0)) - 8, value(min(expected + 2, ONE - 1)) + 8
     reachable = min(max(Fraction(applied), value(0)), value(ONE - 1))
     assert around[0] <= reachable <= around[1]

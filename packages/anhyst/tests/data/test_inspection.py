@@ -223,7 +223,7 @@ def test_a_steep_cycle_without_its_last_sample_comes_back_to_its_start() -> None
     drive = 1.0 - np.abs(2.0 * np.arange(200) / 200 - 1.0)
     rising = np.arange(200) <= 100
     force = np.where(rising, drive**2, 0.45 * drive + 0.55 * drive**2) + 0.03
-    assert propose_histories([Loop("1", drive, force)], even=True)[0][0].kind == "settled"
+    assert propose_histories([Loop("1", drive, force)], is_even=True)[0][0].kind == "settled"
 
 
 @pytest.mark.parametrize(("limit", "is_clipped"), [(60.0, True), (1e9, False)])

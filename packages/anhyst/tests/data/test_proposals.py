@@ -86,7 +86,7 @@ def bench_of(seed: int) -> Bench:
 
 
 def options_in(text: str) -> dict[str, str]:
-    """Return the first of each option that a message proposes, split as in a shell."""
+    """Return the first value of each option that a message proposes, split as in a shell."""
     found: dict[str, str] = {}
     for match in re.finditer(r"--(columns|scale|flip|drop|loop|schedule) ", text):
         words = shlex.split(text[match.start() :].replace("; ", " "))
@@ -150,7 +150,7 @@ def test_two_words_for_a_quantity_are_a_choice(tmp_path: Path) -> None:
     assert loops.loops[0].input.max() == pytest.approx(2e-3)
 
 
-def test_word_of_another_unit_is_doubted(tmp_path: Path) -> None:
+def test_displacement_is_not_output_next_to_force_in_volts(tmp_path: Path) -> None:
     """A displacement is not the output if the file has a force in volts of its sensor."""
     path = tmp_path / "a.csv"
     path.write_text("Strom [A],Kraft [V],Weg [mm]\n" + "0,1,2\n1,2,3\n" * 20)

@@ -81,7 +81,7 @@ def test_ripple_is_named_and_removed() -> None:
     # The force ripples too. Play operators with threshold r act like operators with r - 0.04 A over
     # the mean current. The edge of the ripple restores the loop of the iron.
     assert "the force ripples too" in cleaned.repairs[-1]
-    width, _ = loop_width_and_height(cleaned.loops[0], even=True)
+    width, _ = loop_width_and_height(cleaned.loops[0], is_even=True)
     assert width == pytest.approx(0.24, abs=0.015)
 
 

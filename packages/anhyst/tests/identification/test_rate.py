@@ -128,7 +128,7 @@ def file_of(loops: Loops, folder: Path) -> Path:
 def test_fast_loops_carry_the_history_of_slow_ones(tmp_path: Path) -> None:
     """Eddy currents make the first fast cycle look like the initial curve."""
     alone = [loop for loop in session(20.0).loops if loop.label == "20 Hz"]
-    assert {str(one) for one, _ in propose_histories(alone, even=True)} == {"demagnetised"}
+    assert {str(one) for one, _ in propose_histories(alone, is_even=True)} == {"demagnetised"}
     read = read_loops(file_of(session(20.0), tmp_path))
     histories = {loop.label: loop.history for loop in read.loops}
     assert histories == {"0.5 Hz": SETTLED, "20 Hz": CARRIED}

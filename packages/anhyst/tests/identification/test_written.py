@@ -280,7 +280,7 @@ SETS: Mapping[str, Mapping[str, object]] = {
 }
 
 
-def ways(loops: Loops) -> Iterator[dict[str, str]]:
+def identify_options(loops: Loops) -> Iterator[dict[str, str]]:
     """Return every possible law and gap map for some loops."""
     yield {}
     scheduled = len(loops.schedule_values) > 1
@@ -319,7 +319,7 @@ def test_every_model_of_real_measurements_can_be_read(name: str, measurements: P
         for step in [max(1, loop.n // 60)]
     )  # fmt: skip
     read = 0
-    for way in ways(few):
+    for way in identify_options(few):
         try:
             result = identify(few, **way)  # type: ignore[arg-type]
         except InputError:

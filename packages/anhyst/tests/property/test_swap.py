@@ -15,7 +15,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.numeric import FloatArray
 from tests.actuators import GAPS, SIZES, closed_form, largest_force, magnet, ranges, reversals, triangles
-from tests.swaps import apart, jump
+from tests.swaps import current_jump_at_swap, largest_current_difference
 
 MAPS = st.sampled_from(["reluctance", "circuit"])
 """With ``circuit`` the flux coefficient is negative."""
@@ -65,8 +65,8 @@ def test_a_swap_of_limits_alone_causes_no_step(gap_map: GapMap, reach: float, se
     model = magnet(gap_map, PLAY)
     here, there = block_of(gap_map, model, 1.0), block_of(gap_map, model, reach)
     demand = path(gap_map, seed)
-    assert jump(here, there, demand, gap) < ACCURACY
-    assert jump(there, here, demand, gap) < ACCURACY
+    assert current_jump_at_swap(here, there, demand, gap) < ACCURACY
+    assert current_jump_at_swap(there, here, demand, gap) < ACCURACY
 
 
 @settings(max_examples=25)
@@ -87,8 +87,8 @@ def test_a_swap_of_models_steps_the_current_by_less_than_their_difference(
     on = np.append(demand, cycle(gap_map))
     difference = np.abs(drives(model, on, gap) - drives(other, on, gap)).max()
     largest = difference / here.scales.current + ACCURACY
-    assert jump(here, there, demand, gap) < largest
-    assert jump(there, here, demand, gap) < largest
+    assert current_jump_at_swap(here, there, demand, gap) < largest
+    assert current_jump_at_swap(there, here, demand, gap) < largest
 
 
 @settings(max_examples=40)
@@ -111,9 +111,9 @@ def test_a_swap_of_simplified_laws_steps_the_current_by_less_than_their_differen
         build_block(model, "simplified", scales, limits, SIZES, closed_form=each) for each in (law, other)
     )
     demand = path("reluctance", seed)
-    largest = apart(here, there, np.append(demand, cycle("reluctance")), gap) + ACCURACY
-    assert jump(here, there, demand, gap) < largest
-    assert jump(there, here, demand, gap) < largest
+    largest = largest_current_difference(here, there, np.append(demand, cycle("reluctance")), gap) + ACCURACY
+    assert current_jump_at_swap(here, there, demand, gap) < largest
+    assert current_jump_at_swap(there, here, demand, gap) < largest
 
 
 @pytest.mark.parametrize("kind", ["full", "simplified"])
@@ -124,4 +124,4 @@ def test_a_swap_to_the_very_same_block_changes_nothing_that_matters(kind: str) -
     else:
         block = build_block(model, "simplified", scales, limits, SIZES, closed_form=closed_form("reluctance"))
     for seed in range(20):
-        assert jump(block, block, path("reluctance", seed), GAPS[1]) < 5e-5
+        assert current_jump_at_swap(block, block, path("reluctance", seed), GAPS[1]) < 5e-5

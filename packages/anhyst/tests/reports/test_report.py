@@ -26,7 +26,7 @@ from anhyst.reports.figures import figure_differences, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between_gaps
 from anhyst.reports.page import gather_subject, make_headline
 from anhyst.reports.sections_model import section_gap_map
-from anhyst.reports.subject import ModelSubject, current_figures, gather_measurements
+from anhyst.reports.subject import ModelSubject, compute_fit_metrics, gather_measurements
 from anhyst.support.figures import svg_text, write_png
 from anhyst.support.units import QUANTITIES, Quantity
 from tests.page import NAMESPACES, Page
@@ -95,7 +95,7 @@ def finished(model: Model, loops: Loops, left_out: Mapping[str, float] | None = 
     settings = {"gap_map_reason": "it predicts best", "read_history": "settled"}
     origin = Provenance("1.2.3", 7, sources, settings)
     model = replace(model, provenance=origin)
-    fit, _ = current_figures(model, gather_measurements(model, Path(loops.sources[0].path).parent))
+    fit, _ = compute_fit_metrics(model, gather_measurements(model, Path(loops.sources[0].path).parent))
     assert fit is not None
     return replace(model, fit=replace(fit, left_out=left_out or {}))
 

@@ -85,7 +85,7 @@ def test_a_truncated_cache_file_is_recomputed() -> None:
 
 
 @pytest.mark.parametrize("place_of_bit", [0, 40, -8, -2])
-def test_a_bit_that_fell_over_is_never_a_result(place_of_bit: int) -> None:
+def test_a_flipped_bit_is_never_a_result(place_of_bit: int) -> None:
     cached_result("numbers", lambda: [0.5, {"gap": 0.25}], HERE)
     (place,) = cache_folder("numbers").iterdir()
     content = bytearray(place.read_bytes())

@@ -56,7 +56,7 @@ def test_numbers_keep_their_significant_digits(value: float, text: str) -> None:
     ],
 )
 def test_units_fit_the_size_of_the_value(unit: str, value: float, text: str) -> None:
-    assert choose_scale(unit, [value]).format_with_unit(value, short=True) == text
+    assert choose_scale(unit, [value]).format_with_unit(value, is_short=True) == text
 
 
 def test_displacements_are_reported_in_micrometres_and_gaps_in_millimetres() -> None:

@@ -116,11 +116,11 @@ def test_a_difference_counts_more_than_a_missing_tool(
 ) -> None:
     place = only("cc", at=tmp_path, monkeypatch=monkeypatch)
     monkeypatch.setattr("anhyst.verification.targets.OPTIMISATIONS", ("-O1",))
-    real = (place / "cc").resolve()
+    real_compiler = (place / "cc").resolve()
     (place / "cc").unlink()
     (place / "cc").write_text(
         f'#!/bin/sh\ncase "$*" in *-O1*) echo "x.c:1: error: none of it" >&2; exit 1;; esac\n'
-        f'exec {real} "$@"\n',
+        f'exec {real_compiler} "$@"\n',
         encoding="ascii",
     )
     (place / "cc").chmod(0o755)

@@ -54,7 +54,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
 {
   state_of *now = (state_of *)state;
   double signals[4] = {0.0, values[DEMAND]};
-  if (!(values[GAP] >= 1e-9 && values[GAP] <= 1.0)) { /* the iron could not recover from it */
+  if (!(values[GAP] >= 1e-9 && values[GAP] <= 1.0)) { /* such a gap would corrupt the state */
     return "a gap is from 1e-9 to 1 m";
   }
   anhyst_plant_held_tick(&force_held, &now->plant, values[COMMAND], values[GAP], values + NOISE,

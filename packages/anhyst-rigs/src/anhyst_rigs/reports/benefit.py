@@ -282,10 +282,10 @@ def _iron_table(gains: Benefit) -> PageTable:
     """Return a table that describes each iron by its loops."""
     rows = [
         [
-            format_number(iron.pinning_scale, short=True),
+            format_number(iron.pinning_scale, is_short=True),
             UNKNOWN_TEXT
             if iron.reversible_fraction is None
-            else format_number(iron.reversible_fraction, short=True),
+            else format_number(iron.reversible_fraction, is_short=True),
             f"{format_number(100.0 * iron.loop_width)}{NBSP}%",
             UNKNOWN_TEXT if iron.after_reversal is None else format_number(iron.after_reversal, 2),
             UNKNOWN_TEXT if iron.after_reversal_true is None else format_number(iron.after_reversal_true, 2),

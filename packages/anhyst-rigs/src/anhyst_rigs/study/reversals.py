@@ -38,12 +38,12 @@ def reversal_slope_ratio(loopset: Loops) -> float | None:
     """
     has_even_output = is_even(loopset)
     max_input_change = _MAX_DISTANCE_TO_LOOP_WIDTH * max(
-        loop_width_and_height(loop, even=has_even_output)[0] for loop in loopset.loops
+        loop_width_and_height(loop, is_even=has_even_output)[0] for loop in loopset.loops
     )
     static_output_changes: list[FloatArray] = []
     output_changes: list[FloatArray] = []
     for loops in loopset.by_schedule().values():
-        curves = [fold_input(loop, even=has_even_output) for loop in loops]
+        curves = [fold_input(loop, is_even=has_even_output) for loop in loops]
         all_inputs = np.concatenate([input_values for input_values, _ in curves])
         all_outputs = np.concatenate([output_values for _, output_values in curves])
         output_low, output_high = (

@@ -130,7 +130,7 @@ def _run_verb(arguments: Sequence[str] | None) -> int:
         text = str(error)
     except _ClickError as error:
         if not (message := error.format_message()):
-            return EXIT_BAD_INPUT  # the help was printed, and nothing else is to do
+            return EXIT_BAD_INPUT  # the help was printed, and nothing remains to be done
         message = message.replace("Value error, ", "")
         stop = "" if message.endswith((".", "?")) else "."
         text = f"{message}{stop} See 'anhyst --help'."

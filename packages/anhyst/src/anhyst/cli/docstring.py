@@ -34,9 +34,9 @@ class ParameterDoc:
 
 
 def _parse_parameter(type_text: str, text: str) -> ParameterDoc:
-    option, limit = _OPTION_PATTERN.search(type_text), _LIMIT_PATTERN.search(type_text)
-    flag, metavar = option.groups() if option else (None, None)
-    limits = (limit[1] or limit[2], limit[3]) if limit else (None, None)
+    option_match, limit_match = _OPTION_PATTERN.search(type_text), _LIMIT_PATTERN.search(type_text)
+    flag, metavar = option_match.groups() if option_match else (None, None)
+    limits = (limit_match[1] or limit_match[2], limit_match[3]) if limit_match else (None, None)
     minimum, maximum = (_number(end) if end else None for end in limits)
     return ParameterDoc(type_text, text, flag, metavar or None, minimum, maximum)
 

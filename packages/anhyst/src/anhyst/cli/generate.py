@@ -89,10 +89,14 @@ class Verb:
         """Parameters of the function that become options or arguments of the command."""
         parameters = dict(inspect.signature(self.function).parameters)
         docs = self.docstring.parameters.items()
-        hidden = {name for name, parameter in docs if "only in Python" in parameter.type_text}
-        if parameters.pop("reading", None) is not None and "**reading" not in hidden:
+        python_only_names = {name for name, parameter in docs if "only in Python" in parameter.type_text}
+        if parameters.pop("reading", None) is not None and "**reading" not in python_only_names:
             parameters |= _READING_PARAMETERS
-        return {name: value for name, value in parameters.items() if name not in hidden | _CALLBACK_NAMES}
+        return {
+            name: value
+            for name, value in parameters.items()
+            if name not in python_only_names | _CALLBACK_NAMES
+        }
 
     @cached_property
     def docstring(self) -> Docstring:
@@ -252,16 +256,18 @@ def _run_verb(verb: Verb, options: dict[str, Any]) -> None:
 def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any]:
     """Convert the options of the command line to the arguments of the function."""
     arguments = dict(options)
-    texts = {}
+    option_texts = {}
     for name, value in options.items():
         if isinstance(value, str) and "Sequence[str]" in str(verb.parameters[name].annotation):
             arguments[name] = value.split(",")
         parameter = verb.docstring.parameters.get(name)
         if name in _READING_PARAMETERS and (parameter is None or _SHARED_TEXT_MARK in parameter.type_text):
-            texts[name] = value
-    read = asdict(read_options(**texts)) if texts else {}
+            option_texts[name] = value
+    parsed_options = asdict(read_options(**option_texts)) if option_texts else {}
     has_reading = "reading" in inspect.signature(verb.function).parameters
-    return arguments | {name: read[name] for name, value in texts.items() if has_reading or value is not None}
+    return arguments | {
+        name: parsed_options[name] for name, value in option_texts.items() if has_reading or value is not None
+    }
 
 
 def _call_function(verb: Verb, arguments: Mapping[str, Any]) -> Any:

@@ -50,15 +50,21 @@ class TerminalTable:
             _Column(name, [row[index] for row in self.rows], is_first=index == 0)
             for index, name in enumerate(self.head)
         ]
-        label_column, others = columns[0], columns[1:]
+        label_column, remaining_columns = columns[0], columns[1:]
         blocks: list[list[_Column]] = []
-        while others or not blocks:
-            fitting = [label_column]
-            while others and sum(one.width + len(_COLUMN_GAP) for one in (*fitting, others[0])) <= width + 2:
-                fitting.append(others.pop(0))
-            if len(fitting) == 1 and others:
-                fitting.append(others.pop(0))
-            blocks.append(fitting)
+        while remaining_columns or not blocks:
+            fitting_columns = [label_column]
+            while (
+                remaining_columns
+                and sum(
+                    column.width + len(_COLUMN_GAP) for column in (*fitting_columns, remaining_columns[0])
+                )
+                <= width + 2
+            ):
+                fitting_columns.append(remaining_columns.pop(0))
+            if len(fitting_columns) == 1 and remaining_columns:
+                fitting_columns.append(remaining_columns.pop(0))
+            blocks.append(fitting_columns)
         text = wrap_sentence(self.title, width) if self.title else []
         for block in blocks if is_verbose else blocks[:1]:
             text += _table_lines(block)
@@ -127,24 +133,24 @@ class Printer:
         needed_lines = sum(-(-len(text) // WIDTH) for text in texts)
         self.max_lines = max(MIN_LINES, MAX_LINES - needed_lines)
 
-    def print(self, parts: Iterable[str | TerminalTable]) -> None:
+    def print(self, output_parts: Iterable[str | TerminalTable]) -> None:
         """Print tables and sentences while there are lines left, and keep the rest for `finish`.
 
         A sentence is printed completely or not at all. After a part that did not fit, nothing more
         is printed.
         """
         width = _output_width()
-        for part in parts:
-            if isinstance(part, TerminalTable):
-                lines = part.lines(width, is_verbose=self.is_verbose)
+        for output_part in output_parts:
+            if isinstance(output_part, TerminalTable):
+                lines = output_part.lines(width, is_verbose=self.is_verbose)
                 lines_that_fit = len(lines) if self.is_verbose else self.max_lines - 1 - self.used_lines
             else:
-                lines = [line for text in part.split("\n") for line in wrap_sentence(text, width)]
+                lines = [line for text in output_part.split("\n") for line in wrap_sentence(text, width)]
                 has_room = self.is_verbose or self.used_lines + len(lines) < self.max_lines
                 lines_that_fit = len(lines) if has_room else 0
             lines_that_fit = 0 if self.pending else max(lines_that_fit, 0)
             for index, line in enumerate(lines[:lines_that_fit]):
-                _print_line(line, is_bold=isinstance(part, TerminalTable) and index == 0)
+                _print_line(line, is_bold=isinstance(output_part, TerminalTable) and index == 0)
             self.used_lines += len(lines[:lines_that_fit])
             self.pending += lines[lines_that_fit:]
 

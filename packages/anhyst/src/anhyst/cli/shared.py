@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from anhyst.support.page import PageTable
 
 
-def check_file_kind(context: typer.Context, value: Any) -> Any:
+def check_file_kind(context: typer.Context, given_paths: Any) -> Any:
     """Raise an error if the command does not accept this kind of file; name the commands that do."""
     from anhyst.support.kinds import accepted_kinds, require_kind
 
     verb = str(context.info_name)
-    paths = value if isinstance(value, list) else [value] if value else []
+    paths = given_paths if isinstance(given_paths, list) else [given_paths] if given_paths else []
     kinds = accepted_kinds(verb)
     for path in paths if kinds else []:
         require_kind(path, kinds, verb)
-    return value
+    return given_paths
 
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
@@ -72,21 +72,23 @@ OutputPart = Union[str, TerminalTable, "PageTable"]
 """A sentence or a table of the terminal output."""
 
 
-def print_parts(*parts: OutputPart) -> None:
+def print_parts(*output_parts: OutputPart) -> None:
     """Print tables and sentences. The most useful ones must come first."""
-    for part in parts:
-        if isinstance(part, str | TerminalTable):
-            printer.print([part])
+    for output_part in output_parts:
+        if isinstance(output_part, str | TerminalTable):
+            printer.print([output_part])
         else:  # a table of a page, and its caption
-            rows = [[cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in row] for row in part.rows]
-            drawn_parts = TerminalTable(part.title, part.head, rows)
-            printer.print([drawn_parts, part.caption] if part.caption else [drawn_parts])
+            rows = [
+                [cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in row] for row in output_part.rows
+            ]
+            drawn_parts = TerminalTable(output_part.title, output_part.head, rows)
+            printer.print([drawn_parts, output_part.caption] if output_part.caption else [drawn_parts])
 
 
-def print_with_warnings(warnings: Sequence[str], *parts: OutputPart) -> None:
+def print_with_warnings(warnings: Sequence[str], *output_parts: OutputPart) -> None:
     """Print tables and sentences, then the warnings, for which lines are reserved."""
     printer.reserve(warnings)
-    print_parts(*parts)
+    print_parts(*output_parts)
     for text in warnings:
         print_warning(text)
 

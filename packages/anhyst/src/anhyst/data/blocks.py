@@ -128,8 +128,8 @@ def _are_loops(blocks: Sequence[FloatArray]) -> bool:
     if not all(map(reversal_count, blocks)):
         return False
     are_closed = all(abs(block[-1] - block[0]) <= _MAX_CLOSURE_SHARE * np.ptp(block) for block in blocks)
-    pairs = pairwise(blocks)
-    return are_closed or all(_has_jump_between(first, second) for first, second in pairs)
+    neighbouring_blocks = pairwise(blocks)
+    return are_closed or all(_has_jump_between(first, second) for first, second in neighbouring_blocks)
 
 
 def _has_jump_between(block: FloatArray, next_block: FloatArray) -> bool:

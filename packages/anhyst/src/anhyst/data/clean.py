@@ -94,10 +94,10 @@ def drop_spikes(loopset: Loops) -> Loops:
         padded_output = np.pad(loop.output, 2, mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(padded_output, 5)
         deviation = np.abs(loop.output - np.median(windows, axis=1))
-        limit = max(
+        spike_threshold = max(
             _MIN_SPIKE_SIGMAS * estimate_noise(loop.output), _MIN_SPIKE_SHARE * float(np.ptp(loop.output))
         )
-        is_spike = deviation > limit
+        is_spike = deviation > spike_threshold
         for turning_point in find_turning_points(loop.input):
             is_spike[max(0, turning_point - 2) : turning_point + 3] = False  # a sharp tip is not a spike
         keep_masks.append(~is_spike)
@@ -356,17 +356,17 @@ def _split_list(text: str) -> list[str]:
 
 def _parse_pairs(text: str, option: str) -> dict[str, str]:
     """Parse a list of ``name=value`` pairs, each name once."""
-    pairs: dict[str, str] = {}
-    for part in _split_list(text):
-        name, equals_sign, value = (piece.strip() for piece in part.rpartition("="))
+    values_by_name: dict[str, str] = {}
+    for list_field in _split_list(text):
+        name, equals_sign, value = (piece.strip() for piece in list_field.rpartition("="))
         if not equals_sign or not name:
             raise InputError(
-                f"{option}: '{part}' is not of the form name=value", code="not-name-value", key=option
+                f"{option}: '{list_field}' is not of the form name=value", code="not-name-value", key=option
             )
-        if name in pairs:
+        if name in values_by_name:
             raise InputError(f"{option}: '{name}' is given twice; keep one", code="name-twice", key=name)
-        pairs[name] = value
-    return pairs
+        values_by_name[name] = value
+    return values_by_name
 
 
 def _parse_constant(text: str) -> float | str:

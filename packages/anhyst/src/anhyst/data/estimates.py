@@ -101,7 +101,7 @@ def _return_error(loop: Loop, branches: list[Branch], first_branch: Branch) -> f
     later_rows = slice(first_branch.stop - 1 - first_branch.start, None)
     start_input = float(inputs[0])
     outputs_at_return = find_crossings(
-        inputs[later_rows], outputs[later_rows], start_input, rising=first_branch.is_rising
+        inputs[later_rows], outputs[later_rows], start_input, is_rising=first_branch.is_rising
     )
     if outputs_at_return.size:
         return float(outputs_at_return[-1] - outputs[0])
@@ -113,13 +113,13 @@ def _return_error(loop: Loop, branches: list[Branch], first_branch: Branch) -> f
     return None
 
 
-def _fit_output_at(inputs: FloatArray, outputs: FloatArray, level: float) -> float:
+def _fit_output_at(inputs: FloatArray, outputs: FloatArray, input_level: float) -> float:
     """Return the output at an input level from a straight line through some samples."""
     input_range = float(np.ptp(inputs))
     if input_range == 0.0:
         return float(outputs.mean())
     # Relative to the span, because squares of the smallest numbers would become zero.
-    relative_inputs = (inputs - level) / input_range
+    relative_inputs = (inputs - input_level) / input_range
     mean_input, mean_output = float(relative_inputs.mean()), float(outputs.mean())
     slope = float((relative_inputs - mean_input) @ (outputs - mean_output)) / float(
         np.sum((relative_inputs - mean_input) ** 2)
@@ -143,7 +143,10 @@ def estimate_offsets(loop: Loop) -> tuple[float, float] | None:
             return None
         tips = [_tip_output(drive, output, sign * 0.98 * extreme) for sign in (1.0, -1.0)]
         shift_out += 0.5 * (tips[0] + tips[1])
-        zero_inputs = [find_crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)]
+        zero_inputs = [
+            find_crossings(loop.output - shift_out, drive, 0.0, is_rising=is_rising)
+            for is_rising in (True, False)
+        ]
         if not zero_inputs[0].size or not zero_inputs[1].size:
             return None
         shift_in += 0.5 * float(np.median(zero_inputs[0]) + np.median(zero_inputs[1]))
@@ -177,14 +180,14 @@ def _branch_distance(loop: Loop, first_branch: Branch, second_branch: Branch) ->
     return middle, 1.25 * sigma / min(grid.size, first_branch.size, second_branch.size) ** 0.5
 
 
-def _tip_output(drive: FloatArray, output: FloatArray, level: float) -> float:
+def _tip_output(drive: FloatArray, output: FloatArray, input_level: float) -> float:
     """Return the mean output where the input crosses a level near its tip, on both branches."""
-    rising_outputs = find_crossings(drive, output, level, rising=True)
-    falling_outputs = find_crossings(drive, output, level, rising=False)
+    rising_outputs = find_crossings(drive, output, input_level, is_rising=True)
+    falling_outputs = find_crossings(drive, output, input_level, is_rising=False)
     median_outputs = [float(np.median(values)) for values in (rising_outputs, falling_outputs) if values.size]
     if median_outputs:
         return float(np.mean(median_outputs))
-    return float(output[int(np.argmax(drive * np.sign(level)))])
+    return float(output[int(np.argmax(drive * np.sign(input_level)))])
 
 
 def measure_sampling(loop: Loop) -> tuple[float | None, float | None]:

@@ -69,7 +69,7 @@ class _RiseComparison:
         )
 
 
-def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryProposal]:
+def propose_histories(loops: Sequence[Loop], *, is_even: bool) -> list[HistoryProposal]:
     """Propose the history before each of several loops of one recording, with a reason.
 
     The initial curve lies below later rises from the remanent state, or inside the loop if the
@@ -78,10 +78,10 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[HistoryPropo
     start. If noise hides the difference, a common decision is made for all unsure records that
     start at rest, otherwise the proposal is settled.
     """
-    comparisons = [_compare_rises(loop, even=even) for loop in loops]
-    are_all_virgin = _are_all_virgin([parts for parts in comparisons if parts])
+    comparisons = [_compare_rises(loop, is_even=is_even) for loop in loops]
+    are_all_virgin = _are_all_virgin([rises for rises in comparisons if rises])
     return [
-        _propose_history(loop, parts, are_all_virgin, even=even)
+        _propose_history(loop, parts, are_all_virgin, is_even=is_even)
         for loop, parts in zip(loops, comparisons, strict=True)
     ]
 
@@ -134,7 +134,7 @@ def _history_after_slow(slow_loop: Loop, fast_loop: Loop) -> History:
 def _are_all_virgin(comparisons: Sequence[list[_RiseComparison]]) -> bool:
     """Whether records that are unsure individually are initial curves on average."""
     # The full part is used, because the clearest of several parts is biased.
-    full_parts = [parts[-1] for parts in comparisons]
+    full_parts = [rises[-1] for rises in comparisons]
     if not full_parts or any(_select_clearest(parts).verdict == "settled" for parts in comparisons):
         return False
     mean_sigmas = sum(comparison.difference_sigmas for comparison in full_parts) / len(full_parts) ** 0.5
@@ -150,10 +150,10 @@ def _select_clearest(comparisons: list[_RiseComparison]) -> _RiseComparison:
 
 
 def _propose_history(
-    loop: Loop, comparisons: list[_RiseComparison], are_all_virgin: bool, *, even: bool
+    loop: Loop, comparisons: list[_RiseComparison], are_all_virgin: bool, *, is_even: bool
 ) -> HistoryProposal:
     if not comparisons:
-        return _propose_from_closure(loop, even=even)
+        return _propose_from_closure(loop, is_even=is_even)
     clearest_comparison = _select_clearest(comparisons)
     if clearest_comparison.verdict == "virgin":
         difference_share = clearest_comparison.difference / float(np.ptp(loop.output))
@@ -169,7 +169,7 @@ def _propose_history(
     return SETTLED, "its first rise differs from later rises by noise only"
 
 
-def _propose_from_closure(loop: Loop, *, even: bool) -> HistoryProposal:
+def _propose_from_closure(loop: Loop, *, is_even: bool) -> HistoryProposal:
     """Propose a history for a record without a second rise."""
     drive, output = loop.input, loop.output
     height = float(np.ptp(output)) or 1.0
@@ -177,8 +177,8 @@ def _propose_from_closure(loop: Loop, *, even: bool) -> HistoryProposal:
     closing_error = None if end_output is None else float(end_output - output[0])
     # Noise alone explains this difference of two samples.
     noise_limit = 5.0 * estimate_noise(output)
-    is_at_rest = _starts_at_rest(loop, even=even)
-    if is_at_rest and even and closing_error is not None:
+    is_at_rest = _starts_at_rest(loop, is_even=is_even)
+    if is_at_rest and is_even and closing_error is not None:
         is_virgin = closing_error > max(_MIN_REMANENCE_SHARE * height, noise_limit) and _has_remanence(
             loop, closing_error
         )
@@ -213,24 +213,27 @@ def _has_remanence(loop: Loop, closing_error: float) -> bool:
     branches = find_branches(loop.input)
     if len(branches) < 2:
         return False
-    rise, fall = ((loop.input[branch.rows], loop.output[branch.rows]) for branch in branches[:2])
-    growth = rise[1] - loop.output[0]
+    rise_curve, fall_curve = ((loop.input[branch.rows], loop.output[branch.rows]) for branch in branches[:2])
+    growth = rise_curve[1] - loop.output[0]
     if float(growth.max()) < 4.0 * closing_error:
         return True  # a remanence of this size hides all other effects
-    input_at_1, input_at_4 = (float(rise[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0))
+    input_at_1, input_at_4 = (
+        float(rise_curve[0][np.argmax(growth >= k * closing_error)]) for k in (1.0, 4.0)
+    )
     difference = (
-        float(_interpolate_curve(fall, np.array([input_at_4]))[0] - loop.output[0]) - 4.0 * closing_error
+        float(_interpolate_curve(fall_curve, np.array([input_at_4]))[0] - loop.output[0])
+        - 4.0 * closing_error
     )
     start = float(loop.input[0])
     return difference >= 5.0 * closing_error and abs(input_at_4 - start) <= 2.4 * abs(input_at_1 - start)
 
 
-def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
+def _starts_at_rest(loop: Loop, *, is_even: bool) -> bool:
     drive, output = loop.input, loop.output
     if abs(drive[0]) > _MAX_END_DISTANCE * float(np.max(np.abs(drive))):
         return False
     # The minimum of an even output is at rest, even with a sensor offset.
-    zero_output = float(output.min()) if even else 0.0
+    zero_output = float(output.min()) if is_even else 0.0
     distance = abs(output[0] - zero_output)
     return bool(
         distance
@@ -238,31 +241,31 @@ def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
     )
 
 
-def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
+def _compare_rises(loop: Loop, *, is_even: bool) -> list[_RiseComparison]:
     """Compare the first rise with a later one, part by part; empty without a later rise."""
-    inputs, output = fold_input(loop, even=even)
+    inputs, output = fold_input(loop, is_even=is_even)
     rest_limit = _MAX_REST_SHARE * float(np.max(np.abs(inputs)))
-    parts = find_branches(inputs)
-    if abs(inputs[0]) > rest_limit or len(parts) < 3:
+    branches = find_branches(inputs)
+    if abs(inputs[0]) > rest_limit or len(branches) < 3:
         return []
-    first_rise = parts[0]
+    first_rise = branches[0]
     if not first_rise.is_rising:
-        inputs, output = -inputs, output if even else -output
+        inputs, output = -inputs, output if is_even else -output
     start_input, end_input = float(inputs[0]), float(inputs[first_rise.stop - 1])
-    for index in range(2, len(parts), 2):
-        later_branch = parts[index]
+    for index in range(2, len(branches), 2):
+        later_branch = branches[index]
         top_input = min(end_input, float(inputs[later_branch.stop - 1]))
         starts_at_rest = float(inputs[later_branch.start]) <= start_input + rest_limit
         if starts_at_rest and top_input - start_input >= 0.5 * (end_input - start_input):
             break
     else:
         return []
-    curves = [(inputs[part.rows], output[part.rows]) for part in parts]
+    curves = [(inputs[branch.rows], output[branch.rows]) for branch in branches]
     sigma = (
         estimate_noise(loop.input),
         max(estimate_noise(loop.output), _MIN_NOISE_SHARE * float(np.ptp(loop.output))),
     )
-    falls = (curves[1], curves[index + 1]) if index + 1 < len(parts) else None
+    falls = (curves[1], curves[index + 1]) if index + 1 < len(branches) else None
     drift = _estimate_drift(curves[0], curves[index], falls, top_input, sigma)
     comparisons = _compare_parts(curves[0], curves[index], curves[1], top_input - start_input, drift, sigma)
     inputs_between = loop.input[first_rise.stop - 1 : later_branch.stop]
@@ -272,7 +275,7 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     # Inside a loop, the initial curve lies above later rises. Near rest, a squared flux lies above
     # it instead, because the remanence has the other sign there.
     signs = [
-        np.sign(part.difference) if even and part is not comparisons[-1] else -1.0 for part in comparisons
+        np.sign(part.difference) if is_even and part is not comparisons[-1] else -1.0 for part in comparisons
     ]
     return [
         replace(part, difference=sign * part.difference)
@@ -281,15 +284,19 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
 
 
 def _estimate_drift(
-    rise: _Curve, later_rise: _Curve, falls: tuple[_Curve, _Curve] | None, top_input: float, sigma: _Sigma
+    first_rise: _Curve,
+    later_rise: _Curve,
+    falls: tuple[_Curve, _Curve] | None,
+    top_input: float,
+    sigma: _Sigma,
 ) -> tuple[float, float]:
     """Return the mean distance of curves that coincide without drift, and its standard error."""
-    span = top_input - float(rise[0][0])
+    span = top_input - float(first_rise[0][0])
     if falls is not None and abs(falls[0][0][0] - falls[1][0][0]) <= _MAX_REST_SHARE * span:
         (first_curve, second_curve), low_input = falls, float(falls[1][0].min())
     else:
         first_curve, second_curve, low_input = (
-            rise,
+            first_rise,
             later_rise,
             top_input - (1.0 - _MEETING_RISE_FRACTION) * span,
         )
@@ -298,19 +305,26 @@ def _estimate_drift(
     )
     inputs, output = first_curve[0][is_in_range], first_curve[1][is_in_range]
     if inputs.size < _MIN_SAMPLES:
-        return 0.0, _output_scatter(rise[1], span, sigma)
+        return 0.0, _output_scatter(first_rise[1], span, sigma)
     difference = _interpolate_curve(second_curve, inputs) - output
     error = _output_scatter(output, span, sigma) * (2.0 / inputs.size) ** 0.5
     # A difference that varies along the curve is not drift.
-    unevenness = float(np.std([part.mean() for part in np.array_split(difference, _MIN_SAMPLES)]))
+    unevenness = float(
+        np.std([difference_section.mean() for difference_section in np.array_split(difference, _MIN_SAMPLES)])
+    )
     return float(difference.mean()), max(error, unevenness)
 
 
 def _compare_parts(
-    rise: _Curve, later_rise: _Curve, fall: _Curve, span: float, drift: tuple[float, float], sigma: _Sigma
+    first_rise: _Curve,
+    later_rise: _Curve,
+    fall: _Curve,
+    span: float,
+    drift: tuple[float, float],
+    sigma: _Sigma,
 ) -> list[_RiseComparison]:
     """Compare two rises over several parts of the first rise, all of which begin at rest."""
-    inputs, output = rise
+    inputs, output = first_rise
     share = (inputs - inputs[0]) / span
     difference, height = (
         _interpolate_curve(later_rise, inputs) - output,
@@ -347,7 +361,7 @@ def _output_at_return(drive: FloatArray, output: FloatArray) -> float | None:
         return None
     later_rows = slice(branches[0].stop - 1, None)
     outputs_at_return = find_crossings(
-        drive[later_rows], output[later_rows], float(drive[0]), rising=branches[0].is_rising
+        drive[later_rows], output[later_rows], float(drive[0]), is_rising=branches[0].is_rising
     )
     if outputs_at_return.size:
         return float(outputs_at_return[-1])

@@ -176,11 +176,13 @@ def inspect(loops: Loops) -> Inspection:
     """
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
-    centred, even = recentre_loops(loops)
-    proposals = correct_histories_of_fast_loops(loops.loops, propose_histories(centred.loops, even=even))
-    widths_and_heights = [loop_width_and_height(loop, even=even) for loop in centred.loops]
+    centred_loops, is_even = recentre_loops(loops)
+    proposals = correct_histories_of_fast_loops(
+        loops.loops, propose_histories(centred_loops.loops, is_even=is_even)
+    )
+    widths_and_heights = [loop_width_and_height(loop, is_even=is_even) for loop in centred_loops.loops]
     figures = tuple(
-        _inspect_loop(loop, np.abs(residuals[id(loop)]), proposal, width_and_height, even=even)
+        _inspect_loop(loop, np.abs(residuals[id(loop)]), proposal, width_and_height, is_even=is_even)
         for loop, proposal, width_and_height in zip(loops.loops, proposals, widths_and_heights, strict=True)
     )
     bias_text = describe_bias(loops)
@@ -205,10 +207,10 @@ def _inspect_loop(
     proposal: HistoryProposal,
     width_and_height: tuple[float, float],
     *,
-    even: bool,
+    is_even: bool,
 ) -> LoopFigures:
     proposed_history, reason = proposal
-    loop_centre = None if even else estimates.estimate_offsets(loop)
+    loop_centre = None if is_even else estimates.estimate_offsets(loop)
     (step, step_deviation), delay = estimates.measure_sampling(loop), estimate_delay(loop)
     return LoopFigures(
         label=loop.label,

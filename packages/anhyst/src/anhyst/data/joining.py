@@ -62,24 +62,28 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
                 code="quantities-differ",
             )
     notes = [note for part in parts for note in part.notes]
-    entries: list[_JoinedLoop] = []
+    joined_loops: list[_JoinedLoop] = []
     values: list[float] = []
     by_fingerprint: defaultdict[tuple[float, ...], list[_JoinedLoop]] = defaultdict(list)
     for part in parts:
         for loop in part.loops:
             snapped_loop = _snap_schedule(loop, values)
-            entry = _JoinedLoop(snapped_loop, snapped_loop.schedule_value, part)
-            candidates = by_fingerprint[_loop_fingerprint(snapped_loop)] if entry.is_identifiable else []
-            twin_source = next(filter(None, (_find_twin(entry, other) for other in candidates)), None)
+            joined_loop = _JoinedLoop(snapped_loop, snapped_loop.schedule_value, part)
+            candidates = (
+                by_fingerprint[_loop_fingerprint(snapped_loop)] if joined_loop.is_identifiable else []
+            )
+            twin_source = next(
+                filter(None, (_find_twin(joined_loop, twin_candidate) for twin_candidate in candidates)), None
+            )
             if twin_source is None:
-                candidates.append(entry)
-                entries.append(entry)
+                candidates.append(joined_loop)
+                joined_loops.append(joined_loop)
             else:
                 name = part.source_name
                 notes.append(f"{name}: loop '{loop.label}' is the same as in {twin_source}: left out")
     sources = tuple(part.source for part in parts if part.source is not None)
     return Loops(
-        _make_labels_unique(entries),
+        _make_labels_unique(joined_loops),
         first_part.input,
         first_part.output,
         first_part.schedule,
@@ -102,13 +106,13 @@ class _JoinedLoop:
         return self.loop.schedule is None or self.schedule_value is not None
 
 
-def _make_labels_unique(entries: Sequence[_JoinedLoop]) -> tuple[Loop, ...]:
+def _make_labels_unique(joined_loops: Sequence[_JoinedLoop]) -> tuple[Loop, ...]:
     """Return the loops with labels that are unique at each scheduling value."""
-    entries_by_label: defaultdict[tuple[str, float | None], list[_JoinedLoop]] = defaultdict(list)
-    for entry in entries:
-        if entry.is_identifiable:
-            entries_by_label[entry.loop.label, entry.schedule_value].append(entry)
-    paths = {entry.part.source_name: PurePath(entry.part.source_name) for entry in entries}
+    loops_by_label: defaultdict[tuple[str, float | None], list[_JoinedLoop]] = defaultdict(list)
+    for joined_loop in joined_loops:
+        if joined_loop.is_identifiable:
+            loops_by_label[joined_loop.loop.label, joined_loop.schedule_value].append(joined_loop)
+    paths = {entry.part.source_name: PurePath(entry.part.source_name) for entry in joined_loops}
     stem_counts = Counter(path.stem for path in paths.values())
     names = {
         name: path.stem if stem_counts[path.stem] == 1 else str(path.with_suffix(""))
@@ -116,11 +120,11 @@ def _make_labels_unique(entries: Sequence[_JoinedLoop]) -> tuple[Loop, ...]:
     }
     labels = {
         id(entry): _unique_label(entry, group[0], names[entry.part.source_name])
-        for group in entries_by_label.values()
+        for group in loops_by_label.values()
         if len(group) > 1
         for entry in group
     }
-    return tuple(replace(entry.loop, label=labels.get(id(entry), entry.loop.label)) for entry in entries)
+    return tuple(replace(entry.loop, label=labels.get(id(entry), entry.loop.label)) for entry in joined_loops)
 
 
 def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
@@ -135,36 +139,36 @@ def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
     return loop
 
 
-def _unique_label(entry: _JoinedLoop, first_entry: _JoinedLoop, name: str) -> str:
+def _unique_label(joined_loop: _JoinedLoop, first_loop: _JoinedLoop, name: str) -> str:
     """Return a label with the name of the file; raise an error for equal labels without a gap."""
-    if not entry.part.is_labelled:
+    if not joined_loop.part.is_labelled:
         return name
-    if entry.schedule_value is None and entry is not first_entry:
+    if joined_loop.schedule_value is None and joined_loop is not first_loop:
         raise InputError(
-            f"{entry.part.source_name}: loop '{entry.loop.label}' is also in "
-            f"{first_entry.part.source_name}, with other data; leave one out, give each its own label, "
+            f"{joined_loop.part.source_name}: loop '{joined_loop.loop.label}' is also in "
+            f"{first_loop.part.source_name}, with other data; leave one out, give each its own label, "
             "or state what differs, such as a gap or a temperature",
             code="loop-twice",
-            key=entry.loop.label,
+            key=joined_loop.loop.label,
         )
-    return f"{name} {entry.loop.label}"
+    return f"{name} {joined_loop.loop.label}"
 
 
-def _find_twin(entry: _JoinedLoop, earlier_entry: _JoinedLoop) -> str | None:
+def _find_twin(joined_loop: _JoinedLoop, earlier_joined: _JoinedLoop) -> str | None:
     """Return the other file that contains the same data; raise an error if its gap differs."""
-    later_loop, earlier_loop = entry.loop, earlier_entry.loop
+    later_loop, earlier_loop = joined_loop.loop, earlier_joined.loop
     if not (
         np.array_equal(later_loop.input, earlier_loop.input)
         and np.array_equal(later_loop.output, earlier_loop.output)
     ):
         return None
-    if entry.schedule_value != earlier_entry.schedule_value:
+    if joined_loop.schedule_value != earlier_joined.schedule_value:
         raise InputError(
-            f"{entry.part.source_name}: contains the same data at {entry.schedule_value:g} as "
-            f"{earlier_entry.part.source_name} at {earlier_entry.schedule_value:g}; one of the two is mislabelled",
+            f"{joined_loop.part.source_name}: contains the same data at {joined_loop.schedule_value:g} as "
+            f"{earlier_joined.part.source_name} at {earlier_joined.schedule_value:g}; one of the two is mislabelled",
             code="same-data-twice",
         )
-    return earlier_entry.part.source_name if entry.part is not earlier_entry.part else None
+    return earlier_joined.part.source_name if joined_loop.part is not earlier_joined.part else None
 
 
 def _loop_fingerprint(loop: Loop) -> tuple[float, ...]:
@@ -228,7 +232,7 @@ def _run_order(loops: Sequence[Loop]) -> list[int]:
         return []
     clocks = [loop.time for loop in loops if loop.time is not None]
     order = sorted(range(len(loops)), key=lambda index: float(clocks[index][0]))
-    is_sequential = all(clocks[first][-1] <= clocks[second][0] for first, second in pairwise(order))
+    is_sequential = all(clocks[first_run][-1] <= clocks[second][0] for first_run, second in pairwise(order))
     return order if is_sequential else []
 
 
@@ -250,12 +254,12 @@ def _is_on_larger_loop(loop: Loop, larger_loop: Loop) -> bool | None:
     if float(np.ptp(loop.input)) > (1.0 - _MAX_END_DISTANCE) * span:
         return None
     verdicts = []
-    for rising in (True, False):
-        inner_branch, outer_branch = _longest_branch(loop, rising), _longest_branch(larger_loop, rising)
-        opposite_branch = _longest_branch(larger_loop, not rising)
+    for is_rising in (True, False):
+        inner_branch, outer_branch = _longest_branch(loop, is_rising), _longest_branch(larger_loop, is_rising)
+        opposite_branch = _longest_branch(larger_loop, not is_rising)
         if inner_branch is None or outer_branch is None or opposite_branch is None:
             continue
-        end_index = 0 if rising else -1
+        end_index = 0 if is_rising else -1
         if abs(inner_branch[0][end_index] - outer_branch[0][end_index]) > _MAX_END_DISTANCE * span:
             continue
         is_in_range = (inner_branch[0] >= outer_branch[0][0]) & (inner_branch[0] <= outer_branch[0][-1])
@@ -271,9 +275,9 @@ def _is_on_larger_loop(loop: Loop, larger_loop: Loop) -> bool | None:
     return all(verdicts) if verdicts else None
 
 
-def _longest_branch(loop: Loop, rising: bool) -> _Curve | None:
+def _longest_branch(loop: Loop, is_rising: bool) -> _Curve | None:
     """Return ascending inputs and the outputs of the longest rising or falling branch."""
-    branches = [branch for branch in find_branches(loop.input) if branch.is_rising == rising]
+    branches = [branch for branch in find_branches(loop.input) if branch.is_rising == is_rising]
     if not branches:
         return None
     longest_branch = max(branches, key=lambda branch: float(np.ptp(loop.input[branch.rows])))

@@ -73,8 +73,8 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
 def _refuse_different_cycles(loopset: Loops) -> None:
     """Ask for the gap if cycles of one record reach different outputs at the same input."""
     for loop in loopset.loops:
-        for pair in find_repeats(loop.input, find_branches(loop.input)):
-            tip_outputs = [_tip_output(loop, branch) for branch in pair]
+        for repeated_cycles in find_repeats(loop.input, find_branches(loop.input)):
+            tip_outputs = [_tip_output(loop, branch) for branch in repeated_cycles]
             size = max(map(abs, tip_outputs))
             if size < _MIN_TIP_SHARE * float(np.max(np.abs(loop.output))):
                 continue  # noise or ripple moves the tip of a small cycle
@@ -99,11 +99,15 @@ def _are_apart(loop: Loop, larger_loop: Loop) -> bool:
     """Whether two loops are apart at most levels, so that neither history nor speed explains it."""
     sign = 1.0 if float(loop.input.max()) >= -float(loop.input.min()) else -1.0
     distances, middle_distances = [], []
-    for level in float((sign * loop.input).max()) * _LEVEL_SHARES:
-        pair = [_outputs_at(compared_loop, sign, level) for compared_loop in (loop, larger_loop)]
-        if pair[0].size == 0 or pair[1].size == 0:
+    for input_level in float((sign * loop.input).max()) * _LEVEL_SHARES:
+        outputs_by_loop = [
+            _outputs_at(compared_loop, sign, input_level) for compared_loop in (loop, larger_loop)
+        ]
+        if outputs_by_loop[0].size == 0 or outputs_by_loop[1].size == 0:
             continue
-        (low, high), (other_low, other_high) = [(float(p.min()), float(p.max())) for p in pair]
+        (low, high), (other_low, other_high) = [
+            (float(outputs.min()), float(outputs.max())) for outputs in outputs_by_loop
+        ]
         size = max(abs(low), abs(high), abs(other_low), abs(other_high)) or 1.0
         distances.append(max(0.0, low - other_high, other_low - high) / size)
         middle_distances.append(abs(low + high - other_low - other_high) / (2.0 * size))
@@ -114,24 +118,27 @@ def _are_apart(loop: Loop, larger_loop: Loop) -> bool:
     return _are_comparable(loop, larger_loop) and float(np.median(middle_distances)) > _MIN_MIDDLE_DISTANCE
 
 
-def _are_comparable(loop: Loop, other: Loop) -> bool:
+def _are_comparable(loop: Loop, larger_loop: Loop) -> bool:
     """Whether two loops have the same input range and the same speed."""
-    pair = (loop, other)
-    limits = [(float(record.input.min()), float(record.input.max())) for record in pair]
-    span = limits[1][1] - limits[1][0]
-    if max(abs(limits[0][0] - limits[1][0]), abs(limits[0][1] - limits[1][1])) > _MAX_END_DIFFERENCE * span:
+    both_loops = (loop, larger_loop)
+    input_ranges = [(float(record.input.min()), float(record.input.max())) for record in both_loops]
+    input_span = input_ranges[1][1] - input_ranges[1][0]
+    if (
+        max(abs(input_ranges[0][0] - input_ranges[1][0]), abs(input_ranges[0][1] - input_ranges[1][1]))
+        > _MAX_END_DIFFERENCE * input_span
+    ):
         return False
     speeds = [
         float(np.sum(np.abs(np.diff(record.input)))) / float(record.time[-1] - record.time[0])
-        for record in pair
+        for record in both_loops
         if record.time is not None
     ]
     return len(speeds) < 2 or max(speeds) <= _MAX_SPEED_RATIO * min(speeds)
 
 
-def _outputs_at(loop: Loop, sign: float, level: float) -> FloatArray:
+def _outputs_at(loop: Loop, sign: float, input_level: float) -> FloatArray:
     """Return the outputs where the input crosses a level, in both directions."""
     drive = sign * loop.input
     return np.concatenate(
-        [find_crossings(drive, loop.output, level, rising=rising) for rising in (True, False)]
+        [find_crossings(drive, loop.output, input_level, is_rising=is_rising) for is_rising in (True, False)]
     )

@@ -105,30 +105,30 @@ class Loop:
             )
 
     def _check_column(self, name: str, values: FloatArray) -> FloatArray:
-        array = np.asarray(values, dtype=np.float64)
-        if array.ndim != 1 or array.size != np.size(self.input):
+        column = np.asarray(values, dtype=np.float64)
+        if column.ndim != 1 or column.size != np.size(self.input):
             raise InputError(
                 f"loop '{self.label}': {name} must have one value per sample", code="length-differs", key=name
             )
-        if array.size < 3:
+        if column.size < 3:
             raise InputError(
-                f"loop '{self.label}': has {count_text(array.size, 'sample')}; a loop needs at least 3",
+                f"loop '{self.label}': has {count_text(column.size, 'sample')}; a loop needs at least 3",
                 code="too-few-samples",
                 key=self.label,
             )
-        is_measured = are_measured(array)
+        is_measured = are_measured(column)
         if not is_measured.all():
             bad_row = int(np.argmin(is_measured))
             raise InputError(
-                f"loop '{self.label}': {name} is {array[bad_row]:g} at sample {bad_row + 1}, which is not a "
+                f"loop '{self.label}': {name} is {column[bad_row]:g} at sample {bad_row + 1}, which is not a "
                 "measured value; remove the sample",
                 code="not-finite",
                 key=name,
             )
-        if array.flags.writeable or not array.flags.c_contiguous:
-            array = array.copy()
-            array.flags.writeable = False
-        return array
+        if column.flags.writeable or not column.flags.c_contiguous:
+            column = column.copy()
+            column.flags.writeable = False
+        return column
 
     @property
     def n(self) -> int:
@@ -278,7 +278,11 @@ class Loops(Result):
         scale = max((abs(value) for value in self.schedule_values), default=0.0)
         selected_values: set[float] = set()
         for value in requested_values:
-            matching_values = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
+            matching_values = {
+                known_value
+                for known_value in self.schedule_values
+                if abs(known_value - value) <= 1e-9 * scale
+            }
             if not matching_values:
                 value_list = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
                 raise InputError(f"no loop at {value:g}; there are: {value_list}", code="no-such-loop")
@@ -403,13 +407,15 @@ class Loops(Result):
         return Path(path)
 
 
-def replace_columns(loop: Loop, convert: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
+def replace_columns(loop: Loop, convert: Callable[[FloatArray], FloatArray], **other_changes: Any) -> Loop:
     """Return a loop with the same change to all columns, except the columns that are given."""
     columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
     changed_columns = {
-        name: convert(values) for name, values in columns.items() if values is not None and name not in others
+        name: convert(values)
+        for name, values in columns.items()
+        if values is not None and name not in other_changes
     }
-    return replace(loop, **changed_columns | others)
+    return replace(loop, **changed_columns | other_changes)
 
 
 def is_even(loopset: Loops) -> bool:
@@ -428,10 +434,10 @@ def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
     return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar_loops)
 
 
-def fold_input(loop: Loop, *, even: bool) -> tuple[FloatArray, FloatArray]:
+def fold_input(loop: Loop, *, is_even: bool) -> tuple[FloatArray, FloatArray]:
     """Return input and output of a loop, with the magnitude of the input for an even output."""
-    if even and is_bipolar(loop.input):
+    if is_even and is_bipolar(loop.input):
         return np.abs(loop.input), loop.output
-    if even and is_negative(loop.input):
+    if is_even and is_negative(loop.input):
         return -loop.input, loop.output
     return loop.input, loop.output

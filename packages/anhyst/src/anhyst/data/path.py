@@ -79,9 +79,11 @@ def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
     return max(0, find_turning_points(values, threshold).size - 2)
 
 
-def find_crossings(values: FloatArray, other_values: FloatArray, level: float, *, rising: bool) -> FloatArray:
+def find_crossings(
+    values: FloatArray, other_values: FloatArray, level: float, *, is_rising: bool
+) -> FloatArray:
     """Interpolate ``other_values`` where ``values`` crosses a level in one direction."""
-    is_before = values < level if rising else values > level
+    is_before = values < level if is_rising else values > level
     rows = np.flatnonzero(is_before[:-1] & ~is_before[1:])
     share = (level - values[rows]) / (values[rows + 1] - values[rows])
     return other_values[rows] + share * (other_values[rows + 1] - other_values[rows])
@@ -174,8 +176,8 @@ def _find_local_extremes(values: FloatArray) -> NDArray[np.intp]:
     moving_rows = np.flatnonzero(np.diff(values) != 0.0)
     if moving_rows.size == 0:
         return np.array([0] if values.size == 1 else [0, values.size - 1], dtype=np.intp)
-    up = values[moving_rows + 1] > values[moving_rows]
-    inner_extremes = moving_rows[np.flatnonzero(up[1:] != up[:-1])] + 1
+    is_rising = values[moving_rows + 1] > values[moving_rows]
+    inner_extremes = moving_rows[np.flatnonzero(is_rising[1:] != is_rising[:-1])] + 1
     return np.unique(np.concatenate(([0], inner_extremes, [values.size - 1]))).astype(np.intp)
 
 
@@ -296,11 +298,11 @@ def branch_separation(
     The difference is positive if the loop loses energy. ``None`` if no input occurs in both
     branches.
     """
-    rising, falling = (
+    rising_output, falling_output = (
         (first_branch, second_branch) if first_branch.is_rising else (second_branch, first_branch)
     )
-    x1, y1 = average_in_bins(drive[rising.rows], output[rising.rows])
-    x2, y2 = average_in_bins(drive[falling.rows], output[falling.rows])
+    x1, y1 = average_in_bins(drive[rising_output.rows], output[rising_output.rows])
+    x2, y2 = average_in_bins(drive[falling_output.rows], output[falling_output.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
     if high <= low:
         return None
@@ -443,9 +445,9 @@ class History:
         """Return the text form with full precision, which `parse` accepts."""
         if not self.turning_points:
             return self.kind
-        pairs = zip(self.turning_points, self.schedule_at_points(None), strict=True)
+        points_and_schedule = zip(self.turning_points, self.schedule_at_points(None), strict=True)
         texts = []
-        for value, points_part in groupby(pairs, key=lambda pair: pair[1]):
+        for value, points_part in groupby(points_and_schedule, key=lambda pair: pair[1]):
             points = ",".join(repr(float(point)) for point, _ in points_part)
             texts.append(points if value is None else f"{points}@{float(value)!r}")
         return f"{self.kind}:{';'.join(texts)}"

@@ -56,7 +56,7 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     """
     warnings = _check_schedule(loopset) + _check_magnitude(loopset)
     check_not_even(loopset)
-    loopset, is_even_output = recentre_loops(loopset)
+    loopset, is_even = recentre_loops(loopset)
     output = output_map(loopset.output)
     largest_loops: dict[float | None, Loop] = {}  # by gap; None if it changes or is not stated
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output))):
@@ -67,7 +67,7 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
         if output.is_even and is_largest:
             _check_force_sign(loopset, loop, name)
             # A biased force starts with a slope.
-            if loopset.input.name == "current" and (is_even_output or not is_bipolar(loop.input)):
+            if loopset.input.name == "current" and (is_even or not is_bipolar(loop.input)):
                 warnings += _check_swap(loop, name)
         if output.is_flux_based and not output.is_even and correlation(loop.input, loop.output) < -0.5:
             output_name = loopset.output.name.replace("_", " ")
@@ -77,8 +77,8 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
                 code="flux-falls",
                 key=name,
             )
-        if is_largest or not (is_even_output and is_bipolar(loop.input)):
-            warnings += _check_loop_direction(loopset, loop, name, even=is_even_output)
+        if is_largest or not (is_even and is_bipolar(loop.input)):
+            warnings += _check_loop_direction(loopset, loop, name, is_even=is_even)
         _check_branch_order(loopset, loop, name)
         warnings += _check_clipping(loopset, loop, name)
         if not loop.reverses:
@@ -235,7 +235,7 @@ def _initial_slope_ratio(loop: Loop) -> float | None:
     The input is folded to one sign, and the noise is subtracted. ``None`` if it cannot be
     determined.
     """
-    inputs, output = fold_input(loop, even=True)
+    inputs, output = fold_input(loop, is_even=True)
     if is_bipolar(loop.input) and is_bipolar(output):
         return None
     span = float(np.ptp(inputs))
@@ -254,11 +254,11 @@ def _initial_slope_ratio(loop: Loop) -> float | None:
     return None if next_slope <= 0.02 * float(np.ptp(output)) else first_slope / next_slope
 
 
-def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, even: bool) -> list[str]:
+def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, is_even: bool) -> list[str]:
     """Warn of a loop in the wrong direction: it would gain energy."""
     if not output_map(loopset.output).is_flux_based or not loop.reverses:
         return []
-    inputs, output = fold_input(loop, even=even)
+    inputs, output = fold_input(loop, is_even=is_even)
     height = float(np.ptp(output))
     weighted_width = total_span = variance = 0.0
     for branch, next_branch in itertools.pairwise(find_branches(inputs)):

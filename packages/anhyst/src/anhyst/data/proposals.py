@@ -56,17 +56,23 @@ _DOUBT_PENALTY = 4
 
 
 def advise_mapping(
-    headers: Sequence[Header], *missing: Sequence[str], skip: Collection[int] = (), min_score: int = -8
+    headers: Sequence[Header],
+    *missing_quantities: Sequence[str],
+    skip: Collection[int] = (),
+    min_score: int = -8,
 ) -> str:
     """Return advice on how to map the likeliest columns to the missing quantities."""
-    likely_columns = find_likely_columns(headers, missing, skip, min_score)
+    likely_columns = find_likely_columns(headers, missing_quantities, skip, min_score)
     note = _note_formulas(headers)
     if not likely_columns:
         return note
     for column, name in likely_columns:
         if rival_columns := _find_rivals(headers, column, name, likely_columns, skip):
             # Several columns are possible. The user must choose, one quantity at a time.
-            choices = [_mapping_options(headers, [(one, name)]) for one in (column, *rival_columns)]
+            choices = [
+                _mapping_options(headers, [(column_choice, name)])
+                for column_choice in (column, *rival_columns)
+            ]
             choice_text = name.replace("_", " ")
             choice_text += f": {' or '.join(choices[:_MAX_CHOICES])}"
             return f"{note}; or state which one is the {choice_text}"
@@ -94,10 +100,10 @@ def _is_doubted(header: Header) -> bool:
 
 def _mapping_options(headers: Sequence[Header], likely_columns: Sequence[tuple[int, str]]) -> str:
     """Return the options that map columns, with placeholders for unknown scales."""
-    pairs = [(headers[column], name) for column, name in likely_columns]
+    headers_and_names = [(headers[column], name) for column, name in likely_columns]
     current_columns = current_mapping(headers)
-    current_columns |= {header.text: _target_column(header, name) for header, name in pairs}
-    scales = {header.text: _scale_for_quantity(header, name) for header, name in pairs}
+    current_columns |= {header.text: _target_column(header, name) for header, name in headers_and_names}
+    scales = {header.text: _scale_for_quantity(header, name) for header, name in headers_and_names}
     unknown_scales = {name: text for name, text in scales.items() if text}
     return format_option("columns", current_columns) + scale_advice(headers, unknown_scales)
 
@@ -141,13 +147,13 @@ def scale_advice(headers: Sequence[Header], placeholders: dict[str, str]) -> str
     return f"{text} with {number} in place of {' and '.join(words)}" if words else text
 
 
-def format_option(name: str, pairs: dict[str, str]) -> str:
+def format_option(name: str, values_by_name: dict[str, str]) -> str:
     r"""Return a command-line option with pairs, quoted for a shell.
 
     >>> format_option("columns", {"Current, coil (A)": "I_A"})
     '--columns \'"Current, coil (A)"=I_A\''
     """
-    text = ",".join(join_pair(name_in_file, value) for name_in_file, value in pairs.items())
+    text = ",".join(join_pair(name_in_file, value) for name_in_file, value in values_by_name.items())
     return f"--{name} " + (shlex.quote(text) if any(sign in text for sign in '"$`!\\') else f'"{text}"')
 
 
@@ -165,14 +171,14 @@ def quote_name(name: str) -> str:
 
 def find_likely_columns(
     headers: Sequence[Header],
-    missing: Sequence[Sequence[str]],
+    missing_quantities: Sequence[Sequence[str]],
     skip: Collection[int] = (),
     min_score: int = -8,
 ) -> list[tuple[int, str]]:
     """Return the likeliest column for each missing quantity, as pairs of index and quantity."""
     free_columns = _unmapped_columns(headers, skip)
     candidates = []
-    for quantities in missing:
+    for quantities in missing_quantities:
         is_driven_by_volts = set(quantities) >= set(DRIVE_QUANTITIES) and _is_piezo(headers)
         names = ("voltage",) if is_driven_by_volts else quantities
         scored_columns = [
@@ -231,7 +237,10 @@ def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
         return ""
     if has_missing_unit(header):
         # One message asks for the units of all columns that have none.
-        headers_without_unit = {other.quantity: other for other in [*columns_without_unit(headers), header]}
+        headers_without_unit = {
+            unitless_header.quantity: unitless_header
+            for unitless_header in [*columns_without_unit(headers), header]
+        }
         names = {other.text: QUANTITIES[kind.name] for kind, other in headers_without_unit.items() if kind}
         if len(names) > 1:
             columns = {text: _target_column(header, quantity.name) for text, quantity in names.items()}
@@ -259,7 +268,7 @@ def mapping_option(header: Header, name: str, headers: Sequence[Header]) -> str:
 def selection_option(header: Header, headers: Sequence[Header]) -> str:
     """Return the option that makes a column the only one of its quantity."""
     current_columns = current_mapping(headers)
-    same_quantity = [other for other in headers if other.quantity == header.quantity]
+    same_quantity = [other_header for other_header in headers if other_header.quantity == header.quantity]
     certain_headers = {other.text: "" for other in same_quantity if other.is_certain and other is not header}
     return format_option("columns", current_columns | certain_headers | {header.text: header.name})
 

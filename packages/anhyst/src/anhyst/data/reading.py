@@ -217,23 +217,27 @@ def _read_table(
     selection_columns = {name: find_column(source_name, headers, name) for name in description.select}
     possible_label_columns = roles.unused if roles.label is None and roles.constant_label is None else ()
     first_fields = {index: [row[index] for row in first_rows] for index in possible_label_columns}
-    label_candidates = [index for index, first in first_fields.items() if can_be_label(headers[index], first)]
+    label_candidates = [
+        index for index, first_field in first_fields.items() if can_be_label(headers[index], first_field)
+    ]
     text_indices = {
         *selection_columns.values(),
         *label_candidates,
         *(() if roles.label is None else (roles.label,)),
     }
-    raw = table.read([index for index in role_columns if index is not None], sorted(text_indices), progress)
-    selected_rows = _select_rows(
-        source_name, description, {name: raw.texts[i] for name, i in selection_columns.items()}
+    raw_columns = table.read(
+        [index for index in role_columns if index is not None], sorted(text_indices), progress
     )
-    used, remarks = UsedRows(table, headers, raw, selected_rows).drop_invalid(
+    selected_rows = _select_rows(
+        source_name, description, {name: raw_columns.texts[i] for name, i in selection_columns.items()}
+    )
+    used_rows, remarks = UsedRows(table, headers, raw_columns, selected_rows).drop_invalid(
         description.drop, (roles.input, roles.output)
     )
-    _ask_about_hidden_gap(used, roles, text_columns)
-    used, schedule, schedule_notes = _read_schedule(used, roles)
-    drive, output = used.si_values(roles.input), used.si_values(roles.output)
-    candidates = {index: used.texts(index) for index in label_candidates}
+    _ask_about_hidden_gap(used_rows, roles, text_columns)
+    used_rows, schedule, schedule_notes = _read_schedule(used_rows, roles)
+    drive, output = used_rows.si_values(roles.input), used_rows.si_values(roles.output)
+    candidates = {index: used_rows.texts(index) for index in label_candidates}
     label = find_label(source_name, headers, candidates, drive, output, schedule)
     if label is not None:
         unused_columns = tuple(index for index in roles.unused if index != label)
@@ -242,32 +246,36 @@ def _read_table(
     blocks = None
     if roles.label is None and roles.constant_label is None and roles.schedule is None:
         block_name = "" if name == _DEFAULT_LABEL else name
-        blocks = find_blocks(source_name, used.breaks(), drive, has_gaps=can_use_gap, name=block_name)
+        blocks = find_blocks(source_name, used_rows.breaks(), drive, has_gaps=can_use_gap, name=block_name)
     if blocks is not None:
         schedule_notes = [*schedule_notes, blocks.note]
         if blocks.gaps is not None:
             schedule, roles = blocks.gaps, replace(roles, schedule_quantity=QUANTITIES["gap"])
-    labels = _row_labels(used, roles, name, drive.size) if blocks is None else blocks.labels
+    labels = _row_labels(used_rows, roles, name, drive.size) if blocks is None else blocks.labels
     has_times = roles.time is not None and headers[roles.time].unit is not None
-    time = None if roles.time is None else used.si_values(roles.time)
-    columns = _SourceColumns(source_name, drive, output, schedule, time, has_times, labels, used.locate_row)
-    source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
-    part = _cut_into_loops(
-        columns, headers, roles, description, source, [*raw.notes, *remarks, *schedule_notes]
+    time = None if roles.time is None else used_rows.si_values(roles.time)
+    columns = _SourceColumns(
+        source_name, drive, output, schedule, time, has_times, labels, used_rows.locate_row
     )
-    remarks_above = raw.breaks[0][1] if raw.breaks else raw.notes
+    source = (
+        Source(source_name, raw_columns.sha256, dict(description.columns)) if raw_columns.sha256 else None
+    )
+    source_loops = _cut_into_loops(
+        columns, headers, roles, description, source, [*raw_columns.notes, *remarks, *schedule_notes]
+    )
+    remarks_above = raw_columns.breaks[0][1] if raw_columns.breaks else raw_columns.notes
     gap_above = find_stated_gap(remarks_above) if can_use_gap and roles.schedule_quantity is None else None
-    return replace(part, has_blocks=blocks is not None, stated_gap=gap_above)
+    return replace(source_loops, has_blocks=blocks is not None, stated_gap=gap_above)
 
 
-def _row_labels(used: UsedRows, roles: Roles, name: str, count: int) -> Texts:
+def _row_labels(used_rows: UsedRows, roles: Roles, name: str, count: int) -> Texts:
     """Return the loop label of each row.
 
     Files without labels at different gaps have equal labels. Without gaps, the name of the file is
     the label.
     """
     if roles.label is not None:
-        return used.texts(roles.label)
+        return used_rows.texts(roles.label)
     default_label = _DEFAULT_LABEL if roles.schedule_quantity is not None else name
     return Texts((roles.constant_label or default_label,), np.zeros(count, np.int32))
 
@@ -297,50 +305,50 @@ def _can_use_stated_gap(headers: Sequence[Header], roles: Roles, description: Fi
     )
 
 
-def _read_schedule(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray | None, list[str]]:
+def _read_schedule(used_rows: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray | None, list[str]]:
     """Return the rows in use, the scheduling variable in SI units, and notes.
 
     Rows between plateaus of the scheduling variable are removed.
     """
-    drive = used.si_values(roles.input)
+    drive = used_rows.si_values(roles.input)
     if roles.schedule_constant is not None:
-        return used, np.full(drive.size, roles.schedule_constant), []
+        return used_rows, np.full(drive.size, roles.schedule_constant), []
     if roles.schedule is None or roles.schedule_quantity is None:
-        return used, None, []
-    schedule = used.si_values(roles.schedule)
+        return used_rows, None, []
+    schedule = used_rows.si_values(roles.schedule)
     negative_rows = np.flatnonzero(schedule < -_MAX_GAP_NOISE_SHARE * float(np.max(schedule)))
     if roles.schedule_quantity == QUANTITIES["gap"] and negative_rows.size:
         row = int(negative_rows[0])
         raise InputError(
-            f"{used.locate_row(row)}: negative gap {schedule[row]:g} m; {GAP_ADVICE}",
+            f"{used_rows.locate_row(row)}: negative gap {schedule[row]:g} m; {GAP_ADVICE}",
             code="negative-gap",
             key="gap_m",
         )
     plateaus = find_plateaus(schedule, drive, roles.schedule_quantity)
     if plateaus is None:
-        return used, schedule, []
-    return used.select(plateaus.rows), plateaus.values, [plateaus.note]
+        return used_rows, schedule, []
+    return used_rows.select(plateaus.rows), plateaus.values, [plateaus.note]
 
 
-def _ask_about_hidden_gap(used: UsedRows, roles: Roles, text_columns: Sequence[int]) -> None:
+def _ask_about_hidden_gap(used_rows: UsedRows, roles: Roles, text_columns: Sequence[int]) -> None:
     """Ask about an unused column that has plateaus, because it can be the gap."""
-    output, drive = used.headers[roles.output].quantity, used.si_values(roles.input)
+    output, drive = used_rows.headers[roles.output].quantity, used_rows.si_values(roles.input)
     if roles.schedule_quantity is not None or roles.is_schedule_requested or roles.label is not None:
         return
     if output is None or output.name not in _GAP_DEPENDENT_OUTPUTS:
         return
     for index in roles.unused:
-        header = used.headers[index]
+        header = used_rows.headers[index]
         if index in text_columns or header.target is not None or not can_be_gap(header):
             continue
         try:
-            column = used.table.read([index]).numbers[index]
+            column = used_rows.table.read([index]).numbers[index]
         except InputError:
             continue  # a column that is not requested may contain anything
-        values = column if used.rows is None else column[used.rows]
+        values = column if used_rows.rows is None else column[used_rows.rows]
         if not np.isfinite(values).all() or find_plateaus(values, drive, _UNKNOWN_QUANTITY) is None:
             continue
-        ask_for_gap(used.table.source_name, header, used.headers)
+        ask_for_gap(used_rows.table.source_name, header, used_rows.headers)
 
 
 def _select_rows(source_name: str, description: FileDescription, columns: dict[str, Texts]) -> Rows | None:
@@ -418,11 +426,11 @@ def _cut_into_loops(
 
 def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
     """Propose histories from the data where none was stated, and add notes."""
-    loops = [loop for part in parts for loop in part.loops]
+    loops = [loop for source_loops in parts for loop in source_loops.loops]
     is_unstated = [index in part.without_history for part in parts for index in range(len(part.loops))]
     loops_without_history = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
     remaining = iter(
-        propose_histories(loops_without_history, even=are_even(loops_without_history, parts[0].output))
+        propose_histories(loops_without_history, is_even=are_even(loops_without_history, parts[0].output))
     )
     candidates = [
         next(remaining) if is_unknown else (loop.history, "stated")

@@ -164,15 +164,19 @@ def _find_input_and_output(
     source: str, headers: Sequence[Header], skip: Callable[[], Collection[int]]
 ) -> tuple[int, int]:
     """Return the indices of input and output; ask for all missing roles together."""
-    pair = [_find_first(source, headers, names) for names in (DRIVE_QUANTITIES, tuple(OUTPUT_MAPS))]
-    drive, output = pair
+    drive_and_output = [
+        _find_first(source, headers, names) for names in (DRIVE_QUANTITIES, tuple(OUTPUT_MAPS))
+    ]
+    drive, output = drive_and_output
     if drive is not None and output is not None:
         _ask_which_drives(source, headers, drive, output)
         return drive, output
     has_field = drive is not None and headers[drive].name == "H"
     outputs = ("flux_density", *OUTPUT_MAPS) if has_field else tuple(OUTPUT_MAPS)
     missing_quantities = [
-        names for index, names in zip(pair, (DRIVE_QUANTITIES, outputs), strict=True) if index is None
+        names
+        for index, names in zip(drive_and_output, (DRIVE_QUANTITIES, outputs), strict=True)
+        if index is None
     ]
     missing_role, examples = ("an output", _OUTPUT_EXAMPLES)
     if drive is None:

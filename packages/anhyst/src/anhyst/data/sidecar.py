@@ -110,9 +110,12 @@ class FileDescription:
         if self.history is not None:
             defaults = replace(defaults, histories={})
         merged_fields: dict[str, Any] = {}
-        for entry in fields(self):
-            own_value, default_value = getattr(self, entry.name), getattr(defaults, entry.name)
-            merged_fields[entry.name] = (
+        for description_field in fields(self):
+            own_value, default_value = (
+                getattr(self, description_field.name),
+                getattr(defaults, description_field.name),
+            )
+            merged_fields[description_field.name] = (
                 {**default_value, **own_value} if isinstance(own_value, dict) else own_value or default_value
             )
         return FileDescription(**merged_fields)

@@ -134,16 +134,16 @@ def describe_rate(loops: Loops) -> str:
 
 def find_rate_effect(loops: Loops, speeds: SpeedGroups) -> tuple[float, float] | None:
     """Return the lowest rate with an effect, Hz, and the effect relative to the largest output."""
-    even, largest_magnitude = is_even(loops), largest_output(loops)
+    is_even_output, largest_magnitude = is_even(loops), largest_output(loops)
     slow_height: dict[float | None, float] = {}
     for loop in speeds.slow.loops:
-        _, height = loop_width_and_height(loop, even=even)
+        _, height = loop_width_and_height(loop, is_even=is_even_output)
         slow_height[loop.schedule_value] = max(height, slow_height.get(loop.schedule_value, 0.0))
     for group in speeds.fast:
         rate = max(cycle_rate(loop.input, loop.time) for loop in group)
         height_increases = [
             (
-                loop_width_and_height(loop, even=even)[1] - slow_height[loop.schedule_value],
+                loop_width_and_height(loop, is_even=is_even_output)[1] - slow_height[loop.schedule_value],
                 estimate_noise(loop.output),
             )
             for loop in group

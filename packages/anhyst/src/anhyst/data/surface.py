@@ -191,7 +191,7 @@ def _force_range(surface: Surface, force_max: float) -> tuple[float, float]:
     return max(float(surface.force[0]), -force_max), force_max
 
 
-def _symmetric_grid(middle: float, half_width: float, limits: tuple[float, float]) -> FloatArray:
+def _symmetric_grid(grid_centre: float, half_width: float, limits: tuple[float, float]) -> FloatArray:
     """Return an equidistant grid that is symmetric around the middle and within the ends."""
-    half_width = min(half_width, middle - limits[0], limits[1] - middle)
-    return np.linspace(middle - half_width, middle + half_width, 41)
+    half_width = min(half_width, grid_centre - limits[0], limits[1] - grid_centre)
+    return np.linspace(grid_centre - half_width, grid_centre + half_width, 41)

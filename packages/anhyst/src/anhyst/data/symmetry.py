@@ -71,16 +71,16 @@ def recentre_loops(loopset: Loops) -> tuple[Loops, bool]:
 
     If a force falls over its whole input range, the sign of the input is reversed.
     """
-    even = is_even(loopset)
+    is_even_output = is_even(loopset)
     bias = find_bias(loopset)
     if bias:
         shifted_loops = (replace(loop, input=loop.input - bias) for loop in loopset.loops)
         return loopset.with_loops(shifted_loops), True
     is_falling = [correlation(loop.input, loop.output) < 0.0 for loop in _bipolar_loops(loopset)]
-    if output_map(loopset.output).is_even and not even and is_falling and all(is_falling):
+    if output_map(loopset.output).is_even and not is_even_output and is_falling and all(is_falling):
         reversed_loops = (replace(loop, input=-loop.input) for loop in loopset.loops)
-        return loopset.with_loops(reversed_loops), even
-    return loopset, even
+        return loopset.with_loops(reversed_loops), is_even_output
+    return loopset, is_even_output
 
 
 def find_bias(loopset: Loops) -> float:
@@ -153,9 +153,11 @@ def _even_correlation(loop: Loop) -> float:
     fitted_output = np.where(is_rising, *(np.interp(loop.input, *curve) for curve in curves))
     if np.var(loop.output - fitted_output) > (1.0 - MIN_EXPLAINED_VARIANCE) * np.var(loop.output):
         return 0.0
-    (rising, rising_output), (falling, falling_output) = curves
-    common_range = min(-rising[0], rising[-1], -falling[0], falling[-1])
+    (rising_input, rising_output), (falling_input, falling_output) = curves
+    common_range = min(-rising_input[0], rising_input[-1], -falling_input[0], falling_input[-1])
     if common_range <= 0.0:
         return 0.0
     grid: FloatArray = np.linspace(-common_range, common_range, 2 * _BIN_COUNT + 1)
-    return correlation(np.interp(grid, falling, falling_output), np.interp(-grid, rising, rising_output))
+    return correlation(
+        np.interp(grid, falling_input, falling_output), np.interp(-grid, rising_input, rising_output)
+    )

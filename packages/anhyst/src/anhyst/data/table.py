@@ -57,7 +57,7 @@ class DataTable:
 
     def get(self, name: str) -> FloatArray | None:
         """Return the SI values of a quantity by name (``current``, ``gap``, ...), or ``None``."""
-        indices = [index for index, entry in enumerate(self.names) if entry == name]
+        indices = [index for index, column_name in enumerate(self.names) if column_name == name]
         usable_indices = [index for index in indices if self.headers[index].problem is None]
         usable_indices = [
             index for index in usable_indices if self.headers[index].is_certain
@@ -161,23 +161,25 @@ def read_columns(
     while True:
         numbers = [index for index in range(len(headers)) if index not in texts]
         try:
-            raw = table.read(numbers, sorted(texts), progress)
+            raw_columns = table.read(numbers, sorted(texts), progress)
         except TextInNumbersError as error:
             if error.column in known_columns:
                 raise
             texts.add(error.column)  # a column that is not requested may contain anything
             continue
         invalid_columns = {
-            i for i in numbers if i not in known_columns and not np.isfinite(raw.numbers[i]).all()
+            i for i in numbers if i not in known_columns and not np.isfinite(raw_columns.numbers[i]).all()
         }
         if not invalid_columns:
             break
         texts |= invalid_columns
-    for values in raw.numbers.values():
+    for values in raw_columns.numbers.values():
         values.flags.writeable = False
-    columns_by_index: dict[int, FloatArray | Texts] = {**raw.texts, **raw.numbers}
+    columns_by_index: dict[int, FloatArray | Texts] = {**raw_columns.texts, **raw_columns.numbers}
     ordered_columns = tuple(columns_by_index[index] for index in range(len(headers)))
-    return DataTable(table.source_name, raw.sha256, headers, ordered_columns, raw.notes, table)
+    return DataTable(
+        table.source_name, raw_columns.sha256, headers, ordered_columns, raw_columns.notes, table
+    )
 
 
 FRAME_NAME = "data frame"

@@ -1,7 +1,7 @@
 """Assess whether a hysteresis model has a benefit over the best single-valued curve.
 
-The residual of the best monotone curve of each gap is compared with the noise. If the residual is
-close to the noise, a model gains nothing. Loops that are caused by dynamics cannot be assessed.
+The residual of the best monotone curve of each gap is compared with the noise. If this residual is
+close to the noise, a model cannot be better. Loops that are caused by dynamics cannot be assessed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from anhyst.support.units import choose_display_unit
 
 Level = Literal["yes", "little", "no", "unknown"]
 
-_MEAN_OF_NORMAL = 0.7979
+_MEAN_MAGNITUDE_OF_NORMAL = 0.7979
 """Mean absolute value of a normal variable with unit standard deviation."""
 MIN_SAMPLES_PER_BRANCH = 200
 """Number of samples that resolve a branch; noise at higher frequencies does not affect the gain."""
@@ -92,20 +92,20 @@ def fit_monotone(values: FloatArray, weights: FloatArray) -> FloatArray:
 
 def single_valued_residuals(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
     """Return each loop and the deviation of its output from the best monotone curve of its gap."""
-    centred, even = recentre_loops(loopset)
+    centred_loops, is_even = recentre_loops(loopset)
     groups: dict[float | None, list[tuple[Loop, FloatArray, FloatArray]]] = {}
-    for loop, centred_loop in zip(loopset.loops, centred.loops, strict=True):
-        curve = (loop, *fold_input(centred_loop, even=even))
+    for loop, centred_loop in zip(loopset.loops, centred_loops.loops, strict=True):
+        curve = (loop, *fold_input(centred_loop, is_even=is_even))
         groups.setdefault(loop.schedule_value, []).append(curve)
     return [pair for curves in groups.values() for pair in _curve_residuals(curves)]
 
 
-def loop_width_and_height(loop: Loop, *, even: bool) -> tuple[float, float]:
+def loop_width_and_height(loop: Loop, *, is_even: bool) -> tuple[float, float]:
     """Return the largest distance of neighbouring branches in input and in output.
 
     The distance in input is at equal output and vice versa. Noise is averaged.
     """
-    inputs, output = fold_input(loop, even=even)
+    inputs, output = fold_input(loop, is_even=is_even)
     span, height = float(np.ptp(inputs)), float(np.ptp(output))
     branches = find_branches(inputs)
     if len(branches) > _MAX_BRANCHES_WITH_FIRST:
@@ -147,19 +147,21 @@ def largest_output(loopset: Loops) -> float:
 
 def assess_loops(loopset: Loops) -> Verdict:
     """Return the gain of a hysteresis model from loop width, single-valued residual and noise."""
-    centred, even = recentre_loops(loopset)
-    width, height = np.max([loop_width_and_height(loop, even=even) for loop in centred.loops], 0).tolist()
+    centred_loops, is_even = recentre_loops(loopset)
+    width, height = np.max(
+        [loop_width_and_height(loop, is_even=is_even) for loop in centred_loops.loops], 0
+    ).tolist()
     loop_residuals = single_valued_residuals(loopset)  # grouped by gap, not in the order of the loops
     pooled_deviation = np.abs(np.concatenate([residual for _, residual in loop_residuals]))
     mean, worst_deviation = float(pooled_deviation.mean()), float(pooled_deviation.max())
-    band_figures = [_band_residuals(*pair) for pair in loop_residuals]
+    band_figures = [_band_residuals(*curve_and_residuals) for curve_and_residuals in loop_residuals]
     band_mean, band_noise = np.average(
         [entry[:2] for entry in band_figures], axis=0, weights=[loop.n for loop, _ in loop_residuals]
     ).tolist()
     dynamics = describe_resonance(loopset) or describe_coil_lag(loopset) or describe_turn_back(loopset)
     counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)
     sigmas = np.array([estimate_noise(loop.output) for loop in loopset.loops])
-    noise_floor = _MEAN_OF_NORMAL * float(np.average(sigmas, weights=counts))
+    noise_floor = _MEAN_MAGNITUDE_OF_NORMAL * float(np.average(sigmas, weights=counts))
     largest_output_value = largest_output(loopset)
     span = max(float(np.ptp(loop.input)) for loop in loopset.loops)
     gain = max(0.0, 1.0 - band_noise / band_mean) if band_mean > 0.0 else 0.0
@@ -200,7 +202,7 @@ def _band_residuals(loop: Loop, residual: FloatArray) -> tuple[float, float, int
     full_averages = slice(0, -1) if size > 1 else slice(None)
     return (
         float(np.mean(np.abs(residuals[full_averages]))),
-        _MEAN_OF_NORMAL * estimate_noise(output[full_averages]),
+        _MEAN_MAGNITUDE_OF_NORMAL * estimate_noise(output[full_averages]),
         size,
     )
 

@@ -189,10 +189,10 @@ def check_over_gap(model: ModelData, at: Callable[[float], ModelData] | None = N
     nodes = np.array(model.nodes)
     fractions = np.arange(GAPS_PER_INTERVAL) / GAPS_PER_INTERVAL
     gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * fractions).ravel(), nodes[-1])
-    ascending = np.linspace(_rest_drive(model), _largest_drive(model), DRIVES_PER_BRANCH)
-    drive = np.concatenate([ascending, ascending[-2::-1]])
+    ascending_drive = np.linspace(_rest_drive(model), _largest_drive(model), DRIVES_PER_BRANCH)
+    drive = np.concatenate([ascending_drive, ascending_drive[-2::-1]])
     # the output must rise in magnitude
-    sign = -1.0 if not output_map(model.output).is_even and ascending[-1] < 0.0 else 1.0
+    sign = -1.0 if not output_map(model.output).is_even and ascending_drive[-1] < 0.0 else 1.0
     output = np.full((gaps.size, drive.size), np.nan)
     offset = np.zeros(gaps.size)
     failures: list[tuple[float, str]] = []

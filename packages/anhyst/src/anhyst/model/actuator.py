@@ -139,8 +139,8 @@ class Model(Result, ModelData):
         Each branch has `samples` samples. A cycle of a rate-dependent model takes :data:`CYCLE_S`.
         A model without a valid range raises `InputError`.
         """
-        ascending = np.linspace(*self.valid_range.input, samples)
-        drive = np.concatenate([ascending, ascending[::-1]])
+        ascending_drive = np.linspace(*self.valid_range.input, samples)
+        drive = np.concatenate([ascending_drive, ascending_drive[::-1]])
         time = np.linspace(0.0, CYCLE_S, drive.size) if self.needs_time else None
         return drive, self(drive, schedule, time, "settled")
 
@@ -269,7 +269,9 @@ def find_compile_obstacle(model: Model) -> str | None:
     law = model.operator_law
     if law.least_slope is None:
         alternatives = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
-        return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {alternatives}"
+        return (
+            f"law {model.law!r} cannot be compiled: {law.no_compensator_reason}; identify with {alternatives}"
+        )
     if model.needs_fixed_gap:
         schedule_name = model.schedule.name if model.schedule else "gap"
         alternatives = "scaling or reluctance" if schedule_name == "gap" else "scaling"

@@ -128,8 +128,12 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     return ModelDiff(settings, parameters, drive, loops, mean, max(loop.worst for loop in loops))
 
 
-def _find_changes(first: Mapping[str, Value], second: Mapping[str, Value]) -> tuple[Change, ...]:
-    named_pairs = ((name, first.get(name), second.get(name)) for name in {**first, **second})
+def _find_changes(
+    first_values: Mapping[str, Value], second_values: Mapping[str, Value]
+) -> tuple[Change, ...]:
+    named_pairs = (
+        (name, first_values.get(name), second_values.get(name)) for name in {**first_values, **second_values}
+    )
     return tuple(
         Change(name, first_value, second_value)
         for name, first_value, second_value in named_pairs
@@ -164,15 +168,21 @@ def _common_range(ranges: list[Range]) -> Range:
     return low, high
 
 
-def _common_schedule(first: Model, second: Model) -> list[float | None]:
-    """Return the nodes of both models and the middles between them, within both valid ranges."""
-    if first.schedule != second.schedule and (first.needs_schedule or second.needs_schedule):
+def _common_schedule(first_model: Model, second_model: Model) -> list[float | None]:
+    """Return the nodes of both models and the midpoints between them, within both valid ranges."""
+    if first_model.schedule != second_model.schedule and (
+        first_model.needs_schedule or second_model.needs_schedule
+    ):
         raise InputError("the scheduling variables differ: no loops compared", code="quantities-differ")
-    nodes = np.unique([*first.nodes, *second.nodes])
+    nodes = np.unique([*first_model.nodes, *second_model.nodes])
     if not nodes.size:
         return [None]
-    ranges = [model.valid.schedule for model in (first, second) if model.valid and model.valid.schedule]
-    limits = ranges or [(model.nodes[0], model.nodes[-1]) for model in (first, second) if model.nodes]
+    ranges = [
+        model.valid.schedule for model in (first_model, second_model) if model.valid and model.valid.schedule
+    ]
+    limits = ranges or [
+        (model.nodes[0], model.nodes[-1]) for model in (first_model, second_model) if model.nodes
+    ]
     low, high = max(low for low, _ in limits), min(high for _, high in limits)
     common_nodes = nodes[(nodes >= low) & (nodes <= high)]
     if not common_nodes.size:
@@ -181,14 +191,18 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     return sorted([*common_nodes.tolist(), *(0.5 * (common_nodes[1:] + common_nodes[:-1])).tolist()])
 
 
-def _compare_loops(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
-    ascending = np.linspace(*drive, DRIVES_PER_BRANCH)
-    cycle = np.concatenate([ascending, ascending[-2::-1]])
+def _compare_loops(
+    first_model: Model, second_model: Model, drive: Range, gap: float | None
+) -> LoopDifference:
+    ascending_drive = np.linspace(*drive, DRIVES_PER_BRANCH)
+    cycle = np.concatenate([ascending_drive, ascending_drive[-2::-1]])
     times = slow_times(cycle.size)
-    output, other_output = (model.predict(cycle, gap, times, "settled").output for model in (first, second))
+    output, other_output = (
+        model.predict(cycle, gap, times, "settled").output for model in (first_model, second_model)
+    )
     differences = np.abs(output - other_output)
     largest_output, worst_drive = (
-        full_scale(first.output, (output,)),
+        full_scale(first_model.output, (output,)),
         float(cycle[int(np.argmax(differences))]),
     )
     return LoopDifference(

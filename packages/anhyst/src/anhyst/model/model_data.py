@@ -231,10 +231,10 @@ class ModelData:
             return False
         if self.layers.count > MAX_COMPILED_LAYERS or self.needs_fixed_gap or "gamma" in self.varying:
             return False
-        return not self.jumps_without_gap
+        return not self.can_jump_without_gap
 
     @property
-    def jumps_without_gap(self) -> bool:
+    def can_jump_without_gap(self) -> bool:
         """Whether the flux of the iron would jump without an air gap."""
         slope_function = self.operator_law.least_slope
         iron = self.parameters_at(self.first_node)

@@ -30,8 +30,8 @@ GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "circuit", "fre
 CIRCUIT_SPECS = (
     ParameterSpec("c_H", "drive of the iron per unit of input", low=0.0, coordinate="reciprocal"),
     ParameterSpec("rho", "reluctance of the gap, relative to that of an air-filled iron path", low=0.0,
-                  closed=True, default=0.0),
-    ParameterSpec("gamma", "eddy currents, 0 for none", low=0.0, closed=True, default=0.0),
+                  includes_bounds=True, default=0.0),
+    ParameterSpec("gamma", "eddy currents, 0 for none", low=0.0, includes_bounds=True, default=0.0),
     ParameterSpec("c_out", "output per unit of flux density (squared for a force)", low=0.0,
                   coordinate="log"),
     ParameterSpec("in_0", "offset of the input", default=0.0),
@@ -218,18 +218,18 @@ class Curve:
             return log(values)
         return 1.0 / values if self.coordinate == "reciprocal" else values
 
-    def _from_linear(self, straight: FloatArray) -> FloatArray:
+    def _from_linear(self, linear_values: FloatArray) -> FloatArray:
         if self.coordinate == "plain":
-            return straight
+            return linear_values
         is_log = self.coordinate == "log"
-        if (np.abs(straight) > MAX_LOGARITHM if is_log else straight <= 0.0).any():
+        if (np.abs(linear_values) > MAX_LOGARITHM if is_log else linear_values <= 0.0).any():
             raise wrong_key(
                 self.name,
                 f"the extrapolation beyond the nodes {self.nodes[0]:g} to {self.nodes[-1]:g} has "
                 "left the range of the parameter; stay closer to the nodes",
                 code="too-far-beyond-nodes",
             )
-        return exp(straight) if is_log else 1.0 / straight
+        return exp(linear_values) if is_log else 1.0 / linear_values
 
 
 def _monotone_slopes(nodes: FloatArray, heights: FloatArray) -> FloatArray:

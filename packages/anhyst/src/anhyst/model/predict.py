@@ -112,7 +112,7 @@ def _run_without_dynamics(
     runs = list(_split_runs(model, schedule_values, inputs.size))
     results = [_run_stretch(record, run, history_before) for run in runs]
     drive, output = (inputs, record.results) if kind == "drive" else (record.results, inputs)
-    valid, flags = flag_samples(model, kind, drive, output, schedule_values, record.reachable)
+    is_valid, flags = flag_samples(model, kind, drive, output, schedule_values, record.reachable)
     if not record.reachable.all():
         zero_flux_output = model.circuit(schedule_values, np.zeros(inputs.size)).output(np.zeros(inputs.size))
         output = np.where(record.reachable, inputs, zero_flux_output)
@@ -134,7 +134,7 @@ def _run_without_dynamics(
         output=output,
         flux_density=record.flux_density,
         field=record.field,
-        valid=valid,
+        valid=is_valid,
         state=results[-1][0],
         cycles=max(cycles for _, cycles in results),
         history=history_before,
@@ -181,8 +181,8 @@ def _run_with_dynamics(
         drive, output = np.interp(time + dynamics.lag, time, run.drive), inputs
     elif dynamics.times:
         output = convert_creep(run.flux_density)
-    valid, flags = flag_samples(model, kind, drive, output, schedules, reachable & run.reachable)
-    return replace(run, drive=drive, output=output, valid=valid, flags=flags)
+    is_valid, flags = flag_samples(model, kind, drive, output, schedules, reachable & run.reachable)
+    return replace(run, drive=drive, output=output, valid=is_valid, flags=flags)
 
 
 def _flux_at_rest(model: ModelData, schedule: FloatArray | None, initial_history: History) -> float:
@@ -218,8 +218,8 @@ def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[Floa
     start = None if record.schedule is None else float(record.schedule[run.start])
     iron = record.model.iron_at(start)
     if record.rate is not None:
-        # A steady-state cycle returns to its start at its own rate. Before any other first sample,
-        # the rate is unknown and taken as zero.
+        # A steady-state cycle returns to its start at its own rate. Without such a cycle, the rate
+        # at the first sample is unknown and taken as zero.
         later_rates = record.rate[run][1:]
         is_cycle = history.kind == "settled" and later_rates.size
         record.rate[run.start] = np.median(later_rates) if is_cycle else 0.0
@@ -246,7 +246,7 @@ def initial_state(
 ) -> FloatArray:
     """Return the state of the iron before the first sample."""
     state = np.zeros(model.states)
-    is_remembered = history.kind == "conditioned" or model.operator_law.remembers
+    is_remembered = history.kind == "conditioned" or model.operator_law.has_return_point_memory
     if not history.turning_points or not is_remembered:
         return state
     # The exact step does not depend on the sampling, so reversals are enough.

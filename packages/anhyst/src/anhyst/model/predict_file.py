@@ -196,7 +196,7 @@ def _compute_runs(
             ) from None
     # an unused time column may be invalid
     time = table.get("time") if model.needs_time else None
-    runs = _find_runs(table, schedule, settled=history.startswith("settled"))
+    runs = _find_runs(table, schedule, are_settled=history.startswith("settled"))
     histories = _find_histories(model, direction, table, runs, values, schedule, history)
     computed_values, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
@@ -217,13 +217,13 @@ def _compute_runs(
         reachable[rows] = result.reachable
         notes.update(result.notes)
     drive, output = (values, computed_values) if is_prediction else (computed_values, values)
-    valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
+    is_valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
     lines += (
         [NESTED_LOOPS_NOTE] if any(history_before != histories[0] for history_before in histories) else []
     )
-    return computed_values, valid, runs, (*flags, *lines)
+    return computed_values, is_valid, runs, (*flags, *lines)
 
 
 def _find_histories(
@@ -274,13 +274,13 @@ def _read_measured(table: DataTable, name: str) -> FloatArray | None:
         return None
 
 
-def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) -> list[Rows]:
+def _find_runs(table: DataTable, schedule: FloatArray | None, *, are_settled: bool) -> list[Rows]:
     """Return the rows of each run, in the order of the file."""
     for header, column in zip(table.headers, table.columns, strict=True):
         if header.is_label and isinstance(column, Texts):
             return [run for rows in column.rows_by_text() for run in _split_by_schedule(schedule, rows)]
     all_rows = np.arange(len(table))
-    return _split_by_schedule(schedule, all_rows) if settled else [all_rows]
+    return _split_by_schedule(schedule, all_rows) if are_settled else [all_rows]
 
 
 def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
@@ -294,7 +294,7 @@ def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 
 
 def _add_computed_columns(
-    table: DataTable, quantity: Quantity, computed_quantity: FloatArray, valid: NDArray[np.bool_]
+    table: DataTable, quantity: Quantity, computed_quantity: FloatArray, is_valid: NDArray[np.bool_]
 ) -> tuple[str, dict[str, Any]]:
     """Return the header of the computed column, and all columns including computed ones."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
@@ -307,7 +307,7 @@ def _add_computed_columns(
         duplicate_name = name if name in columns else flag_name
         text = f"{table.path}: already has a column '{duplicate_name}'; rename it in the file"
         raise InputError(text, code="exists-already", key=duplicate_name)
-    return name, columns | {name: computed_quantity, flag_name: valid}
+    return name, columns | {name: computed_quantity, flag_name: is_valid}
 
 
 def _compute_deviation(

@@ -42,19 +42,19 @@ def flag_samples(
     rows: bool = False,
 ) -> tuple[BoolArray, tuple[str, ...]]:
     """Flag samples outside the valid range; also return warnings in words."""
-    valid, flags = reachable.copy(), []
+    is_valid, flags = reachable.copy(), []
     if not reachable.all():
         flags.append(_describe_samples(reachable, output, model.output.unit, rows, _UNREACHABLE))
     if model.valid is None:
         flags.append("the model has no valid range (no [valid]), so samples were not checked")
-        return valid, tuple(flags)
+        return is_valid, tuple(flags)
     computed_quantity = {"drive": model.output, "demand": model.input}[kind]
     ranges = (
         (model.input, drive, model.valid.input),
         (model.output, output, model.valid.output),
         (model.schedule, schedule, model.valid.schedule),
     )
-    far_texts = {
+    out_of_range_texts = {
         quantity: describe_far_value(quantity, values, limits)
         for quantity, values, limits in ranges
         if quantity is not computed_quantity
@@ -66,16 +66,16 @@ def flag_samples(
         low, high = limits
         allowance = margin * (high - low) + GIVEN_MARGIN * max(abs(low), abs(high))
         is_inside = (values >= low - allowance) & (values <= high + allowance)
-        valid &= is_inside
+        is_valid &= is_inside
         # If given values are far outside, computed values are outside as a consequence.
-        if not is_inside.all() and not (quantity is computed_quantity and any(far_texts.values())):
+        if not is_inside.all() and not (quantity is computed_quantity and any(out_of_range_texts.values())):
             description = (
                 f"lie outside the valid range of {quantity.name.replace('_', ' ')}, {low:g} to "
                 f"{high:g} {quantity.unit}"
             )
             text = _describe_samples(is_inside, values, quantity.unit, rows, description)
-            flags.append(": ".join(filter(None, (text, far_texts.get(quantity)))))
-    return valid, tuple(flags)
+            flags.append(": ".join(filter(None, (text, out_of_range_texts.get(quantity)))))
+    return is_valid, tuple(flags)
 
 
 def describe_far_value(
@@ -135,11 +135,13 @@ def warn_if_far(model: ModelData, quantity: Quantity, values: FloatArray, schedu
 _UNREACHABLE = "demand an output that is too low for every drive"
 
 
-def _describe_samples(is_good: BoolArray, values: FloatArray, unit: str, rows: bool, description: str) -> str:
-    first_bad = int(np.argmin(is_good))
+def _describe_samples(
+    has_passed: BoolArray, values: FloatArray, unit: str, rows: bool, description: str
+) -> str:
+    first_bad = int(np.argmin(has_passed))
     location = f"row {first_bad + 1}" if rows else f"sample {first_bad}"
     return (
-        f"{int((~is_good).sum())} of {is_good.size} {'rows' if rows else 'samples'} {description} "
+        f"{int((~has_passed).sum())} of {has_passed.size} {'rows' if rows else 'samples'} {description} "
         f"(first: {location}, {values[first_bad]:g} {unit})"
     )
 
@@ -220,7 +222,7 @@ class Prediction(Result):
         """Draw output over drive."""
         drive, output_quantity = self.quantities
         scale, label = length_scale(output_quantity)
-        drawn_samples = thinning_slice(self.drive.size)
-        ax.plot(self.drive[drawn_samples], scale * self.output[drawn_samples], lw=1.1)
+        plotted_samples = thinning_slice(self.drive.size)
+        ax.plot(self.drive[plotted_samples], scale * self.output[plotted_samples], lw=1.1)
         ax.set_xlabel(drive.label)
         ax.set_ylabel(label)

@@ -176,7 +176,7 @@ class _Reader:
         return Advice(f"is unknown; did you mean {close_matches[0]}?", code="extra-forbidden")
 
     def _names_of_table(self, table: KeyPath) -> schema.Names:
-        """Return the keys with units of a table; elements of an array of tables share them."""
+        """Return the keys of a table, with units; all elements of an array share its keys."""
         return self.names.get(tuple(key for key in table if isinstance(key, str)), {})
 
     def _file_path(self, location: KeyPath) -> KeyPath:

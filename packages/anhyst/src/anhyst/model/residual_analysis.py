@@ -60,7 +60,7 @@ _MIN_RECORD_SAMPLES = 40
 minimum number per record."""
 _MAX_NOISE_RATIO = 6.0
 """Smooth residuals above this multiple of the noise of the record are not filtered noise."""
-_EQUAL_WORTH_SHARE = 0.97
+_MIN_SHARE_OF_BEST_SHAPE = 0.97
 """Fraction of the sum of squares of the best shape above which a shape with fewer parameters is
 preferred."""
 
@@ -114,8 +114,10 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
     if outlier is not None:
         outlier_limit = MAX_NOISE_PEAK_RATIO * rms * span
         without_outliers = [
-            replace(entry, deviation=np.where(np.abs(entry.deviation) < outlier_limit, entry.deviation, 0.0))
-            for entry in records
+            replace(
+                record, deviation=np.where(np.abs(record.deviation) < outlier_limit, record.deviation, 0.0)
+            )
+            for record in records
         ]
         return replace(analyse_residual(without_outliers, span), rms=rms, outlier=outlier)
     # A white residual may still be too large: a resonance with a random input leaves white
@@ -136,7 +138,9 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
 def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
     """Return the largest deviation; None if noise of this rms may cause it."""
     worst_samples = [int(np.argmax(np.abs(record.deviation))) for record in records]
-    deviations = [abs(float(entry.deviation[row])) for entry, row in zip(records, worst_samples, strict=True)]
+    deviations = [
+        abs(float(record.deviation[row])) for record, row in zip(records, worst_samples, strict=True)
+    ]
     index = int(np.argmax(deviations))
     deviation, drive, sample = deviations[index] / span, records[index].drive, worst_samples[index]
     if deviation < max(MAX_NOISE_PEAK_RATIO * rms, MIN_OUTLIER_DEVIATION):
@@ -162,9 +166,11 @@ def _quantisation_step(values: FloatArray) -> float:
 def _is_white(deviations: Sequence[FloatArray]) -> bool:
     """Whether samples are uncorrelated with earlier ones, by their signs and products."""
     signs = [np.sign(deviation[deviation != 0.0]) for deviation in deviations]
-    pairs = sum(max(sign.size - 1, 0) for sign in signs)
+    neighbour_count = sum(max(sign.size - 1, 0) for sign in signs)
     equal_signs = sum(int(np.sum(sign[1:] == sign[:-1])) for sign in signs)
-    if pairs and equal_signs - 0.5 * pairs > _MAX_WHITE_SIGMAS * 0.5 * math.sqrt(pairs):
+    if neighbour_count and equal_signs - 0.5 * neighbour_count > _MAX_WHITE_SIGMAS * 0.5 * math.sqrt(
+        neighbour_count
+    ):
         return False
     square_sum = sum(float(deviation @ deviation) for deviation in deviations)
     samples = sum(deviation.size for deviation in deviations)
@@ -185,9 +191,9 @@ class _ShapeVariant:
     columns: FloatArray
     expected_squares: float
 
-    def excess_squares(self, remaining: FloatArray) -> float:
+    def excess_squares(self, residual: FloatArray) -> float:
         """Return the sum of squares that the columns explain beyond the noise."""
-        projections = self.columns.T @ remaining
+        projections = self.columns.T @ residual
         return float(projections @ projections) - self.expected_squares
 
 
@@ -198,9 +204,9 @@ def _attribute_to_shapes(
     noise_rms, max_noise = noise_limits
     deviation = np.concatenate([record.deviation for record in records])
     shape_bases = [
-        (name, orthonormal_basis(variant))
-        for name, entry in shape_columns(records).items()
-        for variant in entry
+        (name, orthonormal_basis(shape_basis))
+        for name, bases_of_shape in shape_columns(records).items()
+        for shape_basis in bases_of_shape
     ]
     all_shapes = orthonormal_basis(np.hstack([variant for _, variant in shape_bases]))
     sizes = [record.deviation.size for record in records]
@@ -211,33 +217,35 @@ def _attribute_to_shapes(
         noise_model = ColouredNoise(
             tuple(sizes), white_variance, 0.0, float(max(deviation.size - all_shapes.shape[1], 2))
         )
-    variants = [
+    shape_variants = [
         _ShapeVariant(name, variant, noise_model.expected_squares(variant)) for name, variant in shape_bases
     ]
     attributed_shapes: list[tuple[Shape, float]] = []
-    remaining, start_samples = deviation, 0
-    while variants:
+    remaining_deviation, start_samples = deviation, 0
+    while shape_variants:
         # Select the shape that explains most, or one with fewer parameters that explains almost as
         # much.
-        all_excesses = [entry.excess_squares(remaining) for entry in variants]
-        min_excess = max(all_excesses) - (1.0 - _EQUAL_WORTH_SHARE) * abs(max(all_excesses))
+        all_excesses = [entry.excess_squares(remaining_deviation) for entry in shape_variants]
+        min_excess = max(all_excesses) - (1.0 - _MIN_SHARE_OF_BEST_SHAPE) * abs(max(all_excesses))
         good_variants = [
-            entry for entry, excess in zip(variants, all_excesses, strict=True) if excess >= min_excess
+            entry for entry, excess in zip(shape_variants, all_excesses, strict=True) if excess >= min_excess
         ]
         variant = min(good_variants, key=lambda entry: entry.columns.shape[1])
-        excess, size = variant.excess_squares(remaining), variant.columns.shape[1]
+        excess, size = variant.excess_squares(remaining_deviation), variant.columns.shape[1]
         if noise_model.can_explain(excess + variant.expected_squares, variant.expected_squares, size):
             break
         attributed_shapes.append((variant.shape, excess / deviation.size))
-        explained = variant.columns @ (variant.columns.T @ remaining)
+        explained_deviation = variant.columns @ (variant.columns.T @ remaining_deviation)
         start_samples = (
-            _count_start_samples(records, explained, noise_model.variance)
+            _count_start_samples(records, explained_deviation, noise_model.variance)
             if variant.shape == "start"
             else start_samples
         )
-        remaining = remaining - explained
-        variants = [other_variant for other_variant in variants if other_variant.shape != variant.shape]
-    remaining_rms = float(np.sqrt(np.mean(remaining**2)))
+        remaining_deviation = remaining_deviation - explained_deviation
+        shape_variants = [
+            other_variant for other_variant in shape_variants if other_variant.shape != variant.shape
+        ]
+    remaining_rms = float(np.sqrt(np.mean(remaining_deviation**2)))
     if remaining_rms <= max(max_noise, NEGLIGIBLE_DEVIATION * span):
         noise_rms = remaining_rms
     noise_rms = min(noise_rms / span, rms)
@@ -248,12 +256,14 @@ def _attribute_to_shapes(
     return ResidualAnalysis(rms, noise_rms, beyond_noise, shares, start_samples)
 
 
-def _count_start_samples(records: Sequence[Residual], explained: FloatArray, variance: float) -> int:
+def _count_start_samples(
+    records: Sequence[Residual], explained_deviation: FloatArray, variance: float
+) -> int:
     """Count the samples at the start of records until the effect of a wrong history has faded."""
     longest_start, start = 0, 0
     for record in records:
         visible_samples = np.flatnonzero(
-            np.abs(explained[start : start + record.deviation.size]) > math.sqrt(variance)
+            np.abs(explained_deviation[start : start + record.deviation.size]) > math.sqrt(variance)
         )
         longest_start = max(longest_start, int(visible_samples[-1]) + 1 if visible_samples.size else 0)
         start += record.deviation.size
@@ -327,7 +337,7 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
         )
     schedule_name = loopset.schedule.name if loopset.schedule is not None else "gap"
     main_shape, share = residual.shapes[0]
-    text += f"{100.0 * share:.0f} % of its square " if share < 1.0 - _MIN_SECOND_SHARE else ""
+    text += f"{100.0 * share:.0f} % of the squared residual " if share < 1.0 - _MIN_SECOND_SHARE else ""
     text += _SHAPE_TEXTS[main_shape].main_text.format(
         drive=loopset.input.name, at=schedule_name, first=residual.start_samples
     )

@@ -26,7 +26,7 @@ _CURVE_DEGREE = 7
 """Degree of the polynomial in the input for a deviation that is common to all loops."""
 _WIDTH_DEGREE = 5
 """Degree of the polynomial in the input for the difference of ascending and descending branches."""
-_LEVEL_DEGREE = 2
+_GROUP_OFFSET_DEGREE = 2
 """Degree of the polynomial in the input for the deviation of each gap or each loop size."""
 _DECAY_POWERS = (1, 2, 4)
 """Powers of the remaining fraction of the first branch, with which the effect of a wrong history
@@ -122,15 +122,15 @@ def _columns_by_gap(records: Sequence[Residual], gap: FloatArray, scaled_input: 
     # The modelled output is used, because measured output contains the noise and would explain it.
     output = np.concatenate([record.measured + record.deviation for record in records])
     relative_output = output / max(float(np.abs(output).max()), 1e-300)
-    shared_columns = np.column_stack([legvander(scaled_input, _LEVEL_DEGREE), relative_output])
+    shared_columns = np.column_stack([legvander(scaled_input, _GROUP_OFFSET_DEGREE), relative_output])
     return np.hstack([(gap == node)[:, None] * shared_columns for node in np.unique(gap)])
 
 
-def _columns_by_branch_size(span: FloatArray, position: FloatArray, rising: FloatArray) -> FloatArray:
+def _columns_by_branch_size(span: FloatArray, position: FloatArray, is_rising: FloatArray) -> FloatArray:
     """Return columns of position and direction, times the relative branch size and its square."""
     size = span / float(span.max())
-    shared_columns = legvander(position, _LEVEL_DEGREE)
-    both_directions = np.hstack([shared_columns, rising[:, None] * shared_columns])
+    shared_columns = legvander(position, _GROUP_OFFSET_DEGREE)
+    both_directions = np.hstack([shared_columns, is_rising[:, None] * shared_columns])
     return np.hstack([size[:, None] * both_directions, size[:, None] ** 2 * both_directions])
 
 
@@ -148,10 +148,10 @@ def orthonormal_basis(columns: FloatArray) -> FloatArray:
 def remove_explained(columns: FloatArray, other_columns: FloatArray) -> FloatArray:
     """Subtract the part of columns that other columns explain; drop columns without a remainder."""
     basis = orthonormal_basis(other_columns)
-    remaining = columns - basis @ (basis.T @ columns)
+    remaining_columns = columns - basis @ (basis.T @ columns)
     squares_before = np.einsum("nk,nk->k", columns, columns)
-    squares_after = np.einsum("nk,nk->k", remaining, remaining)
-    kept_columns: FloatArray = remaining[:, squares_after > 1e-4 * squares_before]
+    squares_after = np.einsum("nk,nk->k", remaining_columns, remaining_columns)
+    kept_columns: FloatArray = remaining_columns[:, squares_after > 1e-4 * squares_before]
     return kept_columns
 
 
@@ -180,10 +180,10 @@ class ColouredNoise:
         correlated_columns = _apply_correlation(columns, self.correlation, self.sizes)
         return self.variance * float(np.einsum("nk,nk->", columns, correlated_columns))
 
-    def can_explain(self, explained: float, expected: float, columns: int) -> bool:
+    def can_explain(self, explained_squares: float, expected_squares: float, columns: int) -> bool:
         """Whether the noise may cause a sum of squares that a number of columns explains."""
         return (
-            float(fdtrc(columns, self.degrees_of_freedom, explained / max(expected, 1e-300)))
+            float(fdtrc(columns, self.degrees_of_freedom, explained_squares / max(expected_squares, 1e-300)))
             > _MAX_CHANCE_PROBABILITY
         )
 
@@ -191,15 +191,17 @@ class ColouredNoise:
 def estimate_coloured_noise(deviation: FloatArray, shapes: FloatArray, sizes: Sequence[int]) -> ColouredNoise:
     """Estimate the noise from the part of the residual that orthonormal shapes do not explain."""
     record_sizes = tuple(sizes)
-    remaining = deviation - shapes @ (shapes.T @ deviation)
-    square_sum = max(float(remaining @ remaining), 1e-300)
-    seen_correlation = float(remaining @ _mean_of_neighbours(remaining, record_sizes)) / square_sum
+    remaining_deviation = deviation - shapes @ (shapes.T @ deviation)
+    square_sum = max(float(remaining_deviation @ remaining_deviation), 1e-300)
+    seen_correlation = (
+        float(remaining_deviation @ _mean_of_neighbours(remaining_deviation, record_sizes)) / square_sum
+    )
     neighbour_means = _mean_of_neighbours(shapes, record_sizes)
     # einsum uses one thread; a threaded product would wait for other threads.
     shape_products = np.einsum("nk,nl->kl", shapes, neighbour_means)
 
     def expected_sums(correlation: float) -> tuple[float, float]:
-        """Return the expected sums of squares and of products with the sample before."""
+        """Return the expected sum of squares, and of products of neighbouring samples."""
         correlated_shapes = _apply_correlation(shapes, correlation, record_sizes)
         projected_shapes = np.einsum("nk,nl->kl", shapes, correlated_shapes)
         product_sum = (

@@ -97,7 +97,7 @@ class CrossValidation(FileRecord):
     # mean absolute error relative to the largest output, mean over values withheld from the fit,
     # from the selection of the map and from the decision about offsets
     error: FiniteNumber
-    interval: Range  # interval with the error at an unmeasured value in about nine of ten cases
+    interval: Range  # contains the error at an unmeasured value in about nine of ten cases
     folds: Numbers = ()  # error at each withheld value, in ascending order of the values
     # ``gap``, or ``block`` for withheld blocks of samples, which is not evidence about other loops
     left_out: Literal["gap", "block"] = "gap"
@@ -161,7 +161,7 @@ class FitFigures(FileRecord):
 
 def fit_figures(
     loopset: Loops,
-    fitted: Sequence[FloatArray],
+    fitted_outputs: Sequence[FloatArray],
     left_out: Mapping[str, float] = MappingProxyType({}),
     monotone: bool | None = None,
     cross_validation: CrossValidation | None = None,
@@ -169,7 +169,7 @@ def fit_figures(
 ) -> FitFigures:
     """Compute the deviations between measured and modelled loops."""
     rows, deviations = [], []
-    for loop, output in zip(loopset.loops, fitted, strict=True):
+    for loop, output in zip(loopset.loops, fitted_outputs, strict=True):
         deviation = np.abs(output - loop.output)
         deviations.append(deviation)
         full_scale_output = full_scale(loopset.output, (loop.output,))

@@ -119,13 +119,13 @@ class Stepper:
         flux = flux - self._present_creep(dt)[0]
         drive, _, _, status, _ = self._iron.inverse(flux, circuit.rho, circuit.eddy, self._state)
         check_status(status, "demand", 0, demands)
-        applied = circuit.drive(drive)
-        valid, _ = flag_samples(self.model, "demand", applied, demands, np.array([gap]), reachable)
+        applied_drive = circuit.drive(drive)
+        is_valid, _ = flag_samples(self.model, "demand", applied_drive, demands, np.array([gap]), reachable)
         return Candidate(
-            drive=float(applied[0]),
+            drive=float(applied_drive[0]),
             output=float(demand if reachable[0] else circuit.output(flux)[0]),
             flux_density=float(flux[0]),
-            valid=bool(valid[0]),
+            valid=bool(is_valid[0]),
         )
 
     def commit(self, applied: float, schedule: float | None = None, dt: float | None = None) -> float:

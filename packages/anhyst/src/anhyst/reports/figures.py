@@ -67,7 +67,7 @@ class LoopGroup:
 
 
 def group_by_schedule(loopset: Loops) -> list[LoopGroup]:
-    """Group loops by the scheduling value, ascending. Loops with a moving value come last."""
+    """Group loops by the scheduling value, ascending; loops whose value changes come last."""
     if loopset.schedule is None:
         return [LoopGroup("", tuple(range(len(loopset))))]
     indices_by_value: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
@@ -98,20 +98,20 @@ def _loop_name(loop: Loop) -> str:
 
 
 @use_report_style
-def figure_loops(loopset: Loops, fitted: LoopOutputs) -> Figure:
+def figure_loops(loopset: Loops, fitted_outputs: LoopOutputs) -> Figure:
     """Draw measured and modelled loops, one panel for each value of the scheduling variable."""
-    return _draw_loops(loopset, fitted, group_by_schedule(loopset))
+    return _draw_loops(loopset, fitted_outputs, group_by_schedule(loopset))
 
 
 @use_report_style
-def figure_speeds(loopset: Loops, fitted: LoopOutputs, speeds: SpeedGroups) -> Figure:
+def figure_speeds(loopset: Loops, fitted_outputs: LoopOutputs, speeds: SpeedGroups) -> Figure:
     """Draw measured and modelled loops, one panel for each speed, slow ones first."""
     loop_indices = {id(loop): index for index, loop in enumerate(loopset.loops)}
     groups = [
         LoopGroup(speed_text(group), tuple(loop_indices[id(loop)] for loop in group))
         for group in (speeds.slow.loops, *speeds.fast)
     ]
-    return _draw_loops(loopset, fitted, groups)
+    return _draw_loops(loopset, fitted_outputs, groups)
 
 
 def speed_text(group: Sequence[Loop]) -> str:
@@ -122,7 +122,9 @@ def speed_text(group: Sequence[Loop]) -> str:
 
 
 @use_report_style
-def figure_differences(loopset: Loops, fitted: LoopOutputs, single_valued: Sequence[FloatArray]) -> Figure:
+def figure_differences(
+    loopset: Loops, fitted_outputs: LoopOutputs, single_valued: Sequence[FloatArray]
+) -> Figure:
     """Draw the difference of the loops from their best single-valued curve.
 
     Hysteresis is a few per cent of the output, so that it is barely visible over the whole range.
@@ -136,7 +138,7 @@ def figure_differences(loopset: Loops, fitted: LoopOutputs, single_valued: Seque
             [(loopset.loops[index], single_valued[index]) for index in group.indices]
         )
         for index in group.indices:
-            loop, output = loopset.loops[index], fitted[index]
+            loop, output = loopset.loops[index], fitted_outputs[index]
             x, baseline_output = x_scale.factor * loop.input, np.interp(loop.input, *curve)
             _draw_measured(ax, x, y_scale.factor * (loop.output - baseline_output))
             if output is not None:
@@ -170,14 +172,14 @@ def _add_legend(figure: Figure) -> None:
 
 
 @use_report_style
-def figure_small_loops(loopset: Loops, fitted: LoopOutputs) -> Figure | None:
+def figure_small_loops(loopset: Loops, fitted_outputs: LoopOutputs) -> Figure | None:
     """Draw each loop that is too small in :func:`figure_loops` in its own panel, if any."""
     groups = find_small_loops(loopset)
-    return _draw_loops(loopset, fitted, groups, has_own_scales=True) if groups else None
+    return _draw_loops(loopset, fitted_outputs, groups, has_own_scales=True) if groups else None
 
 
 def _draw_loops(
-    loopset: Loops, fitted: LoopOutputs, groups: list[LoopGroup], *, has_own_scales: bool = False
+    loopset: Loops, fitted_outputs: LoopOutputs, groups: list[LoopGroup], *, has_own_scales: bool = False
 ) -> Figure:
     figure, axes = _create_panels(groups, panel_height=(4.4, 3.1, 2.5))
     common_scales = _axis_scales(loopset, range(len(loopset)))
@@ -188,7 +190,7 @@ def _draw_loops(
         y = y_scale.factor * np.concatenate([loop.output for loop in loops])
         _draw_measured(ax, x, y)
         for loop, index in zip(loops, group.indices, strict=True):
-            output = fitted[index]
+            output = fitted_outputs[index]
             if output is not None:
                 ax.plot(x_scale.factor * loop.input, y_scale.factor * output, color=MODEL_COLOUR, lw=0.9)
         _label_axes(ax, axes, loopset, x_scale, y_scale, labels_all=has_own_scales)
@@ -197,19 +199,21 @@ def _draw_loops(
 
 
 @use_report_style
-def figure_residuals(loopset: Loops, fitted: LoopOutputs) -> Figure:
+def figure_residuals(loopset: Loops, fitted_outputs: LoopOutputs) -> Figure:
     """Draw the residual of the model, one panel for each value of the scheduling variable."""
     figure, axes = _create_panels(group_by_schedule(loopset), panel_height=(3.4, 2.5, 2.1), share_y=True)
     residuals = [
         None if output is None else output - loop.output
-        for loop, output in zip(loopset.loops, fitted, strict=True)
+        for loop, output in zip(loopset.loops, fitted_outputs, strict=True)
     ]
     largest_residuals = [float(np.max(np.abs(residual))) for residual in residuals if residual is not None]
     x_scale = quantity_scale(loopset.input, [_max_abs(loop.input) for loop in loopset.loops])
     y_scale = quantity_scale(loopset.output, largest_residuals)
     for ax, group in axes.items():
         loops = [loopset.loops[index] for index in group.indices]
-        sigma = np.average([estimate_noise(loop.output) for loop in loops], weights=[o.n for o in loops])
+        sigma = np.average(
+            [estimate_noise(loop.output) for loop in loops], weights=[loop.n for loop in loops]
+        )
         ax.axhspan(-2.0 * y_scale.factor * sigma, 2.0 * y_scale.factor * sigma, color=FAINT_COLOUR, lw=0.0)
         ax.axhline(0.0, color="#555555", lw=0.7)
         _draw_residuals(ax, loopset, residuals, group, x_scale, y_scale)
@@ -244,9 +248,9 @@ def _draw_residuals(
             rows = mask_rising_samples(loop) == is_rising
             x.append(x_scale.factor * loop.input[rows])
             y.append(y_scale.factor * residual[rows])
-        drawn_points = np.concatenate(x), np.concatenate(y)
-        dot_style = _dot_style(colour, 2.4 if drawn_points[0].size < 2000 else 1.4)
-        ax.plot(*drawn_points, rasterized=True, alpha=0.7, **dot_style)
+        plotted_points = np.concatenate(x), np.concatenate(y)
+        dot_style = _dot_style(colour, 2.4 if plotted_points[0].size < 2000 else 1.4)
+        ax.plot(*plotted_points, rasterized=True, alpha=0.7, **dot_style)
 
 
 @use_report_style
@@ -302,7 +306,7 @@ def _draw_candidates(
 
 
 def _rejected_candidates(step: ReductionStep) -> list[tuple[float, str]]:
-    """Return cost (%) and name of each candidate that a step did not fix, by ascending cost."""
+    """Return cost (%) and name of each candidate that a step left free, by ascending cost."""
     return sorted(
         (100.0 * cost, name)
         for name, cost in step.candidates.items()

@@ -156,7 +156,7 @@ def _draw_loops(ax: Axes, model: Model, input_scale: Scale, output_scale: Scale)
         output = steady_state_loop(model, drive, value)
         if output is None:
             continue
-        name = schedule_scale.format_with_unit(value, 4, short=True) + ("" if is_node else " (between)")
+        name = schedule_scale.format_with_unit(value, 4, is_short=True) + ("" if is_node else " (between)")
         line_style = "-" if is_node else (0, (4, 1.6))
         x, y = input_scale.factor * drive, output_scale.factor * output
         ax.plot(x, y, color=colour, ls=line_style, lw=1.2, label=name)

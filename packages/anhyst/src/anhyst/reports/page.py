@@ -16,7 +16,7 @@ from anhyst.reports import sections_model
 from anhyst.reports.figures import figure_loops, figure_reduction, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between_gaps, figure_parameters
 from anhyst.reports.sections_fit import section_loops, section_measurement, section_rate, section_residuals
-from anhyst.reports.subject import ModelSubject, acceptance_note, current_figures, gather_measurements
+from anhyst.reports.subject import ModelSubject, acceptance_note, compute_fit_metrics, gather_measurements
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.cache import c_name
 from anhyst.support.errors import InputError
@@ -220,7 +220,7 @@ def gather_subject(model: Model, folder: PathLike) -> ModelSubject:
         measurements = gather_measurements(model, folder)
     except InputError as error:
         return ModelSubject(model, model.fit, acceptance, None, str(error))
-    fit, stale_warning = current_figures(model, measurements)
+    fit, stale_warning = compute_fit_metrics(model, measurements)
     warnings = (*measurements.warnings, *([stale_warning] if stale_warning else []))
     return ModelSubject(model, fit, acceptance, measurements, warnings=warnings)
 
@@ -250,13 +250,13 @@ def render_report(subject: ModelSubject, file_name: str, file_hash: str) -> str:
 
 
 def write_plots(
-    model: Model, loopset: Loops, fitted: Sequence[FloatArray | None], folder: PathLike
+    model: Model, loopset: Loops, fitted_outputs: Sequence[FloatArray | None], folder: PathLike
 ) -> tuple[Path, ...]:
     """Write the figures of a model as PNG files."""
     plot_folder = Path(folder)
     figures = {
-        "loops": figure_loops(loopset, fitted),
-        "residuals": figure_residuals(loopset, fitted),
+        "loops": figure_loops(loopset, fitted_outputs),
+        "residuals": figure_residuals(loopset, fitted_outputs),
         "parameters": figure_parameters(model),
         "between_gaps": figure_between_gaps(model, model.check_over_gap()),
         "reduction": figure_reduction(model.reduction) if model.reduction else None,

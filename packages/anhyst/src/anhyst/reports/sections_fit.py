@@ -116,9 +116,13 @@ def section_rate(subject: ModelSubject) -> Section | None:
 
 
 def _speed_row(subject: ModelSubject, measurements: Measurements, group: Sequence[Loop]) -> list[Cell]:
-    ids, scale = {id(loop) for loop in group}, subject.deviation_scale
-    entries = zip(measurements.loops.loops, measurements.fitted, strict=True)
-    residuals = [output - loop.output for loop, output in entries if output is not None and id(loop) in ids]
+    loop_ids, scale = {id(loop) for loop in group}, subject.deviation_scale
+    loops_and_outputs = zip(measurements.loops.loops, measurements.fitted, strict=True)
+    residuals = [
+        output - loop.output
+        for loop, output in loops_and_outputs
+        if output is not None and id(loop) in loop_ids
+    ]
     cells = [Cell(figures.speed_text(group)), Cell(str(len(group)))]
     if not residuals:
         return [*cells, *[Cell("")] * 4]
@@ -310,8 +314,8 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
         "the largest value of that loop."
     )
     if subject.measurements:
-        entries = zip(loops, subject.measurements.baseline, strict=False)
-        single_valued_means = {id(entry): float(np.mean(np.abs(curve))) for entry, curve in entries}
+        loops_and_curves = zip(loops, subject.measurements.baseline, strict=False)
+        single_valued_means = {id(entry): float(np.mean(np.abs(curve))) for entry, curve in loops_and_curves}
         columns.append(
             (scale.heading("single-valued"), lambda entry: scale.format(single_valued_means[id(entry)]))
         )
@@ -363,7 +367,7 @@ def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable
     )
     columns: list[Column] = [
         ("samples", lambda entry: str(entry.samples)),
-        ("cycles", lambda entry: format_number(entry.cycles, 2, short=True)),
+        ("cycles", lambda entry: format_number(entry.cycles, 2, is_short=True)),
         (
             input_scale.heading(subject.input_name),
             lambda entry: _format_range(input_scale, entry.input_low, entry.input_high),
@@ -374,7 +378,7 @@ def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable
         ),
     ]
     if any(loop.step is not None for loop in loops):
-        columns.append(("step [ms]", lambda entry: format_number(1e3 * (entry.step or 0.0), short=True)))
+        columns.append(("step [ms]", lambda entry: format_number(1e3 * (entry.step or 0.0), is_short=True)))
     columns.append(("history", lambda entry: str(entry.history)))
     return _table_by_loop(subject, inspection.loops, columns, "Recorded loops", fallback="moves")
 
@@ -419,7 +423,7 @@ def _table_by_loop(
     scale, schedule = subject.schedule_scale, subject.model.schedule
     rows = []
     for loop in sorted(loops, key=lambda o: math.inf if o.schedule is None else o.schedule):
-        schedule_text = fallback if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
+        schedule_text = fallback if loop.schedule is None else scale.format(loop.schedule, 4, is_short=True)
         row = [loop.label, *([] if schedule is None else [schedule_text])]
         rows.append([*row, *(text(loop) for _, text in columns)])
     schedule_heading = [] if schedule is None else [scale.heading(schedule.symbol)]
@@ -427,4 +431,4 @@ def _table_by_loop(
 
 
 def _format_range(scale: Scale, low: float, high: float) -> str:
-    return f"{scale.format(low, short=True)} to {scale.format(high, short=True)}"
+    return f"{scale.format(low, is_short=True)} to {scale.format(high, is_short=True)}"

@@ -39,12 +39,12 @@ from anhyst.support.page import (
 
 GAP_MAP_TEXTS: Mapping[str, str] = {
     "none": "No parameter depends on the scheduling variable.",
-    "scaling": "The iron is the same everywhere. Only the factor from input to field (c_H) depends on "
-    "the scheduling variable, as in the paper.",
-    "reluctance": "The iron is the same everywhere and has the hysteresis. Only the series reluctance "
-    "ρ depends on the scheduling variable, as for an air gap.",
-    "circuit": "The iron is the same everywhere and has the hysteresis. The series reluctance, the "
-    "output per flux and the offsets depend on the scheduling variable.",
+    "scaling": "The iron has the same parameters at all scheduling values. Only the factor from input to "
+    "field (c_H) depends on the scheduling variable, as in the paper.",
+    "reluctance": "The iron, which causes the hysteresis, has the same parameters at all scheduling "
+    "values. Only the series reluctance ρ depends on the scheduling variable, as for an air gap.",
+    "circuit": "The iron, which causes the hysteresis, has the same parameters at all scheduling values. "
+    "The series reluctance, the output per flux and the offsets depend on the scheduling variable.",
     "free": "All parameters can depend on the scheduling variable, including those of the iron. This "
     "map is for fixed values only.",
 }
@@ -72,7 +72,7 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
         ", ".join(model.file_keys[name][0] for name in varying_parameters(model)),
         subject.schedule_scale,
     )
-    nodes = ", ".join(scale.format(node, 4, short=True) for node in model.nodes)
+    nodes = ", ".join(scale.format(node, 4, is_short=True) for node in model.nodes)
     alt = (
         f"{varying_names} over the {subject.schedule_name}: dots at the nodes {nodes} {scale.unit}, a smooth "
         "curve between them that does not overshoot."
@@ -82,7 +82,7 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
         "uses between them. The curve cannot overshoot, and is a straight line outside."
     )
     head = [scale.heading(subject.schedule_name)]
-    columns = [[scale.format(node, 5, short=True) for node in model.nodes]]
+    columns = [[scale.format(node, 5, is_short=True) for node in model.nodes]]
     for name in varying_parameters(model):
         values = model.interpolate_parameter(name, model.nodes).tolist()
         scale = choose_scale(parameter_unit(model, name), values)
@@ -161,7 +161,7 @@ def section_between_nodes(subject: ModelSubject) -> Section | None:
         return None
     schedule_scale, input_scale = subject.schedule_scale, subject.input_scale
     schedule_text = ", ".join(
-        schedule_scale.format(node, 4, short=True) for node, _ in nodes_and_midpoints(model)
+        schedule_scale.format(node, 4, is_short=True) for node, _ in nodes_and_midpoints(model)
     )
     largest_drive = max(map(abs, model.valid_range.input))
     drive_texts = ", ".join(input_scale.format(fraction * largest_drive, 3) for fraction in DRIVE_SHARES)
@@ -283,7 +283,7 @@ def section_parameters(subject: ModelSubject) -> Section:
         values = model.parameters[name]
         all_values = values if isinstance(values, tuple) else (values,)
         scale = choose_scale(parameter_unit(model, name), all_values)
-        text = scale.format(all_values[0], 5, short=True)
+        text = scale.format(all_values[0], 5, is_short=True)
         if name in varying_parameters(model):
             text = f"{scale.format(min(all_values), 5)} to {scale.format(max(all_values), 5)}"
         meaning = spec.meaning
@@ -367,15 +367,15 @@ def symbol_markup(name: str) -> Markup:
 
 def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list[Block]:
     rows: list[list[str | Cell]] = []
-    previous_meaning = ""
+    meaning_in_previous_row = ""
     fitted_parameters = zip(uncertainty.names, uncertainty.values, uncertainty.std, strict=True)
     for index, (name, value, deviation) in enumerate(fitted_parameters, start=1):
         relative = deviation / abs(value) if value and "offset" not in name else None
         meaning = next((text for prefix, text in QUANTITY_MEANINGS.items() if name.startswith(prefix)), "")
         share = Cell(format_percent(relative), strong=relative is not None and relative > 0.2)
-        shown_meaning = "" if meaning == previous_meaning else meaning
+        shown_meaning = "" if meaning == meaning_in_previous_row else meaning
         rows.append([str(index), typeset(name), shown_meaning, format_deviation(value, deviation), share])
-        previous_meaning = meaning
+        meaning_in_previous_row = meaning
     caption = (
         "The fitted quantities are combinations of parameters that the data determine. "
         "Single parameters can compensate each other. The standard deviation treats the error of "
@@ -400,7 +400,7 @@ def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list
 
 def _correlation_text(uncertainty: Uncertainty) -> str:
     """Return the alternative text of the heat map: the strongest correlations."""
-    pairs = sorted(
+    correlations = sorted(
         (
             (abs(value), uncertainty.names[row], uncertainty.names[column], value)
             for row, values in enumerate(uncertainty.correlation)
@@ -409,10 +409,13 @@ def _correlation_text(uncertainty: Uncertainty) -> str:
         ),
         reverse=True,
     )
-    pair_texts = (f"{first} with {second} {format_number(value, 3)}" for _, first, second, value in pairs[:3])
-    pairs_text = "; ".join(pair_texts)
+    correlation_texts = (
+        f"{first_name} with {second_name} {format_number(value, 3)}"
+        for _, first_name, second_name, value in correlations[:3]
+    )
+    strongest_text = "; ".join(correlation_texts)
     text = f"Heat map of {len(uncertainty.names)} by {len(uncertainty.names)} correlations"
-    return f"{text}, the strongest: {pairs_text}." if pairs_text else f"{text}."
+    return f"{text}, the strongest: {strongest_text}." if strongest_text else f"{text}."
 
 
 def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Section:

@@ -146,7 +146,7 @@ def _read_loops(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
     return unthinned_loops, clean(unthinned_loops, ("thin",))
 
 
-def current_figures(model: Model, measurements: Measurements) -> tuple[FitFigures | None, str]:
+def compute_fit_metrics(model: Model, measurements: Measurements) -> tuple[FitFigures | None, str]:
     """Return the fit metrics of the parameters, and a warning if those in the file differ."""
     fitted_outputs = [output for output in measurements.fitted if output is not None]
     if len(fitted_outputs) < len(measurements.fitted):

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 PathLike = str | os.PathLike[str]
 
 
-def check_path(value: object, argument: str, expected: str = "a path") -> PathLike:
+def check_path(value: object, argument: str, expected_text: str = "a path") -> PathLike:
     """Return a path, or raise an error that names the argument in the form ``"verb: argument"``."""
     if not isinstance(value, str | os.PathLike):
-        raise wrong_type(argument, expected, value)
+        raise wrong_type(argument, expected_text, value)
     if not os.fspath(value):
         raise InputError(f"{argument}: the path is empty", code="wrong-type", key=argument)
     return value
@@ -268,19 +268,19 @@ def _replace_folder(draft: Path, target: Path) -> None:
 
 def _move_files(draft: Path, target: Path) -> None:
     """Move files from a temporary folder into a folder that contains other files."""
-    created: list[Path] = []
+    created_paths: list[Path] = []
     try:
         for file in sorted(path for path in draft.rglob("*") if path.is_file()):
             destination = target / file.relative_to(draft)
             for parent in reversed(destination.relative_to(target).parents[:-1]):
                 if not (target / parent).exists():
                     (target / parent).mkdir()
-                    created.append(target / parent)
+                    created_paths.append(target / parent)
             if not destination.exists():
-                created.append(destination)
+                created_paths.append(destination)
             file.replace(destination)
     except OSError:
-        for destination in reversed(created):
+        for destination in reversed(created_paths):
             if destination.is_dir():
                 destination.rmdir()
             else:

@@ -85,8 +85,8 @@ def load_cached(file: Path) -> Any:
 
 def remove_oldest(folder: Path, max_entries: int) -> None:
     """Remove all entries of a folder except the most recently used ones."""
-    entries = [path for path in folder.iterdir() if not path.name.startswith(".")]
-    for old_path in sorted(entries, key=lambda path: path.stat().st_mtime)[:-max_entries]:
+    cached_paths = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    for old_path in sorted(cached_paths, key=lambda path: path.stat().st_mtime)[:-max_entries]:
         shutil.rmtree(old_path, ignore_errors=True) if old_path.is_dir() else old_path.unlink(missing_ok=True)
 
 

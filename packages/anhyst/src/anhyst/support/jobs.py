@@ -29,12 +29,12 @@ def split_progress(progress: Progress | None, weights: Sequence[float]) -> Itera
     ``weights`` are the amounts of work of the parts, in any common unit.
     """
 
-    def part_progress(part: int) -> Progress:
-        done_before = sum(weights[:part])
+    def part_progress(part_index: int) -> Progress:
+        done_before = sum(weights[:part_index])
 
         def update(done: float, total: float) -> None:
             if progress is not None:
-                progress(done_before + weights[part] * done / total, sum(weights))
+                progress(done_before + weights[part_index] * done / total, sum(weights))
 
         return update
 

@@ -50,16 +50,18 @@ class FileKind:
         """Whether this kind supports an option of a command that only some kinds support."""
         return option in self.options.get(verb, ())
 
-    def refuse_options(self, verb: str, given: Mapping[str, object]) -> None:
+    def refuse_options(self, verb: str, given_options: Mapping[str, object]) -> None:
         """Raise an error if an option is given (not None) that this kind does not support."""
-        unsupported = [
-            name for name, value in given.items() if value is not None and not self.has_option(verb, name)
+        unsupported_options = [
+            name
+            for name, value in given_options.items()
+            if value is not None and not self.has_option(verb, name)
         ]
-        if unsupported:
+        if unsupported_options:
             raise InputError(
-                f"{self.title} has no {' or '.join(unsupported)}; leave it out",
+                f"{self.title} has no {' or '.join(unsupported_options)}; leave it out",
                 code="option-not-for-this",
-                key=unsupported[0],
+                key=unsupported_options[0],
             )
 
 
@@ -214,7 +216,7 @@ def _folder_kind(manifest: Path) -> FileKind:
 
 
 def require_kind(
-    path: PathLike, accepted: Collection[FileKind], verb: str = "", known_kind: FileKind | None = None
+    path: PathLike, supported_kinds: Collection[FileKind], verb: str = "", known_kind: FileKind | None = None
 ) -> FileKind:
     """Return the kind of a file, or raise an error that names the commands that accept it.
 
@@ -226,14 +228,16 @@ def require_kind(
             f"{path}: this is a rig file; the package anhyst-rigs is for rigs: pip install anhyst-rigs",
             code="not-installed",
         )
-    if kind in accepted or kind is UNKNOWN_FILE:
+    if kind in supported_kinds or kind is UNKNOWN_FILE:
         return kind
     if verb:
-        names = _join_words([accepted_kind.plural for accepted_kind in accepted], "and")
+        names = _join_words([accepted_kind.plural for accepted_kind in supported_kinds], "and")
         reason = f": {kind.reasons[verb]}" if verb in kind.reasons else ""
         requirement = f"{verb} is for {names}{reason}"
     else:
-        requirement = f"{_join_words([accepted_kind.title for accepted_kind in accepted], 'or')} is needed"
+        requirement = (
+            f"{_join_words([accepted_kind.title for accepted_kind in supported_kinds], 'or')} is needed"
+        )
     raise InputError(f"{path}: this is {kind.title}; {requirement}; {kind.usage}", code="wrong-kind")
 
 

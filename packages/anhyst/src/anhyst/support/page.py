@@ -176,19 +176,21 @@ class Scale:
     factor: float
     unit: str
 
-    def format(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
+    def format(self, value: float | None, digits: int = 3, *, is_short: bool = False) -> str:
         """Return an SI value as text without its unit; ``short`` drops trailing zeros."""
-        return UNKNOWN_TEXT if value is None else format_number(value * self.factor, digits, short=short)
+        return (
+            UNKNOWN_TEXT if value is None else format_number(value * self.factor, digits, is_short=is_short)
+        )
 
-    def format_with_unit(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
+    def format_with_unit(self, value: float | None, digits: int = 3, *, is_short: bool = False) -> str:
         """Return an SI value as text with its unit."""
         if value is None:
             return UNKNOWN_TEXT
-        return f"{self.format(value, digits, short=short)}{NBSP}{self.unit}".rstrip()
+        return f"{self.format(value, digits, is_short=is_short)}{NBSP}{self.unit}".rstrip()
 
     def format_range(self, low: float, high: float, digits: int = 3) -> str:
         """Return a range of SI values as text with its unit."""
-        return f"{self.format(low, digits, short=True)} to {self.format_with_unit(high, digits, short=True)}"
+        return f"{self.format(low, digits, is_short=True)} to {self.format_with_unit(high, digits, is_short=True)}"
 
     def heading(self, name: str) -> str:
         """Return the heading of a column or an axis: the name, and the unit in brackets."""
@@ -225,12 +227,12 @@ def quantity_scale(quantity: Quantity, values: Iterable[float | None]) -> Scale:
     return choose_scale(quantity.unit, listed_values)
 
 
-def format_number(value: float, digits: int = 3, *, short: bool = False) -> str:
+def format_number(value: float, digits: int = 3, *, is_short: bool = False) -> str:
     """Return a number with some significant digits; digits before the point are never rounded.
 
     >>> format_number(0.76436), format_number(1234.4), format_number(2.5e-7)
     ('0.764', '1234', '2.5×10⁻⁷')
-    >>> format_number(0.3), format_number(0.3, short=True)
+    >>> format_number(0.3), format_number(0.3, is_short=True)
     ('0.300', '0.3')
     """
     if not math.isfinite(value):
@@ -244,7 +246,7 @@ def format_number(value: float, digits: int = 3, *, short: bool = False) -> str:
         text = f"{mantissa}×10{str(exponent_value).translate(_SUPERSCRIPT)}"
     else:
         text = f"{value:.{max(0, digits - 1 - exponent_value)}f}"
-        text = text.rstrip("0").rstrip(".") if short and "." in text else text
+        text = text.rstrip("0").rstrip(".") if is_short and "." in text else text
     return text.replace("-", MINUS)
 
 

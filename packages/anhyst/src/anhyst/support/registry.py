@@ -33,7 +33,9 @@ def _all_entry_points() -> tuple[EntryPoint, ...]:
     first_copies: dict[tuple[str, str, str], EntryPoint] = {}
     for package in distributions():
         try:
-            points = [entry for entry in package.entry_points if entry.group.startswith("anhyst.")]
+            points = [
+                entry_point for entry_point in package.entry_points if entry_point.group.startswith("anhyst.")
+            ]
             for point in points:
                 first_copies.setdefault((package.name, point.group, point.name), point)
         except Exception:  # damaged metadata of a package: ignore the package
@@ -43,9 +45,9 @@ def _all_entry_points() -> tuple[EntryPoint, ...]:
 
 def entry_points_in(group: str) -> list[EntryPoint]:
     """Return the entry points of a group; the entry points of this project come first."""
-    entries = [point for point in _all_entry_points() if point.group == group]
+    group_points = [point for point in _all_entry_points() if point.group == group]
     return sorted(
-        entries,
+        group_points,
         key=lambda entry: (package_name(entry) not in PROJECT_PACKAGES, package_name(entry), entry.name),
     )
 
@@ -85,10 +87,10 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         find_fault: Callable[[object, str], str],
         *,
         prefix: str = "",
-        reserved: Collection[str] = (),
+        reserved_names: Collection[str] = (),
     ) -> None:
         self._group, self._builtin, self._find_fault = group, dict(builtin), find_fault
-        self._prefix, self._reserved = prefix, {*builtin, *reserved}
+        self._prefix, self._reserved = prefix, {*builtin, *reserved_names}
 
     @cached_property
     def _plugins(self) -> tuple[dict[str, Entry], dict[str, str]]:
@@ -101,16 +103,16 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
             if name in self._reserved or packages.get(name) in PROJECT_PACKAGES:
                 continue
             try:
-                entry = load_entry_point(point)
+                plugin = load_entry_point(point)
             except ValueError as error:
                 reasons_by_name[name] = f"{package} adds it and {error}; update it"
                 continue
-            if fault := self._find_fault(entry, point.name):
+            if fault := self._find_fault(plugin, point.name):
                 reasons_by_name[name] = f"{package} adds it, {fault}; update it"
-            elif name in added_entries and added_entries[name] is not entry:
+            elif name in added_entries and added_entries[name] is not plugin:
                 reasons_by_name[name] = f"{packages[name]} and {package} both add it; remove one of them"
             else:
-                added_entries[name], packages[name] = cast(Entry, entry), package
+                added_entries[name], packages[name] = cast(Entry, plugin), package
         return {
             name: plugin for name, plugin in added_entries.items() if name not in reasons_by_name
         }, reasons_by_name

@@ -86,7 +86,7 @@ T = TypeVar("T", bound=Table)
 
 
 MAX_NAMED_PROBLEMS = 5
-"""Number of problems that are named after the first one; the rest is counted."""
+"""Number of problems that a message lists after the first problem; it only counts the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +111,8 @@ class TomlFileError(InputError):
         text = f"{location}: {first_problem.key}: {first_problem.text}"
         if other_problems:
             other_keys = [
-                f"{entry.key} (line {entry.line})" if entry.line else entry.key
-                for entry in other_problems[:MAX_NAMED_PROBLEMS]
+                f"{problem.key} (line {problem.line})" if problem.line else problem.key
+                for problem in other_problems[:MAX_NAMED_PROBLEMS]
             ]
             more_text = (
                 f" and {len(other_problems) - MAX_NAMED_PROBLEMS} more"
@@ -183,10 +183,10 @@ def read_toml(path: PathLike, schema: type[T], kinds: Collection[FileKind] = ())
         raise file.to_error() from error
 
 
-def require_toml_kind(path: PathLike, accepted: Collection[FileKind]) -> FileKind:
+def require_toml_kind(path: PathLike, accepted_kinds: Collection[FileKind]) -> FileKind:
     """Return the kind of a TOML file, or raise an error if it is not an accepted kind."""
-    kind = require_kind(path, accepted)
-    return check_kind(TomlFile(path), accepted) if kind is UNKNOWN_FILE else kind
+    kind = require_kind(path, accepted_kinds)
+    return check_kind(TomlFile(path), accepted_kinds) if kind is UNKNOWN_FILE else kind
 
 
 def require_rig(path: PathLike, verb: str) -> FileKind:
@@ -194,22 +194,24 @@ def require_rig(path: PathLike, verb: str) -> FileKind:
     return require_toml_kind(path, [kind for kind in accepted_kinds(verb) if kind.format == RIG_FORMAT])
 
 
-def check_kind(file: TomlFile, accepted: Collection[FileKind]) -> FileKind:
+def check_kind(file: TomlFile, accepted_kinds: Collection[FileKind]) -> FileKind:
     """Return the kind that a TOML file states; raise an error if it is not an accepted kind."""
-    kind = require_kind(file.path, accepted, known_kind=content_kind(file.content))
+    kind = require_kind(file.path, accepted_kinds, known_kind=content_kind(file.content))
     if kind is UNKNOWN_FILE:
-        names = " or ".join(kind.title for kind in accepted)
+        names = " or ".join(kind.title for kind in accepted_kinds)
         control = file.content.get("control")
         is_rig = file.content.get("format") == RIG_FORMAT
         reason = explain_unusable(control.get("kind")) if isinstance(control, dict) else ""
         if is_rig and reason:
             file.add_problem(("control", "kind"), reason, code="not-installed")
-        elif is_rig and (rig_kinds := [rig_kind for rig_kind in accepted if rig_kind.format == RIG_FORMAT]):
+        elif is_rig and (
+            rig_kinds := [rig_kind for rig_kind in accepted_kinds if rig_kind.format == RIG_FORMAT]
+        ):
             control_words = " or ".join(f'"{kind.word}"' for kind in rig_kinds)
             text = f"must be {control_words}; is this {names}, or a kind whose package is not installed?"
             file.add_problem(("control", "kind"), text, "wrong-format")
         else:
-            format_texts = " or ".join(sorted({f'"{kind.format}"' for kind in accepted}))
+            format_texts = " or ".join(sorted({f'"{kind.format}"' for kind in accepted_kinds}))
             file.add_problem(("format",), f"must be {format_texts}; is this {names}?", code="wrong-format")
         raise file.to_error()
     return kind
@@ -312,8 +314,8 @@ def _table_types(annotation: Any) -> list[type[BaseModel]]:
 def dotted_path(path: KeyPath) -> str:
     """Return the path of a key in readable form: ``lift_off.speed``, ``loop[2].label``."""
     text = ""
-    for part in path:
-        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else part
+    for path_part in path:
+        text += f"[{path_part + 1}]" if isinstance(path_part, int) else f".{path_part}" if text else path_part
     return text
 
 

@@ -38,8 +38,10 @@ def toml_value(value: object) -> str:
         case str():
             return _quote_text(value)
         case Mapping():
-            pairs = ", ".join(f"{toml_key(key)} = {toml_value(member)}" for key, member in value.items())
-            return f"{{ {pairs} }}" if pairs else "{}"
+            members_text = ", ".join(
+                f"{toml_key(key)} = {toml_value(member)}" for key, member in value.items()
+            )
+            return f"{{ {members_text} }}" if members_text else "{}"
         case Sequence():
             return f"[{', '.join(toml_value(item) for item in value)}]"
     raise TypeError(f"TOML has no {type(value).__name__}")
@@ -120,10 +122,10 @@ class _Scanner:
     def _read_header(self) -> KeyPath:
         is_array = self.text.startswith("[[", self.position)
         self.position += 2 if is_array else 1
-        parts = self._read_key()
+        key_parts = self._read_key()
         self.position += 2 if is_array else 1
         path: KeyPath = ()
-        for key in parts:
+        for key in key_parts:
             path = (*self._with_index(path), key)
         if is_array:
             self.last_index[path] = self.last_index.get(path, -1) + 1
@@ -134,16 +136,16 @@ class _Scanner:
         return (*path, self.last_index[path]) if path in self.last_index else path
 
     def _read_key(self) -> list[str]:
-        parts = []
+        key_parts = []
         while match := _KEY_PART.match(self.text, self.position):
             part_text = match[1]
             is_quoted = part_text[0] in "\"'"
-            parts.append(next(iter(tomllib.loads(f"{part_text} = 0"))) if is_quoted else part_text)
+            key_parts.append(next(iter(tomllib.loads(f"{part_text} = 0"))) if is_quoted else part_text)
             self.position = match.end()
             if not self.text.startswith(".", self.position):
                 break
             self.position += 1
-        return parts
+        return key_parts
 
     def _skip_value(self) -> None:
         depth = 0

@@ -347,11 +347,11 @@ def _parse_text(text: str, unit: str | None) -> Header:
     if quantity is None and is_gap and not (has_qualifier(name) or is_formula(name)):
         quantity = QUANTITIES["gap"]
     if quantity is None and not unit_text:
-        clock, unit_text = _parse_clock(name)
-        if clock != name:
+        name_or_time, unit_text = _parse_clock(name)
+        if name_or_time != name:
             unit_of_clock = find_unit(unit_text)
             problem = None if unit_of_clock else _describe_unit_problem(QUANTITIES["time"], "", None)
-            return Header(text, clock, QUANTITIES["time"], unit_of_clock, problem, is_from_words=True)
+            return Header(text, name_or_time, QUANTITIES["time"], unit_of_clock, problem, is_from_words=True)
     header_unit = find_unit(unit_text) if unit_text else None
     if quantity is not None and quantity.unit == "1" and not unit_text:
         header_unit = UNITS["1"]
@@ -447,18 +447,18 @@ def _split_brackets(text: str) -> tuple[str, str]:
 
 def _split_slash(text: str) -> tuple[str, str] | None:
     """Split ``NAME/UNIT``, ``NAME.UNIT`` and ``ImA``; None if the text has none of these forms."""
-    pairs = [
+    splits = [
         (text[: separator_match.start()], text[separator_match.end() :])
         for separator_match in re.finditer("/", text)
     ]
-    pairs += [
+    splits += [
         (text[: separator_match.start()], text[separator_match.end() :])
         for separator_match in re.finditer(r"\.", text)
     ]
-    pairs += [(sign, text.removeprefix(sign)) for sign in _SYMBOLS
+    splits += [(sign, text.removeprefix(sign)) for sign in _SYMBOLS
               if text.startswith(sign) and len(text) > len(sign) + 1]  # fmt: skip
     unknown_split = None
-    for name_text, unit_part in pairs:
+    for name_text, unit_part in splits:
         name, unit_text = name_text.strip(" _"), unit_part.strip(" _")
         unit, quantity = find_unit(unit_text), _find_quantity(name)
         if unit is None or not name or find_unit(text) or not _can_end_with(name, unit):
@@ -507,14 +507,14 @@ def _is_same_unit(unit: Unit | None, other_unit: Unit | None) -> bool:
 
 def _split_underscore(text: str) -> tuple[str, str]:
     """Split ``name_unit`` at the longest ending that is a unit, or after a known symbol."""
-    parts = text.split("_")
-    for split_index in range(1, len(parts)):
-        head, tail = "_".join(parts[:split_index]), "_".join(parts[split_index:])
+    name_parts = text.split("_")
+    for split_index in range(1, len(name_parts)):
+        head, tail = "_".join(name_parts[:split_index]), "_".join(name_parts[split_index:])
         unit = find_unit(tail)
         if unit and tail not in {"1", "-", "%"} and _can_end_with(head, unit):
             return head.rstrip("_:,-") or head, tail
-    if _find_quantity(text) is None and _find_quantity(parts[0]) is not None:
-        return parts[0], "_".join(parts[1:])
+    if _find_quantity(text) is None and _find_quantity(name_parts[0]) is not None:
+        return name_parts[0], "_".join(name_parts[1:])
     return text, ""
 
 

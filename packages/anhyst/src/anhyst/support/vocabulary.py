@@ -135,8 +135,8 @@ def fold(text: str) -> str:
     >>> fold("Intensité")
     'intensite'
     """
-    decomposed = unicodedata.normalize("NFKD", text)
-    return "".join(letter for letter in decomposed if not unicodedata.combining(letter)).casefold()
+    decomposed_text = unicodedata.normalize("NFKD", text)
+    return "".join(letter for letter in decomposed_text if not unicodedata.combining(letter)).casefold()
 
 
 def symbol_of_word(text: str) -> str | None:
@@ -215,7 +215,9 @@ def is_formula(name: str) -> bool:
 
 
 def undo_formula(name: str) -> str:
-    """Return the factor that undoes a formula; ``FACTOR`` if only the user knows it; else empty.
+    """Return the factor, as text, that undoes a formula in a column name.
+
+    Return ``FACTOR`` if only the user knows the factor, and an empty text if no factor exists.
 
     >>> undo_formula("2*F"), undo_formula("F/10"), undo_formula("I/Imax"), undo_formula("F^2")
     ('0.5', '10', 'FACTOR', '')

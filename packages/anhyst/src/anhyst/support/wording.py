@@ -107,13 +107,13 @@ def _python_literal(option: str, value: str) -> str:
 
 
 def _python_mapping(text: str, *, has_numbers: bool) -> str:
-    pairs = []
-    for part in _PAIR_PATTERN.findall(text):
-        name, _, value = part.rpartition("=")
+    dict_items = []
+    for pair_text in _PAIR_PATTERN.findall(text):
+        name, _, value = pair_text.rpartition("=")
         name = name[1:-1] if name[:1] == name[-1:] == '"' else name
         value_text = value if has_numbers and _is_number(value) else json.dumps(value, ensure_ascii=False)
-        pairs.append(f"{json.dumps(name, ensure_ascii=False)}: {value_text}")
-    return f"{{{', '.join(pairs)}}}"
+        dict_items.append(f"{json.dumps(name, ensure_ascii=False)}: {value_text}")
+    return f"{{{', '.join(dict_items)}}}"
 
 
 def _is_number(text: str) -> bool:

@@ -110,7 +110,7 @@ def compile(  # noqa: A001
         model_options = {"--accuracy": accuracy, "--controller": controller, "--package": package}
         for option, given_value in model_options.items():
             if given_value is not None:
-                text = f"is for a model; {rig.title} is compiled as its rig file says, leave it out"
+                text = f"is for a model; leave it out, because the rig file determines how {rig.title} is compiled"
                 raise wrong_key(option, text, code="option-not-for-this")
         stage_request = StageRequest(kind, io or "f32", rate, name)
         return require_capability(rig, HasController).compile_controller(model, out, stage_request, progress)

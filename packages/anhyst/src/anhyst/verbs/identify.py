@@ -170,8 +170,8 @@ def refuse(result: IdentifyResult, arguments: Mapping[str, Any]) -> None:
         raise Interrupted(f"{out} contains the best model until then{_continuation_text(arguments)}")
     if result.acceptance.passed is False:
         failed_tests = result.acceptance.text(result.model.input.unit)
-        reasons = "; ".join(filter(None, (failed_tests, result.rejection)))
-        raise NegativeResult(f"{out}: {reasons}", code="acceptance-failed")
+        rejection_text = "; ".join(filter(None, (failed_tests, result.rejection)))
+        raise NegativeResult(f"{out}: {rejection_text}", code="acceptance-failed")
     if result.rejection:
         raise NegativeResult(f"{out}: {result.rejection}", code="fit-rejected")
 
@@ -243,7 +243,7 @@ def _show_fit(model: Model) -> Iterator[OutputPart]:
             if expected_error.left_out == "gap"
             else "at other samples of such loops, but not for other loop sizes"
         )
-        low, high = (100.0 * limit for limit in expected_error.interval)
+        low, high = (100.0 * bound for bound in expected_error.interval)
         yield f"expected error {scope}: {100.0 * expected_error.error:.3g} % ({low:.2g} to {high:.2g} %)"
     yield from _list_candidates(model)
 

@@ -185,9 +185,9 @@ def _format_gain(value: float) -> str:
         return "0"
     power = 3 * math.floor(math.log10(abs(value)) / 3.0)
     if 1e-2 <= abs(value) < 1e5:
-        return format_number(value, 4, short=True)
+        return format_number(value, 4, is_short=True)
     superscripts = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-    return f"{format_number(value / 10.0**power, 3, short=True)}·10{str(power).translate(superscripts)}"
+    return f"{format_number(value / 10.0**power, 3, is_short=True)}·10{str(power).translate(superscripts)}"
 
 
 def _format_frequency(value: float) -> str:

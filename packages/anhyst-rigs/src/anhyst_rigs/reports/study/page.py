@@ -124,7 +124,7 @@ def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0
     if not math.isfinite(mean):
         return UNKNOWN_TEXT if math.isnan(mean) else "never"
     if not math.isfinite(width) or width <= 1e-9 * abs(mean):
-        text = format_number(mean, 4, short=True)
+        text = format_number(mean, 4, is_short=True)
     else:
         digits = _INTERVAL_DIGITS - 1 - math.floor(math.log10(width))
         if mean != 0.0:

@@ -63,11 +63,15 @@ def find_shared_clock(
 ) -> tuple[Clock, tuple[str, ...]]:
     """Return the finest clock of some channels, limited to their common time range, and notes."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
-    unclocked = [channel for channel in channels if channel.clock is None and channel.length != 1]
-    channel_by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
-    if len(channel_by_length) > 1 or (unclocked and len(clocks) > 1):
+    channels_without_clock = [
+        channel for channel in channels if channel.clock is None and channel.length != 1
+    ]
+    channel_by_length = {channel.length: channel for channel in (*channels_without_clock, *clocks[:1])}
+    if len(channel_by_length) > 1 or (channels_without_clock and len(clocks) > 1):
         first_channel, second_channel = (
-            list(channel_by_length.values())[:2] if len(channel_by_length) > 1 else (unclocked[0], clocks[1])
+            list(channel_by_length.values())[:2]
+            if len(channel_by_length) > 1
+            else (channels_without_clock[0], clocks[1])
         )
         raise InputError(
             f"{source}: channels '{first_channel.full_name}' ({first_channel.length} samples) and "
@@ -87,13 +91,13 @@ def find_shared_clock(
     start, stop = np.searchsorted(times[finest_index], [begin, np.nextafter(end, np.inf)])
     clock_names = [next(c.full_name for c in channels if c.clock is clock) for clock in clocks]
     if stop - start < 2:
-        late_channel = clock_names[[ticks[0] for ticks in times].index(begin)]
-        early_channel = clock_names[[ticks[-1] for ticks in times].index(end)]
+        last_starting_channel = clock_names[[ticks[0] for ticks in times].index(begin)]
+        first_ending_channel = clock_names[[ticks[-1] for ticks in times].index(end)]
         raise InputError(
-            f"{source}: channel '{early_channel}' ends at {end:g} s and '{late_channel}' begins at {begin:g} s: "
-            "they have no common time; leave one out",
+            f"{source}: channel '{first_ending_channel}' ends at {end:g} s and "
+            f"'{last_starting_channel}' begins at {begin:g} s: they have no common time; leave one out",
             code="no-common-time",
-            key=late_channel,
+            key=last_starting_channel,
         )
     clock = Clock(clocks[finest_index], int(stop - start), times[finest_index][start:stop], int(start), False)
     names = ", ".join(c.full_name for c in channels if c.clock not in {None, clock.channel})
@@ -438,9 +442,9 @@ def limit_resources(seconds: float, size: int) -> None:
         import resource
 
         memory_limit = _MIN_ADDRESS_SPACE + 2 * size
-        for resource_kind, limit in (
+        for resource_kind, resource_limit in (
             (resource.RLIMIT_CORE, 0),
             (resource.RLIMIT_CPU, int(time.process_time() + seconds) + 1),
             (resource.RLIMIT_AS, memory_limit),
         ):
-            resource.setrlimit(resource_kind, (limit, resource.getrlimit(resource_kind)[1]))
+            resource.setrlimit(resource_kind, (resource_limit, resource.getrlimit(resource_kind)[1]))

@@ -156,16 +156,20 @@ def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         if channel.clock is None and not channel.is_text and is_time:
             times.setdefault((channel.group, channel.length), []).append(channel)
     clocks = {index: candidates[0] for index, candidates in times.items() if len(candidates) == 1}
-    clocked = []
+    clocked_channels = []
     for channel in channels:
         clock = clocks.get((channel.group, channel.length))
         if clock is None or channel.clock is not None:
-            clocked.append(channel)
+            clocked_channels.append(channel)
         elif channel is not clock:
-            clocked.append(replace(channel, clock=clock))
+            clocked_channels.append(replace(channel, clock=clock))
     # A clock without channels is an ordinary channel.
-    unused_clocks = [clock for clock in clocks.values() if all(other.clock is not clock for other in clocked)]
-    return (*unused_clocks, *clocked)
+    unused_clocks = [
+        clock
+        for clock in clocks.values()
+        if all(clocked_channel.clock is not clock for clocked_channel in clocked_channels)
+    ]
+    return (*unused_clocks, *clocked_channels)
 
 
 def decode_texts(values: Values, encoding: str = "utf-8") -> Values:
@@ -354,7 +358,7 @@ class OpenTable(Protocol):
         """Return the index of a column by a name from the user, ``None`` without such a column."""
 
     def first_rows(self, count: int) -> list[list[str]]:
-        """Return the fields of the first data rows, one for each column."""
+        """Return the first data rows, each as a list with one field for each column."""
 
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None

@@ -54,7 +54,9 @@ def refuse_binary(path: Path, head: bytes) -> None:
     """Raise an error with the kind of the file if it is not text."""
     if is_text(head):
         return
-    _, fault, remedy = next(entry for entry in _UNREADABLE_FORMATS if re.match(entry[0], head))
+    _, fault, remedy = next(
+        known_format for known_format in _UNREADABLE_FORMATS if re.match(known_format[0], head)
+    )
     raise InputError(f"{path}: {fault}; {remedy}", code="not-a-text")
 
 

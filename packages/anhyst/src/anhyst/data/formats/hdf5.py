@@ -132,9 +132,9 @@ def _dataset_channels(path: Path, dataset: Any) -> list[Channel]:
         if len(shape) != 1:
             return []
         return [
-            Channel(entry, shape[0], _SampleKey(dataset.name, field=entry), group=dataset.name.strip("/"),
+            Channel(field_name, shape[0], _SampleKey(dataset.name, field=field_name), group=dataset.name.strip("/"),
                     is_text=_is_text(dataset, field_type))
-            for entry, (field_type, *_) in data_type.fields.items()
+            for field_name, (field_type, *_) in data_type.fields.items()
             if field_type.kind in "biufSO" and field_type.shape == ()
         ]  # fmt: skip
     is_text = _is_text(dataset, data_type)

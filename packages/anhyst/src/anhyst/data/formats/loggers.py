@@ -184,12 +184,12 @@ def _recognise_tektronix(path: Path, lines: Lines, first_line: int) -> TextColum
         return None
     rows = [row for row in rows if len(row) == len(rows[0])]
     head = rows[:60]
-    numeric = [n for n in range(len(rows[0])) if all(is_number_or_mark(row[n]) for row in head)]
-    if len(head) < 8 or not numeric:
+    numeric_columns = [n for n in range(len(rows[0])) if all(is_number_or_mark(row[n]) for row in head)]
+    if len(head) < 8 or not numeric_columns:
         return None
     # Each oscilloscope channel is a block: settings first, then its time and its values.
     blocks: list[list[int]] = []
-    for index in numeric:
+    for index in numeric_columns:
         if blocks and index == blocks[-1][-1] + 1:
             blocks[-1].append(index)
         else:

@@ -114,23 +114,23 @@ class MatGuard:
             return
         if depth > _MAX_DEPTH:
             raise self._damage_error(f"is nested more than {_MAX_DEPTH} deep")
-        parts = self._split_elements(body)
-        flags = self._read_integers(parts, "I")
+        elements = self._split_elements(body)
+        flags = self._read_integers(elements, "I")
         kind = flags[0] & 0xFF if flags else 0
         if kind == _CLASS_OPAQUE:
             if is_variable:
                 texts = [
-                    bytes(content).decode("latin-1") for _, (_, content) in zip("abc", parts, strict=False)
+                    bytes(content).decode("latin-1") for _, (_, content) in zip("abc", elements, strict=False)
                 ]
                 self.objects.append((texts[0], texts[-1]) if len(texts) == 3 else ("", "?"))
             return
-        shape = self._read_integers(parts, "i")
+        shape = self._read_integers(elements, "i")
         if any(side_length < 0 for side_length in shape):
             raise self._damage_error("has a variable of negative size")
         count = math.prod(shape)
-        self._next_part(parts)  # name
+        self._next_part(elements)  # name
         if kind in {_CLASS_CELL, _CLASS_STRUCT, _CLASS_OBJECT}:
-            self._check_members(parts, kind, count, depth)
+            self._check_members(elements, kind, count, depth)
         elif kind == _CLASS_CHAR:
             if count > len(body):
                 raise self._damage_error("has a text that is longer than its content")
@@ -138,36 +138,36 @@ class MatGuard:
             raise self._damage_error("has an array that is larger than its content")
 
     def _check_members(
-        self, parts: Iterator[tuple[int, memoryview]], kind: int, count: int, depth: int
+        self, elements: Iterator[tuple[int, memoryview]], kind: int, count: int, depth: int
     ) -> None:
         if kind == _CLASS_OBJECT:
-            self._next_part(parts)  # name of the class
+            self._next_part(elements)  # name of the class
         fields = 1
         if kind != _CLASS_CELL:
-            (name_width,) = self._read_integers(parts, "i") or (0,)
-            names = self._next_part(parts)
+            (name_width,) = self._read_integers(elements, "i") or (0,)
+            names = self._next_part(elements)
             if name_width < 1 and len(names):
                 raise self._damage_error("has a structure without names of fields")
             fields = len(names) // name_width if name_width > 0 else 0
             if count > _MAX_PARTS:
                 raise self._damage_error(f"contains more than {_MAX_PARTS} parts")
         present_count = 0
-        for number, content in parts:
+        for number, content in elements:
             present_count += 1
             if number == _TYPE_MATRIX:
                 self._check_matrix(content, depth + 1)
         if present_count < count * fields:
             raise self._damage_error("has a structure with fewer parts than it states")
 
-    def _read_integers(self, parts: Iterator[tuple[int, memoryview]], code: str) -> tuple[int, ...]:
-        content = self._next_part(parts)
+    def _read_integers(self, elements: Iterator[tuple[int, memoryview]], code: str) -> tuple[int, ...]:
+        content = self._next_part(elements)
         return struct.unpack_from(f"{self._byte_order}{len(content) // 4}{code}", content)
 
-    def _next_part(self, parts: Iterator[tuple[int, memoryview]]) -> memoryview:
-        part = next(parts, None)
-        if part is None:
+    def _next_part(self, elements: Iterator[tuple[int, memoryview]]) -> memoryview:
+        element = next(elements, None)
+        if element is None:
             raise self._damage_error("ends within a variable")
-        return part[1]
+        return element[1]
 
     def _damage_error(self, fault: str) -> InputError:
         return InputError(

@@ -56,8 +56,8 @@ def has_odd_rows(chunk: bytes, layout: Layout) -> bool:
     # Few lines begin with these letters, and the pattern is slow on many lines.
     data = np.frombuffer(b"\n" + chunk.replace(b'"', b"").lower() + b"\n\n", np.uint8)
     ends = np.flatnonzero(data[:-2] == ord("\n"))
-    pairs = np.unique(data[ends + 1].astype(np.int64) * 256 + data[ends + 2]).tolist()
-    line_starts = [bytes(divmod(pair, 256)) for pair in pairs]
+    start_codes = np.unique(data[ends + 1].astype(np.int64) * 256 + data[ends + 2]).tolist()
+    line_starts = [bytes(divmod(start_code, 256)) for start_code in start_codes]
     if not any(
         line_start in _WORD_STARTS or line_start[0] in b" ;,\t" or max(line_start) > _MAX_ASCII
         for line_start in line_starts

@@ -90,8 +90,8 @@ def write_parquet(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ..
     for section in sections:
         for series in [*([section.clock] if section.clock else []), *section.series]:
             column = pyarrow.array(series.values)
-            entries = {b"unit": series.unit, _GROUP_KEY: section.group}
-            metadata = {key: text.encode() for key, text in entries.items() if text}
+            field_metadata = {b"unit": series.unit, _GROUP_KEY: section.group}
+            metadata = {key: text.encode() for key, text in field_metadata.items() if text}
             fields.append(pyarrow.field(series.name, column.type, metadata=metadata or None))
             columns.append(column)
     with binary_writer(path) as stream:

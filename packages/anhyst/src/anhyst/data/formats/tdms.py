@@ -48,16 +48,16 @@ def open_tdms(path: Path) -> ChannelFile:
             )
         size = path.stat().st_size
         clocks: dict[tuple[Any, ...], Channel] = {}
-        items = [
+        tdms_channels = [
             channel
             for group in file.groups()
             for channel in group.channels()
             if len(channel) and channel.dtype.kind in "biufcMO"
         ]
         property_texts = [f"{key} = {value}" for key, value in file.properties.items()]
-        starts = [start for item in items if (start := _start_time(item)) is not None]
+        starts = [start for item in tdms_channels if (start := _start_time(item)) is not None]
         time_origin = min(starts, default=None)
-        channels = [_make_channel(path, size, item, clocks, time_origin) for item in items]
+        channels = [_make_channel(path, size, item, clocks, time_origin) for item in tdms_channels]
     return ChannelFile(path, assign_clocks_by_name(channels), _read_all, (), ((0, tuple(property_texts)),))
 
 
