@@ -22,7 +22,12 @@ from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import mass_matrix, weight_wrench
 from anhyst_rigs.rig.stage.loop import StageSetup
 from anhyst_rigs.rig.stage.recording import axis_columns
-from anhyst_rigs.rig.stage.setpoint import STRAY_DELAY_S, SetPoint, frame_stray_from, tick_times
+from anhyst_rigs.rig.stage.setpoint import (
+    STROKE_ERROR_DELAY_S,
+    SetPoint,
+    stroke_error_from_acceleration,
+    tick_times,
+)
 from planar import RIG
 from rows import Row
 
@@ -87,10 +92,12 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     accelerations = np.zeros((n, len(free)))
     accelerations[:, :2] = path.at(time[:n] + ahead)[1]
     wrench = accelerations @ mass_matrix(file).T - weight_wrench(file)
-    delayed_stray = path.motion_along_x.derivatives_at(time - STRAY_DELAY_S)[1] / max(file.scan.test_m_per_s2)
+    delayed_stray = path.motion_along_x.derivatives_at(time - STROKE_ERROR_DELAY_S)[1] / max(
+        file.scan.test_m_per_s2
+    )
     frame = set_points.copy()
-    frame[:, 0] += frame_stray_from(rig, delayed_stray, time)
-    frame[:, 1] += frame_stray_from(rig, 0.0, time)
+    frame[:, 0] += stroke_error_from_acceleration(rig, delayed_stray, time)
+    frame[:, 1] += stroke_error_from_acceleration(rig, 0.0, time)
     bearing = drifted_plant(rig, NO_DRIFT, 1)
     loop = ClosedLoop(bearing, setup.make_controller(), current_controllers(rig))
     pose_errors, flags = np.zeros((n, len(free))), 0

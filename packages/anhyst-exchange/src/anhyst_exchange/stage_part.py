@@ -22,7 +22,12 @@ from anhyst_exchange.part import Causality, Part, Variable, c_array_literal, hea
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.recording import column_name
-from anhyst_rigs.rig.stage.drives import axis_yields, min_single_force, monitoring_settings, opposing_magnets
+from anhyst_rigs.rig.stage.drives import (
+    axis_yield_weights,
+    min_single_force,
+    monitoring_settings,
+    opposing_magnets,
+)
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import axis_unit, magnet_rows
@@ -148,7 +153,7 @@ def _axes_settings(
             "pair": allocation,
             "least": min_single_force(file),
             "most": file.tracking.force_max_N,
-            "yields": f"(const double[]){c_array_literal(axis_yields(file))}",
+            "yields": f"(const double[]){c_array_literal(axis_yield_weights(file))}",
         },
         "heads": len(file.position_sensors),
         **{

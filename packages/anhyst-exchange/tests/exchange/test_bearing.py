@@ -27,7 +27,7 @@ from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.geometry import axis_unit, error_columns, scan_direction
 from anhyst_rigs.rig.stage.loop import Feedforward, feedforward_force, feedforward_wrench, track
 from anhyst_rigs.rig.stage.recording import demand_columns, pose_columns
-from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motion, tick_times
+from anhyst_rigs.rig.stage.setpoint import long_stroke_error, motion_ticks, scan_motion, tick_times
 from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
@@ -263,7 +263,7 @@ def scanned(folder: Path, path: Path, magnet: IdentifiedMagnet) -> Scan:
         "feedforward_x_N": feedforward_wrench(setup.assumed_rig, feedforward_force(setup, motion, gains))[
             :, 0
         ],
-        "frame_x_m": (reference + frame_stray(rig, motion, time))[1:],
+        "frame_x_m": (reference + long_stroke_error(rig, motion, time))[1:],
         "load_N": load,
     }
     recording = track(setup, motion, gains, load=load)
@@ -427,7 +427,7 @@ def scanned_by_axes(fmu: Path, rig_path: Path, peak: float, magnet: IdentifiedMa
         ("feedforward", "N", "N_m"): feedforward_wrench(
             setup.assumed_rig, feedforward_force(setup, motion, gains)
         ),
-        ("frame", "m", "rad"): np.outer(reference + frame_stray(rig, motion, time), along)[1:],
+        ("frame", "m", "rad"): np.outer(reference + long_stroke_error(rig, motion, time), along)[1:],
     }
     inputs = {
         f"{name}_{axis}_{units[axis.startswith('r')]}": rows[:, place].tolist()

@@ -108,11 +108,11 @@ def test_missed_ticks_are_counted_and_too_many_are_a_fault(
     board: RunningFirmware, controller: ControllerLink
 ) -> None:
     run(board, controller)
-    board.bus.skip(2)
+    board.bus.skip_ticks(2)
     board.bus.step()
     assert controller.status().codes.missed_ticks == 2
     assert board.bus.state is State.RUN
-    board.bus.skip(3)
+    board.bus.skip_ticks(3)
     board.bus.step()
     assert board.bus.fault is Fault.MISSED_TICK
 

@@ -55,7 +55,7 @@ def running(firmware: Path, plant: Plant, rate: float, link: str = "pty", xcp: i
             last, owed = time.monotonic(), 0.0
             try:
                 while not done.wait(POLL_S):
-                    board.bus.skip(board.skip)
+                    board.bus.skip_ticks(board.skip)
                     board.skip = 0
                     now = time.monotonic()
                     owed += min(now - last, LATE_S) * rate + board.ahead

@@ -89,7 +89,7 @@ def _reframe(ours: int, far: socket.socket, way: Way) -> None:
         ends = select.select([ours, far.fileno()], [], [], _POLL_S)[0]
         if ours in ends:
             message = split_packets(commands + os.read(ours, 1 << 16), serial=True)
-            commands = message.rest
+            commands = message.incomplete_bytes
             for packet in message.packets if way.carries else ():
                 far.sendall(frame_packet(packet))
         if far.fileno() in ends:
@@ -97,7 +97,7 @@ def _reframe(ours: int, far: socket.socket, way: Way) -> None:
             if not data:
                 return
             came = split_packets(samples + data)
-            samples = came.rest
+            samples = came.incomplete_bytes
             for packet in came.packets if way.carries else ():
                 os.write(ours, frame_packet(packet, serial=True))
 

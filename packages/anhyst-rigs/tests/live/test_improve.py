@@ -135,7 +135,7 @@ def test_a_drive_keeps_to_limits_that_are_drawn_tighter(session: LiveSession) ->
 def test_a_job_reports_progress_and_ends_when_cancelled() -> None:
     ended: list[object] = []
     job = ProcessJob(forever, on_end=ended.append)
-    wait_for(lambda: job.share == 0.25)
+    wait_for(lambda: job.completed_fraction == 0.25)
     job.cancel()
     assert job._process.exitcode != 0  # it was terminated early
     assert ended == []

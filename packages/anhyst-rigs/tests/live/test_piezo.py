@@ -81,7 +81,7 @@ def test_it_is_driven_switched_and_recorded_on_the_page(serve: Serve, show: Show
     wait_for(lambda: last(page, "lap") > 4)
     page.locator("body").press("c")
     until(page, "document.getElementById('compensation').textContent === 'off (C)'")
-    off = served.session.applied
+    off = served.session.last_applied_tick
     wait_for(lambda: served.session.bench.tick > off + 5000)
     page.keyboard.press("2")
     until(page, "window.anhyst.loop.drawn?.ticks.length > 1000")

@@ -109,7 +109,7 @@ def test_a_restarted_controller_is_found_and_stays_at_rest(
     with closing(LiveSession(bench, recording, tmp_path)) as session:
         session.start()
         operated(session)
-        session.run_between_chunks(lambda: session.apply({"compensation": 0.0}))
+        session.run_between_chunks(lambda: session.apply_parameters({"compensation": 0.0}))
         session.run_between_chunks(
             lambda: session.generate(PeriodicWave("sine", 5.0, 2.0, session.bench.tick + 1))
         )

@@ -29,7 +29,7 @@ from anhyst_rigs.reports.bearing.figures import (
 from anhyst_rigs.reports.bearing.subject import SimulationSubject
 from anhyst_rigs.reports.benefit import figure_benefit
 from anhyst_rigs.reports.plants import figure_drift
-from anhyst_rigs.reports.study.page import COLOURS, DASHES, MAX_CURVE_POINTS, thin_curves
+from anhyst_rigs.reports.study.page import COLOURS, DASHES, MAX_CURVE_POINTS, reduce_curve_points
 from anhyst_rigs.reports.tuning import GainsPoint, pareto_front
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import change_rig
@@ -234,7 +234,7 @@ def test_thinning_keeps_peaks() -> None:
     time = np.arange(50_000.0)
     signal = np.zeros(50_000)
     signal[12_345], signal[43_211] = 7.0, -3.0
-    at, kept = thin_curves(time, signal)
+    at, kept = reduce_curve_points(time, signal)
     assert kept.size <= MAX_CURVE_POINTS + 3
     assert (kept.max(), kept.min()) == (7.0, -3.0)
     assert at[kept.argmax()] == 12_345.0

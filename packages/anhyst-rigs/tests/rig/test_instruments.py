@@ -145,6 +145,6 @@ def test_the_start_up_sequence_makes_the_past_forgotten(rig: ForceControlRig) ->
     for seed in (1, 2, 3):
         stand = ActuatorStand(rig, [seed])
         stand.apply_random_history(gap[0])
-        stand.condition([1.2, 0.0], gap[0])
+        stand.condition_iron([1.2, 0.0], gap[0])
         forces.append(run_open_loop(stand, gap, reference)["force_N"])
     assert np.ptp(forces, axis=0).max() < 1e-9

@@ -238,7 +238,9 @@ def test_the_speed_that_a_set_point_needs_is_that_of_its_force_over_the_slope() 
     # The stage (10 kg) reaches 22 m/s2 in 5.5 ms. The force is about proportional to the current
     # squared; the operating force is 120 N, half of 240 N.
     force = 10.0 * 22.0 / 5.5e-3
-    assert place.required_rate == pytest.approx(force * place.operating_current / (2.0 * 120.0), rel=0.25)
+    assert place.required_current_rate == pytest.approx(
+        force * place.operating_current / (2.0 * 120.0), rel=0.25
+    )
     slow = measure_gaps(replace(specimen, fast_rates=(20.0,)))
     assert any("fast_A_per_s" in note for note in slow.notes)
     assert not any(

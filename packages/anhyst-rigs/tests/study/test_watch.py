@@ -11,7 +11,7 @@ from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
 from anhyst_rigs.rig.parts.iron import CellSteel
-from anhyst_rigs.study.watch import REVERSAL_RATIO, CusumChart, DriftMonitor, Finding, Reference
+from anhyst_rigs.study.watch import REVERSAL_TO_CURRENT_RANGE, CusumChart, DriftMonitor, Finding, Reference
 from tests.refusals import refused
 from tests.rig.test_iron_families import EXAMPLES
 from tests.truths import truth
@@ -113,7 +113,7 @@ def test_the_monitor_does_not_depend_on_the_chunks(rig: ForceControlRig, model: 
 
 def test_a_swing_that_is_met_half_way_is_a_cycle_too(model: Model) -> None:
     assert model.valid is not None
-    half = 0.7 * REVERSAL_RATIO * np.ptp(model.valid.input)  # amplitude around the initial current
+    half = 0.7 * REVERSAL_TO_CURRENT_RANGE * np.ptp(model.valid.input)  # amplitude around the initial current
     current = 0.6 + half * np.sin(2.0 * np.pi * np.arange(8 * RATE) / RATE)
     at, ticks = np.full(current.size, 1.3e-3), np.arange(current.size, dtype=np.float64)
     watch = DriftMonitor(model, 1.3e-3)
@@ -154,7 +154,7 @@ def test_a_chart_keeps_its_run_length_and_finds_a_shift_soon(correlation: float,
         # The shift is scaled for the correlation, so that its effect equals that on independent
         # values.
         after = row[10:] + shift * np.sqrt((1 + correlation) / (1 - correlation))
-        length = next((n for n, one in enumerate(after, 1) if chart.add(float(one))), after.size)
+        length = next((n for n, one in enumerate(after, 1) if chart.add_value(float(one))), after.size)
         runs.append(length)
     if shift == 0.0:
         assert np.mean(runs) > wanted

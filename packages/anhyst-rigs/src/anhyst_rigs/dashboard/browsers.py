@@ -110,17 +110,19 @@ class MessageRateLimit:
     def __init__(self, rate: float, max_burst: int) -> None:
         self._rate_Hz = rate
         self._max_burst = float(max_burst)
-        self._available = float(max_burst)
+        self._available_messages = float(max_burst)
         self._last_time_s = time.monotonic()
 
-    def try_take(self) -> bool:
+    def accept_message(self) -> bool:
         """Count one message; return whether it is within the limit."""
         now_s = time.monotonic()
-        self._available = min(self._max_burst, self._available + self._rate_Hz * (now_s - self._last_time_s))
+        self._available_messages = min(
+            self._max_burst, self._available_messages + self._rate_Hz * (now_s - self._last_time_s)
+        )
         self._last_time_s = now_s
-        if self._available < 1.0:
+        if self._available_messages < 1.0:
             return False
-        self._available -= 1.0
+        self._available_messages -= 1.0
         return True
 
 
@@ -172,10 +174,10 @@ def thin_to_extremes(rows: FloatArray, max_rows: int) -> FloatArray:
     if len(rows) <= max_rows:
         return rows
     interval_rows = -(-len(rows) // (max_rows // 2))
-    begins = np.arange(0, len(rows), interval_rows)
-    extreme_rows = np.empty((2 * len(begins), rows.shape[1]))
-    np.fmin.reduceat(rows, begins, out=extreme_rows[0::2])
-    np.fmax.reduceat(rows, begins, out=extreme_rows[1::2])
+    interval_begins = np.arange(0, len(rows), interval_rows)
+    extreme_rows = np.empty((2 * len(interval_begins), rows.shape[1]))
+    np.fmin.reduceat(rows, interval_begins, out=extreme_rows[0::2])
+    np.fmax.reduceat(rows, interval_begins, out=extreme_rows[1::2])
     return extreme_rows
 
 

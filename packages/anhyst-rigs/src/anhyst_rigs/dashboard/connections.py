@@ -61,7 +61,7 @@ class Connection(H11Protocol):
         """Begin to wait for the first request."""
         super().connection_made(transport)
         self._follow_request()
-        self._close_oldest_waiting()
+        self._close_oldest_connection()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End the waiting for a request."""
@@ -91,21 +91,24 @@ class Connection(H11Protocol):
             self._timer.cancel()
             self._timer = None
 
-    def _close_oldest_waiting(self) -> None:
+    def _close_oldest_connection(self) -> None:
         """Close the oldest waiting connections if too many are waiting."""
         connections: set[Any] = self.connections
         latest_start = self.loop.time() + MAX_WAIT_S - MIN_WAIT_S
         close_times = {
-            connection: until  # time at which the connection is closed, s of the event loop
+            connection: close_time  # time at which the connection is closed, s of the event loop
             for connection in connections
             if isinstance(connection, Connection)
             and connection._timer is not None
-            and (until := connection._timer.when()) < latest_start
+            and (close_time := connection._timer.when()) < latest_start
         }
         while len(close_times) > MAX_WAITING:
             (host, _), *_ = Counter(
                 connection_of_host.host for connection_of_host in close_times
             ).most_common(1)
-            oldest = min((other for other in close_times if other.host == host), key=close_times.__getitem__)
+            oldest = min(
+                (other_connection for other_connection in close_times if other_connection.host == host),
+                key=close_times.__getitem__,
+            )
             del close_times[oldest]
             oldest.drop()

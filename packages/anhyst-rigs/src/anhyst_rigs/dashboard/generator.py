@@ -163,8 +163,8 @@ Wave = PeriodicWave | Chirp | WaveTable
 def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
     """Read a CSV of the user: a header with units such as ``t_s,gap_um``, then rows of two numbers."""
     lines = [
-        (number, [cell.strip() for cell in line.split(",")])
-        for number, line in enumerate(text.splitlines(), 1)
+        (line_number, [cell.strip() for cell in line.split(",")])
+        for line_number, line in enumerate(text.splitlines(), 1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if not lines:
@@ -294,10 +294,10 @@ class DrivenBench(Bench):
         self.generator = generator
 
     def _check_generator(self, target: float, generator: Wave) -> None:
-        demand, (lowest, highest) = self.demand_range, generator.range
-        if not demand.low <= target + lowest <= target + highest <= demand.high:
+        demand, (lowest_value, highest_value) = self.demand_range, generator.range
+        if not demand.low <= target + lowest_value <= target + highest_value <= demand.high:
             raise InputError(
-                f"generator: {target + lowest:g} to {target + highest:g} {demand.unit} is not within "
+                f"generator: {target + lowest_value:g} to {target + highest_value:g} {demand.unit} is not within "
                 f"{demand.low:g} to {demand.high:g} {demand.unit}; set a target in between, or take less",
                 code="out-of-range",
                 key="generator",

@@ -35,10 +35,10 @@ from anhyst_rigs.study.improve import (
 )
 from anhyst_rigs.study.prepared_benches import Improvable, PreparedBoard
 
-Work = Callable[..., Mapping[str, Any]]
+WorkFunction = Callable[..., Mapping[str, Any]]
 """Function of a module, called with a :data:`anhyst.support.jobs.Progress` and its arguments."""
 
-OnEnd = Callable[[Mapping[str, Any] | str], None]
+EndFunction = Callable[[Mapping[str, Any] | str], None]
 """Function that is called with the result, or with the reason why there is none."""
 
 _PROCESS_NICENESS = 10
@@ -48,8 +48,8 @@ _PROCESS_NICENESS = 10
 class ProcessJob:
     """A computation in a separate process."""
 
-    def __init__(self, work: Work, *work_arguments: Any, on_end: OnEnd) -> None:
-        self.share = 0.0
+    def __init__(self, work: WorkFunction, *work_arguments: Any, on_end: EndFunction) -> None:
+        self.completed_fraction = 0.0
         self._on_end = on_end
         self._cancelled = False
         context = get_context("spawn")
@@ -58,7 +58,7 @@ class ProcessJob:
             target=_run_in_process, args=(self._sender, work, work_arguments), name="job", daemon=True
         )
         self._started = threading.Event()
-        self._thread = threading.Thread(target=self._listen, name="job", daemon=True)
+        self._thread = threading.Thread(target=self._receive_progress, name="job", daemon=True)
         self._thread.start()
 
     def cancel(self) -> None:
@@ -68,7 +68,7 @@ class ProcessJob:
         self._process.kill()
         self._thread.join()
 
-    def _listen(self) -> None:
+    def _receive_progress(self) -> None:
         self._process.start()  # The start takes some time; the caller does not wait for it.
         self._sender.close()
         self._started.set()
@@ -77,7 +77,7 @@ class ProcessJob:
             while True:
                 message = self._receiver.recv()
                 if isinstance(message, float):
-                    self.share = message
+                    self.completed_fraction = message
                 else:
                     outcome = message
         except EOFError:
@@ -87,7 +87,7 @@ class ProcessJob:
             self._on_end(outcome)
 
 
-def _run_in_process(sender: Connection, work: Work, arguments: tuple[Any, ...]) -> None:
+def _run_in_process(sender: Connection, work: WorkFunction, arguments: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Only the server may end this process.
     if hasattr(os, "nice"):
         os.nice(_PROCESS_NICENESS)
@@ -123,9 +123,9 @@ class BoardJob:
         self,
         work: Callable[[Progress, OperatorSeat], Mapping[str, Any]],
         seat: Callable[[], OperatorSeat],
-        on_end: OnEnd,
+        on_end: EndFunction,
     ) -> None:
-        self.share = 0.0
+        self.completed_fraction = 0.0
         self._work, self._on_end = work, on_end
         self._seat = seat()
         self._thread = threading.Thread(target=self._run, name="measuring", daemon=True)
@@ -141,7 +141,7 @@ class BoardJob:
 
     def _run(self) -> None:
         def progress(completed: float, total: float) -> None:
-            self.share = completed / total
+            self.completed_fraction = completed / total
 
         outcome: Mapping[str, Any] | str
         try:
@@ -265,7 +265,7 @@ class Improver:
         job = self._job
         return {
             "step": self._step if job is not None else "",
-            "share": job.share if job is not None else 0.0,
+            "share": job.completed_fraction if job is not None else 0.0,
             "seconds": time.monotonic() - self._start_time if job is not None else 0.0,
             "trouble": self._error_text,
             "refused": {step: str(reason) for step in _STEP_ORDERS if (reason := self._refusal_reason(step))},
@@ -273,19 +273,19 @@ class Improver:
 
     def _refusal_reason(self, step: str) -> InputError | None:
         """Return why a step is not possible now, or None if it is possible."""
-        required_step, code, reason = _REQUIRED_STEP.get(step), "step-missing", ""
+        required_step, error_code, reason_text = _REQUIRED_STEP.get(step), "step-missing", ""
         if step == "watch" and not self._prepared.has_single_magnet:
-            code = "force-of-a-pair"
-            reason = "for a pair of magnets, only the sum of both forces is known"
+            error_code = "force-of-a-pair"
+            reason_text = "for a pair of magnets, only the sum of both forces is known"
         elif step in (*IMPROVEMENT_STEPS, "back") and self._job is not None:
-            code, reason = "busy", f"{self._step} is still running; wait, or cancel it"
+            error_code, reason_text = "busy", f"{self._step} is still running; wait, or cancel it"
         elif step == "cancel" and self._job is None:
-            reason = "nothing is under way"
+            reason_text = "nothing is under way"
         elif step == "back" and self._previous is None:
-            reason = "no model was swapped yet"
+            reason_text = "no model was swapped yet"
         elif required_step is not None and required_step not in self.results:
-            reason = f"{required_step} comes first"
-        return InputError(f"{step}: {reason}", code=code, key=step) if reason else None
+            reason_text = f"{required_step} comes first"
+        return InputError(f"{step}: {reason_text}", code=error_code, key=step) if reason_text else None
 
     def _check_step(self, step: str) -> None:
         if reason := self._refusal_reason(step):
@@ -310,12 +310,12 @@ class Improver:
         self._previous = None
         self.results = {name: result for name, result in self.results.items() if name != "swap"}
 
-    def _start_process_job(self, step: str, work: Work, *work_arguments: Any) -> None:
+    def _start_process_job(self, step: str, work: WorkFunction, *work_arguments: Any) -> None:
         self._start_job(
             step, lambda ended: ProcessJob(work, self._prepared, self.folder, *work_arguments, on_end=ended)
         )
 
-    def _start_job(self, step: str, make: Callable[[OnEnd], ProcessJob | BoardJob]) -> None:
+    def _start_job(self, step: str, make: Callable[[EndFunction], ProcessJob | BoardJob]) -> None:
         self._check_step(step)
         self._step, self._error_text, self._start_time = step, "", time.monotonic()
 

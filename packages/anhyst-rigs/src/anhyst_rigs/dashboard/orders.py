@@ -81,7 +81,7 @@ class SessionSeat:
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Write settings."""
-        return self._session.run_between_chunks(lambda: self._session.apply(values))
+        return self._session.run_between_chunks(lambda: self._session.apply_parameters(values))
 
     def cancel(self) -> None:
         """Make the next access raise an error, so that the measurement stops the controller."""
@@ -230,8 +230,10 @@ def _read_wave(session: LiveSession, fields: Fields) -> Wave:
         return read_wave_table(str(fields.get("text", "")), session.bench.demand_range.unit, begin_tick)
     amplitude = read_finite_number(fields, "amplitude")
     if shape == "chirp":
-        low, high, duration = (read_finite_number(fields, name) for name in ("low", "high", "lasts"))
-        return Chirp(amplitude, low, high, duration, begin_tick)
+        start_frequency, end_frequency, duration = (
+            read_finite_number(fields, name) for name in ("low", "high", "lasts")
+        )
+        return Chirp(amplitude, start_frequency, end_frequency, duration, begin_tick)
     return PeriodicWave(shape, amplitude, read_finite_number(fields, "frequency"), begin_tick)
 
 
@@ -240,7 +242,7 @@ def _execute_apply(session: LiveSession, client_name: str, fields: Fields) -> Fi
     if not isinstance(new_values, dict) or not 1 <= len(new_values) <= _MAX_STAGED_PARAMETERS:
         raise InputError("values: names no parameter", code="missing", key="values")
     values = {str(name): read_finite_number(new_values, name) for name in new_values}
-    tick = session.apply(values)
+    tick = session.apply_parameters(values)
     session.log_change(client_name, ", ".join(f"{name} = {value:g}" for name, value in values.items()))
     return {"applied": tick, "parameters": describe_parameters(session)}
 
@@ -277,18 +279,18 @@ def _execute_record(session: LiveSession, client_name: str, fields: Fields) -> F
     if name is None:
         session.recorder.stop(tick)
         return {}
-    crossing = None
+    level_crossing = None
     if "signal" in fields:
-        crossing = session.recorder.make_level_crossing(
+        level_crossing = session.recorder.make_level_crossing(
             str(fields["signal"]), read_finite_number(fields, "level"), fields.get("rising") is not False
         )
     duration = read_finite_number(fields, "lasts") if fields.get("lasts") is not None else math.inf
-    session.record(str(name), RecordingSpan(read_finite_number(fields, "before"), duration, crossing))
+    session.record(str(name), RecordingSpan(read_finite_number(fields, "before"), duration, level_crossing))
     session.log_change(client_name, f"record {name}")
     return {}
 
 
-def _learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+def _execute_learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     """Start or stop the calibration from the motion, or discard the estimates."""
     learner = session.learner
     if learner is None:
@@ -312,8 +314,8 @@ def _save_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
 
 
 def _read_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
-    saved = session.sets.read(str(fields.get("name")))
-    return {"parameters": saved, "differing": changed_values(session.parameters, saved)}
+    saved_values = session.sets.read(str(fields.get("name")))
+    return {"parameters": saved_values, "differing": changed_values(session.parameters, saved_values)}
 
 
 ORDERS_BESIDE_BENCH: Mapping[str, OrderAction] = {"save set": _save_set, "read set": _read_set}
@@ -328,7 +330,7 @@ _ORDER_ACTIONS: Mapping[str, OrderAction] = {
     "pace": _execute_pace,
     "record": _execute_record,
     "improve": perform_improvement_step,
-    "learn": _learn,
+    "learn": _execute_learn,
 }
 
 

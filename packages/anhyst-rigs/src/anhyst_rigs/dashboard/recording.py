@@ -117,9 +117,11 @@ class MdfRecorder(RecordingFile):
         for index in reversed(range(len(columns))):
             channels = self._write_channel(columns[index], index, channels)
         group_fields = struct.pack("<QQHH4xII", 0, 0, 0, 0, 8 * len(columns), 0)
-        group = self._write_block(b"CG", (0, channels, self._write_text("bench"), 0, 0, 0), group_fields)
-        self._count = group + _BLOCK_HEADER.size + 6 * 8 + 8
-        data_group = self._write_block(b"DG", (0, group, 0, 0), struct.pack("<B7x", 0))
+        channel_group = self._write_block(
+            b"CG", (0, channels, self._write_text("bench"), 0, 0, 0), group_fields
+        )
+        self._count = channel_group + _BLOCK_HEADER.size + 6 * 8 + 8
+        data_group = self._write_block(b"DG", (0, channel_group, 0, 0), struct.pack("<B7x", 0))
         self._next_data = data_group + _BLOCK_HEADER.size + 2 * 8
         self._next_event = header_address + _BLOCK_HEADER.size + 4 * 8
         self._write_address(header_address + _BLOCK_HEADER.size, data_group)
@@ -145,9 +147,11 @@ class MdfRecorder(RecordingFile):
 
     def _write_block(self, kind: bytes, links: Sequence[int], body: bytes) -> int:
         """Append a block and return its address."""
-        address, size = self._end, _BLOCK_HEADER.size + 8 * len(links) + len(body)
-        header = _BLOCK_HEADER.pack(b"##" + kind, size, len(links)) + struct.pack(f"<{len(links)}Q", *links)
-        self._write_bytes(header + body + b"\0" * (-size % 8))
+        address, block_size = self._end, _BLOCK_HEADER.size + 8 * len(links) + len(body)
+        header = _BLOCK_HEADER.pack(b"##" + kind, block_size, len(links)) + struct.pack(
+            f"<{len(links)}Q", *links
+        )
+        self._write_bytes(header + body + b"\0" * (-block_size % 8))
         return address
 
     def _write_bytes(self, data: bytes) -> None:
@@ -234,7 +238,7 @@ BUFFER_S = 10.0
 
 MAX_RECORDING_S = 86400.0
 
-_BUFFER_SLACK_S = 1.0
+_BUFFER_MARGIN_S = 1.0
 _ROWS_PER_WRITE = 4000
 """Largest number of buffered rows that are written between two chunks of the bench."""
 
@@ -304,7 +308,7 @@ class TickRecorder:
         self._signals = signals
         self._rate = rate
         self._notify = notify
-        self._ring = RingBuffer(math.ceil((BUFFER_S + _BUFFER_SLACK_S) * rate), 1 + len(signals))
+        self._ring = RingBuffer(math.ceil((BUFFER_S + _BUFFER_MARGIN_S) * rate), 1 + len(signals))
         self._lock = threading.RLock()
         self._file: RecordingFile | None = None
         self._span = RecordingSpan()
@@ -321,7 +325,7 @@ class TickRecorder:
             raise InputError(f"trigger: no signal '{signal[:40]}'", code="no-such-signal", key="trigger")
         return LevelCrossing(1 + names.index(signal), level, is_rising)
 
-    def start(self, name: str, span: RecordingSpan, tick: int) -> None:
+    def start(self, name: str, recording_span: RecordingSpan, tick: int) -> None:
         """Start a recording in a new file in the folder."""
         if not _NAME_PATTERN.fullmatch(name):
             raise InputError(
@@ -329,11 +333,11 @@ class TickRecorder:
                 code="bad-name",
                 key="record",
             )
-        if not 0.0 <= span.pretrigger_s <= BUFFER_S:
+        if not 0.0 <= recording_span.pretrigger_s <= BUFFER_S:
             raise InputError(
                 f"record: before is not within 0 to {BUFFER_S:g} s", code="out-of-range", key="before"
             )
-        if not (span.duration_s == math.inf or 0.0 <= span.duration_s <= MAX_RECORDING_S):
+        if not (recording_span.duration_s == math.inf or 0.0 <= recording_span.duration_s <= MAX_RECORDING_S):
             raise InputError(
                 f"record: the length is not within 0 to {MAX_RECORDING_S:g} s",
                 code="out-of-range",
@@ -346,14 +350,16 @@ class TickRecorder:
                     code="busy",
                     key="record",
                 )
-            self.start_in_file(start_recording(self.folder / name, self._signals, self._rate), span, tick)
+            self.start_in_file(
+                start_recording(self.folder / name, self._signals, self._rate), recording_span, tick
+            )
 
-    def start_in_file(self, file: RecordingFile, span: RecordingSpan, tick: int) -> None:
+    def start_in_file(self, file: RecordingFile, recording_span: RecordingSpan, tick: int) -> None:
         """Start a recording in a file that is already open."""
         with self._lock:
             self.error_text = ""
-            self._file, self._span, self._next_row = file, span, None
-            if span.crossing is None:
+            self._file, self._span, self._next_row = file, recording_span, None
+            if recording_span.crossing is None:
                 self._set_limits_around(tick + 1)
 
     def stop(self, tick: int) -> None:

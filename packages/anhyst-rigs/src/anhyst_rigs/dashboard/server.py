@@ -25,20 +25,20 @@ from anhyst_rigs.dashboard.browsers import MessageRateLimit, RequestGuard, RowQu
 from anhyst_rigs.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, WAVE_SHAPES
 from anhyst_rigs.dashboard.orders import ORDERS_BESIDE_BENCH, describe_parameters, perform
 from anhyst_rigs.dashboard.recording import BUFFER_S, column_header
-from anhyst_rigs.dashboard.session import WATCH_ONLY_REASON, LiveSession, refuse_all
+from anhyst_rigs.dashboard.session import WATCH_ONLY_REASON, LiveSession, refuse_all_orders
 from anhyst_rigs.rig.bench.protocol import Parameter
 from anhyst_rigs.study.improve import DrawnLoop
 
-HANDOVER_TIMEOUT_S = 10.0
+CONTROL_REQUEST_TIMEOUT_S = 10.0
 """Time limit of an operator's answer to a request for control, s; then the request is granted."""
 
 
 class OperatorDesk:
-    """The rule which browser operates the bench; all other browsers only watch."""
+    """The rule that determines which browser operates the bench; all other browsers only watch."""
 
     def __init__(self) -> None:
         self.operator = 0
-        self.requesting = 0
+        self.requesting_client = 0
         self._request_time = 0.0
 
     def join(self, client: int) -> None:
@@ -48,28 +48,28 @@ class OperatorDesk:
 
     def leave(self, client: int) -> None:
         """Remove a browser. If it was the operator, the browser that requests control takes over."""
-        if self.requesting == client:
-            self.requesting = 0
+        if self.requesting_client == client:
+            self.requesting_client = 0
         if self.operator == client:
-            self.operator, self.requesting = self.requesting, 0
+            self.operator, self.requesting_client = self.requesting_client, 0
 
     def request(self, client: int) -> None:
         """Request control for a browser; it is granted if nobody operates. Only one can wait."""
         if not self.operator:
             self.operator = client
-        elif client != self.operator and not self.requesting:
-            self.requesting, self._request_time = client, time.monotonic()
+        elif client != self.operator and not self.requesting_client:
+            self.requesting_client, self._request_time = client, time.monotonic()
 
     def answer(self, client: int, hand_over: bool) -> None:
         """Grant or reject the waiting request; only the operator may answer."""
-        if client == self.operator and self.requesting:
-            self.operator = self.requesting if hand_over else self.operator
-            self.requesting = 0
+        if client == self.operator and self.requesting_client:
+            self.operator = self.requesting_client if hand_over else self.operator
+            self.requesting_client = 0
 
     def check_timeout(self) -> None:
         """Grant the waiting request if the operator has not answered in time."""
-        if self.requesting and time.monotonic() - self._request_time >= HANDOVER_TIMEOUT_S:
-            self.operator, self.requesting = self.requesting, 0
+        if self.requesting_client and time.monotonic() - self._request_time >= CONTROL_REQUEST_TIMEOUT_S:
+            self.operator, self.requesting_client = self.requesting_client, 0
 
 
 def make_welcome_message(session: LiveSession, title: str, client_number: int) -> Mapping[str, Any]:
@@ -131,8 +131,8 @@ _Result = TypeVar("_Result")
 class Client:
     """A browser that is connected, and the data that wait for it."""
 
-    def __init__(self, number: int, socket: WebSocket, ticks_per_row: int) -> None:
-        self.number = number
+    def __init__(self, client_number: int, socket: WebSocket, ticks_per_row: int) -> None:
+        self.number = client_number
         self.socket = socket
         self.outbox = RowQueue(ticks_per_row=ticks_per_row)
         self.sent_log_entries, self.sent_laps = 0, 0
@@ -236,7 +236,10 @@ class LiveServer:
         await client.send_message(self._make_status(client))
         if client.parameters is not self.session.parameters:
             client.parameters = self.session.parameters
-            values = {"parameters": describe_parameters(self.session), "applied": self.session.applied}
+            values = {
+                "parameters": describe_parameters(self.session),
+                "applied": self.session.last_applied_tick,
+            }
             await client.send_message({"kind": "parameters", **values})
         if client.curves is not self.session.curves:
             client.curves = self.session.curves
@@ -245,7 +248,9 @@ class LiveServer:
         laps = [lap for lap in tuple(learner.laps) if lap.tick > client.sent_laps] if learner else ()
         if laps:
             client.sent_laps = laps[-1].tick
-            await client.send_message({"kind": "learnt", "laps": [one._asdict() for one in laps]})
+            await client.send_message(
+                {"kind": "learnt", "laps": [lap_result._asdict() for lap_result in laps]}
+            )
         improver = self.session.improver
         if improver is not None and client.results is not improver.results:
             client.results = improver.results
@@ -257,12 +262,16 @@ class LiveServer:
         client.sent_log_entries = self.session.log_entry_count
         status = self.session.status()
         if self.desk.operator != client.number:
-            status = {**status, "refused": refuse_all(self.session.bench, WATCH_ONLY_REASON), "next": ""}
+            status = {
+                **status,
+                "refused": refuse_all_orders(self.session.bench, WATCH_ONLY_REASON),
+                "next": "",
+            }
         return {
             "kind": "status",
             **status,
             "operator": self.desk.operator,
-            "asking": self.desk.requesting,
+            "asking": self.desk.requesting_client,
             "browsers": len(self._clients),
             "log": [entry._asdict() for entry in entries[len(entries) - new_count :]],
         }
@@ -271,19 +280,21 @@ class LiveServer:
         allowance = MessageRateLimit(_MESSAGE_RATE_HZ, _MESSAGE_BURST)
         while True:
             message = await _receive_message(client.socket)
-            if not allowance.try_take():
+            if not allowance.accept_message():
                 await client.socket.close(_CLOSE_BAD_MESSAGE, "too many messages")
                 return
             await self._handle_message(client, message)
 
     async def _handle_message(self, client: Client, message: Mapping[str, Any]) -> None:
         """Execute the order of a browser, and answer it. Every browser may stop the rig."""
-        number = message.get("id")
+        message_number = message.get("id")
         try:
             reply = await self._perform_order(client, message)
         except InputError as error:
             reply = {"reason": str(error)}
-        client.queue_message({"kind": "answer", "id": number if isinstance(number, int) else 0, **reply})
+        client.queue_message(
+            {"kind": "answer", "id": message_number if isinstance(message_number, int) else 0, **reply}
+        )
 
     async def _perform_order(self, client: Client, message: Mapping[str, Any]) -> Mapping[str, Any]:
         order = message.get("do")

@@ -48,8 +48,8 @@ def disturbs_measurement(order: str) -> bool:
     return order != "stop" and (order in _MOVING_ORDERS or order.upper() in Command.__members__)
 
 
-def refuse_all(bench: Bench, reason: str) -> dict[str, str]:
-    """Return every order with the given reason."""
+def refuse_all_orders(bench: Bench, reason: str) -> dict[str, str]:
+    """Return a dictionary that refuses all orders and commands, each for the given reason."""
     return dict.fromkeys((*_commands_by_name(bench), *_MOVING_ORDERS, *_OTHER_ORDERS), reason)
 
 
@@ -58,7 +58,7 @@ def find_refusals(
 ) -> Mapping[str, str]:
     """Return the orders that are not possible now, with the reason for each."""
     if end_reason:
-        return refuse_all(bench, end_reason)
+        return refuse_all_orders(bench, end_reason)
     if bench.loss_reason or state is None:
         return dict.fromkeys(
             (*_commands_by_name(bench), *_MOVING_ORDERS), bench.loss_reason or "no sample has come yet"
@@ -119,7 +119,7 @@ class LiveSession:
         self.log: deque[LogEntry] = deque(maxlen=_MAX_LOG_ENTRIES)
         self.log_entry_count = 0
         self.parameters = bench.parameters()
-        self.applied = 0
+        self.last_applied_tick = 0
         self._names = [signal.name for signal in bench.signals]
         self._values: dict[str, float] = {}
         self._closed = False
@@ -132,10 +132,10 @@ class LiveSession:
             self.recorder.start_in_file(recording, RecordingSpan(), 0)
             self._note_parameters()
         self.pacer = PacedBench(self.bench, is_paused=True)
-        complete = self.pacer.subscribe("the recording", needs_every_tick=True)
+        full_subscription = self.pacer.subscribe("the recording", needs_every_tick=True)
         self._threads = [
-            _start_thread("pages", self._pass_rows, self.pacer.subscribe("pages")),
-            _start_thread("recorder", self.recorder.run, complete),
+            _start_thread("pages", self._pass_rows_to_listeners, self.pacer.subscribe("pages")),
+            _start_thread("recorder", self.recorder.run, full_subscription),
         ]
         if learner is not None:
             learn = partial(learner.run, run_on_bench=self.run_between_chunks)
@@ -183,24 +183,24 @@ class LiveSession:
         """Call a function between two chunks of ticks, and return its result."""
         return self.pacer.execute(lambda _: act())
 
-    def log_change(self, who: str, text: str) -> None:
+    def log_change(self, actor: str, text: str) -> None:
         """Write a change into the log and into the recording."""
-        self.log.append(LogEntry(self.bench.tick, who, text))
+        self.log.append(LogEntry(self.bench.tick, actor, text))
         self.log_entry_count += 1
-        self.recorder.note(self.bench.tick, f"{who}: {text}")
+        self.recorder.note(self.bench.tick, f"{actor}: {text}")
 
-    def record(self, name: str, span: RecordingSpan) -> None:
+    def record(self, name: str, recording_span: RecordingSpan) -> None:
         """Start a recording that includes active parameters and changes in its pretrigger time."""
         tick = self.bench.tick
-        self.recorder.start(name, span, tick)
+        self.recorder.start(name, recording_span, tick)
         self._note_parameters()
         for entry in tuple(self.log):
-            if entry.tick >= tick - span.pretrigger_s * self.bench.rate:
+            if entry.tick >= tick - recording_span.pretrigger_s * self.bench.rate:
                 self.recorder.note(entry.tick, f"{entry.who}: {entry.text}")
 
-    def stop(self, who: str) -> None:
+    def stop(self, actor: str) -> None:
         """Stop the rig, even if the bench is paused. The order is logged even if it is refused."""
-        self.log_change(who, "emergency stop")
+        self.log_change(actor, "emergency stop")
         try:
             self.bench.command(Command.STOP)
         finally:
@@ -221,9 +221,9 @@ class LiveSession:
         if monitored_model is not None:
             self._stop_monitoring = self.subscribe(monitored_model.add_rows)
 
-    def apply(self, values: Mapping[str, float]) -> int:
+    def apply_parameters(self, values: Mapping[str, float]) -> int:
         """Set parameters, all at the same tick; return the first tick that uses them."""
-        tick = self.applied = self.bench.apply(values)
+        tick = self.last_applied_tick = self.bench.apply(values)
         self.parameters = self.bench.parameters()
         return tick
 
@@ -266,11 +266,11 @@ class LiveSession:
         return describe_next_step(self.bench.commands, controller_state)
 
     def _note_parameters(self) -> None:
-        in_force = ", ".join(
+        active_values = ", ".join(
             f"{parameter.name} = {parameter.value!r} {parameter.unit}".rstrip()
             for parameter in self.parameters
         )
-        self.recorder.note(self.bench.tick, f"in force: {in_force or 'no parameters'}")
+        self.recorder.note(self.bench.tick, f"in force: {active_values or 'no parameters'}")
 
     def _log_recorder(self, text: str) -> None:
         """Log a message of the recorder."""
@@ -282,11 +282,11 @@ class LiveSession:
         self.log_change("controller", text)
         self.parameters = self.bench.parameters()
         if self.improver is not None and not self.bench.loss_reason:
-            with suppress(InputError):  # The controller was lost again, and the next event follows.
+            with suppress(InputError):  # If the controller is lost again, another event repeats this.
                 self.improver.check_after_reconnect()
                 self.curves = self.improver.known_model.curves
 
-    def _pass_rows(self, subscription: Subscription) -> None:
+    def _pass_rows_to_listeners(self, subscription: Subscription) -> None:
         while (rows := subscription.get()) is not None:
             for listener in self._listeners:
                 listener(rows)

@@ -83,8 +83,8 @@ class ParameterSets:
 def _read_entry(file: str, key: object, entry: object) -> dict[str, Any]:
     value = entry.get("value") if isinstance(entry, Mapping) else None
     unit = entry.get("unit") if isinstance(entry, Mapping) else None
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not math.isfinite(float(str(value))) or not isinstance(unit, str):
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(float(str(value))) or not isinstance(unit, str):
         raise InputError(f"{file}: {key}: has no value with a unit", code="no-value-with-unit")
     return {"value": value, "unit": unit}
 

@@ -18,14 +18,14 @@ from anhyst.support.errors import InputError
 from anhyst_rigs.draft.magnet import Machine, MeasuredMagnet
 from anhyst_rigs.draft.text import round_down, round_nearest, round_up, step_down, step_up
 
-BANDWIDTH_PER_POLE = 1.4
+BANDWIDTH_TO_POLE_FREQUENCY = 1.4
 """Ratio of the bandwidth to the frequency of the unstable pole. The bandwidth is the distance of
 the controller's poles from the origin."""
 
-RATE_PER_BANDWIDTH = 150.0
+TICK_RATE_TO_BANDWIDTH = 150.0
 """Ratio of the tick rate to the bandwidth. One tick of delay then costs 2 degrees of phase."""
 
-MIN_RATE_PER_BANDWIDTH = 60.0
+MIN_TICK_RATE_TO_BANDWIDTH = 60.0
 """Smallest ratio of the tick rate to the bandwidth. Below it, the delay makes the loop overshoot.
 """
 
@@ -35,10 +35,10 @@ MIN_BANDWIDTH_HZ = 2.0
 RATE_LIMITS_HZ = 1e3, 200e3
 """Smallest and largest tick rate, Hz."""
 
-AMPLIFIER_PER_BANDWIDTH = 20.0
+AMPLIFIER_TO_POSITION_BANDWIDTH = 20.0
 """Bandwidth of the current control, relative to the bandwidth of the position control."""
 
-FULL_SWING_PER_BANDWIDTH = 5.0
+FULL_SWING_RATE_TO_BANDWIDTH = 5.0
 """Frequency of full current swings that the supply must allow, relative to the bandwidth of the
 position control."""
 
@@ -48,7 +48,7 @@ WINDING_TIME_CONSTANT_S = 0.02
 SUPPLY_STEPS = (1.0, 1.2, 1.5, 2.4, 3.0, 4.8, 6.0, 10.0)
 """Usual supply voltages within one decade."""
 
-MAX_STEP_FORCE_RATIO = 0.9
+MAX_STEP_FORCE_TO_RESERVE = 0.9
 """Largest force of a step, as a fraction of the smaller force reserve above or below the load."""
 
 
@@ -74,8 +74,8 @@ def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
     tangent = magnet.slopes(load, gap)
     stiffness = max(tangent.k_s, load / gap)
     pole = math.sqrt(stiffness / mass) / (2.0 * math.pi)
-    bandwidth = round_nearest(BANDWIDTH_PER_POLE * pole)
-    if MIN_RATE_PER_BANDWIDTH * bandwidth > RATE_LIMITS_HZ[1]:
+    bandwidth = round_nearest(BANDWIDTH_TO_POLE_FREQUENCY * pole)
+    if MIN_TICK_RATE_TO_BANDWIDTH * bandwidth > RATE_LIMITS_HZ[1]:
         raise InputError(
             f"mass: {mass:g} kg on {load:g} N at {gap:g} m has an unstable pole of {pole:.0f} Hz, "
             f"too fast for {RATE_LIMITS_HZ[1]:g} ticks a second; give a larger mass or a smaller load",
@@ -89,10 +89,10 @@ def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
             code="load-too-small",
             key="load",
         )
-    rate = min(max(step_up(RATE_PER_BANDWIDTH * bandwidth), RATE_LIMITS_HZ[0]), RATE_LIMITS_HZ[1])
+    rate = min(max(step_up(TICK_RATE_TO_BANDWIDTH * bandwidth), RATE_LIMITS_HZ[0]), RATE_LIMITS_HZ[1])
     force_high = round_down(magnet.usable_force(gap))
     force_per_metre = mass * (2.0 * math.pi * bandwidth) ** 2
-    max_height = MAX_STEP_FORCE_RATIO * min(load, force_high - load) / force_per_metre
+    max_height = MAX_STEP_FORCE_TO_RESERVE * min(load, force_high - load) / force_per_metre
     highest_step = step_down(min(machine.clearance, max_height))
     heights = tuple(round_nearest(travel_fraction * highest_step) for travel_fraction in (0.1, 0.2, 0.5, 1.0))
     travel = machine.stops[1] - machine.stops[0]
@@ -100,14 +100,14 @@ def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
     max_speed = math.sqrt(2.0 * travel * (force_high + 1.2 * force_high) / mass)
     inductance = tangent.k_i**2 / stiffness
     load_amplitude = (
-        math.pi * FULL_SWING_PER_BANDWIDTH * bandwidth + 1.0 / WINDING_TIME_CONSTANT_S
+        math.pi * FULL_SWING_RATE_TO_BANDWIDTH * bandwidth + 1.0 / WINDING_TIME_CONSTANT_S
     ) * magnet.current_high
     return BearingDesign(
         pole=pole,
         bandwidth=bandwidth,
         rate=rate,
         inductance=inductance,
-        amplifier_bandwidth=round_nearest(min(AMPLIFIER_PER_BANDWIDTH * bandwidth, rate / 8.0)),
+        amplifier_bandwidth=round_nearest(min(AMPLIFIER_TO_POSITION_BANDWIDTH * bandwidth, rate / 8.0)),
         supply=step_up(inductance * load_amplitude, SUPPLY_STEPS),
         force_high=force_high,
         heights=heights,

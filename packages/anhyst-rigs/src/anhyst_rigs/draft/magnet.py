@@ -18,16 +18,16 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import round_down, round_nearest
 
-TOP_CURRENT_RATIO = 0.95
+TOP_CURRENT_TO_MAX = 0.95
 """Fraction of the largest current, above which samples determine the force at this current."""
 
-USABLE_FORCE_RATIO = 0.95
+USABLE_FORCE_FRACTION = 0.95
 """Fraction of the measured force that a controller may demand."""
 
 MAX_DEMAND_TO_SMALLEST_FORCE = 4.0
 """Largest ratio of a demanded force to the smallest force over all gaps at the largest current."""
 
-MIN_LOAD_RATIO = 0.01
+MIN_LOAD_TO_USABLE_FORCE = 0.01
 """Smallest load, as a fraction of the usable force at the operating gap. The loops are too
 uncertain for a smaller load."""
 
@@ -54,12 +54,12 @@ class MeasuredMagnet:
         """
         # The reciprocal root of the force is almost linear in the gap.
         force = float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
-        return min(USABLE_FORCE_RATIO * force, MAX_DEMAND_TO_SMALLEST_FORCE * float(self.forces.min()))
+        return min(USABLE_FORCE_FRACTION * force, MAX_DEMAND_TO_SMALLEST_FORCE * float(self.forces.min()))
 
     def slopes(self, force: float, gap: float) -> Tangent:
         """Return the slopes of the force over current and over gap at an operating point."""
         force_high = self.usable_force(gap)
-        if force < MIN_LOAD_RATIO * force_high:
+        if force < MIN_LOAD_TO_USABLE_FORCE * force_high:
             raise InputError(
                 f"load: {force:g} N is less than a hundredth of the {force_high:.4g} N that the "
                 "magnet may pull, and the loops are too uncertain there; give a larger load, or "
@@ -92,18 +92,22 @@ class MeasuredMagnet:
         return float(current), float(force)
 
     @property
-    def pace(self) -> tuple[float, float] | None:
+    def sampling_and_rate(self) -> tuple[float, float] | None:
         """Sample interval, s, and rate of the current, A/s; None if the loops have no times."""
-        steps, sweeps = [], []
+        sample_intervals, current_rates = [], []
         for loop in self.loops.loops:
             if loop.time is None:
                 return None
             dt = np.diff(loop.time)
-            moving = dt > 0.0
-            steps.append(float(np.median(dt[moving])) if moving.any() else math.nan)
-            sweeps.append(float(np.abs(np.diff(loop.input)[moving]).sum() / dt[moving].sum()))
-        time_step, sweep_time = float(np.median(steps)), float(np.median(sweeps))
-        return (time_step, sweep_time) if time_step > 0.0 and sweep_time > 0.0 else None
+            is_time_increasing = dt > 0.0
+            sample_intervals.append(
+                float(np.median(dt[is_time_increasing])) if is_time_increasing.any() else math.nan
+            )
+            current_rates.append(
+                float(np.abs(np.diff(loop.input)[is_time_increasing]).sum() / dt[is_time_increasing].sum())
+            )
+        time_step, current_rate = float(np.median(sample_intervals)), float(np.median(current_rates))
+        return (time_step, current_rate) if time_step > 0.0 and current_rate > 0.0 else None
 
 
 def evaluate_loops(loops: Loops) -> MeasuredMagnet:
@@ -138,9 +142,9 @@ def _force_at_top(loops: Sequence[Loop], current_high: float) -> float:
     """Return the force at the largest current, N, from a line through the samples near it."""
     current = np.concatenate([loop.input for loop in loops])
     force = np.concatenate([loop.output for loop in loops])
-    is_at_top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_RATIO) * current_high
+    is_at_top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_TO_MAX) * current_high
     current, force = current[is_at_top], force[is_at_top]
-    if np.ptp(current) < 0.1 * (1.0 - TOP_CURRENT_RATIO) * current_high:
+    if np.ptp(current) < 0.1 * (1.0 - TOP_CURRENT_TO_MAX) * current_high:
         return float(np.mean(force))
     _, level = np.polyfit(current - current_high, force, 1)
     return float(level)
@@ -149,13 +153,13 @@ def _force_at_top(loops: Sequence[Loop], current_high: float) -> float:
 GRAVITY_M_PER_S2 = 9.81
 """Acceleration of gravity, m/s^2."""
 
-MIN_LIFT_RATIO = 1.1
+MIN_FORCE_TO_LOAD = 1.1
 """Smallest ratio of the magnet's force to the load at any gap, for a reliable lift-off."""
 
-DEFAULT_LOAD_RATIO = 0.5
+DEFAULT_LOAD_TO_SMALLEST_FORCE = 0.5
 """Default load, as a fraction of the smallest force over all gaps at the largest current."""
 
-STOP_CLEARANCE_RATIO = 0.05
+STOP_CLEARANCE_TO_TRAVEL = 0.05
 """Smallest distance of the operating gap from a stop, as a fraction of the travel."""
 
 
@@ -202,13 +206,13 @@ class Machine:
 
 def guess_missing_machine_data(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
     """Return the data of a machine, and guess values that the user did not give."""
-    for name, number, unit in (
+    for name, given_value, unit in (
         ("mass", request.mass, "kg"),
         ("load", request.load, "N"),
         ("gap", request.gap, "m"),
     ):
-        if number is not None and not (math.isfinite(number) and number > 0.0):
-            text = f"{name}: {number:g} {unit} is not above 0; correct it"
+        if given_value is not None and not (math.isfinite(given_value) and given_value > 0.0):
+            text = f"{name}: {given_value:g} {unit} is not above 0; correct it"
             raise InputError(text, code="not-above-zero", key=name)
     gap = _choose_gap(request, magnet)
     load = _choose_load(request, magnet)
@@ -220,25 +224,28 @@ def guess_missing_machine_data(request: MachineRequest, magnet: MeasuredMagnet) 
 
 
 def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue:
-    low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
+    lowest_gap, highest_gap = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if magnet.gaps.size < 2:
         raise InputError(
-            f"loops at one gap only, {low:g} m, but a bearing moves; measure loops at a smaller and "
+            f"loops at one gap only, {lowest_gap:g} m, but a bearing moves; measure loops at a smaller and "
             "a larger one",
             code="single-gap",
         )
     if request.gap is None:
-        return GuessedValue(round_nearest(0.5 * (low + high), 3), "the middle of the measured gaps")
-    gap, clearance = request.gap, STOP_CLEARANCE_RATIO * (high - low)
-    if not low + clearance <= gap <= high - clearance:
+        return GuessedValue(
+            round_nearest(0.5 * (lowest_gap + highest_gap), 3), "the middle of the measured gaps"
+        )
+    gap, clearance = request.gap, STOP_CLEARANCE_TO_TRAVEL * (highest_gap - lowest_gap)
+    if not lowest_gap + clearance <= gap <= highest_gap - clearance:
         hints = [
             f", {gap:g}{exponent} m if {unit} are meant"
             for exponent, unit in (("e-3", "millimetres"), ("e-6", "micrometres"))
-            if low < gap * float(f"1{exponent}") < high
+            if lowest_gap < gap * float(f"1{exponent}") < highest_gap
         ]
         raise InputError(
             f"gap: {gap:g} m is too near the stops, which are the ends of the measured gaps of "
-            f"{low:g} to {high:g} m; give one from {low + clearance:g} to {high - clearance:g} m{''.join(hints)}",
+            f"{lowest_gap:g} to {highest_gap:g} m; give one from {lowest_gap + clearance:g} to "
+            f"{highest_gap - clearance:g} m{''.join(hints)}",
             code="gaps-not-covered",
             key="gap",
         )
@@ -254,15 +261,15 @@ def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValu
         load = GuessedValue(round_nearest(request.mass * GRAVITY_M_PER_S2, 3), "the weight of the mass")
     else:
         load = GuessedValue(
-            round_down(DEFAULT_LOAD_RATIO * weakest_force),
-            f"{100.0 * DEFAULT_LOAD_RATIO:.0f} % of the force at {weakest_gap:g} m",
+            round_down(DEFAULT_LOAD_TO_SMALLEST_FORCE * weakest_force),
+            f"{100.0 * DEFAULT_LOAD_TO_SMALLEST_FORCE:.0f} % of the force at {weakest_gap:g} m",
         )
-    if load.number * MIN_LIFT_RATIO > weakest_force:
+    if load.number * MIN_FORCE_TO_LOAD > weakest_force:
         origin = f", guessed as {load.guess}; give --load" if load.guess else ""
         raise InputError(
             f"load: {load.number:g} N cannot be lifted at a gap of {weakest_gap:g} m: there the "
-            f"loops reach {weakest_force:.4g} N at {magnet.current_high:.4g} A, and {MIN_LIFT_RATIO:g} times the "
-            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower the load, or give loops with larger "
+            f"loops reach {weakest_force:.4g} N at {magnet.current_high:.4g} A, and {MIN_FORCE_TO_LOAD:g} times the "
+            f"load, {load.number * MIN_FORCE_TO_LOAD:.4g} N, are needed; lower the load, or give loops with larger "
             f"currents or smaller gaps{origin}",
             code="load-too-large",
             key="load",

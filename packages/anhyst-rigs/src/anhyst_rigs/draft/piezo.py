@@ -23,7 +23,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import Draft, render_draft
 
-CREEP_TIME_RATIOS = (1 / 100, 1 / 10, 1.0)
+CREEP_TIMES_TO_RECORD = (1 / 100, 1 / 10, 1.0)
 """Time constants of creep, as fractions of the longest record, which shows slower creep
 incompletely."""
 MIN_CREEP_CYCLES = 2.0
@@ -31,21 +31,22 @@ MIN_CREEP_CYCLES = 2.0
 width."""
 MAX_LAG_SAMPLES = 3.0
 """Longest lag if the loops have several rates, in samples; for a single rate, it is one sample."""
-MIN_RATE_RATIO = 3.0
+MIN_FASTEST_TO_SLOWEST_RATE = 3.0
 """Smallest ratio of the fastest to the slowest rate that counts as several rates."""
-MAX_CREEP_RESIDUAL_RATIO = 0.97
+MAX_RESIDUAL_WITH_TO_WITHOUT_CREEP = 0.97
 """Creep is included up to this ratio of the residual with creep to the residual without creep."""
-OUTLIER_RATIO = 10.0
+OUTLIER_TO_MEDIAN_RESIDUAL = 10.0
 """Ratio to the median residual, above which a residual counts as an outlier."""
-MAX_OUTLIER_SHARE = 0.02
-"""Largest fraction of outliers that are excluded. If there are more, all samples are used."""
-MAX_RESIDUAL_RATIO = 0.05
+MAX_OUTLIER_FRACTION = 0.02
+"""Largest fraction of samples that are excluded as outliers; if there are more, none is excluded.
+"""
+MAX_RESIDUAL_TO_STROKE = 0.05
 """Largest rms residual of loops that count as loops of a stack, as a fraction of the stroke."""
 MAX_FIT_SAMPLES = 6_000
 """Largest number of samples in the fit."""
 INITIAL_LOG_BETAS = (0.5, 2.5)
 """Initial guesses of the logarithm of beta times the voltage range."""
-_TINY = 1e-12
+_NUMERICAL_MARGIN = 1e-12
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,8 @@ class FittedStack:
     @property
     def fit_text(self) -> str:
         """Residual of the fit as text."""
-        size, stroke = f"{1e6 * self.rms:.3g}", f"{1e6 * self.stroke:.3g}"
-        return f"{size} um rms, {100.0 * self.rms / self.stroke:.2g} % of the stroke of {stroke} um"
+        rms_text, stroke = f"{1e6 * self.rms:.3g}", f"{1e6 * self.stroke:.3g}"
+        return f"{rms_text} um rms, {100.0 * self.rms / self.stroke:.2g} % of the stroke of {stroke} um"
 
     @property
     def creep_text(self) -> str:
@@ -77,7 +78,9 @@ class FittedStack:
         if not self.creep_times:
             return "the loops show none: it barely reduces the residual"
         share_and_time = zip(self.creep_shares, self.creep_times, strict=True)
-        texts = ", ".join(f"{100 * ratio:.2g} % in {time:.2g} s" for ratio, time in share_and_time)
+        texts = ", ".join(
+            f"{100 * creep_fraction:.2g} % in {time:.2g} s" for creep_fraction, time in share_and_time
+        )
         return f"{texts}; without creep the residual is {1e6 * self.rms_without_creep:.3g} um"
 
 
@@ -85,15 +88,15 @@ def fit_stack(loopset: Loops) -> FittedStack:
     """Fit a stack to loops; raise an InputError if the loops do not belong to a stack."""
     fit_problem = _FitProblem(loopset)
     fit_problem.exclude_outliers(fit_problem.fit(()))
-    fit = without_creep = fit_problem.fit(())
+    fit = fit_without_creep = fit_problem.fit(())
     if (
         fit_problem.creep_times
-        and (with_creep := fit_problem.fit(fit_problem.creep_times, without_creep)).rms
-        < MAX_CREEP_RESIDUAL_RATIO * without_creep.rms
+        and (fit_with_creep := fit_problem.fit(fit_problem.creep_times, fit_without_creep)).rms
+        < MAX_RESIDUAL_WITH_TO_WITHOUT_CREEP * fit_without_creep.rms
     ):
-        fit = with_creep
+        fit = fit_with_creep
     stroke, curvature, slope, _ = fit.weights * fit_problem.stroke
-    is_poor = fit.rms > MAX_RESIDUAL_RATIO * fit_problem.stroke or not stroke
+    is_poor = fit.rms > MAX_RESIDUAL_TO_STROKE * fit_problem.stroke or not stroke
     if is_poor or not slope:
         reason = "are not those of a stack" if is_poor else "show no hysteresis"
         raise InputError(
@@ -101,15 +104,17 @@ def fit_stack(loopset: Loops) -> FittedStack:
             f"{100 * fit.rms / fit_problem.stroke:.2g} % of the stroke; check them with anhyst inspect",
             code="no-piezo",
         )
-    span, low = fit_problem.span, fit_problem.low / fit_problem.span
-    beta, ratio = math.exp(fit.shape[0]), float(fit.shape[1])
-    remaining_state = bouc_wen_state(np.array([0.0, fit_problem.high / span, low]), beta, ratio)[-1]
+    voltage_range, relative_low = fit_problem.voltage_range, fit_problem.low / fit_problem.voltage_range
+    beta, gamma_to_beta = math.exp(fit.shape[0]), float(fit.shape[1])
+    remaining_state = bouc_wen_state(
+        np.array([0.0, fit_problem.high / voltage_range, relative_low]), beta, gamma_to_beta
+    )[-1]
     parameters = {
-        "stroke_m_per_V": stroke / span,
-        "bend_m_per_V2": curvature / span**2,
-        "slope_m_per_V": slope / span,
-        "beta_per_V": beta / span,
-        "gamma_per_V": ratio * beta / span,
+        "stroke_m_per_V": stroke / voltage_range,
+        "bend_m_per_V2": curvature / voltage_range**2,
+        "slope_m_per_V": slope / voltage_range,
+        "beta_per_V": beta / voltage_range,
+        "gamma_per_V": gamma_to_beta * beta / voltage_range,
     }
     return FittedStack(
         numbers={key: float(value) for key, value in parameters.items()},
@@ -118,9 +123,9 @@ def fit_stack(loopset: Loops) -> FittedStack:
         low=fit_problem.low,
         high=fit_problem.high,
         stroke=max(float(np.ptp(displacement)) for displacement in fit_problem.displacements()),
-        remains=float(stroke * low + curvature * low**2 - slope * remaining_state),
+        remains=float(stroke * relative_low + curvature * relative_low**2 - slope * remaining_state),
         rms=fit.rms,
-        rms_without_creep=without_creep.rms,
+        rms_without_creep=fit_without_creep.rms,
         has_times=fit_problem.sample_s > 0.0,
     )
 
@@ -146,7 +151,7 @@ class _FitProblem:
     def __init__(self, loopset: Loops) -> None:
         stride = 1 + sum(loop.n for loop in loopset.loops) // MAX_FIT_SAMPLES
         self.loops = loopset.loops
-        self.selection = slice(None, None, stride)
+        self.sample_slice = slice(None, None, stride)
         self.low = min(0.0, *(float(loop.input.min()) for loop in self.loops))
         self.high = max(float(loop.input.max()) for loop in self.loops)
         self.stroke = max(float(np.ptp(loop.output)) for loop in self.loops)
@@ -158,83 +163,87 @@ class _FitProblem:
                 "the displacement falls as the voltage rises; invert the sign of one column",
                 code="output-falls",
             )
-        self.span = self.high - self.low
+        self.voltage_range = self.high - self.low
         loop_times = [loop.time for loop in self.loops if loop.time is not None]
         has_times = len(loop_times) == len(self.loops)
         self.sample_s = min(float(np.median(np.diff(time))) for time in loop_times) if has_times else 0.0
         rates = [cycle_rate(loop.input, loop.time) for loop in self.loops]
-        has_several_rates = max(rates) >= MIN_RATE_RATIO * min(rates) > 0.0
-        longest = max(float(time[-1] - time[0]) for time in loop_times) if has_times else 0.0
-        min_time = (
+        has_several_rates = max(rates) >= MIN_FASTEST_TO_SLOWEST_RATE * min(rates) > 0.0
+        longest_record = max(float(time[-1] - time[0]) for time in loop_times) if has_times else 0.0
+        min_creep_time = (
             0.0
             if has_several_rates or not max(rates)
             else MIN_CREEP_CYCLES / min(rate for rate in rates if rate)
         )
         self.max_lag = (MAX_LAG_SAMPLES if has_several_rates else 1.0) if self.sample_s else 0.0
         self.creep_times = tuple(
-            time_ratio * longest
-            for time_ratio in CREEP_TIME_RATIOS
-            if time_ratio * longest >= max(min_time, 10.0 * self.sample_s, 1e-9)
+            creep_time_to_record * longest_record
+            for creep_time_to_record in CREEP_TIMES_TO_RECORD
+            if creep_time_to_record * longest_record >= max(min_creep_time, 10.0 * self.sample_s, 1e-9)
         )
-        self.masks = [np.ones(loop.input[self.selection].size, dtype=np.bool_) for loop in self.loops]
+        self.masks = [np.ones(loop.input[self.sample_slice].size, dtype=np.bool_) for loop in self.loops]
 
     def displacements(self) -> list[FloatArray]:
         """Return the displacements that the fit uses, m."""
         loops_and_masks = zip(self.loops, self.masks, strict=True)
-        return [loop.output[self.selection][mask] for loop, mask in loops_and_masks]
+        return [loop.output[self.sample_slice][mask] for loop, mask in loops_and_masks]
 
     def fit(self, creep_times: tuple[float, ...], initial: _Fit | None = None) -> _Fit:
         """Return the fit with the smallest residual."""
         from scipy.optimize import least_squares
 
         min_creep_shares = [0.0] * len(creep_times)
-        low = [-3.0, 0.0, 0.0, *min_creep_shares]
-        high = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
+        lower_bounds = [-3.0, 0.0, 0.0, *min_creep_shares]
+        upper_bounds = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
         shapes = [[guess, 0.3, 0.0] for guess in INITIAL_LOG_BETAS] if initial is None else [initial.shape]
         results = []
         for shape in shapes:
             result = least_squares(
-                lambda point: self._weights_of(point, creep_times)[1],
-                np.clip([*shape[:3], *(0.005 for _ in creep_times)], low, high),
-                bounds=(low, high),
+                lambda point: self._solve_weights(point, creep_times)[1],
+                np.clip([*shape[:3], *(0.005 for _ in creep_times)], lower_bounds, upper_bounds),
+                bounds=(lower_bounds, upper_bounds),
                 x_scale=[1.0, 1.0, 0.3, *(0.01 for _ in creep_times)],
                 diff_step=1e-4,
                 max_nfev=50,
             )
-            weights, deviation = self._weights_of(result.x, creep_times)
+            weights, deviation = self._solve_weights(result.x, creep_times)
             rms = float(np.sqrt(np.mean(deviation**2)))
             results.append(_Fit(result.x, creep_times, weights, deviation * self.stroke, rms * self.stroke))
         return min(results, key=lambda fit: fit.rms)
 
     def exclude_outliers(self, fit: _Fit) -> None:
-        """Exclude samples with a large residual if they are few, as while an amplifier starts."""
-        is_close = np.abs(fit.deviation) <= OUTLIER_RATIO * np.median(np.abs(fit.deviation))
-        if np.count_nonzero(~is_close) <= MAX_OUTLIER_SHARE * is_close.size:
+        """Exclude samples with a large residual, as from a starting amplifier, if they are few."""
+        is_close = np.abs(fit.deviation) <= OUTLIER_TO_MEDIAN_RESIDUAL * np.median(np.abs(fit.deviation))
+        if np.count_nonzero(~is_close) <= MAX_OUTLIER_FRACTION * is_close.size:
             loop_ends = np.cumsum([mask.size for mask in self.masks])[:-1]
             self.masks = np.split(is_close, loop_ends)
 
-    def _weights_of(self, shape: FloatArray, creep_times: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    def _solve_weights(
+        self, shape: FloatArray, creep_times: tuple[float, ...]
+    ) -> tuple[FloatArray, FloatArray]:
         """Return the weights of voltage, its square, hysteresis and offset, and the residual."""
         from scipy.optimize import nnls
 
         rows = [
-            self._regressor_matrix(loop, shape, creep_times)[self.selection][mask]
+            self._regressor_matrix(loop, shape, creep_times)[self.sample_slice][mask]
             for loop, mask in zip(self.loops, self.masks, strict=True)
         ]
         matrix, output = np.concatenate(rows), np.concatenate(self.displacements()) / self.stroke
         signed_columns = np.hstack([matrix, -matrix[:, 1::2]])  # two columns may have either sign
-        normal = signed_columns.T @ signed_columns
-        cholesky = np.linalg.cholesky(normal + 1e-12 * np.trace(normal) * np.eye(normal.shape[0]))
+        normal_matrix = signed_columns.T @ signed_columns
+        cholesky = np.linalg.cholesky(
+            normal_matrix + 1e-12 * np.trace(normal_matrix) * np.eye(normal_matrix.shape[0])
+        )
         weights, _ = nnls(cholesky.T, np.linalg.solve(cholesky, signed_columns.T @ output), maxiter=1000)
         weights[1:4:2] -= weights[4:]
         weights = weights[:4]
         return weights, matrix @ weights - output
 
     def _regressor_matrix(self, loop: Loop, shape: FloatArray, creep_times: tuple[float, ...]) -> FloatArray:
-        drive = loop.input / self.span
+        drive = loop.input / self.voltage_range
         if shape[2] and loop.time is not None:
             drive = np.interp(loop.time - shape[2] * self.sample_s, loop.time, drive)
-        turning_points = [0.0, *(point / self.span for point in loop.history.turning_points)]
+        turning_points = [0.0, *(point / self.voltage_range for point in loop.history.turning_points)]
         earlier_voltages = np.array(turning_points)
         if loop.history.kind == "settled":
             earlier_voltages = np.concatenate([earlier_voltages, drive])
@@ -264,51 +273,55 @@ class _FitProblem:
         return creep
 
 
-def bouc_wen_state(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
+def bouc_wen_state(drive: FloatArray, beta: float, gamma_to_beta: float) -> FloatArray:
     """Return h of the Bouc-Wen model for a = 1 along a drive that begins without hysteresis.
 
     The solution is exact between reversal points. With the travel v and with g = h in its
     direction, dg/dv = 1 - beta*g - gamma*|g|, where gamma is ``ratio`` times beta.
     """
     step = np.diff(drive)
-    moving = np.flatnonzero(step)
+    moving_samples = np.flatnonzero(step)
     state = np.zeros(drive.size)
-    if not moving.size:
+    if not moving_samples.size:
         return state
-    step_signs = np.sign(step[moving])
-    reversals = moving[1:][step_signs[1:] != step_signs[:-1]]
+    step_signs = np.sign(step[moving_samples])
+    reversals = moving_samples[1:][step_signs[1:] != step_signs[:-1]]
     last_state = 0.0
     for begin, end in pairwise([0, *reversals.tolist(), drive.size - 1]):
         travel = np.abs(drive[begin : end + 1] - drive[begin])
         direction = 1.0 if drive[end] > drive[begin] else -1.0
-        branch = _branch_state(travel, direction * last_state, beta, ratio)
+        branch = _branch_state(travel, direction * last_state, beta, gamma_to_beta)
         state[begin : end + 1] = direction * branch
         last_state = float(state[end])
     return state
 
 
-def _branch_state(travel: FloatArray, start_state: float, beta: float, ratio: float) -> FloatArray:
+def _branch_state(travel: FloatArray, start_state: float, beta: float, gamma_to_beta: float) -> FloatArray:
     """Solve dg/dv = 1 - beta*g - gamma*|g| from an initial value; the sign of g sets the rate."""
-    rate_above, rate_below = beta * (1.0 + ratio), beta * (1.0 - ratio) or _TINY
-    start_state = min(start_state, (1.0 - _TINY) / rate_above)  # g approaches 1/above from below
-    initial_rate = rate_above if start_state >= 0.0 else rate_below
+    rate_at_positive_state, rate_at_negative_state = (
+        beta * (1.0 + gamma_to_beta),
+        beta * (1.0 - gamma_to_beta) or _NUMERICAL_MARGIN,
+    )
+    # g approaches 1/rate_at_positive_state from below
+    start_state = min(start_state, (1.0 - _NUMERICAL_MARGIN) / rate_at_positive_state)
+    initial_rate = rate_at_positive_state if start_state >= 0.0 else rate_at_negative_state
     # travel, counted from the point at which g is zero
     travel_from_zero = travel - math.log1p(-start_state * initial_rate) / initial_rate
-    decay_rate = np.where(travel_from_zero < 0.0, rate_below, rate_above)
+    decay_rate = np.where(travel_from_zero < 0.0, rate_at_negative_state, rate_at_positive_state)
     return np.asarray(-np.expm1(-decay_rate * travel_from_zero) / decay_rate)
 
 
 EXAMPLE_RESONANCE_HZ = 480.0
 """Resonance of the example, Hz, because loops do not show a resonance."""
 
-DEFAULT_NOISE_RATIO = 1e-4
+DEFAULT_NOISE_TO_STROKE = 1e-4
 """Noise as a fraction of the stroke, if the loops contain no noise."""
 
 
 def draft_piezo(name: str, loops: Loops, stack: FittedStack) -> Draft:
     """Draft the rig file of a piezo stage."""
     measured_noise = float(np.median([estimate_noise(loop.output) for loop in loops.loops]))
-    noise_m = measured_noise or DEFAULT_NOISE_RATIO * stack.stroke
+    noise_m = measured_noise or DEFAULT_NOISE_TO_STROKE * stack.stroke
     return render_draft(
         "piezo", name=name, stack=stack, read=measured_noise, usual=noise_m, resonance=EXAMPLE_RESONANCE_HZ
     )

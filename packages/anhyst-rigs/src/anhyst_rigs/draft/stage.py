@@ -15,13 +15,13 @@ from anhyst_rigs.draft.text import Draft, render_draft, round_down, round_neares
 
 RATE_HZ = 20e3
 """Tick rate, Hz."""
-ACCELERATING_FORCE_RATIO = 0.9
+ACCELERATING_FORCE_FRACTION = 0.9
 """Fraction of the largest force that accelerates the mass; the feedback needs the rest."""
 PEAK_M_PER_S2 = 22.0
 """Acceleration for the guess of the mass, m/s^2."""
-TRAINING_RATIOS = (1.0, 0.7, 0.4, 0.9, 0.5)
+TRAINING_ACCELERATION_FRACTIONS = (1.0, 0.7, 0.4, 0.9, 0.5)
 """Accelerations of the turnarounds in training, as fractions of the largest acceleration."""
-TEST_RATIOS = (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
+TEST_ACCELERATION_FRACTIONS = (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
 """Accelerations of the test set-point's turnarounds, as fractions of the largest acceleration."""
 JERK_PHASE_S = 7.5e-3
 """Duration of the jerk phase of the set-point, s."""
@@ -50,7 +50,7 @@ def draft_stage(magnet: MeasuredMagnet, loop_origin: dict[str, Any], request: Ma
     force = round_down(magnet.usable_force(high_gap))
     mass = (
         GuessedValue(
-            round_nearest(ACCELERATING_FORCE_RATIO * force / PEAK_M_PER_S2),
+            round_nearest(ACCELERATING_FORCE_FRACTION * force / PEAK_M_PER_S2),
             f"needs the force at {PEAK_M_PER_S2:g} m/s^2",
         )
         if request.mass is None
@@ -58,7 +58,7 @@ def draft_stage(magnet: MeasuredMagnet, loop_origin: dict[str, Any], request: Ma
     )
     tangent = magnet.slopes(0.5 * force, gap.number)
     inductance = tangent.k_i**2 / max(tangent.k_s, 0.5 * force / gap.number)
-    max_acceleration = round_down(ACCELERATING_FORCE_RATIO * force / mass.number)
+    max_acceleration = round_down(ACCELERATING_FORCE_FRACTION * force / mass.number)
     return render_draft(
         "stage",
         **loop_origin,
@@ -72,6 +72,11 @@ def draft_stage(magnet: MeasuredMagnet, loop_origin: dict[str, Any], request: Ma
             inductance * magnet.current_high * FULL_SWINGS_PER_JERK_PHASE / JERK_PHASE_S, SUPPLY_STEPS
         ),
         speed=round_nearest(0.5 * max_acceleration / PEAK_M_PER_S2),
-        train=[round_nearest(training_ratio * max_acceleration) for training_ratio in TRAINING_RATIOS],
-        test=[round_nearest(test_ratio * max_acceleration) for test_ratio in TEST_RATIOS],
+        train=[
+            round_nearest(training_fraction * max_acceleration)
+            for training_fraction in TRAINING_ACCELERATION_FRACTIONS
+        ],
+        test=[
+            round_nearest(test_fraction * max_acceleration) for test_fraction in TEST_ACCELERATION_FRACTIONS
+        ],
     )

@@ -90,7 +90,7 @@ def format_toml(value: object) -> str:
 
 
 ONE_TWO_FIVE = (1.0, 2.0, 5.0, 10.0)
-_SLACK = 1e-9
+_ROUNDING_TOLERANCE = 1e-9
 
 
 def round_nearest(value: float, digits: int = 2) -> float:
@@ -100,28 +100,30 @@ def round_nearest(value: float, digits: int = 2) -> float:
 
 def round_up(value: float, digits: int = 2) -> float:
     """Round a positive value up to a number of significant digits."""
-    return _round_in_decade(value, digits, math.ceil, -_SLACK)
+    return _round_in_decade(value, digits, math.ceil, -_ROUNDING_TOLERANCE)
 
 
 def round_down(value: float, digits: int = 2) -> float:
     """Round a positive value down to a number of significant digits."""
-    return _round_in_decade(value, digits, math.floor, _SLACK)
+    return _round_in_decade(value, digits, math.floor, _ROUNDING_TOLERANCE)
 
 
 def step_up(value: float, steps: Sequence[float] = ONE_TWO_FIVE) -> float:
     """Round a positive value up to 1, 2, 5, 10, 20, ..."""
-    decade = math.floor(math.log10(value) + _SLACK)
-    step_value = next(step for step in steps if step * (1.0 + _SLACK) >= value / 10.0**decade)
+    decade = math.floor(math.log10(value) + _ROUNDING_TOLERANCE)
+    step_value = next(step for step in steps if step * (1.0 + _ROUNDING_TOLERANCE) >= value / 10.0**decade)
     return float(f"{step_value:g}e{decade}")
 
 
 def step_down(value: float) -> float:
     """Round a positive value down to 1, 2, 5, 10, 20, ..."""
-    decade = math.floor(math.log10(value) + _SLACK)
-    mantissa = value / 10.0**decade * (1.0 + _SLACK)
+    decade = math.floor(math.log10(value) + _ROUNDING_TOLERANCE)
+    mantissa = value / 10.0**decade * (1.0 + _ROUNDING_TOLERANCE)
     return float(f"{max(step for step in ONE_TWO_FIVE if step <= mantissa):g}e{decade}")
 
 
-def _round_in_decade(value: float, digits: int, round_whole: Callable[[float], int], slack: float) -> float:
+def _round_in_decade(
+    value: float, digits: int, round_whole: Callable[[float], int], tolerance: float
+) -> float:
     decade = math.floor(math.log10(value)) - digits + 1
-    return float(f"{round_whole(value / 10.0**decade * (1.0 + slack))}e{decade}")
+    return float(f"{round_whole(value / 10.0**decade * (1.0 + tolerance))}e{decade}")

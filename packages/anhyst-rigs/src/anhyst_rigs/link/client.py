@@ -121,14 +121,14 @@ class ControllerLink:
         """
         if not 1 <= window <= MAX_WINDOW:
             raise InputError(f"window {window}: choose 1 to {MAX_WINDOW}", code="out-of-range", key="window")
-        demand_flow, remaining_forces = _DemandFlow(self), iter(forces)
+        demand_window, remaining_forces = _DemandWindow(self), iter(forces)
         with self._lock:
             while True:
-                demand_flow.send(islice(remaining_forces, window - len(demand_flow.waiting)))
-                if not demand_flow.waiting:
+                demand_window.send(islice(remaining_forces, window - len(demand_window.unanswered_demands)))
+                if not demand_window.unanswered_demands:
                     return
-                demand_flow.receive()
-                yield from demand_flow.take_answered()
+                demand_window.receive()
+                yield from demand_window.take_answered()
 
     def command(self, command: Command) -> State:
         """Send a command that changes the state of the controller; return the new state."""
@@ -142,9 +142,9 @@ class ControllerLink:
         """Write a setting from the next tick on; return the value that the controller stores."""
         return self.request(frames.SettingWriteRequest(setting, value), frames.SettingAnswer).value
 
-    def write_block(self, words: Sequence[int]) -> int:
+    def write_block(self, block_words: Sequence[int]) -> int:
         """Send a parameter block and activate it between two ticks; return the active generation."""
-        all_words = [int(code) for code in words]
+        all_words = [int(word) for word in block_words]
         if len(all_words) <= GENERATION_INDEX:
             text = f"a block of {len(all_words)} words: is too short; send a complete block"
             raise InputError(text, code="block-too-short")
@@ -171,12 +171,14 @@ class ControllerLink:
 
     def read_block(self) -> list[int]:
         """Return the active parameter block."""
-        words: list[int] = []
+        block_words: list[int] = []
         with self._lock:
             length = self._read_block_words(0, LENGTH_INDEX + 1)[LENGTH_INDEX]
-            while len(words) < length:
-                words += self._read_block_words(len(words), min(length - len(words), _MAX_FRAME_WORDS))
-        return words
+            while len(block_words) < length:
+                block_words += self._read_block_words(
+                    len(block_words), min(length - len(block_words), _MAX_FRAME_WORDS)
+                )
+        return block_words
 
     def _read_block_words(self, offset: int, count: int) -> tuple[int, ...]:
         return self.request(frames.BlockReadRequest(offset, count), frames.BlockWordsAnswer).words
@@ -305,19 +307,19 @@ def demand_request(force: int) -> frames.DemandRequest:
     return frames.DemandRequest(int(force))
 
 
-class _DemandFlow:
+class _DemandWindow:
     """Several demands without answer at the same time; none is lost or reordered."""
 
     def __init__(self, controller: ControllerLink) -> None:
         self.controller = controller
-        self.waiting: deque[_SentDemand] = deque()
+        self.unanswered_demands: deque[_SentDemand] = deque()
         self._deadline = 0.0
 
     def send(self, forces: Iterable[int]) -> None:
         """Send several demands in one write."""
         new_demands = [self._make_demand(force) for force in forces]
         if new_demands:
-            self.waiting.extend(new_demands)
+            self.unanswered_demands.extend(new_demands)
             self._send_demands(new_demands)
 
     def _make_demand(self, force: int) -> _SentDemand:
@@ -330,20 +332,20 @@ class _DemandFlow:
 
     def receive(self) -> None:
         """Process the answers that arrive, and repeat lost demands."""
-        if len(self.waiting) > 1:
+        if len(self.unanswered_demands) > 1:
             time.sleep(_READ_PAUSE_S)
         answers = self.controller.receive(max(self._deadline - time.monotonic(), 0.0))
-        by_number = {demand.sequence: demand for demand in self.waiting}
+        demands_by_number = {demand.sequence: demand for demand in self.unanswered_demands}
         for frame in answers:
-            demand = by_number.get(frame.sequence)
+            demand = demands_by_number.get(frame.sequence)
             if demand is not None and demand.status is None and not self._store_answer(demand, frame):
                 return
-        oldest_demand = self.waiting[0]
+        oldest_demand = self.unanswered_demands[0]
         if oldest_demand.status is not None:
             return
         if time.monotonic() >= self._deadline:
-            self._repeat_demands([demand for demand in self.waiting if demand.status is None])
-        elif oldest_demand.attempts == 1 and any(demand.status for demand in self.waiting):
+            self._repeat_demands([demand for demand in self.unanswered_demands if demand.status is None])
+        elif oldest_demand.attempts == 1 and any(demand.status for demand in self.unanswered_demands):
             self._repeat_demands([oldest_demand])  # A newer demand was answered, so this one was lost.
 
     def _store_answer(self, demand: _SentDemand, frame: Frame) -> bool:
@@ -366,17 +368,17 @@ class _DemandFlow:
         self._send_demands(demands)
 
     def _renumber_from(self, oldest_lost: _SentDemand) -> None:
-        """Send a demand and all later ones with new numbers, as a newer one was accepted before."""
-        demands = list(self.waiting)
-        index = demands.index(oldest_lost)
-        renumbered = [self._make_demand(demand.force) for demand in demands[index:]]
+        """Send a demand and all later ones again, because a newer one was accepted before."""
+        demands = list(self.unanswered_demands)
+        lost_index = demands.index(oldest_lost)
+        renumbered = [self._make_demand(demand.force) for demand in demands[lost_index:]]
         self.controller.repeated_count += len(renumbered)
-        self.waiting = deque(demands[:index] + renumbered)
+        self.unanswered_demands = deque(demands[:lost_index] + renumbered)
         self._send_demands(renumbered)
 
     def take_answered(self) -> Iterator[Status]:
         """Remove the statuses that are available, and yield them in order."""
-        while self.waiting and self.waiting[0].status is not None:
-            status = self.waiting.popleft().status
+        while self.unanswered_demands and self.unanswered_demands[0].status is not None:
+            status = self.unanswered_demands.popleft().status
             if status is not None:
                 yield status

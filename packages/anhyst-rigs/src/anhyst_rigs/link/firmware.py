@@ -99,19 +99,19 @@ def _read_actuator_name(folder: Path) -> str:
 
 def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     board = BOARDS[name]
-    root = firmware_folder()
-    board_folders = [root / "boards" / board_folder for board_folder in board.folders]
+    firmware_root = firmware_folder()
+    board_folders = [firmware_root / "boards" / board_folder for board_folder in board.folders]
     controller_kind = "position" if (folder / f"{actuator}_controller.c").is_file() else "force"
     sources = [*sorted(folder.glob("src/*/*.c")), folder / f"{actuator}_parameters.c"]
-    include = [root, folder / "include", folder, *board_folders]
+    include = [firmware_root, folder / "include", folder, *board_folders]
     if controller_kind == "position":
         sources.append(folder / f"{actuator}_controller.c")
     else:
         # A folder without a position controller lacks this source, which the firmware needs.
         sources.append(core_folder() / "src" / "control" / "supervisor.c")
     include.append(core_folder() / "include")
-    for part in ("app", "link", "services", "xcp", controller_kind):
-        sources += sorted((root / part).glob("*.c"))
+    for source_part in ("app", "link", "services", "xcp", controller_kind):
+        sources += sorted((firmware_root / source_part).glob("*.c"))
     for sources_of_board in board_folders:
         sources += sorted(
             file
@@ -121,8 +121,11 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     if not any(source.name == f"board_{controller_kind}.c" for source in sources):
         text = f"board {name}: has no {controller_kind} controller; choose another board"
         raise InputError(text, code="board-has-no-controller", key=name)
-    major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
-    defines = {"BOARD_FIRMWARE_VERSION": str(256 * major + minor), **actuator_defines(actuator)}
+    major_version, minor_version = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
+    defines = {
+        "BOARD_FIRMWARE_VERSION": str(256 * major_version + minor_version),
+        **actuator_defines(actuator),
+    }
     defines["BOARD_BODY"] = f'"{controller_kind}/{controller_kind}.h"'
     if board.port_header and (folder / "port" / board.port_header).is_file():
         include.append(folder / "port")

@@ -26,7 +26,7 @@ QEMU = "qemu-system-arm"
 Q31_ONE = 1 << 31
 SELF_TEST_TICKS = 40
 TICKS_PER_DEMAND = 5
-SENSOR_NOISE = 1e-4
+RELATIVE_SENSOR_NOISE = 1e-4
 
 Runner = Callable[[Path, Plant], AbstractContextManager[RunningFirmware]]
 
@@ -47,7 +47,7 @@ class WalkingPlant:
         self._current, self._next_current = self._next_current, current
         gap = 0.5 + 0.3 * math.sin(tick * 2.0 * math.pi / 5000.0)
         gap, force, current_reading = (
-            value + self._random.gauss(0.0, SENSOR_NOISE)
+            value + self._random.gauss(0.0, RELATIVE_SENSOR_NOISE)
             for value in (gap, 0.5 * self._current, self._current)
         )
         return Reading(gap, force, current_reading)
@@ -122,8 +122,8 @@ def compare_runs(host: FirmwareRun, board: FirmwareRun) -> Difference | None:
     for tick, (value, answer) in enumerate(zip(host.drives, board.drives, strict=True)):
         if value != answer:
             return Difference("firmware", tick, "drive", value, answer)
-    for index, (expected, board_status) in enumerate(zip(host.statuses, board.statuses, strict=True)):
-        for name, value in expected.items():
+    for index, (expected_code, board_status) in enumerate(zip(host.statuses, board.statuses, strict=True)):
+        for name, value in expected_code.items():
             if value != board_status[name]:
                 return Difference("status", index, name, value, board_status[name])
     return None

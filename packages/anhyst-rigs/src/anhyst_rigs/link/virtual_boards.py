@@ -96,7 +96,7 @@ class PlantBus:
         for _ in range(ticks):
             self._step(self.tick + 1)
 
-    def skip(self, ticks: int) -> None:
+    def skip_ticks(self, ticks: int) -> None:
         """Advance the plant by ticks that the controller misses because it does not run."""
         for _ in range(ticks):
             self.tick += 1
@@ -196,7 +196,7 @@ class LibraryBoard:
         self._firmware.library_link.restype = ctypes.c_uint16
         self._answer_buffer = ctypes.create_string_buffer(_MAX_LINK_BYTES)
         self._drive_buffer = ctypes.create_string_buffer(PlantDrive.FIXED.size)
-        self._unread = b""
+        self._unread_bytes = b""
         self._is_off, self._unload = False, dlclose
         self._memory = ctypes.create_string_buffer(self._firmware.library_bytes())
         self._firmware.library_start(self._memory)
@@ -214,13 +214,13 @@ class LibraryBoard:
         answer_length = self._firmware.library_link(
             self._memory, data, len(data), self._answer_buffer, _MAX_LINK_BYTES
         )
-        self._unread += ctypes.string_at(self._answer_buffer, answer_length)
+        self._unread_bytes += ctypes.string_at(self._answer_buffer, answer_length)
 
     def read(self, timeout: float) -> bytes:
         """Return the answers of the firmware at once; the time limit has no effect."""
         del timeout
         self.write(b"")
-        data, self._unread = self._unread, b""
+        data, self._unread_bytes = self._unread_bytes, b""
         return data
 
     def close(self) -> None:
@@ -318,15 +318,15 @@ def _serial_options(name: str, address: str) -> list[str]:
 
 @contextmanager
 def _start_process(
-    command: Sequence[str], handed_over: Sequence[socket.socket], stdout: int | None = None
+    command: Sequence[str], handed_over_sockets: Sequence[socket.socket], stdout: int | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
-    file_descriptors = [handed_socket.fileno() for handed_socket in handed_over]
+    file_descriptors = [handed_socket.fileno() for handed_socket in handed_over_sockets]
     try:
         process = subprocess.Popen(command, pass_fds=file_descriptors, stdout=stdout)
     except OSError as error:
         raise InputError(f"{command[0]}: cannot be run: {error.strerror}", code="cannot-be-run") from error
     finally:
-        for handed_socket in handed_over:
+        for handed_socket in handed_over_sockets:
             handed_socket.close()
     try:
         yield process

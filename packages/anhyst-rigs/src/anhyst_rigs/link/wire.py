@@ -23,8 +23,8 @@ from anhyst.support.states import Fault, State
 from anhyst.support.xcp_map import MAX_PACKET_BYTES, SEED_SECRET
 from anhyst_rigs.link.frames import VERSION, Message, StatusAnswer
 
-_FRAME_HEAD = struct.Struct("<BBBBI")
-_CHECKSUM = struct.Struct("<I")
+_FRAME_HEADER = struct.Struct("<BBBBI")
+_CHECKSUM_FORMAT = struct.Struct("<I")
 _MAX_FRAME_BYTES = 254
 """Number of stored bytes of an incomplete frame; every frame is shorter."""
 
@@ -65,8 +65,8 @@ class Status:
 def encode(message: Message, sequence: int, tick: int = 0, version: int = VERSION) -> bytes:
     """Return a message as a frame that ends with a zero byte."""
     payload = message.pack()
-    body = _FRAME_HEAD.pack(version, message.TYPE, sequence, len(payload), tick) + payload
-    return cobs_encode(body + _CHECKSUM.pack(zlib.crc32(body))) + b"\0"
+    body = _FRAME_HEADER.pack(version, message.TYPE, sequence, len(payload), tick) + payload
+    return cobs_encode(body + _CHECKSUM_FORMAT.pack(zlib.crc32(body))) + b"\0"
 
 
 def cobs_encode(body: bytes) -> bytes:
@@ -111,12 +111,12 @@ class Receiver:
 
 def _parse_frame(encoded: bytes) -> Frame | None:
     body = cobs_decode(encoded)
-    if body is None or len(body) < _FRAME_HEAD.size + _CHECKSUM.size:
+    if body is None or len(body) < _FRAME_HEADER.size + _CHECKSUM_FORMAT.size:
         return None
-    frame = body[: -_CHECKSUM.size]
-    version, kind, sequence, length, tick = _FRAME_HEAD.unpack_from(frame)
-    payload = frame[_FRAME_HEAD.size :]
-    if length != len(payload) or body[-_CHECKSUM.size :] != _CHECKSUM.pack(zlib.crc32(frame)):
+    frame = body[: -_CHECKSUM_FORMAT.size]
+    version, kind, sequence, length, tick = _FRAME_HEADER.unpack_from(frame)
+    payload = frame[_FRAME_HEADER.size :]
+    if length != len(payload) or body[-_CHECKSUM_FORMAT.size :] != _CHECKSUM_FORMAT.pack(zlib.crc32(frame)):
         return None
     return Frame(version, kind, sequence, tick, payload)
 
@@ -129,7 +129,7 @@ class SplitResult(NamedTuple):
     """Received bytes, divided into packets."""
 
     packets: list[bytes]  # complete packets
-    rest: bytes  # beginning of a packet that is incomplete
+    incomplete_bytes: bytes  # beginning of a packet that is incomplete
     skipped_bytes: int  # number of serial bytes that do not belong to a complete packet
     is_broken: bool  # whether the remaining bytes cannot be a packet (only TCP)
 
@@ -168,8 +168,8 @@ def split_packets(data: bytes, serial: bool = False) -> SplitResult:
 
 def _checksum(data: bytes) -> bytes:
     """Return the sum of all words, with the low byte first."""
-    total: int = sum(struct.unpack(f"<{len(data) // 2}H", data))
-    return (total & 0xFFFF).to_bytes(_CHECKSUM_BYTES, "little")
+    word_sum: int = sum(struct.unpack(f"<{len(data) // 2}H", data))
+    return (word_sum & 0xFFFF).to_bytes(_CHECKSUM_BYTES, "little")
 
 
 def compute_key(seed: bytes, secret: int = SEED_SECRET) -> bytes:
@@ -290,11 +290,11 @@ def _open_serial(url: str, baud: int) -> Any:
 
 
 def _explain_error(error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    if number is None and isinstance(error.__context__, OSError):
-        number = error.__context__.errno
-    if number in _ERROR_TEXTS:
-        return _ERROR_TEXTS[number]
+    error_number = getattr(error, "errno", None)
+    if error_number is None and isinstance(error.__context__, OSError):
+        error_number = error.__context__.errno
+    if error_number in _ERROR_TEXTS:
+        return _ERROR_TEXTS[error_number]
     text = str(error)
     if "refused" in text:
         return "connection refused; start the controller first"

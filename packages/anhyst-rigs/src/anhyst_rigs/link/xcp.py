@@ -138,7 +138,7 @@ class XcpLine:
         try:
             while not self._closed.is_set():
                 result = split_packets(incomplete + self._port.read(_POLL_S), self.serial)
-                incomplete = result.rest
+                incomplete = result.incomplete_bytes
                 self.skipped_bytes += result.skipped_bytes
                 if result.is_broken:
                     raise InputError(f"{self.url}: does not support XCP", code="no-xcp")
@@ -266,14 +266,16 @@ class XcpMaster:
     def read_block(self) -> list[int]:
         """Return the active parameter block."""
         (length,) = self.read_words(LENGTH_INDEX, 1)
-        words: list[int] = []
-        while len(words) < length:
-            words += self.read_words(len(words), min(_MAX_PACKET_WORDS, length - len(words)))
-        return words
+        block_words: list[int] = []
+        while len(block_words) < length:
+            block_words += self.read_words(
+                len(block_words), min(_MAX_PACKET_WORDS, length - len(block_words))
+            )
+        return block_words
 
     def swap_block(self, words: Sequence[int]) -> None:
         """Download another parameter block, and activate it between two ticks."""
-        block_words = [int(code) for code in words]
+        block_words = [int(word) for word in words]
         with self._line.lock:
             self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 1)))
             try:
@@ -285,8 +287,8 @@ class XcpMaster:
                         data,
                         frames.BlockDataRequest(offset, part_words),
                     )
-                swap = frames.BlockSwapRequest(block_words[GENERATION_INDEX] & 0xFFFF)
-                self._send_checked(bytes((_SET_PAGE, _CONTROLLER_PAGE, 0, 1)), swap)
+                swap_request = frames.BlockSwapRequest(block_words[GENERATION_INDEX] & 0xFFFF)
+                self._send_checked(bytes((_SET_PAGE, _CONTROLLER_PAGE, 0, 1)), swap_request)
             finally:
                 self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 0)))
 
@@ -311,10 +313,14 @@ class XcpMaster:
                     return State(self._read_value(_STATE_ADDRESS))
         raise InputError(f"{self.url}: no tick passes; the controller does not run", code="no-tick")
 
-    def write_demand(self, code: int) -> None:
+    def write_demand(self, demand_code: int) -> None:
         """Demand a force or a position, as q31 of full scale."""
-        request = frames.DemandRequest(code) if self.body is Body.FORCE else frames.TargetRequest(code)
-        self._write_value(self._demand_address, code, request)
+        request = (
+            frames.DemandRequest(demand_code)
+            if self.body is Body.FORCE
+            else frames.TargetRequest(demand_code)
+        )
+        self._write_value(self._demand_address, demand_code, request)
 
     def read_demand(self) -> int:
         """Return the last demand of a force or a position, as q31 of full scale."""
@@ -473,9 +479,9 @@ class XcpBridge:
         answer = self._controller.request(frames.XcpRequest(tuple(command)), frames.XcpPacketsAnswer)
         remaining_bytes, packets = bytes(answer.packets), []
         while remaining_bytes:
-            end = 1 + remaining_bytes[0]
-            packets.append(remaining_bytes[1:end])
-            remaining_bytes = remaining_bytes[end:]
+            packet_end = 1 + remaining_bytes[0]
+            packets.append(remaining_bytes[1:packet_end])
+            remaining_bytes = remaining_bytes[packet_end:]
         return packets
 
     def _disconnect(self) -> None:

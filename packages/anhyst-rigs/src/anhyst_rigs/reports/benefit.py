@@ -54,7 +54,7 @@ from anhyst_rigs.study.benefit import (
 from anhyst_rigs.study.engine.table import Metric
 
 STRONGEST_BASELINE = "the strongest baseline"
-_MAX_DARK_RATIO = 0.45  # ratio below which the colour is so dark that the text is white
+_MAX_RATIO_WITH_WHITE_TEXT = 0.45  # ratio below which the colour is so dark that the text is white
 _SHORT_NAMES = {"linearised": "lin.", "single-valued": "single"}  # names for narrow squares
 _OUTCOME_HATCHES: Mapping[str, dict[str, Any]] = {
     "loss": {"ec": ALARM_COLOUR, "hatch": "xxxx"},
@@ -91,16 +91,21 @@ def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
     figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(cases)))
     axes = figure.subplots(len(baselines), len(cases), squeeze=False, sharex=True, sharey=True)
     mesh: QuadMesh | None = None
-    for axes_row, (against, cells) in zip(axes, baselines.items(), strict=True):
+    for axes_row, (baseline_name, cells) in zip(axes, baselines.items(), strict=True):
         for ax, case in zip(axes_row, cases, strict=True):
-            mesh = _draw_map(ax, gains, against, [pair for pair in cells if pair[0].case == case])
-            ax.set_title(f"{_case_text(case)}, against {against}", fontsize=8.0)
+            mesh = _draw_map(
+                ax,
+                gains,
+                baseline_name,
+                [cell_and_comparison for cell_and_comparison in cells if cell_and_comparison[0].case == case],
+            )
+            ax.set_title(f"{_case_text(case)}, against {baseline_name}", fontsize=8.0)
         axes_row[0].set_ylabel("loop width (% of largest drive)")
     for ax in axes[-1]:
         ax.set_xlabel("reversible fraction")
     assert mesh is not None
-    bar = figure.colorbar(mesh, ax=axes, shrink=0.8, extend="max")
-    bar.set_label(f"{metric.title} of full / that of the baseline")
+    colour_bar = figure.colorbar(mesh, ax=axes, shrink=0.8, extend="max")
+    colour_bar.set_label(f"{metric.title} of full / that of the baseline")
     figure.legend(
         [Rectangle((0, 0), 1, 1, fc="none", lw=0.8, **style) for style in _OUTCOME_HATCHES.values()],
         ["significant loss", "not significant", "nothing to gain: both are small"],
@@ -111,26 +116,26 @@ def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
 
 
 def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> QuadMesh:
-    widths = sorted({gains.mean_loop_width(map_cell.iron.pinning_scale) for map_cell in gains.cells})
+    loop_widths = sorted({gains.mean_loop_width(map_cell.iron.pinning_scale) for map_cell in gains.cells})
     levels = list(dict.fromkeys(cell.iron.reversible_fraction for cell in gains.cells))
-    ratios = np.full((len(widths), len(levels)), np.nan)
+    metric_ratios = np.full((len(loop_widths), len(levels)), np.nan)
     for cell, comparison in cells:
-        y = widths.index(gains.mean_loop_width(cell.iron.pinning_scale))
+        y = loop_widths.index(gains.mean_loop_width(cell.iron.pinning_scale))
         x = levels.index(cell.iron.reversible_fraction)
-        ratios[y, x] = _ratio_or_nan(comparison)
+        metric_ratios[y, x] = _ratio_or_nan(comparison)
         _label_cell(ax, (x, y), baseline, cell, comparison)
     # A mesh of squares replaces an image, because identifiers must be unique on a page.
     mesh = ax.pcolormesh(
         np.arange(len(levels) + 1) - 0.5,
-        np.arange(len(widths) + 1) - 0.5,
-        np.ma.masked_invalid(np.minimum(ratios, 2.0)),
+        np.arange(len(loop_widths) + 1) - 0.5,
+        np.ma.masked_invalid(np.minimum(metric_ratios, 2.0)),
         cmap="PuOr_r",
         norm=TwoSlopeNorm(1.0, 0.0, 2.0),
         zorder=0.5,  # The mesh is drawn below the hatching.
     )
     ax.grid(visible=False)
     ax.set_xticks(range(len(levels)), ["unchanged" if level is None else f"{level:g}" for level in levels])
-    ax.set_yticks(range(len(widths)), [f"{100.0 * width:.2g}" for width in widths])
+    ax.set_yticks(range(len(loop_widths)), [f"{100.0 * width:.2g}" for width in loop_widths])
     return mesh
 
 
@@ -144,8 +149,8 @@ def _label_cell(
 ) -> None:
     """Write the ratio into its square, and hatch the square if there is no significant gain."""
     x, y = position
-    ratio, baseline = _ratio_or_nan(comparison), comparison.baseline
-    text = "lost" if math.isnan(ratio) else f"{ratio:.2f}"
+    metric_ratio, baseline = _ratio_or_nan(comparison), comparison.baseline
+    text = "lost" if math.isnan(metric_ratio) else f"{metric_ratio:.2f}"
     if map_cell.iron.label == "pathological":
         text += "†"
     if baseline and baseline != map_baseline:
@@ -158,7 +163,7 @@ def _label_cell(
         ha="center",
         va="center",
         fontsize=7.0,
-        color="#FFFFFF" if is_gain and ratio < _MAX_DARK_RATIO else INK_COLOUR,
+        color="#FFFFFF" if is_gain and metric_ratio < _MAX_RATIO_WITH_WHITE_TEXT else INK_COLOUR,
         bbox=None if is_gain else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
     )
     if not is_gain:
@@ -229,8 +234,8 @@ def _benefit_section(gains: Benefit) -> Section:
     blocks: list[Block] = []
     for metric in gains.metrics:
         title = metric.title
-        for against, cells in compare_with_baselines(gains, metric.key).items():
-            blocks.append(Text(_gain_text(gains, title.capitalize(), against, cells)))
+        for baseline_name, cells in compare_with_baselines(gains, metric.key).items():
+            blocks.append(Text(_gain_text(gains, title.capitalize(), baseline_name, cells)))
         blocks.append(
             picture(
                 figure_benefit(gains, metric),
@@ -250,7 +255,9 @@ def _benefit_section(gains: Benefit) -> Section:
 
 def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) -> str:
     """Return a sentence with the numbers of gains and losses, and with the largest gain."""
-    gain_cells = [pair for pair in cells if pair[1].outcome == "gain"]
+    gain_cells = [
+        cell_and_comparison for cell_and_comparison in cells if cell_and_comparison[1].outcome == "gain"
+    ]
     loss_count, no_potential_count = (
         sum(comparison.outcome == outcome for _, comparison in cells)
         for outcome in ("loss", "nothing to gain")

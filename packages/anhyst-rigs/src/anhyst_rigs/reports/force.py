@@ -69,30 +69,30 @@ def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
     gap = settings.gap_sensor
     actuator, turn_count = rig.actuator_name_and_turns
     held_gaps = settings.held_case.gaps_m
-    left, middle, right, above, below = 1.3, 4.8, 8.3, 3.2, 1.2
+    left_x, middle_x, right_x, upper_y, lower_y = 1.3, 4.8, 8.3, 3.2, 1.2
     boxes = {
-        (left, above): ("PC", "demands, recording"),
-        (middle, above): (
+        (left_x, upper_y): ("PC", "demands, recording"),
+        (middle_x, upper_y): (
             "embedded controller",
             f"board {board}, {settings.timing.rate_Hz:g} ticks/s",
             "fixed point, one tick of delay",
         ),
-        (right, above): (
+        (right_x, upper_y): (
             "current amplifier",
             f"0 to {amplifier.current_high_A:g} A, {amplifier.dac_bits} bits",
             f"{amplifier.bandwidth_Hz:g} Hz, {amplifier.slew_A_per_s:g} A/s",
         ),
-        (right, below): (
+        (right_x, lower_y): (
             actuator,
             f"{turn_count} turns, {settings.force.force_max_N:g} N",
             f"gap {1e3 * min(held_gaps):g} to {1e3 * max(held_gaps):g} mm",
         ),
-        (middle, below): (
+        (middle_x, lower_y): (
             gap.kind,
             f"{1e6 * gap.resolution:.3g} um steps over {1e3 * (gap.high_m - gap.low_m):g} mm",
             f"{1e6 * gap.noise_m:g} um rms, {gap.bandwidth_Hz:g} Hz",
         ),
-        (left, below): (
+        (left_x, lower_y): (
             "force sensor",
             f"{force_sensor.adc_bits} bits over {force_sensor.high_N - force_sensor.low_N:g} N",
             f"{force_sensor.noise_N:g} N rms, {force_sensor.bandwidth_Hz:g} Hz",
@@ -100,28 +100,30 @@ def figure_hardware(rig: ForceControlRig, board: str) -> Figure:
     }
     figure, ax = new_diagram(9.6, 4.1)
     for centre, (title, *lines) in boxes.items():
-        fill = SOFTWARE_FILL if centre == (middle, above) else PLANT_FILL
+        fill = SOFTWARE_FILL if centre == (middle_x, upper_y) else PLANT_FILL
         draw_box(ax, centre, title.replace(" ", "-"), DiagramBlock(title, tuple(lines)), fill)
     half_width, half_height = 0.5 * BOX_WIDTH_IN, 0.5 * BOX_HEIGHT_IN
-    box_edges = (left + half_width, middle - half_width, middle + half_width, right - half_width)
-    draw_arrow(ax, [(box_edges[0], above), (box_edges[1], above)], arrowstyle="<|-|>")
-    draw_arrow(ax, [(box_edges[2], above), (box_edges[3], above)])
-    draw_arrow(ax, [(right, above - half_height), (right, below + half_height)])
-    draw_arrow(ax, [(box_edges[3], below), (box_edges[2], below)], FALLING_COLOUR)
-    draw_arrow(ax, [(middle, below + half_height), (middle, above - half_height)])
-    corner = (
-        (left + 0.7 * half_width, below + half_height),
-        (middle - 0.7 * half_width, above - half_height),
+    box_edges = (left_x + half_width, middle_x - half_width, middle_x + half_width, right_x - half_width)
+    draw_arrow(ax, [(box_edges[0], upper_y), (box_edges[1], upper_y)], arrowstyle="<|-|>")
+    draw_arrow(ax, [(box_edges[2], upper_y), (box_edges[3], upper_y)])
+    draw_arrow(ax, [(right_x, upper_y - half_height), (right_x, lower_y + half_height)])
+    draw_arrow(ax, [(box_edges[3], lower_y), (box_edges[2], lower_y)], FALLING_COLOUR)
+    draw_arrow(ax, [(middle_x, lower_y + half_height), (middle_x, upper_y - half_height)])
+    box_corner = (
+        (left_x + 0.7 * half_width, lower_y + half_height),
+        (middle_x - 0.7 * half_width, upper_y - half_height),
     )
-    draw_arrow(ax, corner, linestyle=(0, (4, 2)))
-    box_bottom = below - half_height
-    draw_arrow(ax, [(right, box_bottom), (right, 0.2), (left, 0.2), (left, box_bottom)], FALLING_COLOUR)
+    draw_arrow(ax, box_corner, linestyle=(0, (4, 2)))
+    box_bottom = lower_y - half_height
+    draw_arrow(
+        ax, [(right_x, box_bottom), (right_x, 0.2), (left_x, 0.2), (left_x, box_bottom)], FALLING_COLOUR
+    )
     for x, y, text in (
-        (0.5 * (box_edges[0] + box_edges[1]), above + 0.08, "serial link\nforce out, status back"),
-        (0.5 * (box_edges[2] + box_edges[3]), above + 0.08, "current"),
-        (0.5 * (box_edges[2] + box_edges[3]), below + 0.08, "armature"),
-        (0.5 * (left + middle) - 0.3, 0.5 * (above + below) + 0.05, "force"),
-        (middle, 0.26, "force"),
+        (0.5 * (box_edges[0] + box_edges[1]), upper_y + 0.08, "serial link\nforce out, status back"),
+        (0.5 * (box_edges[2] + box_edges[3]), upper_y + 0.08, "current"),
+        (0.5 * (box_edges[2] + box_edges[3]), lower_y + 0.08, "armature"),
+        (0.5 * (left_x + middle_x) - 0.3, 0.5 * (upper_y + lower_y) + 0.05, "force"),
+        (middle_x, 0.26, "force"),
     ):
         draw_label(ax, (x, y), text)
     return figure
@@ -237,14 +239,14 @@ def _headline(result: ForceControl, has_verification: bool) -> Headline:
         + "; ".join(result.plant.report_lines)
         + ".",
         notes=tuple(notes),
-        tiles=_tiles(result),
+        tiles=_error_tiles(result),
         comparison=comparison_table(result),
         validity="Errors of the true force after the lead-in, which only a simulation knows. They "
         "include the delay of one tick and the lag of the amplifier.",
     )
 
 
-def _tiles(result: ForceControl) -> tuple[Tile, ...]:
+def _error_tiles(result: ForceControl) -> tuple[Tile, ...]:
     """Return the largest errors for the fastest demand with a fixed armature."""
     demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
     fastest_demand = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
@@ -280,8 +282,12 @@ def comparison_table(result: ForceControl) -> PageTable:
 @use_report_style
 def figure_constant_gap(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
     """Draw forces and errors at the end of the stroke: one column per demand (paper, Fig. 7)."""
-    unknown_starts = [outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"]
-    return _draw_columns(rig, unknown_starts, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0)
+    outcomes_with_unknown_history = [
+        outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"
+    ]
+    return _draw_columns(
+        rig, outcomes_with_unknown_history, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0
+    )
 
 
 @use_report_style
@@ -326,20 +332,20 @@ def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> 
         2 * len(names), columns, squeeze=False, sharey="row", height_ratios=(3, 2) * len(names)
     )
     for name, error_axes, errors in zip(names, axes[::2], axes[1::2], strict=True):
-        members = [outcome for outcome in outcomes if outcome.trial.demand.name == name]
-        for ax, error_ax, outcome in zip(error_axes, errors, members, strict=False):
+        group_outcomes = [outcome for outcome in outcomes if outcome.trial.demand.name == name]
+        for ax, error_ax, outcome in zip(error_axes, errors, group_outcomes, strict=False):
             _draw_forces(ax, rig, outcome)
             ax.set_title(f"{_position_text(outcome)}\n{name}")
             ax.tick_params(labelbottom=False)
             _draw_deviations(error_ax, rig, outcome, title=False)
             worst_error = (
-                f"{controller} {_worst_percent(rig, outcome, controller):.1f}"
+                f"{controller} {_worst_error_percent(rig, outcome, controller):.1f}"
                 for controller in ("full", "single")
             )
             error_ax.set_title(f"{'; '.join(worst_error)} %", fontsize=8.0, weight="normal")
             error_ax.set_xlabel("time (s)")
-        for empty in (*error_axes[len(members) :], *errors[len(members) :]):
-            empty.remove()
+        for empty_axes in (*error_axes[len(group_outcomes) :], *errors[len(group_outcomes) :]):
+            empty_axes.remove()
         error_axes[0].set_ylabel("force (N)")
         errors[0].set_ylabel("true force - demand (N)")
     legend_below(figure, axes[0, 0], axes[1, 0], columns=int(figure.get_figwidth() / 2.4))
@@ -359,7 +365,7 @@ def _draw_forces(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome) -> None:
 
 
 def _draw_deviations(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome, *, title: bool = True) -> None:
-    worst = []
+    worst_errors = []
     for name in (controller for controller in _DRAWN_ERRORS if controller in outcome.recordings):
         deviation = outcome.recordings[name]["force_N"] - outcome.trial.demand.force
         deviation[: outcome.trial.demand.lead_in] = np.nan
@@ -367,13 +373,15 @@ def _draw_deviations(ax: Axes, rig: ForceControlRig, outcome: ForceOutcome, *, t
         ax.plot(
             *_thin_curve(rig, outcome, deviation), color=COLOURS[_DRAWN_ERRORS[name]], lw=1.0, label=label
         )
-        worst.append(f"{CONTROLLER_TITLES[name]} {_worst_percent(rig, outcome, name):.2f}\N{NO-BREAK SPACE}%")
+        worst_errors.append(
+            f"{CONTROLLER_TITLES[name]} {_worst_error_percent(rig, outcome, name):.2f}\N{NO-BREAK SPACE}%"
+        )
     if title:
-        text = textwrap.fill(f"worst: {'; '.join(worst)}", MAX_TITLE_LETTERS)
+        text = textwrap.fill(f"worst: {'; '.join(worst_errors)}", MAX_TITLE_LETTERS)
         ax.set_title(text, fontsize=8.0, weight="normal")
 
 
-def _worst_percent(rig: ForceControlRig, outcome: ForceOutcome, name: str) -> float:
+def _worst_error_percent(rig: ForceControlRig, outcome: ForceOutcome, name: str) -> float:
     demand = outcome.trial.demand
     error = (outcome.recordings[name]["force_N"] - demand.force)[demand.lead_in :]
     return 100.0 * peak_deviation(error) / rig.settings.force.force_max_N

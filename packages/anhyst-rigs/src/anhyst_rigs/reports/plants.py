@@ -27,12 +27,12 @@ from anhyst_rigs.reports.study.page import (
     COLOURS,
     TerminalSummary,
     file_hashes,
-    in_report_order,
     legend_below,
     line_style,
     origin_section,
     page_text,
     picture,
+    sort_for_report,
     verdict_note,
 )
 from anhyst_rigs.rig.drift import Drift
@@ -42,7 +42,7 @@ from anhyst_rigs.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantM
 
 def terminal_summary(runs: MonteCarlo) -> TerminalSummary:
     """Return the terminal output of a Monte Carlo study."""
-    count = f"{len(runs.drifts)} plants, seed {runs.plants.seed}; evaluated is '{runs.plants.own_method}'"
+    count = f"{len(runs.drifts)} plants, seed {runs.plants.seed}; evaluated is '{runs.plants.main_method}'"
     return TerminalSummary([percentile_table(runs)], [count])
 
 
@@ -54,7 +54,7 @@ def render(runs: MonteCarlo, files: Sequence[Path], command: str) -> str:
 
 def _headline(runs: MonteCarlo) -> Headline:
     file = runs.plants.file
-    counts = [f"{name}: {runs.lost_count(name)} of {len(runs.drifts)}" for name in in_report_order(runs.runs)]
+    counts = [f"{name}: {runs.lost_count(name)} of {len(runs.drifts)}" for name in sort_for_report(runs.runs)]
     has_losses = any(runs.lost_count(name) for name in runs.runs)
     return Headline(
         title=file.name,
@@ -108,7 +108,7 @@ def percentile_table(runs: MonteCarlo) -> PageTable:
         [_figure_title(figure, case), name, *(format_number(value, 3) for value in percentiles)]
         for figure in runs.plants.figures
         for case_index, case in enumerate(figure.case_names)
-        for name in in_report_order(runs.runs)
+        for name in sort_for_report(runs.runs)
         for values in (runs.values(name, figure.key, case_index),)
         for percentiles in ([figure.factor * percentile(values, percentage) for percentage in PERCENTILES],)
     ]
@@ -122,19 +122,19 @@ def _figure_title(figure: PlantMetric, case: str) -> str:
 
 def _worst_plants(runs: MonteCarlo) -> Items:
     """Return the worst plant for each case of the first metric, with the drift of this plant."""
-    figure, own_method = runs.plants.figures[0], runs.plants.own_method
+    figure, main_method = runs.plants.figures[0], runs.plants.main_method
     rows = []
     for case, name in enumerate(figure.case_names):
-        values = runs.values(own_method, figure.key, case)
-        number = int(np.argmax(values))
+        values = runs.values(main_method, figure.key, case)
+        plant = int(np.argmax(values))
         value_text = "lost"
-        if math.isfinite(values[number]):
-            value_text = f"{format_number(figure.factor * values[number], 2)}{NBSP}{figure.unit}"
+        if math.isfinite(values[plant]):
+            value_text = f"{format_number(figure.factor * values[plant], 2)}{NBSP}{figure.unit}"
         text = (
-            f"{_figure_title(figure, name)}, {value_text}: plant {number}, {_drift_text(runs.drifts[number])}"
+            f"{_figure_title(figure, name)}, {value_text}: plant {plant}, {_drift_text(runs.drifts[plant])}"
         )
         rows.append(text)
-    return Items(f"Worst plants of {own_method}", tuple(rows))
+    return Items(f"Worst plants of {main_method}", tuple(rows))
 
 
 def _drift_text(drift: Drift) -> str:
@@ -155,7 +155,7 @@ def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figu
     figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
     axes = create_panels(figure, len(spreads))
     for ax, (title, by_method) in zip(axes, spreads.items(), strict=True):
-        for name in in_report_order(by_method):
+        for name in sort_for_report(by_method):
             values = np.sort(by_method[name])
             plant_percent = 100.0 * np.arange(1, values.size + 1) / values.size
             finite = np.isfinite(values)

@@ -35,7 +35,7 @@ from anhyst_rigs.reports.study.page import (
     origin_section,
     page_text,
     picture,
-    thin_curves,
+    reduce_curve_points,
     verdict_note,
 )
 from anhyst_rigs.reports.study.task import SimulationTask
@@ -102,9 +102,11 @@ def figure_scan(variants: Mapping[MethodName, VariantResult], motion: SetPoint, 
     axes[0].set_ylabel("acceleration [m/s²]")
     for name, variant in variants.items():
         run = variant.recording
-        axes[1].plot(*thin_curves(time, 1e9 * run["error_m"][shown_part]), label=name, **line_style(name))
-        axes[2].plot(*thin_curves(*_moving_average(run, slit, begin_time)), **line_style(name))
-        axes[3].plot(*thin_curves(time, run["force_error_N"][shown_part]), **line_style(name))
+        axes[1].plot(
+            *reduce_curve_points(time, 1e9 * run["error_m"][shown_part]), label=name, **line_style(name)
+        )
+        axes[2].plot(*reduce_curve_points(*_moving_average(run, slit, begin_time)), **line_style(name))
+        axes[3].plot(*reduce_curve_points(time, run["force_error_N"][shown_part]), **line_style(name))
     axes[1].set_ylabel("error [nm]")
     axes[2].set_ylabel(f"mean over {1e3 * slit:g} ms [nm]")
     axes[3].set_ylabel("force error [N]")
@@ -293,15 +295,21 @@ def _scan_section(study: TrackingStudy) -> Section:
 def _limit_section(study: TrackingStudy) -> Section:
     columns: tuple[tuple[str, Callable[[VariantResult], float]], ...] = (
         ("small forces: peak [nm]", lambda variant: 1e9 * variant.small_force_measures.peak_m),
-        ("mean over the slit [nm]", lambda figures: 1e9 * figures.small_force_measures.average_m),
-        ("standstill, rms [nm]", lambda one: 1e9 * one.standstill_m),
-        ("one repeated set-point: peak [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.peak_m),
-        ("mean over the slit [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.average_m),
-        ("into 50 nm [ms]", lambda one: 1e3 * one.repeated_setpoint_measures.settling_50_s),
+        ("moving average over the slit [nm]", lambda variant: 1e9 * variant.small_force_measures.average_m),
+        ("standstill, rms [nm]", lambda variant: 1e9 * variant.standstill_m),
+        (
+            "one repeated set-point: peak [nm]",
+            lambda variant: 1e9 * variant.repeated_setpoint_measures.peak_m,
+        ),
+        (
+            "moving average over the slit [nm]",
+            lambda variant: 1e9 * variant.repeated_setpoint_measures.average_m,
+        ),
+        ("into 50 nm [ms]", lambda variant: 1e3 * variant.repeated_setpoint_measures.settling_50_s),
     )
     rows = [
-        [name, *(format_number(value(one), 3) for _, value in columns)]
-        for name, one in study.variants.items()
+        [name, *(format_number(value(variant), 3) for _, value in columns)]
+        for name, variant in study.variants.items()
     ]
     table_header = ["variant", *(title for title, _ in columns)]
     return Section(

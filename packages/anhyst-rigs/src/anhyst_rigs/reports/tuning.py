@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from anhyst.support.figures import ALARM_COLOUR, new_figure, use_report_style, write_png
 from anhyst.support.kinds import MethodName
-from anhyst_rigs.reports.study.page import COLOURS, INK_COLOUR, in_report_order, legend_below, line_style
+from anhyst_rigs.reports.study.page import COLOURS, INK_COLOUR, legend_below, line_style, sort_for_report
 from anhyst_rigs.study.engine.table import Metric
 from anhyst_rigs.study.tuning.aims import GAIN_METRICS, Aims, GainFigures
 from anhyst_rigs.study.tuning.result import RESULT_FILES, Tuning, meets_other_aims
@@ -31,7 +31,7 @@ class GainsPoint:
 @use_report_style
 def figure_pareto(
     candidates: Sequence[GainsPoint],
-    chosen: Mapping[MethodName, GainsPoint],
+    chosen_points: Mapping[MethodName, GainsPoint],
     metric: Metric,
     limits: tuple[float | None, float | None],
 ) -> Figure:
@@ -39,7 +39,7 @@ def figure_pareto(
     figure = new_figure(4.6)
     ax = figure.add_subplot()
     finite_candidates = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
-    for name in in_report_order(trial.variant for trial in finite_candidates):
+    for name in sort_for_report(trial.variant for trial in finite_candidates):
         variant_trials = [trial for trial in finite_candidates if trial.variant == name]
         for meets_aims, alpha in ((False, 0.25), (True, 0.8)):
             drawn_trials = [trial for trial in variant_trials if trial.meets_other_aims is meets_aims]
@@ -60,7 +60,7 @@ def figure_pareto(
             drawstyle="steps-post",
             label=f"front, {name}",
         )
-        if (chosen_point := chosen.get(name)) is not None:
+        if (chosen_point := chosen_points.get(name)) is not None:
             metric_value = metric.factor * chosen_point.reached
             label = f"chosen, {name}: {metric_value:.2f} {metric.unit}, peak {chosen_point.peak:.2f}"
             chosen_style: dict[str, Any] = {"ms": 13.0, "mfc": COLOURS[name], "mec": INK_COLOUR, "mew": 0.7}
@@ -99,12 +99,12 @@ def write_pareto(tuning: Tuning, folder: Path) -> None:
         for name, tuned_variant in tuning.tuned.items()
         for trial in tuned_variant.search_result.candidates
     ]
-    chosen = {
+    chosen_points = {
         name: gains_point(name, tuned.aims, tuned.figures)
         for name, tuned in tuning.tuned.items()
         if math.isfinite(tuned.figures.cost)
     }
     minimised_name = tuning.first_tuned.figures.cost_name
     limits = tuning.aims.limits.get(minimised_name), tuning.aims.peak_sensitivity
-    figure = figure_pareto(candidates, chosen, GAIN_METRICS[minimised_name], limits)
+    figure = figure_pareto(candidates, chosen_points, GAIN_METRICS[minimised_name], limits)
     write_png(figure, folder / RESULT_FILES[2])

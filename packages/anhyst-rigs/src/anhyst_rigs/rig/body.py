@@ -32,7 +32,7 @@ from anhyst_rigs.rig.case_table import DisplacementCase, TrajectoryCase
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import FittedPlant
 from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.lines import AGAINST_X, ALONG_X, Coordinate, LinesOfAction
+from anhyst_rigs.rig.lines import LINE_AGAINST_X, LINE_ALONG_X, Coordinate, LinesOfAction
 from anhyst_rigs.rig.magnet_table import LAW_KIND
 from anhyst_rigs.rig.measurement_table import MeasuredLoops
 from anhyst_rigs.rig.parts.magnet import (
@@ -101,8 +101,8 @@ class BodyRig:
 
     def magnet_gaps(self, gap: FloatArray) -> list[FloatArray]:
         """Return the gaps of all magnets, m, for given gaps of the first magnet."""
-        total = self.settings.gap_total_m
-        return [gap] if total is None else [gap, total - gap]
+        total_gap = self.settings.gap_total_m
+        return [gap] if total_gap is None else [gap, total_gap - gap]
 
     @property
     def parameter_names(self) -> tuple[ParameterName, ...]:
@@ -113,15 +113,15 @@ class BodyRig:
     def lines_of_action(self) -> LinesOfAction:
         """Lines of action of all forces and sensors; the coordinate of a bearing is its first gap."""
         file, body = self.settings, self.settings.body
-        pair = [(AGAINST_X, 0.0), (ALONG_X, file.gap_total_m or 0.0)]
+        pair_lines = [(LINE_AGAINST_X, 0.0), (LINE_ALONG_X, file.gap_total_m or 0.0)]
         return LinesOfAction(
             coordinates=[Coordinate(0, body.stop_low_m, body.stop_high_m, body.stop_high_m)],
-            magnets=pair[: len(file.body_magnets)],
-            gap_sensors=[(ALONG_X, 0.0)],
+            magnets=pair_lines[: len(file.body_magnets)],
+            gap_sensors=[(LINE_ALONG_X, 0.0)],
             gravity=[body.gravity_m_per_s2, 0.0, 0.0],
-            force_along=AGAINST_X["d"],
-            load=ALONG_X,
-            load_rest=file.gap_m,
+            recorded_force_direction=LINE_AGAINST_X["d"],
+            load=LINE_ALONG_X,
+            load_rest_position=file.gap_m,
         )
 
     def method_calibration(self, method: MethodName) -> CalibratedMethod | None:
@@ -243,10 +243,10 @@ def read_bearing(path: PathLike) -> BodyRig:
 def plant_faults(file: RigFile) -> Iterator[FileFault]:
     """Find inconsistencies of the plant and its instruments."""
     yield from _delay_faults(file)
-    body, low, high = file.body, file.body.stop_low_m, file.body.stop_high_m
+    body, stop_low, stop_high = file.body, file.body.stop_low_m, file.body.stop_high_m
     sensor = file.gap_sensor
-    if not (sensor.low_m <= body.stop_low_m and high <= sensor.high_m):
-        text = f"its range must contain the travel, {low:g} to {high:g} m; widen low_m or high_m"
+    if not (sensor.low_m <= body.stop_low_m and stop_high <= sensor.high_m):
+        text = f"its range must contain the travel, {stop_low:g} to {stop_high:g} m; widen low_m or high_m"
         yield FileFault(file.key_path(sensor), text, code="range-too-narrow")
     amplifier, shunt = file.amplifier, file.current_sensor
     if not (shunt.low_A <= amplifier.current_low_A and amplifier.current_high_A <= shunt.high_A):
@@ -259,8 +259,8 @@ def plant_faults(file: RigFile) -> Iterator[FileFault]:
     if file.measurement.current_max_A > amplifier.current_high_A:
         text = f"the amplifier ends at {amplifier.current_high_A:g} A; lower it"
         yield FileFault(("measurement", "current_max_A"), text, code="beyond-amplifier")
-    if not low < file.gap_m < high:
-        text = f"the body works at {file.gap_m:g} m, outside the travel of {low:g} to {high:g} m"
+    if not stop_low < file.gap_m < stop_high:
+        text = f"the body works at {file.gap_m:g} m, outside the travel of {stop_low:g} to {stop_high:g} m"
         key = file.key_path(file.magnet, "gap_m")
         yield FileFault(key, f"{text}; lower it or move the stops", code="outside-travel")
 
@@ -271,16 +271,16 @@ def _pair_faults(file: RigFile) -> Iterator[FileFault]:
     if first_magnet.is_bidirectional:
         text = "is bidirectional, which only a stage supports; choose another kind"
         yield FileFault(file.key_path(first_magnet, "kind"), text, code="not-for-this-kind")
-    if first_magnet.direction != AGAINST_X["d"]:
-        text = f"the first magnet must pull along {AGAINST_X['d']}, towards smaller gaps; correct it"
+    if first_magnet.direction != LINE_AGAINST_X["d"]:
+        text = f"the first magnet must pull along {LINE_AGAINST_X['d']}, towards smaller gaps; correct it"
         yield FileFault(file.key_path(first_magnet, "direction"), text, code="wrong-direction")
     if opposite_magnet is None or gap_sum is None:
         return
-    if opposite_magnet.direction != ALONG_X["d"]:
-        text = f"a second magnet must oppose the first along {ALONG_X['d']}; correct it"
+    if opposite_magnet.direction != LINE_ALONG_X["d"]:
+        text = f"a second magnet must oppose the first along {LINE_ALONG_X['d']}; correct it"
         yield FileFault(file.key_path(opposite_magnet, "direction"), text, code="wrong-direction")
-    if not (high := file.body.stop_high_m) < gap_sum:
-        text = f"both gaps sum to {gap_sum:g} m, which must exceed stop_high_m, {high:g} m, or the "
+    if not (stop_high := file.body.stop_high_m) < gap_sum:
+        text = f"both gaps sum to {gap_sum:g} m, which must exceed stop_high_m, {stop_high:g} m, or the "
         text += "body touches the second magnet; raise it"
         yield FileFault(file.key_path(opposite_magnet, "gap_m"), text, code="range-too-narrow")
 
@@ -299,21 +299,25 @@ def _delay_faults(file: RigFile) -> Iterator[FileFault]:
 
 def _case_faults(file: RigFile) -> Iterator[FileFault]:
     """Find references outside the travel, and unsuitable hold times and frequencies."""
-    low, high, step = file.body.stop_low_m, file.body.stop_high_m, file.step
+    stop_low, stop_high, step = file.body.stop_low_m, file.body.stop_high_m, file.step
 
     def travel_faults(
-        table: Table, key: KeyPath, name: str, lowest: float, highest: float
+        table: Table, key: KeyPath, name: str, lowest_gap: float, highest_gap: float
     ) -> Iterator[FileFault]:
-        if not (low < lowest and highest < high):
-            range_text = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
-            text = f"{name} is at {range_text} m, outside the travel of {low:g} to {high:g} m"
+        if not (stop_low < lowest_gap and highest_gap < stop_high):
+            range_text = (
+                f"{highest_gap:.5g}"
+                if lowest_gap == highest_gap
+                else f"{lowest_gap:.5g} to {highest_gap:.5g}"
+            )
+            text = f"{name} is at {range_text} m, outside the travel of {stop_low:g} to {stop_high:g} m"
             text += "; lower it or move the stops"
             yield FileFault(file.key_path(table, *key), text, code="outside-travel")
 
     for number, gap in enumerate(step.also_gaps_m):
         yield from travel_faults(step, ("also_gaps_m", number), "the reference", gap, gap)
     for number, height in enumerate(step.heights_m):
-        for gap in (gap for gap in file.step_gaps_m if low < gap < high):
+        for gap in (gap for gap in file.step_gaps_m if stop_low < gap < stop_high):
             upper, lower = step_ends(gap, height)
             name = f"the step around {gap:g} m"
             faults = list(travel_faults(step, ("heights_m", number), name, lower, upper))

@@ -108,7 +108,7 @@ class CalibratedMethod(Table):
     @property
     def is_applied(self) -> bool:
         """Whether any parameter corrects the method. None does if the hysteresis law does not fit."""
-        return self.fits and any(not number.frozen for number in self.parameter)
+        return self.fits and any(not parameter.frozen for parameter in self.parameter)
 
     @property
     def summary(self) -> str:
@@ -127,8 +127,8 @@ class CalibratedMethod(Table):
 
     def value(self, name: ParameterName) -> float:
         """Return the value of a parameter; 0 if it is absent or the hysteresis law does not fit."""
-        numbers = self.parameter if self.fits else []
-        return next((number.value for number in numbers if number.name == name), 0.0)
+        parameters = self.parameter if self.fits else []
+        return next((parameter.value for parameter in parameters if parameter.name == name), 0.0)
 
     def width_changes(self, count: int) -> list[float]:
         """Return the relative change of the loop width of each magnet."""

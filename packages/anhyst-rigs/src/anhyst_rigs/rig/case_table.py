@@ -20,7 +20,7 @@ from anhyst.support.toml_file import (
     check_order,
     discriminate_by,
 )
-from anhyst_rigs.rig.magnet_table import OPENS_GAP, Direction
+from anhyst_rigs.rig.magnet_table import OPENS_GAP, DirectionVector
 
 Peaks = Annotated[list[Positive], Field(min_length=2)]
 
@@ -62,7 +62,7 @@ class ScanCase(Table):
     slit_s: Positive
     # weight of the moving average relative to the rms error when feedforward gains are searched
     average_weight: NotNegative = 0.0
-    direction: Direction = OPENS_GAP  # direction of the set-point
+    direction: DirectionVector = OPENS_GAP  # direction of the set-point
 
     @model_validator(mode="after")
     def _check_phases(self) -> Self:
@@ -109,7 +109,7 @@ class ForceCase(Table):
     cycles: Annotated[int, Field(ge=1, le=100)]
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_limit_order(self) -> Self:
         check_order("low", self.low, "high", self.high)
         return self
 

@@ -14,13 +14,13 @@ from anhyst.data.loops import Loop
 from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
 
-MAX_MEAN_DEVIATION_RATIO = 1.1
+MAX_PLANT_TO_MODEL_DEVIATION = 1.1
 """Ratio of the mean deviations of plant and model; above it, the plant counts as less accurate."""
 
 _STEADY_STATE_CYCLES = 2
 """Number of cycles until a loop with induced currents is in steady state."""
 
-_MIN_TIME_STEP_RATIO = 1e-3
+_MIN_STEP_TO_MEDIAN_STEP = 1e-3
 """Smallest time step, relative to the median. Clocks with few digits repeat times."""
 
 PathFollower = Callable[[FloatArray, FloatArray], FloatArray]
@@ -49,15 +49,15 @@ def simulate_loop_in_time(magnet: Magnet, loop: Loop, zero: float = 0.0) -> Floa
     """Return the force along a loop with induced currents; the history before it is quasi-static."""
     assert loop.schedule is not None
     assert loop.time is not None
-    coil, steps = Coil(magnet), np.diff(loop.time)
-    median_step = float(np.median(steps))
-    steps = np.append(median_step, np.maximum(steps, _MIN_TIME_STEP_RATIO * median_step))
-    history = np.append(np.array(loop.history.turning_points), loop.input[0]) - zero
-    places = np.array(
+    coil, time_steps = Coil(magnet), np.diff(loop.time)
+    median_step = float(np.median(time_steps))
+    time_steps = np.append(median_step, np.maximum(time_steps, _MIN_STEP_TO_MEDIAN_STEP * median_step))
+    history_currents = np.append(np.array(loop.history.turning_points), loop.input[0]) - zero
+    gaps_in_history = np.array(
         [*loop.history.schedule_at_points(loop.schedule[0]), loop.schedule[0]], dtype=np.float64
     )
-    coil.run(history, places)
-    rows = np.column_stack([loop.input - zero, loop.schedule, steps]).tolist()
+    coil.run(history_currents, gaps_in_history)
+    rows = np.column_stack([loop.input - zero, loop.schedule, time_steps]).tolist()
     for _ in range(_STEADY_STATE_CYCLES if loop.history.kind == "settled" else 1):
         force = []
         for row in rows:
@@ -96,8 +96,8 @@ class LoopDeviation:
 def measure_deviation(loops: Loops, force: Callable[[Loop], FloatArray]) -> LoopDeviation:
     """Return the deviation of predicted forces from loops."""
     deviations = np.abs(np.concatenate([force(loop) - loop.output for loop in loops.loops]))
-    largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
-    return LoopDeviation(float(deviations.mean()), float(deviations.max()), largest)
+    largest_force = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
+    return LoopDeviation(float(deviations.mean()), float(deviations.max()), largest_force)
 
 
 def measure_model_deviation(loops: Loops, model: Model) -> LoopDeviation:
@@ -138,7 +138,7 @@ class PlantCheck:
                 "the compensator's own model determines the plant's force, so its gain here is not "
                 'evidence; set kind = "electromagnet" and iron = "from loops"'
             ]
-        if not self.plant.mean_deviation > MAX_MEAN_DEVIATION_RATIO * self.model.mean_deviation:
+        if not self.plant.mean_deviation > MAX_PLANT_TO_MODEL_DEVIATION * self.model.mean_deviation:
             return []
         advice = 'set iron = "from loops"'
         if self.is_fitted:

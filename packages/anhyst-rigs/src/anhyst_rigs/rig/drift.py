@@ -169,23 +169,32 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
         magnet_drift: _drifted_magnet(settings, magnet_drift)
         for magnet_drift in dict.fromkeys(complete_drifts)
     }
-    numbers = plant_parameters(drifted_rig)
-    numbers.body["centre"] = _shift_position(settings.body.centre_m, drift)
-    for magnet_drift, actuator, gap in zip(complete_drifts, numbers.actuators, numbers.heads, strict=False):
+    drifted_parameters = plant_parameters(drifted_rig)
+    drifted_parameters.body["centre"] = _shift_position(settings.body.centre_m, drift)
+    for magnet_drift, actuator, gap in zip(
+        complete_drifts, drifted_parameters.actuators, drifted_parameters.heads, strict=False
+    ):
         probe, sensor = actuator["flux_probe"], gap["sensor"]
         if actuator["has_probe"]:
             actuator["flux_probe"] = {**probe, "gain": probe["gain"] + magnet_drift.flux_gain}
         gap["sensor"] = {**sensor, "offset": sensor["offset"] + magnet_drift.gap_offset}
-    for magnet_drift, head in zip(drift.heads, numbers.heads[len(complete_drifts) :], strict=False):
+    for magnet_drift, head in zip(
+        drift.heads, drifted_parameters.heads[len(complete_drifts) :], strict=False
+    ):
         head["line"] = {**head["line"], "r": _shift_position(head["line"]["r"], magnet_drift)}
     return make_plant(
-        drifted_rig, seed, *(magnets[magnet_drift] for magnet_drift in complete_drifts), parameters=numbers
+        drifted_rig,
+        seed,
+        *(magnets[magnet_drift] for magnet_drift in complete_drifts),
+        parameters=drifted_parameters,
     )
 
 
 def _shift_position(position: Sequence[float], drift: Drift) -> list[float]:
-    shift = (drift.place_x, drift.place_y, drift.place_z)
-    return [coordinate + displacement for coordinate, displacement in zip(position, shift, strict=True)]
+    position_shift = (drift.place_x, drift.place_y, drift.place_z)
+    return [
+        coordinate + displacement for coordinate, displacement in zip(position, position_shift, strict=True)
+    ]
 
 
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
@@ -226,10 +235,13 @@ def drifted_law(model: Model, drift: Drift) -> Model:
 def _drifted_cells(model: Model, drift: Drift) -> Model:
     """Return a drifted law of play cells; cell 0 (without a threshold) is the reversible part."""
     cells = cell_weights(model)
-    shares = cells.weights.sum(axis=1) / cells.saturation
-    reversible_share = min(float(shares[0]) * (1.0 + drift.reversible), 1.0)
-    factors = np.full(shares.size, (1.0 - reversible_share) / (1.0 - shares[0]) if shares[0] < 1.0 else 1.0)
-    factors[0] = reversible_share / shares[0] if shares[0] > 0.0 else 1.0
+    cell_fractions = cells.weights.sum(axis=1) / cells.saturation
+    reversible_fraction = min(float(cell_fractions[0]) * (1.0 + drift.reversible), 1.0)
+    factors = np.full(
+        cell_fractions.size,
+        (1.0 - reversible_fraction) / (1.0 - cell_fractions[0]) if cell_fractions[0] < 1.0 else 1.0,
+    )
+    factors[0] = reversible_fraction / cell_fractions[0] if cell_fractions[0] > 0.0 else 1.0
     drifted_weights = replace(
         cells,
         thresholds=(1.0 + drift.pinning) * cells.thresholds,

@@ -198,11 +198,11 @@ class RigFile(Table):
         return file
 
     def _with_gap(self, gap: float) -> RigFile:
-        shift, opposite_magnet = gap - self.gap_m, self.opposite
+        gap_shift, opposite_magnet = gap - self.gap_m, self.opposite
         file = self.with_table_replaced(self.magnet, self.magnet.model_copy(update={"gap_m": gap}))
         if opposite_magnet is None:
             return file
-        moved_opposite = opposite_magnet.model_copy(update={"gap_m": opposite_magnet.gap_m - shift})
+        moved_opposite = opposite_magnet.model_copy(update={"gap_m": opposite_magnet.gap_m - gap_shift})
         return file.with_table_replaced(opposite_magnet, moved_opposite)
 
     def _with_value(self, path: list[str], value: Any) -> RigFile:

@@ -112,11 +112,11 @@ def calibrate_magnet(
     width_change: float = 0.0,
     gap_margin: float = 0.0,
 ) -> IdentifiedMagnet:
-    """Return a magnet described by the readings of current and gap that its controller uses.
+    """Return a magnet whose currents and gaps are those that its controller would read.
 
-    Loops and model are those that these readings would give. Therefore, every compensator and
-    parameter block made from them is calibrated. `scale` and `width_change` are relative changes,
-    `gap_zero` is in m. The valid range of gaps is extended at both ends by `gap_margin`, m.
+    Every compensator and parameter block made from its loops and model is therefore calibrated.
+    `scale` and `width_change` are relative changes, `gap_zero` is in m. The valid range of gaps is
+    extended at both ends by `gap_margin`, m.
     """
     current_factor, measured_loops = 1.0 + scale, magnet.loops
     loops = [
@@ -125,19 +125,21 @@ def calibrate_magnet(
         if loop.schedule is not None
     ]
     model = drifted_law(magnet.model, Drift(pinning=width_change)) if width_change else magnet.model
-    parameters, valid = model.parameters, model.valid
+    parameters, valid_range = model.parameters, model.valid
     model_changes = {
         "c_H": map_parameter(parameters["c_H"], lambda value: current_factor * value),
         "in_0": map_parameter(parameters["in_0"], lambda value: 1.0 / current_factor * value),
     }
-    if valid is not None and valid.schedule is not None:
-        (low_current, high_current), (near_gap, far_gap) = valid.input, valid.schedule
+    if valid_range is not None and valid_range.schedule is not None:
+        (low_current, high_current), (near_gap, far_gap) = valid_range.input, valid_range.schedule
         gap_range = near_gap + gap_zero - gap_margin, far_gap + gap_zero + gap_margin
-        valid = replace(
-            valid, input=(low_current / current_factor, high_current / current_factor), schedule=gap_range
+        valid_range = replace(
+            valid_range,
+            input=(low_current / current_factor, high_current / current_factor),
+            schedule=gap_range,
         )
     gap_nodes = tuple(gap + gap_zero for gap in model.nodes)
-    model = replace(model, nodes=gap_nodes, parameters={**parameters, **model_changes}, valid=valid)
+    model = replace(model, nodes=gap_nodes, parameters={**parameters, **model_changes}, valid=valid_range)
     return IdentifiedMagnet(replace(measured_loops, loops=tuple(loops)), model, width_change)
 
 
@@ -147,8 +149,8 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
     The series follows the first ascending branch of demagnetised iron. Both force and flux density
     depend only on the gap flux, so the direction does not matter.
     """
-    hall = rig.settings.hall_probe
-    if hall is None:
+    hall_probe = rig.settings.hall_probe
+    if hall_probe is None:
         return None
     max_current = rig.settings.measurement.current_max_A
     current = np.linspace(-rig.settings.magnet.is_bidirectional * max_current, max_current, 60)
@@ -157,15 +159,16 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
     for gap in gaps:
         force, _, density = rig.static_map(current, np.full(current.size, gap))
         forces.append(force)
-        densities.append((1.0 + hall.gain_error) * density)
+        densities.append((1.0 + hall_probe.gain_error) * density)
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
-    corners = (amplifier.bandwidth_Hz, hall.bandwidth_Hz)
+    corner_frequencies = (amplifier.bandwidth_Hz, hall_probe.bandwidth_Hz)
     return FluxCalibration(
         gap=np.repeat(gaps, current.size),
         force=np.concatenate(forces),
         flux_density=np.concatenate(densities),
         delay=timing.delay_ticks * rig.dt + amplifier.delay_s,
-        lag=sum(1.0 / (2.0 * math.pi * corner) for corner in corners) + rig.settings.magnet.eddy_time_s,
+        lag=sum(1.0 / (2.0 * math.pi * corner_frequency) for corner_frequency in corner_frequencies)
+        + rig.settings.magnet.eddy_time_s,
     )
 
 

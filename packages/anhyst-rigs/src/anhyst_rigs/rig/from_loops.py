@@ -126,23 +126,24 @@ def check_plant_against_loops(
 
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
     """Fit the keys that a magnet omits; solid iron needs loops at several speeds."""
-    return cached_result("plants", lambda: _fit_uncached(loops, table), loops, table)
+    return cached_result("plants", lambda: _fit_magnet_uncached(loops, table), loops, table)
 
 
-def _fit_uncached(loops: Loops, table: MagnetTable) -> FittedPlant:
+def _fit_magnet_uncached(loops: Loops, table: MagnetTable) -> FittedPlant:
     slow_loops = select_slow_loops(loops)
-    fit = _StaticFit(thin_loops(slow_loops, GUESS_SAMPLES), table)
+    static_fit = _StaticFit(thin_loops(slow_loops, GUESS_SAMPLES), table)
     best_result = min(
-        (fit.minimise(fit.initial_guess(pinning)) for pinning in PINNING_STARTS), key=lambda result: result[0]
+        (static_fit.minimise(static_fit.initial_guess(pinning)) for pinning in PINNING_STARTS),
+        key=lambda result: result[0],
     )
-    fit = _StaticFit(thin_loops(slow_loops, FIT_SAMPLES), table)
-    _, parameters = fit.minimise(best_result[1])
-    turn_count = round(fit.estimate_turns(parameters))
+    static_fit = _StaticFit(thin_loops(slow_loops, FIT_SAMPLES), table)
+    _, parameters = static_fit.minimise(best_result[1])
+    turn_count = round(static_fit.estimate_turns(parameters))
     if table.turns is None:
-        fit = _StaticFit(fit.loops, table.model_copy(update={"turns": turn_count}))
-        _, parameters = fit.minimise(fit.initial_guess(0.0))
-    fitted_plant = fit.make_plant(parameters, table)
-    return replace(fitted_plant, solid=table.solid and _fit_solid(loops, fitted_plant, table.solid))
+        static_fit = _StaticFit(static_fit.loops, table.model_copy(update={"turns": turn_count}))
+        _, parameters = static_fit.minimise(static_fit.initial_guess(0.0))
+    fitted_plant = static_fit.make_plant(parameters, table)
+    return replace(fitted_plant, solid=table.solid and _fit_solid_iron(loops, fitted_plant, table.solid))
 
 
 class RigWithMagnet(Protocol):
@@ -169,17 +170,17 @@ def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
     return replace(rig, settings=new_file.model_copy(update={"irons": irons}), fitted=plant)
 
 
-def _fit_solid(loops: Loops, plant: FittedPlant, given: SolidTable) -> SolidTable:
+def _fit_solid_iron(loops: Loops, plant: FittedPlant, given_solid: SolidTable) -> SolidTable:
     """Fit the omitted keys of solid iron: conductivity, and length of its flux path."""
-    if (given.path_m or 0.0) > plant.poles.iron_length:
+    if (given_solid.path_m or 0.0) > plant.poles.iron_length:
         raise InputError(
             f"magnet.solid.path_m is longer than the {plant.poles.iron_length:.3g} m of the path "
             "in the iron; lower it, or give iron_length_m",
             code="too-long",
             key="magnet.solid.path_m",
         )
-    if given.conductivity_S_per_m is not None and given.path_m is not None:
-        return given
+    if given_solid.conductivity_S_per_m is not None and given_solid.path_m is not None:
+        return given_solid
     speeds = group_by_speed(loops)
     if speeds is None:
         raise InputError(
@@ -194,9 +195,11 @@ def _fit_solid(loops: Loops, plant: FittedPlant, given: SolidTable) -> SolidTabl
     weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * max_force * math.sqrt(sum(loop.n for loop in fit_loops.loops)))
 
     def table(parameters: FloatArray) -> SolidTable:
-        conductivity = given.conductivity_S_per_m or STEEL_CONDUCTIVITY_S_PER_M * math.exp(parameters[0])
-        path = given.path_m or plant.poles.iron_length * _logistic(parameters[1])
-        return given.model_copy(update={"conductivity_S_per_m": conductivity, "path_m": path})
+        conductivity = given_solid.conductivity_S_per_m or STEEL_CONDUCTIVITY_S_PER_M * math.exp(
+            parameters[0]
+        )
+        path = given_solid.path_m or plant.poles.iron_length * _logistic(parameters[1])
+        return given_solid.model_copy(update={"conductivity_S_per_m": conductivity, "path_m": path})
 
     def residuals(parameters: FloatArray) -> FloatArray:
         solid = table(parameters).make_solid_iron(plant.poles.iron_length)

@@ -166,7 +166,9 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
             text = f"no magnet uses '{name}'; remove it, or name it in a magnet"
             yield FileFault(("iron", number), text, code="not-used")
     magnet_names = [magnet.name for magnet in file.magnets]
-    first_magnet = next((listed for listed in file.magnets if isinstance(listed, MagnetTable)), None)
+    first_magnet = next(
+        (listed_names for listed_names in file.magnets if isinstance(listed_names, MagnetTable)), None
+    )
     for number, name in enumerate(magnet_names):
         if name in magnet_names[:number]:
             text = f"'{name}' is already used; choose another name"
@@ -188,10 +190,10 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
 def _pair_faults(file: RigFile, first_magnet: MagnetTable | None) -> Iterator[FileFault]:
     is_bidirectional = first_magnet is not None and first_magnet.is_bidirectional
     needs_opposite = _count_limits(file, _TABLE_RULES[LikeTable][0])[0] > 0
-    pairs = not is_bidirectional and (file.opposite is not None or needs_opposite)
-    if pairs != (file.bias_N is not None):
+    is_pair = not is_bidirectional and (file.opposite is not None or needs_opposite)
+    if is_pair != (file.bias_N is not None):
         text = "a pair of magnets needs it; add it"
-        if not pairs:
+        if not is_pair:
             text = "belongs to a pair of magnets; remove it"
         yield FileFault(("control", "bias_N"), text, code="pair-only")
     if first_magnet is not None and is_bidirectional:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from anhyst_rigs.rig.magnet_table import CLOSES_GAP, OPENS_GAP, ORIGIN
 from anhyst_rigs.rig.sensor_table import PositionSensorTable
 
-Line = Mapping[str, list[float]]
+ActionLine = Mapping[str, list[float]]
 """A point ``r`` on the body, m, and the unit vector ``d`` of a force or reading at this point."""
 
-ALONG_X: Line = {"r": ORIGIN, "d": OPENS_GAP}
-AGAINST_X: Line = {"r": ORIGIN, "d": CLOSES_GAP}
+LINE_ALONG_X: ActionLine = {"r": ORIGIN, "d": OPENS_GAP}
+LINE_AGAINST_X: ActionLine = {"r": ORIGIN, "d": CLOSES_GAP}
 """Two lines of action through the origin, parallel to x."""
 
 
@@ -23,7 +23,7 @@ class Coordinate:
     axis: int  # 0 to 2: along x, y, z; 3 to 5: about x, y, z
     low: float
     high: float
-    rest: float  # initial position of the body
+    initial_position: float  # initial position of the body
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,10 +31,10 @@ class LinesOfAction:
     """Lines of action of all forces and sensors of a body. Gaps apply to the body at its origin, m."""
 
     coordinates: Sequence[Coordinate]
-    magnets: Sequence[tuple[Line, float]]
-    gap_sensors: Sequence[tuple[Line, float]]
+    magnets: Sequence[tuple[ActionLine, float]]
+    gap_sensors: Sequence[tuple[ActionLine, float]]
     gravity: list[float]  # m/s2
-    force_along: list[float]  # unit vector along which the recorded force acts
-    load: Line
-    load_rest: float  # position at which the spring of the load drive has no force, m
-    heads: Sequence[tuple[Line, PositionSensorTable]] = ()
+    recorded_force_direction: list[float]  # unit vector along which the recorded force acts
+    load: ActionLine
+    load_rest_position: float  # position at which the spring of the load drive has no force, m
+    heads: Sequence[tuple[ActionLine, PositionSensorTable]] = ()

@@ -18,7 +18,7 @@ from anhyst_rigs.rig.parts.magnet import ACTUATORS, Poles, SolidIron
 FROM_LOOPS = "from loops"
 
 
-Place = Annotated[list[Number], Field(min_length=3, max_length=3)]
+PositionVector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 """Position on the body in the directions x, y, z, m."""
 ORIGIN = [0.0, 0.0, 0.0]
 
@@ -34,7 +34,7 @@ def _check_unit_vector(value: list[float]) -> list[float]:
     return value
 
 
-Direction = Annotated[Place, AfterValidator(_check_unit_vector)]
+DirectionVector = Annotated[PositionVector, AfterValidator(_check_unit_vector)]
 """Unit vector with the components x, y, z."""
 CLOSES_GAP = [-1.0, 0.0, 0.0]
 OPENS_GAP = [1.0, 0.0, 0.0]
@@ -77,8 +77,8 @@ class MagnetTable(Table):
     name: Name
     kind: Annotated[str, AfterValidator(_check_kind)] = "electromagnet"
     iron: str | None = None  # name of an iron table, or "from loops"
-    direction: Direction = CLOSES_GAP
-    position_m: Place = ORIGIN  # position of the centre of the poles on the body
+    direction: DirectionVector = CLOSES_GAP
+    position_m: PositionVector = ORIGIN  # position of the centre of the poles on the body
     gap_m: Positive | None = None  # gap at the operating point
     turns: Annotated[int, Field(ge=1)] | None = None
     resistance_ohm: Positive | None = None
@@ -167,8 +167,8 @@ class MagnetTable(Table):
     @property
     def poles(self) -> Poles:
         """Winding and poles; requires that all their parameters are given or fitted."""
-        numbers = {name: getattr(self, key) for name, key in POLE_KEYS.items()}
-        poles = Poles(**{**numbers, "joints": self.joints_m or 0.0})
+        pole_values = {name: getattr(self, key) for name, key in POLE_KEYS.items()}
+        poles = Poles(**{**pole_values, "joints": self.joints_m or 0.0})
         return poles if self.kind == LAW_KIND else ACTUATORS[self.kind].circuit(poles, self.numbers)
 
 
@@ -191,8 +191,8 @@ class LikeTable(Table):
 
     name: Name
     like: Name
-    direction: Direction
-    position_m: Place = ORIGIN
+    direction: DirectionVector
+    position_m: PositionVector = ORIGIN
     gap_m: Positive
 
 

@@ -28,7 +28,7 @@ from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import FileFault, Name, NotNegative, Positive, Table, faults_error
 from anhyst.support.units import QUANTITIES
-from anhyst_rigs.rig.minor_loops import find_closings
+from anhyst_rigs.rig.minor_loops import find_loop_closings
 
 # ruff: noqa: N815 - keys of the file carry units
 
@@ -200,10 +200,10 @@ def squared_misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
     for loop in loops.loops:
         inputs = loop.input, loop.schedule, loop.time, loop.history
         runs = [model.predict(*inputs).output for model in models]
-        for closing in find_closings(loop):
-            if (measured_step := closing.measure_step(loop, runs[0])) is None:
+        for loop_closing in find_loop_closings(loop):
+            if (measured_step := loop_closing.measure_output_step(loop, runs[0])) is None:
                 continue
             step, sigma = measured_step
-            errors = [(step - closing.output_step(loop, run)) / max(sigma, min_error) for run in runs]
+            errors = [(step - loop_closing.output_step(loop, run)) / max(sigma, min_error) for run in runs]
             squared_errors.append([error**2 for error in errors])
     return np.array(squared_errors).reshape(-1, len(models))

@@ -21,7 +21,7 @@ from anhyst_rigs.rig.measurement_table import MeasurementTable
 from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
 
-_STEP_COUNT_ROUNDING = 1e-6
+_STEP_COUNT_ROUNDING_ERROR = 1e-6
 """Excess over a whole number of steps that counts as a rounding error."""
 
 
@@ -45,7 +45,7 @@ def sweep_path(reversals: Sequence[float], step: float) -> FloatArray:
     """Return a path with linear sweeps from one reversal to the next, in steps of at most `step`."""
     current_segments = [np.array(reversals[:1])]
     for begin, end in pairwise(reversals):
-        step_count = math.ceil(abs(end - begin) / step - _STEP_COUNT_ROUNDING)
+        step_count = math.ceil(abs(end - begin) / step - _STEP_COUNT_ROUNDING_ERROR)
         current_segments.append(np.linspace(begin, end, max(step_count, 1) + 1)[1:])
     return np.concatenate(current_segments)
 
@@ -55,9 +55,11 @@ def conditioning_path(campaign: MeasurementTable) -> list[float]:
 
     They alternate between the largest current and the lowest of all records, but at most zero.
     """
-    lowest_ratio = min(0.0, *(ratio for record in campaign.records for ratio in record.turns))
-    high = campaign.current_max_A
-    return [high, lowest_ratio * high] * campaign.conditioning_cycles
+    lowest_relative_current = min(
+        0.0, *(relative_current for record in campaign.records for relative_current in record.turns)
+    )
+    max_current = campaign.current_max_A
+    return [max_current, lowest_relative_current * max_current] * campaign.conditioning_cycles
 
 
 def measure_path(
@@ -100,22 +102,27 @@ def measure_at_gap(
 ) -> list[Loop]:
     """Measure all records of a campaign at one of its gaps.
 
-    With `fast_rates`, A/s, records are measured in time, and full cycles at each rate are added.
+    With `fast_rates`, A/s, the records are not quasi-static, and full cycles at each rate are
+    added.
     """
-    gap, conditioning, high = (campaign.gaps_m[index], conditioning_path(campaign), campaign.current_max_A)
+    gap, conditioning, max_current = (
+        campaign.gaps_m[index],
+        conditioning_path(campaign),
+        campaign.current_max_A,
+    )
     sweep_rate, sample_s = campaign.sweep_A_per_s, campaign.sample_s
-    runs = [
-        (record.name, [high * reversal for reversal in record.turns], sweep_rate, sample_s)
+    planned_records = [
+        (record.name, [max_current * reversal for reversal in record.turns], sweep_rate, sample_s)
         for record in campaign.records
     ]
-    cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
+    cycles = [0.0, *[max_current, 0.0] * FAST_CYCLES]
     rounded_gap, exact_gap = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
-    runs += [
-        (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * SAMPLES_PER_FAST_CYCLE))
+    planned_records += [
+        (f"{speed:g}A/s", cycles, speed, 2.0 * max_current / (speed * SAMPLES_PER_FAST_CYCLE))
         for speed in fast_rates
     ]
     loops = []
-    for number, (name, reversals, speed, period) in enumerate(runs):
+    for number, (name, reversals, speed, period) in enumerate(planned_records):
         specimen = rig.magnet() if magnet is None else magnet
         for held_current in conditioning:
             specimen.hold(held_current, gap)
@@ -147,12 +154,12 @@ class HeldBearing:
         """Return the sensors for a sampling time, s; their seed includes that of the rig file."""
         settings = self._rig.settings
         current, force = settings.current_sensor, settings.force_sensor
-        own_seed = [settings.seed, *seed]
+        sensor_seed = [settings.seed, *seed]
         # Slow loops have no low-pass filter.
         shunt = current.plant_parameters(sample) | {"share": 1.0}
         return {
-            "current": NoisySensor(shunt, [*own_seed, 0]),
-            "force": NoisySensor(force.plant_parameters(sample), [*own_seed, 1]),
+            "current": NoisySensor(shunt, [*sensor_seed, 0]),
+            "force": NoisySensor(force.plant_parameters(sample), [*sensor_seed, 1]),
         }
 
 
@@ -180,9 +187,11 @@ def measure_loops(rig: BodyRig) -> Loops:
 
     The conditioning cycles precede every record. With fast cycles, all loops are measured in time.
     """
-    held, campaign = HeldBearing(rig), rig.settings.measurement
+    held_bearing, campaign = HeldBearing(rig), rig.settings.measurement
     indices = range(len(campaign.gaps_m))
     rates = campaign.fast_A_per_s
-    loops = [loop for index in indices for loop in measure_at_gap(held, campaign, index, fast_rates=rates)]
+    loops = [
+        loop for index in indices for loop in measure_at_gap(held_bearing, campaign, index, fast_rates=rates)
+    ]
     output = QUANTITIES[rig.settings.magnet.output]
     return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

@@ -13,7 +13,7 @@ from anhyst.data.loops import Loop
 from anhyst.data.path import find_turning_points
 from anhyst.support.numeric import FloatArray
 
-_WINDOW_RATIO = 0.08
+_WINDOW_HALF_WIDTH_TO_RANGE = 0.08
 """Half-width of the window about a closing point, as a fraction of the input's range."""
 _RETURN_TOLERANCE = 0.02
 """Tolerance with which an input must return to its reversal point, as a fraction of its range."""
@@ -22,7 +22,7 @@ _MIN_SAMPLES = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Closing:
+class LoopClosing:
     """A point at which the input returns to an earlier reversal point and closes a minor loop.
 
     Iron with return-point memory then continues as if the minor loop had not occurred.
@@ -41,16 +41,16 @@ class Closing:
             outputs.append(float(np.interp(self.closing_input, loop.input[rows][order], output[rows][order])))
         return outputs[1] - outputs[0]
 
-    def measure_step(self, loop: Loop, model_output: FloatArray) -> tuple[float, float] | None:
+    def measure_output_step(self, loop: Loop, model_output: FloatArray) -> tuple[float, float] | None:
         """Return the measured misclosure and its standard error; None if there are too few samples.
 
         The estimate uses the residuals of a model that follows the loop. These residuals are
         assumed to depend linearly on the input within the window.
         """
-        window, distances, residuals = _WINDOW_RATIO * float(np.ptp(loop.input)), [], []
-        for rows, side in ((self.earlier_samples, 0.0), (self.later_samples, self.after_side)):
+        window, distances, residuals = _WINDOW_HALF_WIDTH_TO_RANGE * float(np.ptp(loop.input)), [], []
+        for rows, side_indicator in ((self.earlier_samples, 0.0), (self.later_samples, self.after_side)):
             distance = (loop.input[rows] - self.closing_input) / window
-            is_near = (np.abs(distance) <= 1.0) & (side * distance >= 0.0)
+            is_near = (np.abs(distance) <= 1.0) & (side_indicator * distance >= 0.0)
             if np.count_nonzero(is_near) < _MIN_SAMPLES:
                 return None
             distances.append(distance[is_near])
@@ -67,26 +67,28 @@ class Closing:
         return float(coefficients[2]) + self.output_step(loop, model_output), math.sqrt(variance)
 
 
-def find_closings(loop: Loop) -> Iterator[Closing]:
+def find_loop_closings(loop: Loop) -> Iterator[LoopClosing]:
     """Yield all points at which minor loops of a record close."""
-    drive, span = loop.input, float(np.ptp(loop.input))
-    turning_points = find_turning_points(drive, _RETURN_TOLERANCE / 2.0 * span)
-    branches = [slice(begin, end + 1) for begin, end in itertools.pairwise(turning_points.tolist())]
+    drive, input_range = loop.input, float(np.ptp(loop.input))
+    turning_points = find_turning_points(drive, _RETURN_TOLERANCE / 2.0 * input_range)
+    branches = [
+        slice(begin, end_input + 1) for begin, end_input in itertools.pairwise(turning_points.tolist())
+    ]
     open_reversals: list[int] = []
     for number, end in enumerate(drive[turning_points[1:]].tolist(), start=1):
         direction = math.copysign(1.0, end - drive[turning_points[number - 1]])
         while len(open_reversals) > 1:
-            opening = open_reversals[-2]
-            opening_input = float(drive[turning_points[opening]])
-            overshoot = direction * (end - opening_input) / span
+            opening_number = open_reversals[-2]
+            opening_input = float(drive[turning_points[opening_number]])
+            overshoot = direction * (end - opening_input) / input_range
             if overshoot < -_RETURN_TOLERANCE:
                 break
             # If it is False, the input reverses again at the same point.
             has_passed = int(overshoot > _RETURN_TOLERANCE)
             if number - has_passed < len(branches):
-                yield Closing(
+                yield LoopClosing(
                     opening_input,
-                    branches[opening - has_passed],
+                    branches[opening_number - has_passed],
                     branches[number - has_passed],
                     has_passed * direction,
                 )

@@ -113,10 +113,10 @@ def read_piezo_rig(path: PathLike) -> PiezoRig:
 
 def copy_at_rest(inverse: ForceController) -> ForceController:
     """Return a reset copy of an inverse, for a stack that has been at 0 V for a long time."""
-    copy = inverse.reset_copy()
-    if copy.format == "fixed":
-        copy.native.commit(0, 0)
-    return copy
+    inverse_copy = inverse.reset_copy()
+    if inverse_copy.format == "fixed":
+        inverse_copy.native.commit(0, 0)
+    return inverse_copy
 
 
 def notch_parameters(file: RigFile) -> dict[str, float]:
@@ -168,22 +168,22 @@ def triangle_wave(phase: FloatArray) -> FloatArray:
     return wave
 
 
-def round_corners(path: FloatArray, width: int) -> FloatArray:
+def round_corners(path: FloatArray, corner_ticks: int) -> FloatArray:
     """Return a path with corners rounded over `width` ticks, without its first `width` ticks.
 
     The path passes twice through a moving average over half of `width`. This removes oscillations
     of which a whole number of periods fits into the average.
     """
-    kernel = np.ones(max(1, width // 2)) / max(1, width // 2)
-    return np.asarray(np.convolve(np.convolve(path, kernel), kernel)[width : len(path)])
+    kernel = np.ones(max(1, corner_ticks // 2)) / max(1, corner_ticks // 2)
+    return np.asarray(np.convolve(np.convolve(path, kernel), kernel)[corner_ticks : len(path)])
 
 
-def find_piezo_loss(rig: PiezoRig, error: FloatArray, correction: FloatArray) -> Loss | None:
+def find_piezo_loss(rig: PiezoRig, error: FloatArray, feedback: FloatArray) -> Loss | None:
     """Return the first loss of control, at which the error or the feedback, m, exceeds the stroke."""
     stroke = rig.settings.displacement_case.stroke_m
     bounds = (
         SignalBound("the error reached the whole stroke", error, -stroke, stroke),
-        SignalBound("the feedback demanded more than the stroke", correction, -stroke, stroke),
+        SignalBound("the feedback demanded more than the stroke", feedback, -stroke, stroke),
     )
     return find_loss(bounds, planned_ticks=error.size)
 

@@ -16,7 +16,7 @@ from anhyst_rigs.rig.body import BodyRig
 STOP_RESONANCE_HZ = 1600.0
 """Resonance of the body's mass on an end stop, Hz; the damping ratio in contact is 0.5."""
 
-INTEGRAL_CORNER_RATIO = 0.1
+INTEGRAL_CORNER_TO_BANDWIDTH = 0.1
 """Corner frequency of a current controller's integral part, relative to the bandwidth."""
 
 CROSSOVER_DELAY_PHASE_RAD = 0.4
@@ -99,7 +99,7 @@ def _coordinate_parameters(rig: BodyRig) -> list[dict[str, float]]:
     return [
         {
             "axis": coordinate.axis,
-            "rest": coordinate.rest,
+            "rest": coordinate.initial_position,
             "damping": body.damping_N_s_per_m if coordinate.axis < 3 else 0.0,
             "stop_low": coordinate.low,
             "stop_high": coordinate.high,
@@ -134,7 +134,7 @@ def current_controller_gains(rig: BodyRig) -> tuple[float, float]:
         delay = rig.loop_delay + settings.amplifier.delay_s
         omega = min(omega, CROSSOVER_DELAY_PHASE_RAD / delay)
     gain = omega * settings.magnet.poles.inductance(settings.gap_m)
-    return gain, INTEGRAL_CORNER_RATIO * omega * gain
+    return gain, INTEGRAL_CORNER_TO_BANDWIDTH * omega * gain
 
 
 def _body_parameters(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
@@ -146,7 +146,7 @@ def _body_parameters(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[st
         "centre": body.centre_m,
         "inertia": np.diag(body.inertia_kg_m2 or [0.0, 0.0, 0.0]).tolist(),
         "gravity": rig.lines_of_action.gravity,
-        "force_along": rig.lines_of_action.force_along,
+        "force_along": rig.lines_of_action.recorded_force_direction,
         "force_sensor": force_sensor,
         "cable": {"at": body.cable_m, "stiffness": body.cable_N_per_m, "damping": body.cable_N_s_per_m},
         "tick": rig.dt,
@@ -159,15 +159,15 @@ def _amplifier_parameters(rig: BodyRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
     gain, reset = current_controller_gains(rig)
     is_current_source = amplifier.mode == "current"
-    low = amplifier.current_low_A if is_current_source else -amplifier.supply
-    high = amplifier.current_high_A if is_current_source else amplifier.supply
+    output_low = amplifier.current_low_A if is_current_source else -amplifier.supply
+    output_high = amplifier.current_high_A if is_current_source else amplifier.supply
     return {
         "limit": amplifier.supply,
         "gain": gain if is_current_source else 0.0,
         "reset": reset if is_current_source else 0.0,
-        "low": low,
-        "high": high,
-        "step": (high - low) / ((1 << amplifier.dac_bits) - 1),
+        "low": output_low,
+        "high": output_high,
+        "step": (output_high - output_low) / ((1 << amplifier.dac_bits) - 1),
     }
 
 
@@ -178,7 +178,7 @@ def _load_parameters(rig: BodyRig) -> dict[str, Any]:
         "share": _low_pass_coefficient(load.bandwidth_Hz, rig.substep),
         "damping": load.damping_N_s_per_m,
         "stiffness": load.stiffness_N_per_m,
-        "rest": rig.lines_of_action.load_rest,
+        "rest": rig.lines_of_action.load_rest_position,
         "encoder_step": load.encoder_step_m,
         "velocity_share": _low_pass_coefficient(load.velocity_bandwidth_Hz, rig.dt),
     }

@@ -15,7 +15,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Phase, State
 
-LOST_DEMAND_RATIO = 10.0
+LOST_TO_LARGEST_DEMAND = 10.0
 """Demand, relative to the largest demand of the rig file, above which control counts as lost."""
 
 
@@ -43,9 +43,13 @@ def column_name(signal: str, unit: str, number: int = 1) -> str:
     return "_".join(name_part for name_part in (signal, f"{number}" if number > 1 else "", unit) if name_part)
 
 
-def magnet_columns(signals: Sequence[tuple[str, str]], first: int, last: int) -> tuple[str, ...]:
+def magnet_columns(
+    signals: Sequence[tuple[str, str]], first_magnet: int, last_magnet: int
+) -> tuple[str, ...]:
     """Return the columns of the given signals, one magnet after another."""
-    return tuple(column_name(*name, number) for number in range(first, last + 1) for name in signals)
+    return tuple(
+        column_name(*name, number) for number in range(first_magnet, last_magnet + 1) for name in signals
+    )
 
 
 COLUMNS: tuple[str, ...] = (

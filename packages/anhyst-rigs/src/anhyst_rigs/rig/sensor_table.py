@@ -27,7 +27,7 @@ from anhyst.support.toml_file import (
     check_order,
     discriminate_by,
 )
-from anhyst_rigs.rig.magnet_table import Direction, Place
+from anhyst_rigs.rig.magnet_table import DirectionVector, PositionVector
 
 GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
 
@@ -113,7 +113,7 @@ class CurrentSensorTable(DigitisedSensorTable):
     offset_A: Number = 0.0  # reading at zero current; the amplifier uses this reading too
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_limit_order(self) -> Self:
         check_order("low_A", self.low_A, "high_A", self.high_A)
         return self
 
@@ -129,7 +129,7 @@ class ForceSensorTable(DigitisedSensorTable):
     bandwidth_Hz: Positive
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_limit_order(self) -> Self:
         check_order("low_N", self.low_N, "high_N", self.high_N)
         return self
 
@@ -152,8 +152,8 @@ class PositionSensorTable(Table):
     noise_m: NotNegative
     step_m: NotNegative = 0.0
     # only for stages: measured point of the body, and direction in which the reading increases
-    position_m: Place | None = None
-    direction: Direction | None = None
+    position_m: PositionVector | None = None
+    direction: DirectionVector | None = None
     # whether the head is fixed to the ground, so that its beam moves over the body
     stands: bool = False
     dead_path_m: NotNegative = 0.0  # length of this beam at the start of a motion
@@ -189,8 +189,8 @@ SensorEntry = Annotated[
 class NoisySensor:
     """A sensor with noise from a seed, which is read sample by sample."""
 
-    def __init__(self, numbers: Mapping[str, float], seed: list[int]) -> None:
-        self._sensor, self._sigma = Sensor(numbers), numbers["noise"]
+    def __init__(self, parameters: Mapping[str, float], seed: list[int]) -> None:
+        self._sensor, self._sigma = Sensor(parameters), parameters["noise"]
         self._rng = np.random.default_rng(seed)
 
     def noise(self, count: int) -> FloatArray:

@@ -25,7 +25,7 @@ from anhyst.support.toml_file import (
     check_order,
     discriminate_by,
 )
-from anhyst_rigs.rig.magnet_table import ORIGIN, Place
+from anhyst_rigs.rig.magnet_table import ORIGIN, PositionVector
 
 Spread = Annotated[float, Field(ge=0.0, le=30.0)]
 Ratio = Annotated[float, Field(gt=0.0, le=1000.0)]
@@ -63,7 +63,7 @@ class AmplifierTable(Table):
     delay_s: NotNegative = 0.0
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_limit_order(self) -> Self:
         check_order("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
         return self
 
@@ -89,7 +89,7 @@ class StackAmplifierTable(Table):
     time_constant_s: Positive
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_limit_order(self) -> Self:
         check_order("low_V", self.low_V, "high_V", self.high_V)
         return self
 
@@ -112,7 +112,7 @@ class BodyTable(Table):
 
     mass_kg: Positive
     free: Annotated[list[Axis], Field(min_length=1)] = _ALONG_X
-    centre_m: Place = ORIGIN  # position of the centre of mass on the body
+    centre_m: PositionVector = ORIGIN  # position of the centre of mass on the body
     # moments of inertia about the centre of mass, for the axes x, y and z
     inertia_kg_m2: Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
     tilt_rad: Positive = 1e-3  # angle of the end stops in both directions
@@ -123,10 +123,10 @@ class BodyTable(Table):
     # spring and damper from a point of the body to the ground, without force at the pose 0
     cable_N_per_m: NotNegative = 0.0
     cable_N_s_per_m: NotNegative = 0.0
-    cable_m: Place = ORIGIN
+    cable_m: PositionVector = ORIGIN
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_limit_order(self) -> Self:
         check_order("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
         if self.free != [axis for axis in AXES if axis in self.free]:
             raise InputError(f"free must list some of {list(AXES)} in this order", code="wrong-order")

@@ -261,13 +261,17 @@ def _make_step_cell(
         ]
         for name, variant_runs in steps.items()
     }
-    hold = rig.settings.step.hold_s
+    hold_time = rig.settings.step.hold_s
     values = {
-        name: {metric.key: _step_values(pairs, metric.key, hold) for metric in STEP_METRICS}
-        for name, pairs in runs.items()
+        name: {metric.key: _step_values(step_pairs, metric.key, hold_time) for metric in STEP_METRICS}
+        for name, step_pairs in runs.items()
     }
     standstill = {
-        name: float(np.mean([figures["standstill_rms_m"] for pair in pairs for figures in pair]))
+        name: float(
+            np.mean(
+                [figures["standstill_rms_m"] for steps_up_and_down in pairs for figures in steps_up_and_down]
+            )
+        )
         for name, pairs in runs.items()
     }
     has_probe = rig.settings.hall_probe is not None
@@ -288,12 +292,12 @@ def make_map_cell(
     """
 
     def against(*baselines: MethodName) -> dict[str, MethodComparison]:
-        compared = {key: _compare_methods(values, key, baselines) for key in keys}
+        comparisons = {key: _compare_methods(values, key, baselines) for key in keys}
         if isinstance(case, float):
-            compared["overshoot_percent"] = _with_overshoot_floor(
-                compared["overshoot_percent"], values, standstill_rms, case
+            comparisons["overshoot_percent"] = _with_overshoot_floor(
+                comparisons["overshoot_percent"], values, standstill_rms, case
             )
-        return compared
+        return comparisons
 
     return MapCell(
         iron=iron,
@@ -309,13 +313,15 @@ def make_map_cell(
     )
 
 
-def _step_values(runs: _StepPairs, key: str, hold: float) -> FloatArray:
+def _step_values(runs: _StepPairs, key: str, hold_time: float) -> FloatArray:
     """Return, for each seed, the larger value of a step up and a step down.
 
     A settling time is limited to the hold time.
     """
-    max_value = hold if key == "settling_in_noise_s" else math.inf
-    return np.array([max(min(figures[key], max_value) for figures in pair) for pair in runs])
+    max_value = hold_time if key == "settling_in_noise_s" else math.inf
+    return np.array(
+        [max(min(figures[key], max_value) for figures in steps_up_and_down) for steps_up_and_down in runs]
+    )
 
 
 def _compare_methods(values: _Values, key: str, baselines: Sequence[MethodName]) -> MethodComparison:
@@ -333,15 +339,15 @@ def _compare_methods(values: _Values, key: str, baselines: Sequence[MethodName])
 
 
 def _with_overshoot_floor(
-    compared: MethodComparison, values: _Values, standstill_rms: Mapping[MethodName, float], height: float
+    comparison: MethodComparison, values: _Values, standstill_rms: Mapping[MethodName, float], height: float
 ) -> MethodComparison:
     """Return a comparison of overshoots with the floor below which they count as zero."""
-    if compared.baseline is None or compared.quotient is None:
-        return compared
-    pair: tuple[MethodName, ...] = ("full", compared.baseline)
-    floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * max(standstill_rms[name] for name in pair) / height
-    largest_overshoot = max(float(np.mean(values[name]["overshoot_percent"])) for name in pair)
-    return replace(compared, floor=floor, is_below_floor=largest_overshoot < floor)
+    if comparison.baseline is None or comparison.quotient is None:
+        return comparison
+    compared_methods: tuple[MethodName, ...] = ("full", comparison.baseline)
+    floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * max(standstill_rms[name] for name in compared_methods) / height
+    largest_overshoot = max(float(np.mean(values[name]["overshoot_percent"])) for name in compared_methods)
+    return replace(comparison, floor=floor, is_below_floor=largest_overshoot < floor)
 
 
 AnyRig = BodyRig | ForceControlRig | PiezoRig
@@ -423,7 +429,7 @@ def _cases_by_name(plants: Plants) -> Mapping[str, Sequence[int]]:
 
 def _largest_value(figure: float | Sequence[float | None] | None, positions: Sequence[int]) -> float:
     """Return the largest of some values of a metric; infinite if a level was not reached."""
-    values = [figure[number] for number in positions] if isinstance(figure, Sequence) else [figure]
+    values = [figure[position] for position in positions] if isinstance(figure, Sequence) else [figure]
     return max(math.inf if value is None else value for value in values)
 
 

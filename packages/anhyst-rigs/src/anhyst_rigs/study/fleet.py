@@ -156,11 +156,11 @@ class Fleet(Result):
     def _pooled_columns(self, index: int) -> dict[str, float]:
         if (spread := self.spread) is None:
             return {}
-        pairs = zip(self.quantities, spread.values[index], spread.std[index], strict=True)
+        pooled_values = zip(self.quantities, spread.values[index], spread.std[index], strict=True)
         return {
-            f"{name}, {suffix}": float(number)
-            for name, value, std in pairs
-            for suffix, number in (("in the fleet", value), ("in the fleet, std", std))
+            f"{name}, {suffix}": float(pooled_value)
+            for name, value, std in pooled_values
+            for suffix, pooled_value in (("in the fleet", value), ("in the fleet, std", std))
         }
 
     def as_dict(self) -> dict[str, Any]:

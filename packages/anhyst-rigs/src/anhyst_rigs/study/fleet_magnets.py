@@ -233,9 +233,13 @@ class FleetChoice:
 
     def task(self, member: Member, given_settings: FleetSettings, out: Path) -> FleetTask:
         """Return the task of a magnet; a pilot keeps the settings of the user."""
-        search = given_settings if member.name in self.pilots else self.settings
+        search_settings = given_settings if member.name in self.pilots else self.settings
         return FleetTask(
-            member, self.settings, out, (search.law, search.gap_map), self.identifications.get(member.name)
+            member,
+            self.settings,
+            out,
+            (search_settings.law, search_settings.gap_map),
+            self.identifications.get(member.name),
         )
 
 
@@ -262,9 +266,11 @@ def choose_law(
         identifications |= {m.name: r for m, r in zip(next_members, results, strict=True) if r is not None}
     if not identifications:
         return FleetChoice(settings)
-    chosen = {name: (member.model.law, member.model.gap_map) for name, member in identifications.items()}
-    common_choice = Counter(chosen.values()).most_common(1)[0][0]
-    pilots = tuple(name for name, choice in chosen.items() if choice == common_choice)
+    laws_by_pilot = {
+        name: (member.model.law, member.model.gap_map) for name, member in identifications.items()
+    }
+    common_choice = Counter(laws_by_pilot.values()).most_common(1)[0][0]
+    pilots = tuple(name for name, choice in laws_by_pilot.items() if choice == common_choice)
     law, gap_map = common_choice[0], "auto" if common_choice[1] == "none" else common_choice[1]
     content = {
         "made_from": _choice_inputs(tried_members, settings),
@@ -306,7 +312,7 @@ def _load_choice(members: Sequence[Member], settings: FleetSettings, path: Path)
         pilot_magnets = members[: len(content["made_from"]["sha256"])]
         if content["made_from"] != _choice_inputs(pilot_magnets, settings):
             return None
-        chosen = replace(settings, law=str(content["law"]), gap_map=str(content["gap_map"]))
-        return FleetChoice(chosen, tuple(content["pilots"]))
+        chosen_settings = replace(settings, law=str(content["law"]), gap_map=str(content["gap_map"]))
+        return FleetChoice(chosen_settings, tuple(content["pilots"]))
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -100,10 +100,10 @@ class _Coordinates:
 
     @classmethod
     def from_values(cls, values: FloatArray, coordinates: Sequence[Coordinate]) -> _Coordinates:
-        sizes = np.abs(values)
-        scale = np.median(sizes, axis=0)
+        magnitudes = np.abs(values)
+        scale = np.median(magnitudes, axis=0)
         # The median may be zero, which is the bound of the search.
-        scale = np.where(scale > 0.0, scale, sizes.max(axis=0))
+        scale = np.where(scale > 0.0, scale, magnitudes.max(axis=0))
         kinds = np.array(coordinates)
         log = (kinds == "log") & (values > 0.0).all(axis=0)
         asinh = kinds == "asinh"
@@ -137,22 +137,22 @@ def estimate_spread(
     covariances = np.array(
         [estimate.correlation * np.outer(s, s) for estimate, s in zip(estimates, sigma, strict=True)]
     )
-    limit = chdtri(values.shape[1], OUTLIER_PROBABILITY / len(values))
+    outlier_limit = chdtri(values.shape[1], OUTLIER_PROBABILITY / len(values))
     is_central = _central_half(values)
     for _ in range(10):
         mean, scatter = _expectation_maximisation(values[is_central], covariances[is_central])
-        squares = _squared_distances(values, covariances, mean, scatter)
-        now_belongs = squares <= limit
+        squared_distances = _squared_distances(values, covariances, mean, scatter)
+        now_belongs = squared_distances <= outlier_limit
         if 2 * now_belongs.sum() <= len(values) or np.array_equal(now_belongs, is_central):
             break
         is_central = now_belongs
-    is_outlier = squares > limit
-    pooled = [
-        (y, s) if keeps_estimate else _shrink(y, s, mean, scatter)
+    is_outlier = squared_distances > outlier_limit
+    pooled_estimates = [
+        (y, s) if keeps_estimate else _shrink_to_mean(y, s, mean, scatter)
         for y, s, keeps_estimate in zip(values, covariances, is_outlier, strict=True)
     ]
-    pooled_quantities = transform.to_quantities(np.array([estimate for estimate, _ in pooled]))
-    pooled_std = np.array([np.sqrt(np.diag(estimate)) for _, estimate in pooled])
+    pooled_quantities = transform.to_quantities(np.array([estimate for estimate, _ in pooled_estimates]))
+    pooled_std = np.array([np.sqrt(np.diag(estimate)) for _, estimate in pooled_estimates])
     mean_quantities = transform.to_quantities(mean)
     return FleetSpread(
         mean=mean_quantities,
@@ -160,9 +160,9 @@ def estimate_spread(
         values=pooled_quantities,
         std=pooled_std * transform.slope(pooled_quantities),
         correlation=np.array(
-            [estimate / np.outer(s, s) for (_, estimate), s in zip(pooled, pooled_std, strict=True)]
+            [estimate / np.outer(s, s) for (_, estimate), s in zip(pooled_estimates, pooled_std, strict=True)]
         ),
-        distance=np.sqrt(squares / values.shape[1]),
+        distance=np.sqrt(squared_distances / values.shape[1]),
         outlier=is_outlier,
     )
 
@@ -170,9 +170,9 @@ def estimate_spread(
 def _central_half(values: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return the half of the magnets whose worst quantity is nearest to the median."""
     deviations = np.abs(values - np.median(values, axis=0))
-    ratios = deviations / np.maximum(np.median(deviations, axis=0), MIN_SCATTER)
-    largest_ratios = ratios.max(axis=1)
-    return np.asarray(largest_ratios <= np.median(largest_ratios))
+    relative_deviations = deviations / np.maximum(np.median(deviations, axis=0), MIN_SCATTER)
+    largest_deviations = relative_deviations.max(axis=1)
+    return np.asarray(largest_deviations <= np.median(largest_deviations))
 
 
 def _expectation_maximisation(values: FloatArray, covariances: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -180,31 +180,37 @@ def _expectation_maximisation(values: FloatArray, covariances: FloatArray) -> tu
     mean = np.median(values, axis=0)
     scatter = np.maximum(values.std(axis=0), MIN_SCATTER)
     for _ in range(MAX_ITERATIONS):
-        previous = mean, scatter
-        posteriors = [_shrink(y, cov, mean, scatter) for y, cov in zip(values, covariances, strict=True)]
+        previous_mean_and_scatter = mean, scatter
+        posteriors = [
+            _shrink_to_mean(y, cov, mean, scatter) for y, cov in zip(values, covariances, strict=True)
+        ]
         means = np.array([posterior for posterior, _ in posteriors])
         variances = np.array([np.diag(posterior) for _, posterior in posteriors])
         mean = means.mean(axis=0)
         scatter = np.sqrt(np.maximum(((means - mean) ** 2 + variances).mean(axis=0), MIN_SCATTER**2))
-        if np.allclose(mean, previous[0], rtol=1e-6) and np.allclose(scatter, previous[1], rtol=1e-4):
+        if np.allclose(mean, previous_mean_and_scatter[0], rtol=1e-6) and np.allclose(
+            scatter, previous_mean_and_scatter[1], rtol=1e-4
+        ):
             break
     return mean, scatter
 
 
-def _shrink(
+def _shrink_to_mean(
     value: FloatArray, covariance: FloatArray, mean: FloatArray, scatter: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the values of a magnet after shrinkage towards the mean, and their covariance."""
-    prior = np.diag(scatter**2)
-    gain = np.linalg.solve(covariance + prior, prior).T
+    prior_covariance = np.diag(scatter**2)
+    gain = np.linalg.solve(covariance + prior_covariance, prior_covariance).T
     posterior_mean = mean + gain @ (value - mean)
-    return posterior_mean, prior - gain @ prior
+    return posterior_mean, prior_covariance - gain @ prior_covariance
 
 
 def _squared_distances(
     values: FloatArray, covariances: FloatArray, mean: FloatArray, scatter: FloatArray
 ) -> FloatArray:
     """Return the squared Mahalanobis distance of each magnet from the mean."""
-    prior = np.diag(scatter**2)
+    prior_covariance = np.diag(scatter**2)
     deviations = values - mean
-    return np.array([a @ np.linalg.solve(s + prior, a) for a, s in zip(deviations, covariances, strict=True)])
+    return np.array(
+        [a @ np.linalg.solve(s + prior_covariance, a) for a, s in zip(deviations, covariances, strict=True)]
+    )

@@ -128,13 +128,15 @@ class ForceControl(StudyResult):
     def _errors(self) -> list[dict[str, Any]]:
         return [
             {
-                "trial": number,
+                "trial": trial_number,
                 "stage": outcome.trial.trial_stage,
                 "controller": name,
                 "error_rms_N": figures["true"]["rms_N"],
                 "error_worst_N": figures["true"]["worst_N"],
             }
-            for number, (outcome, trial) in enumerate(zip(self.outcomes, self.figures["trials"], strict=True))
+            for trial_number, (outcome, trial) in enumerate(
+                zip(self.outcomes, self.figures["trials"], strict=True)
+            )
             for name, figures in trial["controllers"].items()
         ]
 
@@ -178,34 +180,34 @@ def force_control(
     loops = read_rig_loops(rig_from_file)
     end_loops = loops_at_gap(loops, rig_from_file.settings.force.end_m)
     force_max = rig_from_file.settings.force.force_max_N
-    ratio = fit_ratio(end_loops, force_max)
+    current_per_force = fit_ratio(end_loops, force_max)
     baselines: dict[str, dict[str, Compensator]] = {
-        "end": {"ratio": ratio, "single": fit_single_valued(end_loops, force_max)},
+        "end": {"ratio": current_per_force, "single": fit_single_valued(end_loops, force_max)},
         "stroke": {
-            "ratio": ratio,
+            "ratio": current_per_force,
             "ratio_over_gap": fit_ratio(loops, force_max),
             "single": fit_single_valued(loops, force_max),
         },
     }
     with atomic_folder(out) as folder:
-        complete = complete_rig(rig_from_file, loops)
+        fitted_rig = complete_rig(rig_from_file, loops)
         found_models = map_ordered(
-            partial(identify_force_model, complete), [end_loops, loops], next(progress_parts)
+            partial(identify_force_model, fitted_rig), [end_loops, loops], next(progress_parts)
         )
         models = dict(zip(baselines, found_models, strict=True))
-        programs = _build_programs(complete, models, board, folder, next(progress_parts))
+        programs = _build_programs(fitted_rig, models, board, folder, next(progress_parts))
         controllers = {
             scope: Controllers(programs[scope], results, board) for scope, results in baselines.items()
         }
-        tasks = [(complete, trial, controllers[MODEL_SCOPES[trial.trial_stage]]) for trial in trials]
+        tasks = [(fitted_rig, trial, controllers[MODEL_SCOPES[trial.trial_stage]]) for trial in trials]
         outcomes = map_ordered(_run_trial, tasks, next(progress_parts))
-        plant = complete.check_plant(loops, models["stroke"])
-        results = make_figures(complete, outcomes, board) | {"plant": plant.as_dict()}
+        plant = fitted_rig.check_plant(loops, models["stroke"])
+        results = make_figures(fitted_rig, outcomes, board) | {"plant": plant.as_dict()}
         results["verdict"] = None if results["lost_in"] else verdict_dict(results["summary"])
         for outcome in outcomes:
-            _write_trial(complete, folder / f"{outcome.trial.name}.{recordings}", outcome)
+            _write_trial(fitted_rig, folder / f"{outcome.trial.name}.{recordings}", outcome)
         write_json(folder / FIGURES_FILE, results)
-    return ForceControl(complete, Path(out), results, tuple(outcomes), plant)
+    return ForceControl(fitted_rig, Path(out), results, tuple(outcomes), plant)
 
 
 def _compiled_methods(model: Model) -> tuple[MethodName, ...]:

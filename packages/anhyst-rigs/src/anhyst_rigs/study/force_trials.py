@@ -84,26 +84,26 @@ class ForceOutcome:
     recordings: Mapping[str, Recording]
     # by program: force that the model predicts for the currents of the firmware, N
     simulated_force: Mapping[str, FloatArray] = field(default_factory=dict)
-    # by program: number of ticks at which the firmware had another current than its simulation
+    # number of ticks, by program, at which the currents of firmware and simulation differ
     differing_ticks: Mapping[str, int] = field(default_factory=dict)
 
 
 def plan_trials(rig: ForceControlRig, demands: list[Demand]) -> Iterator[ForceTrial]:
     """Yield all trials, in the order of the paper."""
     settings = rig.settings
-    number = 0
+    trial_number = 0
     for demand in demands:
         initial_states: tuple[InitialState, ...] = ("unknown", "demagnetised")
         for initial_state in initial_states:
-            yield ForceTrial("end", demand, settings.force.end_m, initial_state, number)
-            number += 1
+            yield ForceTrial("end", demand, settings.force.end_m, initial_state, trial_number)
+            trial_number += 1
     for demand in demands:
         for position in settings.held_case.gaps_m:
-            yield ForceTrial("positions", demand, position, "unknown", number)
-            number += 1
+            yield ForceTrial("positions", demand, position, "unknown", trial_number)
+            trial_number += 1
     for demand in demands:
-        yield ForceTrial("moving", demand, None, "unknown", number)
-        number += 1
+        yield ForceTrial("moving", demand, None, "unknown", trial_number)
+        trial_number += 1
 
 
 def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:
@@ -131,7 +131,7 @@ def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers)
     for name, baseline in controllers.baselines.items():
         baseline_stand = make_stand()
         if not is_demagnetised:
-            baseline_stand.condition(controllers.conditioning, gap[0])
+            baseline_stand.condition_iron(controllers.conditioning, gap[0])
         recordings[name] = run_open_loop(baseline_stand, gap, baseline.run(trial.demand.force, gap_reading))
     return ForceOutcome(trial, recordings, simulated_force, differing_ticks)
 

@@ -132,7 +132,7 @@ class PiezoTracking(StudyResult):
         """Whether compensation is beneficial, judged by the rms deviation."""
         if self.lost_in:
             return Judgement("unknown", f"the loop was lost: {'; '.join(self.lost_in)}")
-        return judge_ratio(self.deviation_ratio())
+        return judge_deviation_ratio(self.deviation_ratio())
 
     def facts(self) -> dict[str, str]:
         """Return the deviation with every compensation as text."""
@@ -292,7 +292,7 @@ def follow_reference(
     expected_position = np.interp(time - rig.response_delay, time, target)
     loop = rig.make_loop(plant or rig, copy_at_rest(inverse))
     table = loop.run(target, expected_position, noise, np.zeros(target.size))
-    position, _, correction, voltage = table.T.copy()
+    position, _, controller_output, voltage = table.T.copy()
     error = position - expected_position
     columns = {
         "t_s": time,
@@ -301,14 +301,18 @@ def follow_reference(
         "error_m": error,
         "voltage_V": voltage,
     }
-    return Recording(columns, find_piezo_loss(rig, error, correction - target))
+    return Recording(columns, find_piezo_loss(rig, error, controller_output - target))
 
 
-MAX_WORTHWHILE_RATIO = 0.5
+MAX_WORTHWHILE_DEVIATION_RATIO = 0.5
 """Ratio of the deviations with and without compensation, below which compensation is beneficial."""
 
 
-def judge_ratio(ratio: float) -> Judgement:
+def judge_deviation_ratio(deviation_ratio: float) -> Judgement:
     """Return the verdict for a ratio of the deviations with and without compensation."""
-    compared = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - MAX_WORTHWHILE_RATIO)
-    return judge_against_baselines("compensation", [compared], "measures", BENEFICIAL_CONDITIONS["piezo"])
+    compared_figure = ComparedFigure(
+        "rms", "no compensation", deviation_ratio, 1.0, 1.0 - MAX_WORTHWHILE_DEVIATION_RATIO
+    )
+    return judge_against_baselines(
+        "compensation", [compared_figure], "measures", BENEFICIAL_CONDITIONS["piezo"]
+    )

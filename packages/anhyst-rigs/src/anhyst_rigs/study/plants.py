@@ -95,7 +95,7 @@ def bearing_plants(
         file=inputs.rig.settings,
         run=partial(run_bearing, setups),
         methods=names,
-        own_method=main_variant if main_variant in names else names[-1],
+        main_method=main_variant if main_variant in names else names[-1],
         figures=(
             PlantMetric("overshoot_percent", "overshoot", "%", 1.0, *height_cases),
             PlantMetric("settling_s", "settling", "ms", 1e3, *height_cases),
@@ -114,7 +114,9 @@ def run_bearing(
     """Simulate a plant of a bearing; return its metrics, or only the time of a loss of levitation."""
     setup = setups[method]
     rig, settings = setup.rig, setup.rig.settings
-    scenario = plan_steps(rig, setup.controller, settings.gap_m, settings.step.heights_m, rest=STANDSTILL_S)
+    scenario = plan_steps(
+        rig, setup.controller, settings.gap_m, settings.step.heights_m, final_hold_time=STANDSTILL_S
+    )
     loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, noise))
     recording = loop.run(scenario)
     lost_at_s = levitation_loss_time(rig, recording, scenario.lift_end_tick)
@@ -186,7 +188,7 @@ def force_plants(rig: ForceControlRig, model: Model | None = None, loops: Loops 
         file=settings,
         run=partial(run_force, rig, compensators),
         methods=FORCE_METHODS,
-        own_method="full",
+        main_method="full",
         figures=(
             PlantMetric("rms_N", "force error, rms", "N", 1.0, *trial_cases),
             PlantMetric("worst_N", "force error, worst", "N", 1.0, *trial_cases),
@@ -254,7 +256,7 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
             run_piezo, rig, {name: inverses[inverse_name] for name, inverse_name in PIEZO_METHODS.items()}
         ),
         methods=tuple(PIEZO_METHODS),
-        own_method="full",
+        main_method="full",
         figures=(
             *(
                 PlantMetric(metric.key, metric.title, metric.unit, metric.factor)
@@ -350,7 +352,7 @@ def stage_plants(
         file=rig.settings,
         run=partial(run_stage, knowledge, variants, errors),
         methods=tuple(setups),
-        own_method=COMPENSATOR,
+        main_method=COMPENSATOR,
         figures=tuple(
             PlantMetric(metric.key, metric.title, metric.unit, metric.factor, *error_cases)
             for metric in (MOVING_AVERAGE, PEAK_ERROR, SETTLING_TIME, *cross_talk_metrics(rig.settings))

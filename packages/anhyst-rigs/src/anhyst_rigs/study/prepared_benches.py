@@ -32,7 +32,7 @@ from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup
 from anhyst_rigs.study.excite.design import Specimen, bearing_specimen, force_specimen
 from anhyst_rigs.study.tracking.online_calibration import BearingCalibrator, StageCalibrator
 
-_GAP_TOLERANCE = 1e-6
+_GAP_TOLERANCE_TO_RANGE = 1e-6
 """Permitted distance of the measured gaps from a board's gap limits, relative to its gap range."""
 
 
@@ -41,7 +41,7 @@ class PreparedBearing:
     """A bearing with its controller and the firmware."""
 
     setup: BearingSetup  # active setup, in fixed point
-    model: Model  # model of the compiled program
+    model: Model  # hysteresis model in the compiled program
     firmware: Path  # path of the firmware for the board ``library``; needed until the bench is open
 
     @property
@@ -149,7 +149,7 @@ class PreparedForce(ForceRig):
 
     @property
     def model(self) -> Model:
-        """The model of the compiled program."""
+        """The hysteresis model in the compiled program."""
         return self.program.model
 
     @property
@@ -165,8 +165,8 @@ class PreparedForce(ForceRig):
         """Open the bench at rest, before its first tick. The caller must close it."""
         bench = ForceBench(self.complete_rig, self.program)
         settings = self.complete_rig.settings.force
-        ratio = fit_ratio(loops_at_gap(self.measured_loops, settings.end_m), settings.force_max_N)
-        bench.apply({"ratio": 1.0 / float(ratio.ratio[0])})
+        current_per_force = fit_ratio(loops_at_gap(self.measured_loops, settings.end_m), settings.force_max_N)
+        bench.apply({"ratio": 1.0 / float(current_per_force.ratio[0])})
         return bench
 
     @property
@@ -189,17 +189,17 @@ class PreparedForce(ForceRig):
 class PreparedBoard(ForceRig):
     """An actuator with a stand-alone controller, and the data with which it was compiled."""
 
-    model: Model  # model of the compiled controller
+    model: Model  # hysteresis model in the compiled controller
     request: CompileRequest
     scales: Scales
     limits: DemandLimits  # limits of the controller
 
     def compile(self, model: Model) -> Plan:
         """Return the plan of another model for the running board."""
-        low, high = self.scales.gap_low, self.scales.gap_high
-        if low < high and not model.needs_schedule:
+        gap_low, gap_high = self.scales.gap_low, self.scales.gap_high
+        if gap_low < gap_high and not model.needs_schedule:
             raise InputError(
-                f"model: is valid at one gap, the board works from {low:g} to {high:g} m; identify a "
+                f"model: is valid at one gap, the board works from {gap_low:g} to {gap_high:g} m; identify a "
                 "model from loops at several gaps and build the firmware with it",
                 code="single-gap",
                 key="model",
@@ -303,15 +303,15 @@ def _covered_gaps(model: Model, scales: Scales) -> tuple[float, float] | None:
     """Return the gap range of a board; raise an error if the model does not cover it."""
     if not model.needs_schedule:
         return None if model.valid is None else model.valid.schedule
-    low, high = scales.gap_low, scales.gap_high
+    gap_low, gap_high = scales.gap_low, scales.gap_high
     model_gaps = None if model.valid is None else model.valid.schedule
-    tolerance = _GAP_TOLERANCE * (high - low)
-    if model_gaps is None or model_gaps[0] > low + tolerance or model_gaps[1] < high - tolerance:
+    tolerance = _GAP_TOLERANCE_TO_RANGE * (gap_high - gap_low)
+    if model_gaps is None or model_gaps[0] > gap_low + tolerance or model_gaps[1] < gap_high - tolerance:
         known_text = "no gap" if model_gaps is None else f"gaps of {model_gaps[0]:g} to {model_gaps[1]:g} m"
         raise InputError(
-            f"model: is valid at {known_text}, the board works from {low:g} to {high:g} m; measure loops "
+            f"model: is valid at {known_text}, the board works from {gap_low:g} to {gap_high:g} m; measure loops "
             "at both ends",
             code="gaps-not-covered",
             key="model",
         )
-    return low, high
+    return gap_low, gap_high

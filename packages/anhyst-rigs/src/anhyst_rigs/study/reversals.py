@@ -12,9 +12,9 @@ from anhyst.data.path import Branch, average_in_bins, find_branches
 from anhyst.data.verdict import loop_width_and_height
 from anhyst.support.numeric import FloatArray
 
-_MAX_DISTANCE_WIDTHS = 0.5
+_MAX_DISTANCE_TO_LOOP_WIDTH = 0.5
 """Largest distance from a reversal that counts as just after it, in units of the loop width."""
-_OUTPUT_RANGE = (0.25, 0.9)
+_OUTPUT_RANGE_TO_MAX = (0.25, 0.9)
 """Range of outputs, relative to the largest, in which reversals are used. Below it, the iron barely
 responds; above it, the iron is saturated."""
 _SLOPE_HALF_WIDTH = 0.1
@@ -36,30 +36,36 @@ def reversal_slope_ratio(loopset: Loops) -> float | None:
     loops give one least-squares estimate. The result is None if it is too uncertain. Reversals at a
     minimum have a larger ratio and are not used.
     """
-    even = is_even(loopset)
-    span = _MAX_DISTANCE_WIDTHS * max(loop_width_and_height(loop, is_even=even)[0] for loop in loopset.loops)
-    static_changes: list[FloatArray] = []
-    measured_changes: list[FloatArray] = []
+    has_even_output = is_even(loopset)
+    max_input_change = _MAX_DISTANCE_TO_LOOP_WIDTH * max(
+        loop_width_and_height(loop, is_even=has_even_output)[0] for loop in loopset.loops
+    )
+    static_output_changes: list[FloatArray] = []
+    output_changes: list[FloatArray] = []
     for loops in loopset.by_schedule().values():
-        curves = [fold_input(loop, is_even=even) for loop in loops]
+        curves = [fold_input(loop, is_even=has_even_output) for loop in loops]
         all_inputs = np.concatenate([input_values for input_values, _ in curves])
         all_outputs = np.concatenate([output_values for _, output_values in curves])
-        low, high = (level * float(np.max(np.abs(all_outputs))) for level in _OUTPUT_RANGE)
+        output_low, output_high = (
+            level * float(np.max(np.abs(all_outputs))) for level in _OUTPUT_RANGE_TO_MAX
+        )
         mean_curve = average_in_bins(all_inputs, all_outputs, _REVERSAL_BINS)
         for input_values, output_values in curves:
             for branch, next_branch in itertools.pairwise(find_branches(input_values)):
-                if not (branch.is_rising and low <= abs(output_values[next_branch.start]) <= high):
+                if not (
+                    branch.is_rising and output_low <= abs(output_values[next_branch.start]) <= output_high
+                ):
                     continue
                 input_change, output_change = _changes_after_reversal(
-                    input_values, output_values, branch, next_branch, span
+                    input_values, output_values, branch, next_branch, max_input_change
                 )
-                static_changes.append(
+                static_output_changes.append(
                     input_change * _local_slope(*mean_curve, float(input_values[next_branch.start]))
                 )
-                measured_changes.append(output_change)
+                output_changes.append(output_change)
     return (
-        _fit_slope_ratio(np.concatenate(static_changes), np.concatenate(measured_changes))
-        if static_changes
+        _fit_slope_ratio(np.concatenate(static_output_changes), np.concatenate(output_changes))
+        if static_output_changes
         else None
     )
 
@@ -77,7 +83,11 @@ def _local_slope(input_values: FloatArray, output_values: FloatArray, input_valu
 
 
 def _changes_after_reversal(
-    input_values: FloatArray, output_values: FloatArray, branch: Branch, next_branch: Branch, span: float
+    input_values: FloatArray,
+    output_values: FloatArray,
+    branch: Branch,
+    next_branch: Branch,
+    max_input_change: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the changes of input and output just after a reversal, sample by sample."""
     reversal_row = next_branch.start
@@ -87,15 +97,15 @@ def _changes_after_reversal(
     )
     tip_output = float(tip_line(tip_rows.stop - tip_rows.start - 1))
     input_change = input_values[reversal_row + 1 : next_branch.stop] - input_values[reversal_row]
-    out_of_reach = np.flatnonzero(np.abs(input_change) > span)
-    count = int(out_of_reach[0]) if out_of_reach.size else input_change.size
+    distant_samples = np.flatnonzero(np.abs(input_change) > max_input_change)
+    count = int(distant_samples[0]) if distant_samples.size else input_change.size
     return input_change[:count], output_values[reversal_row + 1 : reversal_row + 1 + count] - tip_output
 
 
-def _fit_slope_ratio(static_changes: FloatArray, measured_changes: FloatArray) -> float | None:
-    weight = float(static_changes @ static_changes)
-    if static_changes.size < _MIN_SAMPLES or weight == 0.0:
+def _fit_slope_ratio(static_output_changes: FloatArray, output_changes: FloatArray) -> float | None:
+    weight = float(static_output_changes @ static_output_changes)
+    if static_output_changes.size < _MIN_SAMPLES or weight == 0.0:
         return None
-    slope_ratio = float(static_changes @ measured_changes) / weight
-    error = float(np.std(measured_changes - slope_ratio * static_changes)) / math.sqrt(weight)
-    return min(max(slope_ratio, 0.0), 1.0) if error < _MAX_STANDARD_ERROR else None
+    slope_ratio = float(static_output_changes @ output_changes) / weight
+    standard_error = float(np.std(output_changes - slope_ratio * static_output_changes)) / math.sqrt(weight)
+    return min(max(slope_ratio, 0.0), 1.0) if standard_error < _MAX_STANDARD_ERROR else None

@@ -109,7 +109,7 @@ class CusumChart:
         """
         return alarm_threshold(2.0 * self.run_length) * self.reference.scatter
 
-    def add(self, value: float) -> tuple[float, int] | None:
+    def add_value(self, value: float) -> tuple[float, int] | None:
         """Add a value; return mean shift and number of values if there is an alarm, or None."""
         deviation = value - self.reference.mean
         for side, sign in enumerate((1.0, -1.0)):
@@ -130,9 +130,9 @@ LEARNING_CYCLES = 10
 """Number of cycles from which the reference is estimated."""
 DEFAULT_RUN_LENGTH = 1e5
 """Mean number of cycles until a false alarm occurs."""
-MIN_DRIFT_RATIO = 0.001
+MIN_DRIFT_TO_MAX_OUTPUT = 0.001
 """Smallest drift that causes an alarm, relative to the largest output of the model."""
-REVERSAL_RATIO = 0.1
+REVERSAL_TO_CURRENT_RANGE = 0.1
 """Smallest change of the current that counts as a reversal, relative to the model's range."""
 
 
@@ -192,7 +192,7 @@ class _BranchSplitter:
     _branch_start_sum: tuple[float, int] | None = None
     _extreme_sum: tuple[float, int] = (0.0, 0)
 
-    def add(self, tick: int, current: float, residual: float) -> tuple[bool, float, int] | None:
+    def add_sample(self, tick: int, current: float, residual: float) -> tuple[bool, float, int] | None:
         """Add a sample; return a completed branch (whether ascending, mean, last tick) or None."""
         self._total += residual
         self._count += 1
@@ -208,11 +208,11 @@ class _BranchSplitter:
             return None
         if abs(current - self._extreme) <= self.reversal_size:
             return None
-        total, count = self._extreme_sum
+        residual_sum, count = self._extreme_sum
         branch_start = self._branch_start_sum
         branch = None
         if branch_start is not None and count > branch_start[1]:
-            mean = (total - branch_start[0]) / (count - branch_start[1])
+            mean = (residual_sum - branch_start[0]) / (count - branch_start[1])
             branch = self._is_rising, mean, self._extreme_tick
         self._branch_start_sum, self._is_rising = self._extreme_sum, not self._is_rising
         self._mark_extreme(tick, current)
@@ -247,12 +247,12 @@ class DriftMonitor:
     _last_tick: int | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        low, high = self.model.valid_range.input
+        current_low, current_high = self.model.valid_range.input
         self._stepper = Stepper(self.model, self.gap, self.history)
-        self._splitter = _BranchSplitter(REVERSAL_RATIO * (high - low))
+        self._splitter = _BranchSplitter(REVERSAL_TO_CURRENT_RANGE * (current_high - current_low))
         self._learning_values = {"level": [], "width": []}
         if self.min_drift is None:
-            self.min_drift = MIN_DRIFT_RATIO * max(abs(end) for end in self.model.valid_range.output)
+            self.min_drift = MIN_DRIFT_TO_MAX_OUTPUT * max(abs(end) for end in self.model.valid_range.output)
 
     def add_samples(
         self, ticks: FloatArray, current: FloatArray, gap: FloatArray, force: FloatArray
@@ -268,7 +268,7 @@ class DriftMonitor:
             ticks.tolist(), current.tolist(), residuals.tolist(), strict=True
         ):
             self._square_sum = self._square_sum[0] + residual * residual, self._square_sum[1] + 1
-            branch = self._splitter.add(int(tick), current_A, residual)
+            branch = self._splitter.add_sample(int(tick), current_A, residual)
             if branch is not None:
                 self._add_branch(*branch)
             if self.finding.drift is not None:
@@ -294,9 +294,9 @@ class DriftMonitor:
         for name, value in values.items():
             if not self._charts.get(name):
                 self._learning_values[name].append(value)
-            elif drift is None and (alarm_result := self._charts[name].add(value)) is not None:
-                shift, count = alarm_result
-                drift = DetectedDrift(name, shift, self._cycle_ends[-1 - count], tick)
+            elif drift is None and (alarm_result := self._charts[name].add_value(value)) is not None:
+                mean_shift, count = alarm_result
+                drift = DetectedDrift(name, mean_shift, self._cycle_ends[-1 - count], tick)
         if not self._charts and len(self._cycle_ends) == LEARNING_CYCLES + 1:
             # The first cycle removes the effect of the unknown history, so it is not evaluated.
             assert self.min_drift is not None

@@ -71,15 +71,15 @@ def _controller_block(settings: ControllerTable) -> DiagramBlock:
 
 
 def _compensator_block(settings: ControllerTable) -> DiagramBlock:
-    limits, chosen = settings.limits, settings.compensation
+    limits, compensation = settings.limits, settings.compensation
     return DiagramBlock(
         "force to current",
         (
-            *METHOD_TITLES[chosen.variant].split(", "),
-            FORMATS[chosen.format],
+            *METHOD_TITLES[compensation.variant].split(", "),
+            FORMATS[compensation.format],
             f"{limits.force_low_N:g} to {limits.force_high_N:g} N",
             f"{limits.current_low_A:g} to {limits.current_high_A:g} A",
-            f"commits the {chosen.applied} current",
+            f"commits the {compensation.applied} current",
         ),
     )
 
@@ -138,8 +138,8 @@ def _hysteresis_block(plant: RigFile) -> DiagramBlock:
 
 def _mechanics_block(plant: RigFile) -> DiagramBlock:
     mechanics = plant.body
-    low, high = 1e3 * mechanics.stop_low_m, 1e3 * mechanics.stop_high_m
-    lines = [f"mass {mechanics.mass_kg:g} kg", f"stops at {low:g} and {high:g} mm"]
+    stop_low_mm, stop_high_mm = 1e3 * mechanics.stop_low_m, 1e3 * mechanics.stop_high_m
+    lines = [f"mass {mechanics.mass_kg:g} kg", f"stops at {stop_low_mm:g} and {stop_high_mm:g} mm"]
     if mechanics.damping_N_s_per_m:
         lines.append(f"guide {mechanics.damping_N_s_per_m:g} N s/m")
     if mechanics.gravity_m_per_s2:
@@ -215,11 +215,17 @@ def figure_structure(rig: BodyRig, controller: ControllerTable) -> Figure:
     columns = [
         _LEFT_EDGE_IN + 0.5 * BOX_WIDTH_IN + index * (BOX_WIDTH_IN + _BOX_GAP_IN) for index in range(4)
     ]
-    above = ("controller", "compensator", "output", "amplifier")
-    below = ("sensors", "mechanics", "hysteresis", "electrical")
-    for x, name in zip(columns, above, strict=True):
-        draw_box(ax, (x, _TOP_ROW_IN), name, blocks[name], SOFTWARE_FILL if name in above[:2] else PLANT_FILL)
-    for x, name in zip(columns, below, strict=True):
+    upper_blocks = ("controller", "compensator", "output", "amplifier")
+    lower_blocks = ("sensors", "mechanics", "hysteresis", "electrical")
+    for x, name in zip(columns, upper_blocks, strict=True):
+        draw_box(
+            ax,
+            (x, _TOP_ROW_IN),
+            name,
+            blocks[name],
+            SOFTWARE_FILL if name in upper_blocks[:2] else PLANT_FILL,
+        )
+    for x, name in zip(columns, lower_blocks, strict=True):
         draw_box(ax, (x, _MIDDLE_ROW_IN), name, blocks[name], PLANT_FILL)
     draw_box(ax, (columns[0], _LOW_ROW_IN), "load", blocks["load"], PLANT_FILL, _LOAD_HEIGHT_IN)
     _draw_signals(ax, columns, compensator_inputs(controller))

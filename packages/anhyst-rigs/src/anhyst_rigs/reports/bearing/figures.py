@@ -24,11 +24,11 @@ from anhyst_rigs.reports.study.page import (
     INK_COLOUR,
     PALE_COLOUR,
     SHADE_COLOUR,
-    in_report_order,
     interval_text,
     legend_below,
     line_style,
-    thin_curves,
+    reduce_curve_points,
+    sort_for_report,
 )
 from anhyst_rigs.rig.loop import ReferenceStep
 from anhyst_rigs.rig.recording import Recording
@@ -75,7 +75,7 @@ def figure_steps(panels: Sequence[StepPanel]) -> Figure:
     return figure
 
 
-def _part_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, Recording]:
+def _cut_around_step(panel: StepPanel, name: MethodName) -> tuple[FloatArray, Recording]:
     """Return the time relative to the step in ms, and the part of a recording that is drawn."""
     step, recording = panel.step, panel.recordings[name]
     tick = recording["t_s"][1] - recording["t_s"][0]
@@ -91,12 +91,12 @@ def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
     """
     step, max_deviation = panel.step, 0.0
     direction = np.sign(step.gap_before - step.gap_after)
-    for name in in_report_order(panel.recordings):
-        time, run = _part_around_step(panel, name)
+    for name in sort_for_report(panel.recordings):
+        time, run = _cut_around_step(panel, name)
         deviation = 100.0 * direction * (step.gap_after - run["gap_m"]) / step.height
         max_deviation = max(max_deviation, float(deviation.max()))
         is_after_step = time >= 0.0
-        ax.plot(*thin_curves(time[is_after_step], deviation[is_after_step]), **line_style(name))
+        ax.plot(*reduce_curve_points(time[is_after_step], deviation[is_after_step]), **line_style(name))
     band = 100.0 * SETTLING_BAND
     ax.axhspan(-band, band, color=SHADE_COLOUR, alpha=0.2, lw=0)
     ax.axhline(0.0, color=INK_COLOUR, lw=0.9)
@@ -109,8 +109,8 @@ def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
 
 def _draw_step(ax: Axes, panel: StepPanel) -> None:
     step, sign = panel.step, float(np.sign(panel.step.gap_before - panel.step.gap_after))
-    for index, name in enumerate(in_report_order(panel.recordings)):
-        time, run = _part_around_step(panel, name)
+    for index, name in enumerate(sort_for_report(panel.recordings)):
+        time, run = _cut_around_step(panel, name)
         if not index:
             reference = 1e6 * (step.gap_before - run["reference_m"])
             ax.plot(time, reference, color=INK_COLOUR, lw=0.9, drawstyle="steps-post", label="reference")
@@ -118,11 +118,11 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
             target = 1e6 * (step.gap_before - step.gap_after)
             ax.axhspan(target - band, target + band, color=SHADE_COLOUR, alpha=0.2, lw=0)
         overshoot = interval_text(panel.overshoot.get(name), "%")
-        curve = thin_curves(time, 1e6 * (step.gap_before - run["gap_m"]))
+        curve = reduce_curve_points(time, 1e6 * (step.gap_before - run["gap_m"]))
         ax.plot(*curve, **line_style(name), label=f"{name}: overshoot {overshoot}")
-    low, high = ax.get_ylim()
+    axis_low, axis_high = ax.get_ylim()
     if sign < 0.0:
-        ax.set_ylim(low - 0.1 * (high - low), high)
+        ax.set_ylim(axis_low - 0.1 * (axis_high - axis_low), axis_high)
     ax.set_xlim(-1e3 * _SHOWN_BEFORE_S, 1e3 * _SHOWN_AFTER_S)
     ax.tick_params(labelbottom=False)
     ax.set_ylabel("position (µm)")
@@ -134,23 +134,29 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
 @use_report_style
 def figure_forces(recordings: Recordings) -> Figure:
     """Draw demanded and true force against time, and their difference: one column per variant."""
-    names = in_report_order(recordings)
+    names = sort_for_report(recordings)
     figure = new_figure(4.6, width=max(9.6, 3.0 * len(names)))
     axes = figure.subplots(2, len(names), squeeze=False, sharex=True, sharey="row", height_ratios=(3, 2))
-    for (above, below), name in zip(axes.T, names, strict=True):
+    for (force_ax, error_ax), name in zip(axes.T, names, strict=True):
         recording = recordings[name]
         time = 1e3 * (recording["t_s"] - recording["t_s"][0])
         demand, force = recording["demand_N"], recording["force_N"]
-        above.plot(*thin_curves(time, force), **line_style(name), label=f"true force, {name}")
-        above.plot(
-            *thin_curves(time, demand), color=INK_COLOUR, lw=0.8, ls=(0, (4, 3)), label="demanded force"
+        force_ax.plot(*reduce_curve_points(time, force), **line_style(name), label=f"true force, {name}")
+        force_ax.plot(
+            *reduce_curve_points(time, demand),
+            color=INK_COLOUR,
+            lw=0.8,
+            ls=(0, (4, 3)),
+            label="demanded force",
         )
         error = force - demand
-        below.plot(*thin_curves(time, error), **line_style(name))
+        error_ax.plot(*reduce_curve_points(time, error), **line_style(name))
         rms = float(np.sqrt(np.mean(error**2)))
-        above.set_title(METHOD_TITLES[name], fontsize=8.5)
-        below.set_title(f"rms {rms:.2f} N, worst {np.abs(error).max():.2f} N", fontsize=8.0, weight="normal")
-        below.set_xlabel("time (ms)")
+        force_ax.set_title(METHOD_TITLES[name], fontsize=8.5)
+        error_ax.set_title(
+            f"rms {rms:.2f} N, worst {np.abs(error).max():.2f} N", fontsize=8.0, weight="normal"
+        )
+        error_ax.set_xlabel("time (ms)")
     axes[0, 0].set_ylabel("force (N)")
     axes[1, 0].set_ylabel("true - demanded force (N)")
     legend_below(figure, *axes[0])
@@ -160,7 +166,7 @@ def figure_forces(recordings: Recordings) -> Figure:
 @use_report_style
 def figure_tracking(recordings: Recordings, title: str) -> Figure:
     """Draw the position error for a moving reference or a load, and the position or the current."""
-    names = in_report_order(recordings)
+    names = sort_for_report(recordings)
     first_run = recordings[names[0]]
     factor = 1e3 if first_run["t_s"][-1] - first_run["t_s"][0] < 0.5 else 1.0
     is_moving = bool(np.ptp(first_run["reference_m"]) > 0.0)
@@ -175,12 +181,14 @@ def figure_tracking(recordings: Recordings, title: str) -> Figure:
             f"{format_number(float(np.abs(error).max()))} nm maximum"
         )
         values = 1e6 * (first_run["reference_m"][0] - run["gap_m"]) if is_moving else run["current_A"]
-        upper_ax.plot(*thin_curves(time, error), **line_style(name), label=label)
-        lower_ax.plot(*thin_curves(time, values), **line_style(name))
+        upper_ax.plot(*reduce_curve_points(time, error), **line_style(name), label=label)
+        lower_ax.plot(*reduce_curve_points(time, values), **line_style(name))
     if is_moving:
         reference = 1e6 * (first_run["reference_m"][0] - first_run["reference_m"])
         time = factor * (first_run["t_s"] - first_run["t_s"][0])
-        lower_ax.plot(*thin_curves(time, reference), color=INK_COLOUR, lw=0.8, ls="--", label="reference")
+        lower_ax.plot(
+            *reduce_curve_points(time, reference), color=INK_COLOUR, lw=0.8, ls="--", label="reference"
+        )
     upper_ax.set_title(title)
     upper_ax.set_ylabel("error of position (nm)")
     lower_ax.set_ylabel("position (µm)" if is_moving else "current (A)")
@@ -192,7 +200,7 @@ def figure_tracking(recordings: Recordings, title: str) -> Figure:
 @use_report_style
 def figure_standstill(recordings: Recordings) -> Figure:
     """Draw the position at standstill against time, and its spectrum."""
-    names = in_report_order(recordings)
+    names = sort_for_report(recordings)
     figure = new_figure(max(3.2, 1.1 * len(names) + 0.8))
     grid = figure.add_gridspec(len(names), 2)
     spectrum_ax = figure.add_subplot(grid[:, 1])
@@ -257,9 +265,9 @@ def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
     ]
 
 
-def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCurve:
+def identified_loop(model: Model, gap: float, current_low: float, current_high: float) -> LoopCurve:
     """Return the steady-state loop that a model predicts between two currents."""
-    rising_current = np.linspace(low, high, _BRANCH_SAMPLES)
+    rising_current = np.linspace(current_low, current_high, _BRANCH_SAMPLES)
     current = np.concatenate([rising_current, rising_current[-2::-1]])
     force = model.predict(current, gap, history="settled").output
     return LoopCurve(gap, current, np.asarray(force, dtype=np.float64))
@@ -280,7 +288,7 @@ def figure_force_current(
     _draw_widths(figure.add_subplot(grid[1, :]), measured_loops, identified)
     for ax in (overview_ax, detail_ax):
         _draw_loops(ax, measured_loops, identified)
-        for name in in_report_order(recordings):
+        for name in sort_for_report(recordings):
             run = recordings[name]
             ax.plot(run["current_A"], run["force_N"], **line_style(name), label=f"run, {name}")
         ax.set_xlabel("current (A)")
@@ -368,14 +376,14 @@ def figure_sensitivity(responses: Responses, linear: Responses) -> Figure:
     max_level = max((curve.decibel.max() for curve in responses.values()), default=0.0)
     top_level = max(_MAX_LEVEL_DB, 3.0 + float(max_level))
     _draw_zones(ax, top_level)
-    for name in in_report_order(responses):
+    for name in sort_for_report(responses):
         curve = responses[name]
         label = f"{name}: peak {curve.peak:.2f}, zone {find_zone(curve.peak)}"
         style = line_style(name)
         ax.semilogx(
             curve.frequency, curve.decibel, **style, marker="o", ms=3.0, label=_with_note(label, curve)
         )
-    for name in in_report_order(linear):
+    for name in sort_for_report(linear):
         curve = linear[name]
         ax.semilogx(curve.frequency, curve.decibel, color=COLOURS[name], lw=0.7, ls=":")
     if linear:
@@ -393,11 +401,11 @@ def _draw_zones(ax: Axes, top_level: float) -> None:
     """Shade and label the zones of a sensitivity."""
     edges = [_MIN_LEVEL_DB, *(20.0 * math.log10(limit) for limit in ZONE_LIMITS.values()), top_level]
     names = [*ZONE_LIMITS, "D"]
-    for name, fill, low, high in zip(names, _ZONE_COLOURS, edges[:-1], edges[1:], strict=True):
-        ax.axhspan(low, high, color=fill, lw=0, zorder=0)
+    for name, fill, zone_low, zone_high in zip(names, _ZONE_COLOURS, edges[:-1], edges[1:], strict=True):
+        ax.axhspan(zone_low, zone_high, color=fill, lw=0, zorder=0)
         ax.text(
             0.93 if name == "B" else 0.995,
-            0.5 * (max(low, 0.0) + high),
+            0.5 * (max(zone_low, 0.0) + zone_high),
             f"zone {name}",
             transform=ax.get_yaxis_transform(),
             ha="right",
@@ -411,7 +419,7 @@ def figure_bode(loops: Responses) -> Figure:
     """Draw the magnitude and the phase of the linearised loop's gain."""
     figure = new_figure(5.0)
     upper_ax, lower_ax = figure.subplots(2, 1, sharex=True)
-    for name in in_report_order(loops):
+    for name in sort_for_report(loops):
         curve = loops[name]
         upper_ax.semilogx(curve.frequency, curve.decibel, **line_style(name), label=_with_note(name, curve))
         phase = np.degrees(np.unwrap(np.angle(curve.value)))
@@ -440,7 +448,7 @@ def figure_nyquist(loops: Responses) -> Figure:
     ax.fill(limit_circle.real, limit_circle.imag, fc=_ZONE_COLOURS[-1], ec=ALARM_COLOUR, lw=0.7)
     ax.fill([], [], fc=_ZONE_COLOURS[-1], ec=ALARM_COLOUR, lw=0.7, label=f"sensitivity above {limit:g}")
     ax.plot([-1.0], [0.0], "+", color=ALARM_COLOUR, ms=9.0)
-    for name in in_report_order(loops):
+    for name in sort_for_report(loops):
         value = loops[name].value
         ax.plot(value.real, value.imag, **line_style(name), label=name)
     ax.set_aspect("equal")

@@ -30,11 +30,11 @@ from anhyst_rigs.reports.bearing.subject import (
     step_tables,
 )
 from anhyst_rigs.reports.study.page import (
-    in_report_order,
     legend_table,
     origin_section,
     page_text,
     picture,
+    sort_for_report,
     verdict_note,
 )
 from anhyst_rigs.rig.body import BodyRig
@@ -76,7 +76,7 @@ def _headline(subject: SimulationSubject) -> Headline:
         description=f"{plant_text(subject.rig)}; {control}.",
         basis=f"{basis}.",
         notes=tuple(sorted(notes, key=lambda note: note.tone != "bad")),
-        tiles=_tiles(subject),
+        tiles=_overshoot_tiles(subject),
         comparison=benefit_table(subject),
         validity="These results apply only to this plant, its iron and these settings. The gain "
         "of compensation depends on loop width, reversible fraction and step height.",
@@ -93,7 +93,7 @@ def plant_text(rig: BodyRig) -> str:
     )
 
 
-def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
+def _overshoot_tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
     """Return the overshoot at the operating gap by step height, also of the best baseline."""
     tiles = []
     gap = subject.rig.settings.gap_m
@@ -158,7 +158,7 @@ def structure_section(
         "Structure and numbers",
         (
             picture(figure, "structure", alt, caption),
-            legend_table(in_report_order(variant for variant in variants if variant)),
+            legend_table(sort_for_report(variant for variant in variants if variant)),
         ),
     )
 
@@ -166,7 +166,7 @@ def structure_section(
 def _step_section(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.panels:
-        names = in_report_order({name for panel in subject.panels for name in panel.recordings})
+        names = sort_for_report({name for panel in subject.panels for name in panel.recordings})
         blocks.append(
             picture(
                 figure_steps(subject.panels),
@@ -193,7 +193,7 @@ def _force_section(subject: SimulationSubject) -> Section:
                 figure_forces(subject.forces),
                 "forces",
                 "Demanded and true force over time and their difference, one column per variant: "
-                f"{', '.join(in_report_order(subject.forces))}.",
+                f"{', '.join(sort_for_report(subject.forces))}.",
                 "The force that the position controller demands and the force of the magnet. The "
                 "difference includes hysteresis, the lag of the amplifier and the delay. With a "
                 "constant ratio, it also includes the effect of the armature motion.",
@@ -216,7 +216,7 @@ def _loop_section(subject: SimulationSubject) -> Section | None:
                 figure,
                 "loops",
                 f"Force against current: measured loops at {gaps}, and the run: "
-                f"{', '.join(in_report_order(subject.run))}.",
+                f"{', '.join(sort_for_report(subject.run))}.",
                 f"True force over true current of the run, over the loops measured at {gaps}, the "
                 "nearest gaps, and the identified loop at the gap of the run. Below, the loops "
                 "minus the single-valued curve of their gap: only hysteresis remains.",
@@ -233,7 +233,7 @@ def _tracking_section(subject: SimulationSubject) -> Section:
                 figure_tracking(tracking.recordings, tracking.title),
                 f"tracking{index}",
                 f"{_capitalise(tracking.title)}: position over time and its error, "
-                f"{', '.join(in_report_order(tracking.recordings))}.",
+                f"{', '.join(sort_for_report(tracking.recordings))}.",
                 f"{_capitalise(tracking.title)}. True position; one run of {subject.seeds}.",
             )
         )
@@ -252,7 +252,7 @@ def _standstill_section(subject: SimulationSubject) -> Section:
                 figure_standstill(subject.standstill_runs),
                 "standstill",
                 "Position at a standstill over time, and its spectrum: "
-                f"{', '.join(in_report_order(subject.standstill_runs))}.",
+                f"{', '.join(sort_for_report(subject.standstill_runs))}.",
                 f"True position at standstill, with a sensor of {1e9 * noise:g}{NBSP}nm rms "
                 f"and steps of {1e9 * step:g}{NBSP}nm ({sensor.kind}).",
             )
@@ -268,7 +268,7 @@ def _frequency_section(subject: SimulationSubject) -> Section:
         peaks = [
             f"{name}: peak {curve.peak:.2f}, zone {find_zone(curve.peak)}"
             for name, curve in (
-                (variant, subject.sensitivity[variant]) for variant in in_report_order(subject.sensitivity)
+                (variant, subject.sensitivity[variant]) for variant in sort_for_report(subject.sensitivity)
             )
         ]
         blocks.append(Text(f"Measured sensitivity, ISO 14839-3. {'; '.join(peaks)}."))
@@ -277,14 +277,14 @@ def _frequency_section(subject: SimulationSubject) -> Section:
                 figure_sensitivity(subject.sensitivity, subject.linear_sensitivity),
                 "sensitivity",
                 "Sensitivity over frequency, measured by injection of a sine into the running "
-                f"nonlinear loop, with the zones A to D: {', '.join(in_report_order(subject.sensitivity))}",
+                f"nonlinear loop, with the zones A to D: {', '.join(sort_for_report(subject.sensitivity))}",
                 "Signal of the controller over the injected one, a stepped sine in the running "
                 "nonlinear loop; dotted: linearised. Zones of ISO 14839-3: A up to 3 (9.5 dB), "
                 "B up to 4 (12 dB), C up to 5 (14 dB).",
             )
         )
     if subject.loop_gain:
-        names = ", ".join(in_report_order(subject.loop_gain))
+        names = ", ".join(sort_for_report(subject.loop_gain))
         blocks.append(
             picture(
                 figure_bode(subject.loop_gain),

@@ -17,8 +17,8 @@ from anhyst_rigs.reports.study.page import (
     TerminalSummary,
     case_table,
     file_hashes,
-    in_report_order,
     interval_text,
+    sort_for_report,
 )
 from anhyst_rigs.rig.bearing.held import levitation_loss_time
 from anhyst_rigs.rig.bearing.loop import BearingSetup
@@ -88,13 +88,13 @@ class SimulationSubject:
     def baselines(self) -> list[MethodName]:
         """All other variants of the steps, in report order."""
         methods = {name for step in self.steps for name in step.cells}
-        return [name for name in in_report_order(methods) if name != self.variant]
+        return [name for name in sort_for_report(methods) if name != self.variant]
 
     @property
     def all_variants(self) -> list[MethodName]:
         """All variants that the page shows."""
         variants = (*self.baselines, *self.sensitivity, *self.standstill_runs, *self.forces)
-        return in_report_order({self.variant, *variants})
+        return sort_for_report({self.variant, *variants})
 
     def step_text(self, step: StepComparison) -> str:
         """Return a description of a step; it mentions the load only if there are several loads."""
@@ -133,7 +133,7 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         for step in upward_steps
     )
     standstill_plan = experiments.plan_standstill(simulation.setups[simulation.main_variant])
-    chosen = {
+    shown_runs = {
         name: run
         for name, run in complete_runs.items()
         if name in (*_FORCE_VARIANTS, simulation.main_variant)
@@ -147,8 +147,8 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         seeds=settings.noise_seeds,
         panels=panels,
         steps=steps,
-        forces=_cut_around_step(chosen, rig.dt, upward_steps[-1]),
-        run=_cut_around_step(chosen, rig.dt, upward_steps[-1]) if has_one_magnet else {},
+        forces=_cut_around_step(shown_runs, rig.dt, upward_steps[-1]),
+        run=_cut_around_step(shown_runs, rig.dt, upward_steps[-1]) if has_one_magnet else {},
         measured_loops=tuple(nearest_loops(loops, settings.gap_m)) if has_one_magnet else (),
         identified=identified_loop(simulation.knowledge.model.at_rest, settings.gap_m, 0.0, current)
         if has_one_magnet
@@ -374,7 +374,7 @@ def standstill_tables(figures: VariantFigures) -> list[PageTable]:
     cycles = make_table(
         "Limit cycles at a standstill",
         ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
-        [[name, *_cycle_row(figures[name])] for name in in_report_order(figures)],
+        [[name, *_cycle_row(figures[name])] for name in sort_for_report(figures)],
         "Amplitude and period: medians of the runs that have a cycle.",
     )
     return [*(case_table(metric, {"standstill": figures}) for metric in STANDSTILL_METRICS), cycles]
@@ -400,8 +400,8 @@ def experiment_tables(experiments: Experiments) -> list[PageTable]:
     loads = {f"load step of {force:g}{NBSP}N": step_figures for force, step_figures in experiments.load_steps}
     recovery: dict[str, VariantFigures] = dict(loads)
     events: dict[str, VariantFigures] = {}
-    for event, one in experiments.events.items():
-        (recovery if event == "overload" else events)[event] = one
+    for event, event_figures in experiments.events.items():
+        (recovery if event == "overload" else events)[event] = event_figures
     groups = (
         (trajectories, TRACKING_METRICS),
         (loads, (LOAD_STEP_PEAK,)),
@@ -428,7 +428,7 @@ def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
             format_number(margin.crossover, 3),
             f"{format_number(margin.peak)} at {format_number(margin.peak_frequency, 2)}{NBSP}Hz",
         ]
-        for name, margin in ((name, margins[name]) for name in in_report_order(margins))
+        for name, margin in ((name, margins[name]) for name in sort_for_report(margins))
     ]
     return make_table(
         "Margins of the linearised loop",
@@ -452,19 +452,21 @@ def settling_sentence(subject: SimulationSubject) -> str:
         return ""
     counts = []
     for metric in (SETTLING, STEADY_ERROR):
-        pairs = [
+        settling_time_pairs = [
             (abs(row[subject.variant].mean), abs(row["ratio"].mean))
             for row in [step.figure(metric.key) for step in subject.steps]
             if subject.variant in row and "ratio" in row
         ]
-        pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # Levitation was lost.
-        if pairs:
-            own_range, ratio_range = (
+        settling_time_pairs = [
+            settling_times for settling_times in settling_time_pairs if not math.isnan(sum(settling_times))
+        ]  # Levitation was lost.
+        if settling_time_pairs:
+            settling_range, ratio_range = (
                 _range_text([metric.factor * value for value in values], metric.unit)
-                for values in zip(*pairs, strict=True)
+                for values in zip(*settling_time_pairs, strict=True)
             )
             counts.append(
-                f"{metric.title.lower()}: {own_range} with {subject.variant}, {ratio_range} with ratio"
+                f"{metric.title.lower()}: {settling_range} with {subject.variant}, {ratio_range} with ratio"
             )
     if not counts:
         return ""

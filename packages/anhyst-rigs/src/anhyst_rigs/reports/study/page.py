@@ -80,16 +80,16 @@ def line_style(variant: MethodName) -> dict[str, Any]:
     return {"color": COLOURS[variant], "ls": DASHES[variant], "lw": width}
 
 
-def in_report_order(variants: Iterable[str]) -> list[MethodName]:
+def sort_for_report(variants: Iterable[str]) -> list[MethodName]:
     """Return variants in the order of all figures and tables."""
     present_names = set(variants)
     return [name for name in COLOURS if name in present_names]
 
 
-def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
+def reduce_curve_points(*rows: FloatArray) -> tuple[FloatArray, ...]:
     """Return rows of equal length with no more points than a plot can show.
 
-    In each interval, the lowest and the highest value of the last row remain, so that peaks do.
+    In each interval, the lowest and the highest value of the last row are kept, to preserve peaks.
     """
     values = rows[-1]
     interval_rows = math.ceil(2 * values.size / MAX_CURVE_POINTS)
@@ -162,7 +162,7 @@ _BOX_EDGE_COLOUR = "#333333"
 _TITLE_SIZE_PT = 8.5
 _TEXT_SIZE_PT = 7.5
 _LINE_SPACING_IN = 0.155  # distance from one line of text to the next
-_MAX_TEXT_RATIO = 0.86  # largest width of a text, as a fraction of the width of its box
+_MAX_TEXT_TO_BOX_WIDTH = 0.86  # largest width of a text, as a fraction of the width of its box
 Point = tuple[float, float]
 
 
@@ -207,10 +207,10 @@ def draw_box(
     text.set_gid(f"title-{name}")
     _shrink_to_box(text)
     free_height = height - 0.28 - _LINE_SPACING_IN * len(block.lines)
-    first = top_line - 0.14 - 0.5 * max(free_height, 0.0) - 0.5 * _LINE_SPACING_IN
+    first_line_y = top_line - 0.14 - 0.5 * max(free_height, 0.0) - 0.5 * _LINE_SPACING_IN
     for row, line in enumerate(block.lines):
         text = ax.text(
-            x, first - row * _LINE_SPACING_IN, line, ha="center", va="center", fontsize=_TEXT_SIZE_PT
+            x, first_line_y - row * _LINE_SPACING_IN, line, ha="center", va="center", fontsize=_TEXT_SIZE_PT
         )
         text.set_gid(f"line{row}-{name}")
         _shrink_to_box(text)
@@ -221,25 +221,29 @@ def _shrink_to_box(text: Text) -> None:
     figure = text.get_figure(root=True)
     assert figure is not None
     width = text.get_window_extent(FigureCanvasAgg(figure).get_renderer()).width  # type: ignore[no-untyped-call]
-    max_width = _MAX_TEXT_RATIO * BOX_WIDTH_IN * figure.dpi
+    max_width = _MAX_TEXT_TO_BOX_WIDTH * BOX_WIDTH_IN * figure.dpi
     if width > max_width:
         text.set_fontsize(float(text.get_fontsize()) * max_width / width)
 
 
-def draw_arrow(ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, **style: Any) -> None:
+def draw_arrow(ax: Axes, points: Sequence[Point], colour: str = RISING_COLOUR, **style: Any) -> None:
     """Draw an arrow through several points, with its head at the last point."""
-    xs, ys = zip(*corners, strict=True)
-    if len(corners) > 2:
+    xs, ys = zip(*points, strict=True)
+    if len(points) > 2:
         ax.plot(xs[:-1], ys[:-1], color=colour, lw=1.3, solid_joinstyle="round")
     arrow_style = {"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", corners[-1], corners[-2], arrowprops=arrow_style | style)
+    ax.annotate("", points[-1], points[-2], arrowprops=arrow_style | style)
 
 
 def draw_label(
-    ax: Axes, xy: Point, text: str, horizontal_alignment: str = "center", vertical_alignment: str = "bottom"
+    ax: Axes,
+    position: Point,
+    text: str,
+    horizontal_alignment: str = "center",
+    vertical_alignment: str = "bottom",
 ) -> None:
     """Write a label at a given point."""
-    ax.text(*xy, text, ha=horizontal_alignment, va=vertical_alignment, fontsize=_TEXT_SIZE_PT)
+    ax.text(*position, text, ha=horizontal_alignment, va=vertical_alignment, fontsize=_TEXT_SIZE_PT)
 
 
 REPORT_NAME = "report.html"
@@ -323,7 +327,9 @@ def method_table(
     def cell(interval_of: Callable[[str], Interval | None], metric: Metric) -> str:
         return interval_text(interval_of(metric.key), factor=metric.factor).replace(" ", NBSP)
 
-    rows = [[name, *(cell(of, metric) for metric in metrics)] for name, of in methods.items()]
+    rows = [
+        [name, *(cell(value_of_key, metric) for metric in metrics)] for name, value_of_key in methods.items()
+    ]
     return make_table(title, ["variant", *(metric.heading for metric in metrics)], rows, caption)
 
 
@@ -331,7 +337,7 @@ def case_table(
     metric: Metric, cases: Cases, caption: str = "", remark: Callable[[CaseFigures], str] | None = None
 ) -> PageTable:
     """Return a table for one metric: one row per case and one column per method."""
-    methods = in_report_order(name for method_cells in cases.values() for name in method_cells)
+    methods = sort_for_report(name for method_cells in cases.values() for name in method_cells)
 
     def cell(case: str, name: MethodName) -> str:
         """Return a value and its remark; a line break is possible only between them."""

@@ -37,8 +37,8 @@ class SimulationTask:
 
     def command(self, option: str = "") -> str:
         """Return the command that repeats the study."""
-        chosen = "" if self.controller is None else f" --controller {self.controller}"
-        return f"anhyst simulate {self.rig}{chosen} --out {self.out}{option}"
+        controller_option = "" if self.controller is None else f" --controller {self.controller}"
+        return f"anhyst simulate {self.rig}{controller_option} --out {self.out}{option}"
 
     def study(
         self,

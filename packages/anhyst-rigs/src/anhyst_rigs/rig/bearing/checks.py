@@ -46,26 +46,26 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     yield from _amplifier_faults(settings, rig)
     steps = ((gap, height) for gap in plant.step_gaps_m for height in plant.step.heights_m)
     low_gaps = [step_ends(gap, height)[1] for gap, height in steps]
-    lowest = min(low_gaps + [plant.gap_m - case.amplitude_m for case in plant.trajectories])
-    highest = plant.body.stop_high_m
-    if not limits.gap_low_m < lowest:
-        text = f"the armature of {rig.path} moves to a gap of {lowest:.5g} m; lower it"
+    lowest_gap = min(low_gaps + [plant.gap_m - case.amplitude_m for case in plant.trajectories])
+    highest_gap = plant.body.stop_high_m
+    if not limits.gap_low_m < lowest_gap:
+        text = f"the armature of {rig.path} moves to a gap of {lowest_gap:.5g} m; lower it"
         yield FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered")
     step = plant.gap_sensor.resolution
     if limits.step_m < step:
         text = f"the position sensor of {rig.path} has a resolution of {step:.4g} m; raise it"
         yield FileFault(("limits", "step_m"), text, code="step-too-fine")
-    if not limits.gap_high_m > highest:
-        text = f"the armature of {rig.path} rests at a gap of {highest:.5g} m; raise it"
+    if not limits.gap_high_m > highest_gap:
+        text = f"the armature of {rig.path} rests at a gap of {highest_gap:.5g} m; raise it"
         yield FileFault(("limits", "gap_high_m"), text, code="gaps-not-covered")
-    yield from _ramp_faults(settings, rig, lowest)
+    yield from _ramp_faults(settings, rig, lowest_gap)
 
 
-def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iterator[FileFault]:
+def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest_gap: float) -> Iterator[FileFault]:
     """Find a lift-off or landing ramp that would take too long to simulate."""
-    travel = rig.settings.body.stop_high_m - lowest
+    travel = rig.settings.body.stop_high_m - lowest_gap
     for table, action, ramp, seconds in (
-        ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
+        ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest_gap)),
         ("landing", "landing", settings.landing, land_time(rig, settings)),
     ):
         if seconds > MAX_RAMP_S:
@@ -89,13 +89,13 @@ def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileF
             if getattr(converter, key) != value:
                 text = f"the amplifier of {rig.path} has {value:g}; make them equal"
                 yield FileFault(("converter", key), text, code="differs-from-rig")
-    pair = pair_table(rig)
-    if settings.pair is not None and pair is None:
+    rig_pair = pair_table(rig)
+    if settings.pair is not None and rig_pair is None:
         text = f"{rig.path} has a single magnet; remove it"
         yield FileFault(("pair",), text, code="differs-from-rig")
-    elif settings.pair is not None and pair is not None:
-        for key in type(pair).model_fields:
-            value = getattr(pair, key)
+    elif settings.pair is not None and rig_pair is not None:
+        for key in type(rig_pair).model_fields:
+            value = getattr(rig_pair, key)
             if getattr(settings.pair, key) != value:
                 text = f"is {value:g} in {rig.path}; make them equal"
                 yield FileFault(("pair", key), text, code="differs-from-rig")

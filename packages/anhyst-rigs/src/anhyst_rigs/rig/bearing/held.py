@@ -37,7 +37,7 @@ def levitation_loss_time(rig: BodyRig, recording: Recording, begin: int = 0) -> 
     return None if loss is None else float(recording["t_s"][begin + loss.tick])
 
 
-_MAX_HOVER_RMS_RATIO = 0.01
+_MAX_HOVER_RMS_TO_TRAVEL = 0.01
 """Largest rms motion of a hovering armature, as a fraction of the travel; above it, it oscillates.
 """
 
@@ -56,7 +56,7 @@ def levitation_fault(setup: BearingSetup, run: Recording, steps: Scenario) -> st
         return f"levitation was lost at {loss_time:.4f} s: the gains do not stabilise this bearing"
     body = rig.settings.body
     hover_rms = float(np.std(gap[lift_end_tick - lift_end_tick // 8 : lift_end_tick]))
-    if hover_rms > _MAX_HOVER_RMS_RATIO * (body.stop_high_m - body.stop_low_m):
+    if hover_rms > _MAX_HOVER_RMS_TO_TRAVEL * (body.stop_high_m - body.stop_low_m):
         return (
             f"the armature oscillates by {1e6 * hover_rms:.3g} um rms at "
             f"{lift_end_tick * rig.dt:.2f} s: the gains do not stabilise this bearing"

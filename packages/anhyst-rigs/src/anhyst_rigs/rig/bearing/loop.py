@@ -24,10 +24,10 @@ from anhyst_rigs.rig.recording import COLUMNS
 
 def pair_table(rig: BodyRig) -> PairTable | None:
     """Return the parameters of a pair of magnets for the controller; None for a single magnet."""
-    bias, total = rig.settings.bias_N, rig.settings.gap_total_m
-    if bias is None or total is None:
+    bias_force, total_gap = rig.settings.bias_N, rig.settings.gap_total_m
+    if bias_force is None or total_gap is None:
         return None
-    return PairTable(bias_force_N=bias, gap_total_m=total)
+    return PairTable(bias_force_N=bias_force, gap_total_m=total_gap)
 
 
 _CONTROLLER_CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
@@ -99,10 +99,10 @@ def calibrated_magnets(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodNa
     calibration = rig.method_calibration(variant)
     if calibration is None or not calibration.is_applied:
         return [magnet]
-    widths = calibration.width_changes(len(rig.settings.body_magnets))
+    width_changes = calibration.width_changes(len(rig.settings.body_magnets))
     gap_zero = calibration.value("gap_zero_m")
     # The compensators of both magnets of a pair cover the same range of gaps.
-    gap_margin = 2.0 * abs(gap_zero) if len(widths) > 1 else 0.0
+    gap_margin = 2.0 * abs(gap_zero) if len(width_changes) > 1 else 0.0
     return [
         calibrate_magnet(
             magnet,
@@ -111,7 +111,7 @@ def calibrated_magnets(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodNa
             width_change,
             gap_margin,
         )
-        for number, width_change in enumerate(widths)
+        for number, width_change in enumerate(width_changes)
     ]
 
 
@@ -151,13 +151,13 @@ def make_setups(
 
 def operating_point(rig: BodyRig, controller: ControllerTable, *loops: Loops) -> OperatingRange:
     """Return the operating point and the ranges of a bearing; for a pair, at its bias force."""
-    pair = pair_table(rig)
+    pair_parameters = pair_table(rig)
     measured_gaps = [gap for loop in loops for gap in loop.by_schedule() if gap is not None]
     return OperatingRange(
         gap=rig.settings.gap_m,
-        force=rig.static_load if pair is None else pair.bias_force_N,
+        force=rig.static_load if pair_parameters is None else pair_parameters.bias_force_N,
         rate=controller.rate_Hz,
-        gap_range=controller.working_gaps(pair, (min(measured_gaps), max(measured_gaps))),
-        force_max=controller.force_max(pair),
+        gap_range=controller.working_gaps(pair_parameters, (min(measured_gaps), max(measured_gaps))),
+        force_max=controller.force_max(pair_parameters),
         current_max=controller.limits.current_high_A,
     )

@@ -152,17 +152,17 @@ def plan_steps(
     gap: float,
     heights: Sequence[float],
     load: float | None = None,
-    rest: float = 0.0,
+    final_hold_time: float = 0.0,
 ) -> Scenario:
     """Plan a lift-off, then steps up and down by every height, centred on a gap."""
-    hold = rig.settings.step.hold_s
+    hold_time = rig.settings.step.hold_s
     builder = ScenarioBuilder(rig, gap, load).lift_off(controller)
     for height in heights:
         lower, upper = step_ends(gap, height)
-        builder.follow(np.linspace(builder.gap, lower, builder.tick_count(hold / 2.0))).hold(hold)
-        builder.step(upper, hold).step(lower, hold)
-    if rest > 0.0:
-        builder.hold(rest)
+        builder.follow(np.linspace(builder.gap, lower, builder.tick_count(hold_time / 2.0))).hold(hold_time)
+        builder.step(upper, hold_time).step(lower, hold_time)
+    if final_hold_time > 0.0:
+        builder.hold(final_hold_time)
     return builder.build()
 
 

@@ -82,12 +82,14 @@ class LoadDrive:
             self._phase_zero_tick = tick
         self._bearing.set_load(self._knobs["load_damping"], self._knobs["load_stiffness"])
 
-    def forces(self, begin: int, ticks: int) -> FloatArray:
+    def forces(self, first_tick: int, ticks: int) -> FloatArray:
         """Return the commanded force at the next ticks, N, shape (ticks,)."""
         amplitude = self._knobs["disturbance_force"]
         if amplitude == 0.0:
             return np.full(ticks, self.force)
-        ticks_since = np.arange(begin - self._phase_zero_tick, begin - self._phase_zero_tick + ticks)
+        ticks_since = np.arange(
+            first_tick - self._phase_zero_tick, first_tick - self._phase_zero_tick + ticks
+        )
         phase = self._knobs["disturbance_frequency"] * self._dt * ticks_since
         wave: FloatArray = self.force + amplitude * sine(phase)
         return wave
@@ -252,9 +254,11 @@ class BearingBench(LockStepBench):
         recordings, begin = [], 0
         while begin < scenario.ticks:
             remaining_ticks = scenario.ticks - begin
-            count = self._heartbeat.count_ticks(remaining_ticks) if self.sends_heartbeat else remaining_ticks
-            recordings.append(self._run(scenario.slice_ticks(begin, begin + count)))
-            begin += count
+            tick_count = (
+                self._heartbeat.count_ticks(remaining_ticks) if self.sends_heartbeat else remaining_ticks
+            )
+            recordings.append(self._run(scenario.slice_ticks(begin, begin + tick_count)))
+            begin += tick_count
         return np.concatenate(recordings)
 
     def _run(self, scenario: Scenario) -> FloatArray:
@@ -262,17 +266,17 @@ class BearingBench(LockStepBench):
         run = self._loop.run(scenario)
         if len(run) < scenario.ticks:
             raise InputError(f"the controller did not answer tick {self.tick}", code="no-answer")
-        numbers = np.arange(first_tick, first_tick + len(run), dtype=np.float64)
-        rows = np.column_stack((numbers, run.table, self._firmware_columns(self._bus.take())))
+        tick_numbers = np.arange(first_tick, first_tick + len(run), dtype=np.float64)
+        rows = np.column_stack((tick_numbers, run.table, self._firmware_columns(self._bus.take())))
         self.gap = float(run["gap_m"][-1])
         self.state = State(int(rows[-1, _STATE_COLUMN]))
         self.fault = Fault(int(rows[-1, _STATE_COLUMN + 2]))
         return rows
 
-    def _firmware_columns(self, words: NDArray[np.uint32]) -> FloatArray:
+    def _firmware_columns(self, answer_words: NDArray[np.uint32]) -> FloatArray:
         """Return one column for each signal of the firmware, from the words of its answers."""
-        signed_words = words.view(np.int32).astype(np.float64)
-        state, mode = words[:, _WORD_INDEX["state"]], words[:, _WORD_INDEX["mode"]]
+        signed_words = answer_words.view(np.int32).astype(np.float64)
+        state, mode = answer_words[:, _WORD_INDEX["state"]], answer_words[:, _WORD_INDEX["mode"]]
         return np.column_stack(
             (
                 signed_words[:, _WORD_INDEX["expected"]] / Q31 * self._scales["demand_full"],

@@ -36,8 +36,8 @@ def body_layout(file: RigFile) -> dict[str, Any]:
 def resting_values(file: RigFile, position: float) -> dict[str, float]:
     """Return the readings for a body that rests on an end stop.
 
-    If the body is free in z and has a weight, it rests at the lower end in z. Otherwise, it rests
-    at the lower end along the set-point.
+    If the body is free in z and has a weight, it rests on the lower end stop in z. Otherwise, it
+    rests on the end stop at the lowest position in the direction of the set-point.
     """
     axes = file.body.free
     axis_components, down_direction = scan_direction(file), np.array([float(axis == "z") for axis in axes])

@@ -61,27 +61,27 @@ class BoardColumns:
         signals = manifest["signals"]
         if force:
             demand = signals["demand"]["scale"]
-            low, high = manifest["limits"]["demand"]
-            self._demand_range = DemandRange("force", "demand", "N", low, high, 0.0)
+            demand_low, demand_high = manifest["limits"]["demand"]
+            self._demand_range = DemandRange("force", "demand", "N", demand_low, demand_high, 0.0)
             self._codes_per_unit, self._zero = Q31 / demand, 0.0
             setting_specs = force_settings(demand, signals["current"]["scale"], rate)
         else:
             position = manifest["controller"]["signals"]["position"]
-            low, high = position["low_gap"], position["high_gap"]
-            self._demand_range = DemandRange("gap", "reference", "m", low, high, 0.0)
+            demand_low, demand_high = position["low_gap"], position["high_gap"]
+            self._demand_range = DemandRange("gap", "reference", "m", demand_low, demand_high, 0.0)
             self._codes_per_unit, self._zero = -Q31 / position["scale"], position["zero_gap"]
             setting_specs = position_settings(tuple(manifest["controller"]["gains"].values()))
         self.settings: tuple[SettingSpec, ...] = (*setting_specs, heartbeat_setting(rate))
 
-    def values(self, codes: NDArray[np.int64]) -> FloatArray:
+    def values(self, signal_codes: NDArray[np.int64]) -> FloatArray:
         """Convert rows of a tick number and codes to rows of a tick number and signals in SI units."""
-        source_codes = codes[:, self._source_columns]
+        source_codes = signal_codes[:, self._source_columns]
         values = np.where(source_codes == _NO_VALUE_CODE, np.nan, source_codes * self._slopes + self._offsets)
-        return np.column_stack((codes[:, 0].astype(np.float64), values))
+        return np.column_stack((signal_codes[:, 0].astype(np.float64), values))
 
-    def demand_range(self, code: int) -> DemandRange:
+    def demand_range(self, present_code: int) -> DemandRange:
         """Return the range of the demand; the argument is the present demand, q31 of full scale."""
-        return self._demand_range._replace(value=float(code / self._codes_per_unit + self._zero))
+        return self._demand_range._replace(value=float(present_code / self._codes_per_unit + self._zero))
 
     def demand_code(self, value: float) -> int:
         """Return the q31 code of a force, N, or a gap, m, relative to full scale."""
@@ -93,9 +93,9 @@ def _force_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
     signals = manifest["signals"]
     force, current = signals["demand"]["scale"], signals["current"]["scale"]
     gap = signals["gap"] or {"low": 0.0, "high": 1.0}
-    span = gap["high"] - gap["low"]
+    gap_range = gap["high"] - gap["low"]
     return (
-        _Column(Signal("gap", "m", "measured gap"), "gap", span / Q30, gap["low"]),
+        _Column(Signal("gap", "m", "measured gap"), "gap", gap_range / Q30, gap["low"]),
         _Column(Signal("demand", "N", "active force demand"), "demand", force / Q31),
         _Column(Signal("force", "N", "measured force"), "force", force / Q30),
         *_current_columns(current),
@@ -139,7 +139,7 @@ def _common_columns(force: float) -> tuple[_Column, ...]:
     )
 
 
-OpenLine = Callable[[], XcpMaster]
+OpenLineFunction = Callable[[], XcpMaster]
 """Function that opens a line. It raises an InputError if no controller responds."""
 
 
@@ -147,7 +147,7 @@ class OtherFirmware(InputError):  # noqa: N818 - not an error of the controller
     """Error: the controller that responds is not the one for which the folder was compiled."""
 
 
-class Contact:
+class ControllerContact:
     """An open line to a controller with its first readings; no command has been sent."""
 
     def __init__(self, line: XcpMaster, manifest: Mapping[str, Any]) -> None:
@@ -173,7 +173,7 @@ class Contact:
     def _last_value(self, signal: str) -> int:
         return int(self.rows[-1, 1 + self.line.signals.index(signal)])
 
-    def check_same_controller(self, earlier_contact: Contact) -> None:
+    def check_same_controller(self, earlier_contact: ControllerContact) -> None:
         """Raise OtherFirmware if the controller of an earlier contact was a different one."""
         line, earlier_line = self.line, earlier_contact.line
         identity = attrgetter("name", "body", "signals", "tick_interval")
@@ -186,13 +186,15 @@ class Contact:
             )
 
 
-def open_contact(open_line: OpenLine, manifest: Mapping[str, Any], before: Contact | None = None) -> Contact:
+def open_contact(
+    open_line: OpenLineFunction, manifest: Mapping[str, Any], earlier_contact: ControllerContact | None = None
+) -> ControllerContact:
     """Open a line and return the contact; close the line if the controller is not the expected one."""
     line = open_line()
     try:
-        contact = Contact(line, manifest)
-        if before is not None:
-            contact.check_same_controller(before)
+        contact = ControllerContact(line, manifest)
+        if earlier_contact is not None:
+            contact.check_same_controller(earlier_contact)
     except BaseException:
         line.close()
         raise

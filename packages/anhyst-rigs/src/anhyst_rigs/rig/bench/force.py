@@ -102,8 +102,8 @@ class StandPlant:
     @classmethod
     def with_operator(cls, rig: ForceControlRig, program: Program, seed: int) -> Self:
         """Return a plant whose armature is moved by an operator."""
-        low, high = program.scales.gap_low, program.scales.gap_high
-        armature = Armature(low, high, rig.settings.timing.rate_Hz)
+        gap_low, gap_high = program.scales.gap_low, program.scales.gap_high
+        armature = Armature(gap_low, gap_high, rig.settings.timing.rate_Hz)
         return cls(ActuatorStand(rig, [2, seed]), program.scales, armature)
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:

@@ -20,8 +20,8 @@ from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.frames import Body
 from anhyst_rigs.link.xcp import XcpMaster
 from anhyst_rigs.rig.bench.contact import (
-    Contact,
-    OpenLine,
+    ControllerContact,
+    OpenLineFunction,
     OtherFirmware,
     active_block_checksum,
     open_contact,
@@ -34,13 +34,13 @@ _HEARTBEAT_PERIOD_S = 0.02
 """Time between two heartbeats, s. A controller waits 0.1 s for the next heartbeat."""
 SEARCH_TIME_S = 600.0
 """Longest search for a controller that stopped responding, s."""
-_MAX_CLOCK_RATIO = 1.01
-_MIN_CLOCK_RATIO = 0.9
-_CLOCK_MARGIN_S = 1.0
+_MAX_TICK_TIME_TO_ELAPSED = 1.01
+_MIN_TICK_TIME_TO_ELAPSED = 0.9
+_TICK_TIME_MARGIN_S = 1.0
 """Margin of the test whether a controller has continued to count ticks, s.
 
-It has continued if its ticks lie, within this margin, between both ratios times the elapsed time.
-Otherwise, it was restarted.
+It has continued if the duration of its ticks lies, within this margin, between the elapsed time
+times _MIN_TICK_TIME_TO_ELAPSED and times _MAX_TICK_TIME_TO_ELAPSED. Otherwise, it was restarted.
 """
 _TICK_MODULUS = 1 << 32
 """Number of ticks after which the tick counter of a controller starts again at 0."""
@@ -59,11 +59,11 @@ class HardwareBench(Bench):
     tick = 0
 
     def __init__(
-        self, open_line: OpenLine, manifest: Mapping[str, Any], search_time: float = SEARCH_TIME_S
+        self, open_line: OpenLineFunction, manifest: Mapping[str, Any], search_time: float = SEARCH_TIME_S
     ) -> None:
         self.rate = float(manifest["rate_Hz"])
         self._open_line, self._manifest, self._search_time = open_line, manifest, search_time
-        self._search: ContactSearch | None = None
+        self._search: ControllerSearch | None = None
         self._messages: list[str] = []
         self._last_heartbeat = 0.0
         self._max_wait_ticks = max(1, int(_HEARTBEAT_PERIOD_S * self.rate))
@@ -97,20 +97,20 @@ class HardwareBench(Bench):
                 row_blocks.append(self._new_rows(self._line.take_samples(wait_tick - self._offset)))
         except InputError as error:
             self._start_search(error)
-        codes = np.concatenate(row_blocks)
-        if len(codes):
-            self._state = State(int(codes[-1, 1 + self._sources.index("state")]))
-        return self._columns.values(codes)
+        signal_codes = np.concatenate(row_blocks)
+        if len(signal_codes):
+            self._state = State(int(signal_codes[-1, 1 + self._sources.index("state")]))
+        return self._columns.values(signal_codes)
 
-    def _new_rows(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _new_rows(self, signal_codes: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the rows after the last one, numbered by the ticks of the bench."""
-        codes = codes + np.eye(1, codes.shape[1], dtype=np.int64) * self._offset
-        codes = codes[codes[:, 0] > self.tick]
-        if len(codes):
-            self.tick, self._last_row_time = int(codes[-1, 0]), time.monotonic()
-        return codes
+        signal_codes = signal_codes + np.eye(1, signal_codes.shape[1], dtype=np.int64) * self._offset
+        signal_codes = signal_codes[signal_codes[:, 0] > self.tick]
+        if len(signal_codes):
+            self.tick, self._last_row_time = int(signal_codes[-1, 0]), time.monotonic()
+        return signal_codes
 
-    def _adopt_contact(self, contact: Contact, offset: int) -> None:
+    def _adopt_contact(self, contact: ControllerContact, offset: int) -> None:
         """Use a contact; the bench adds `offset` to its tick numbers."""
         self._contact, self._line, self._offset = contact, contact.line, offset
         self._columns, self._settings = contact.columns, contact.settings
@@ -125,22 +125,22 @@ class HardwareBench(Bench):
         earlier_contact = self._contact
         self.loss_reason = str(error)
         self._messages.append(f"lost: {error}; searching for at most {self._search_time / 60.0:g} min")
-        self._search = ContactSearch(
+        self._search = ControllerSearch(
             lambda: open_contact(self._open_line, self._manifest, earlier_contact),
             earlier_contact.line.close,
             self._search_time,
         )
 
-    def _resume_rows(self, contact: Contact) -> None:
+    def _resume_rows(self, contact: ControllerContact) -> None:
         """Continue with a controller that responds again, and add a message about its state."""
         newest_tick = int(contact.rows[-1, 0])
         lost_time = contact.contact_time - self._last_row_time
         counted_ticks = (newest_tick - (self.tick - self._offset)) % _TICK_MODULUS
         counted_time = counted_ticks / self.rate
         has_continued = (
-            _MIN_CLOCK_RATIO * lost_time - _CLOCK_MARGIN_S
+            _MIN_TICK_TIME_TO_ELAPSED * lost_time - _TICK_TIME_MARGIN_S
             <= counted_time
-            <= _MAX_CLOCK_RATIO * lost_time + _CLOCK_MARGIN_S
+            <= _MAX_TICK_TIME_TO_ELAPSED * lost_time + _TICK_TIME_MARGIN_S
         )
         passed_ticks = counted_ticks if has_continued else max(1, round(lost_time * self.rate))
         ticks = (
@@ -202,10 +202,10 @@ class HardwareBench(Bench):
         """Return the active parameter block."""
         return self._connected_line().read_block()
 
-    def swap_block(self, words: Sequence[int]) -> int:
+    def swap_block(self, block_words: Sequence[int]) -> int:
         """Activate another parameter block; return the first tick that certainly uses it."""
         line = self._connected_line()
-        line.swap_block(words)
+        line.swap_block(block_words)
         self._block = active_block_checksum(line)
         return self._next_tick()
 
@@ -221,7 +221,7 @@ class HardwareBench(Bench):
             self._line.close()
 
 
-def _state_text(contact: Contact) -> str:
+def _state_text(contact: ControllerContact) -> str:
     """Return the state of a controller in words."""
     state = f"in the state {contact.state.name.lower()}"
     if contact.fault is Fault.NONE:
@@ -234,26 +234,29 @@ _PAUSE_GROWTH = 1.5
 _MAX_PAUSE_S = 2.0
 """Longest pause between two attempts; the pauses grow by the factor _PAUSE_GROWTH up to this."""
 _JOIN_TIME_S = 1.0
-"""Time for which :meth:`ContactSearch.close` waits for an attempt in progress, s."""
+"""Time for which :meth:`ControllerSearch.close` waits for an attempt in progress, s."""
 
 
-class ContactSearch:
+class ControllerSearch:
     """Search for a controller in a thread for a limited time, with growing pauses in between."""
 
     def __init__(
-        self, find_contact: Callable[[], Contact], close_line: Callable[[], None], search_time: float
+        self,
+        find_contact: Callable[[], ControllerContact],
+        close_line: Callable[[], None],
+        search_time: float,
     ) -> None:
         self._find_contact = find_contact
         self._close_line = close_line
         self._end = time.monotonic() + search_time
-        self._found: Contact | None = None
+        self._found: ControllerContact | None = None
         self._failure: InputError | None = None
         self._cancelled, self._finished = threading.Event(), threading.Event()
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="search", daemon=True)
         self._thread.start()
 
-    def wait(self, seconds: float) -> Contact | None:
+    def wait(self, seconds: float) -> ControllerContact | None:
         """Wait for at most a time, s; return the contact, or None if the search has found none."""
         self._finished.wait(seconds)
         if self._failure is not None:
@@ -287,7 +290,7 @@ class ContactSearch:
                 self._finished.set()
                 return
 
-    def _store_contact(self, contact: Contact) -> None:
+    def _store_contact(self, contact: ControllerContact) -> None:
         """Store the contact, or close its line if the search was cancelled."""
         with self._lock:
             is_wanted = not self._cancelled.is_set()

@@ -34,10 +34,10 @@ MAX_LATENESS_S = 0.1
 """Largest lateness in real time, s; a later bench skips the excess instead of catching up."""
 _PACER_PRIORITY = 2
 """Real-time priority of the pacer's thread."""
-_SLEEP_RATIO = 0.05
+_SLEEP_TO_COMPUTING_TIME = 0.05
 """Sleep after each chunk as a fraction of its computing time, if the thread has real-time priority.
 """
-_WINDOW_S = 1.0
+_SPEED_WINDOW_S = 1.0
 """Length of the window in which speed and lateness are measured, s in real time."""
 
 _Result = TypeVar("_Result")
@@ -181,7 +181,7 @@ class PacedBench:
                     start_time = time.monotonic()
                     self._advance(ticks)
                     if has_priority:
-                        time.sleep(_SLEEP_RATIO * (time.monotonic() - start_time))
+                        time.sleep(_SLEEP_TO_COMPUTING_TIME * (time.monotonic() - start_time))
         except InputError as error:
             self.error = error
         finally:
@@ -237,7 +237,7 @@ class PacedBench:
         present_time = time.monotonic()
         lateness = 0.0 if self._bench.has_own_clock else present_time - self._due_time(self._tick)
         self._window.append((present_time, self._tick, lateness))
-        while self._window[0][0] < present_time - _WINDOW_S and len(self._window) > 2:
+        while self._window[0][0] < present_time - _SPEED_WINDOW_S and len(self._window) > 2:
             self._window.popleft()
         if lateness > MAX_LATENESS_S:
             self._slip_count += 1

@@ -95,10 +95,10 @@ class PiezoBench(CycleBench):
 
     def _reset_plant(self) -> None:
         """Start with the selected plant, after a long rest at 0 V."""
-        settings, number = self.rig.settings, int(self._values["plant"])
+        settings, plant_number = self.rig.settings, int(self._values["plant"])
         drift, noise = NO_DRIFT, NOISE_SEED
-        if number:
-            drift, noise = sample_plant(settings, settings.seed, number - 1)
+        if plant_number:
+            drift, noise = sample_plant(settings, settings.seed, plant_number - 1)
         self._rng = np.random.default_rng(noise)
         plant = replace(self.rig, settings=drifted_file(settings, drift))
         self._loop = PiezoLoop(plant.make_motion(self.rig.dt), settings.position_sensor.step_m)
@@ -131,7 +131,7 @@ class PiezoBench(CycleBench):
             self._cycle_count += 1
             self._triangle_height = 0.0
         if self._staged:
-            self._take_staged()
+            self._take_staged_values()
             self._path_ticks = 0
         if self._state is State.RUN and not self._path_ticks:
             stroke = self._values["stroke"]
@@ -139,7 +139,7 @@ class PiezoBench(CycleBench):
             self._start_phase = min(0.5 * self._triangle_height / stroke, 0.5) if stroke else 0.0
             self._whole_periods = 0
 
-    def _take_staged(self) -> None:
+    def _take_staged_values(self) -> None:
         old_number, staged_values, self._staged = int(self._values["compensation"]), self._staged, {}
         self._values |= staged_values
         if "plant" in staged_values:
@@ -190,11 +190,11 @@ class PiezoBench(CycleBench):
         return rows
 
     def _rows(self, n: int, *signals: FloatArray) -> FloatArray:
-        numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
+        tick_numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
         cycle = self._cycle_count if self._state is State.RUN else 0
         state_columns = [np.full(n, float(value)) for value in (self._state, self._fault, cycle)]
         self.tick += n
-        return np.column_stack([numbers, *signals, *state_columns])
+        return np.column_stack([tick_numbers, *signals, *state_columns])
 
     def _lost_rows(self, n: int) -> FloatArray:  # the stage is at 0 V
         return self._rows(n, *np.zeros((len(_PIEZO_SIGNALS), n)))
@@ -221,12 +221,14 @@ class PiezoBench(CycleBench):
 
     def _check_displacement(self, offset: float, staged_values: Mapping[str, float]) -> None:
         """Raise an InputError if the stack cannot reach the active or staged displacements."""
-        strokes = self._values["stroke"], staged_values.get("stroke", 0.0)
-        height = max(strokes) if self._state is State.RUN else self._triangle_height
-        highest = self.rig.settings.displacement_case.low_m + height + offset
-        if highest > self._max_displacement * (1.0 + 1e-9):
+        active_and_staged_strokes = self._values["stroke"], staged_values.get("stroke", 0.0)
+        triangle_height = (
+            max(active_and_staged_strokes) if self._state is State.RUN else self._triangle_height
+        )
+        highest_displacement = self.rig.settings.displacement_case.low_m + triangle_height + offset
+        if highest_displacement > self._max_displacement * (1.0 + 1e-9):
             raise InputError(
-                f"the stage would go to {1e6 * highest:.3g} um, the stack to "
+                f"the stage would go to {1e6 * highest_displacement:.3g} um, the stack to "
                 f"{1e6 * self._max_displacement:.3g} um; lower the target or the stroke",
                 code="out-of-range",
             )

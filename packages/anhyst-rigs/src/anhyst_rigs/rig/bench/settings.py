@@ -82,9 +82,9 @@ class ControllerSettings:
 
     def write(self, values: Mapping[str, float], is_running: bool) -> None:
         """Write several settings, or none if one is refused; unknown names are ignored."""
-        codes = {spec: spec.encode(values[spec.name]) for spec in self._specs if spec.name in values}
+        new_codes = {spec: spec.encode(values[spec.name]) for spec in self._specs if spec.name in values}
         changed_codes = {
-            spec.setting: code for spec, code in codes.items() if code != self._codes[spec.setting]
+            spec.setting: code for spec, code in new_codes.items() if code != self._codes[spec.setting]
         }
         for setting in changed_codes:
             if is_running and not SETTINGS[setting].while_running:
@@ -100,35 +100,41 @@ class ControllerSettings:
             self._send_settings(old_codes)
             raise
 
-    def _send_settings(self, codes: Mapping[Setting, int]) -> None:
-        for setting, code in codes.items():
+    def _send_settings(self, setting_codes: Mapping[Setting, int]) -> None:
+        for setting, code in setting_codes.items():
             self._codes[setting] = self._line.write_setting(setting, code)
-        if not _GAIN_SETTINGS.keys().isdisjoint(codes):
+        if not _GAIN_SETTINGS.keys().isdisjoint(setting_codes):
             self._line.write_setting(Setting.GAINS, 1)  # A 1 activates the written gains.
 
 
 _COMPENSATION_DOC = "1: the compensator; 0: the constant ratio"
-_COMPENSATION = SettingSpec("compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, _COMPENSATION_DOC)
+_COMPENSATION_SETTING = SettingSpec(
+    "compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, _COMPENSATION_DOC
+)
 
 
-def force_settings(demand: float, current: float, rate: float) -> tuple[SettingSpec, ...]:
+def force_settings(
+    demand_full_scale: float, current_full_scale: float, rate: float
+) -> tuple[SettingSpec, ...]:
     """Return the settings of a force controller from its full scales, N and A, and its rate, Hz."""
-    max_slew, ratio = demand * rate, current / demand
+    max_slew, current_per_force = demand_full_scale * rate, current_full_scale / demand_full_scale
     slew_doc, ratio_doc = "largest slope of the demand", "constant ratio of current to force"
     follow_doc = "current that updates the hysteresis state: 0: driven; 1: measured"
     return (
         SettingSpec(
             "demand_slew", Setting.DEMAND_SLEW, "N/s", max_slew / Q31, max_slew, max_slew / Q31, slew_doc
         ),
-        _COMPENSATION,
-        SettingSpec("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, ratio_doc),
+        _COMPENSATION_SETTING,
+        SettingSpec(
+            "ratio", Setting.RATIO, "A/N", 0.0, 2.0 * current_per_force, current_per_force / Q30, ratio_doc
+        ),
         SettingSpec("follow", Setting.FOLLOW, "", 0.0, 1.0, 1.0, follow_doc),
     )
 
 
 def position_settings(gains: Sequence[float]) -> tuple[SettingSpec, ...]:
     """Return the settings of a position controller."""
-    settings = [_COMPENSATION]
+    settings = [_COMPENSATION_SETTING]
     for (setting, (unit, doc)), gain in zip(_GAIN_SETTINGS.items(), gains, strict=True):
         if gain == 0.0:
             continue
@@ -138,7 +144,7 @@ def position_settings(gains: Sequence[float]) -> tuple[SettingSpec, ...]:
     return tuple(settings)
 
 
-_AMPLIFIER_MARGIN = 2.0
+_EXPECTED_TO_NOMINAL_TIME = 2.0
 """Ratio of the lag and the sweep time that a controller expects to the nominal values."""
 _MAX_DELAY_TICKS = 2.0
 """Largest number of ticks between a driven current and the sample that measures it."""
@@ -156,7 +162,7 @@ def set_expected_amplifier(line: SettingsLine, file: RigFile, slew: float, full_
         Setting.CURRENT_SWEEP_TICKS: full_scale / slew,
     }
     for setting, seconds in time_constants.items():
-        ticks = math.ceil(min(_AMPLIFIER_MARGIN * seconds, 1e-3 * HEARTBEAT_MS) * rate)
+        ticks = math.ceil(min(_EXPECTED_TO_NOMINAL_TIME * seconds, 1e-3 * HEARTBEAT_MS) * rate)
         if ticks > line.read_setting(setting):
             line.write_setting(setting, min(ticks, int(1e-3 * HEARTBEAT_MS * rate)))
 

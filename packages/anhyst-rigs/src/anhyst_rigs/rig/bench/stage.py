@@ -61,20 +61,20 @@ from anhyst_rigs.rig.stage.recording import (
     recording_columns,
 )
 from anhyst_rigs.rig.stage.setpoint import (
-    STRAY_DELAY_S,
+    STROKE_ERROR_DELAY_S,
     SampledMotion,
     SetPoint,
-    frame_stray_from,
     plan_braking,
     sample_motion,
     scan_motion,
+    stroke_error_from_acceleration,
 )
 
 INTEGRAL_AVERAGING_TIME_S = 1e-3
 """Averaging time of the integral wrench, from which a new controller starts, s."""
 STORED_CYCLES = 4
 """Number of cycles of the set-point whose currents and gaps are stored for new compensators."""
-MAX_LOAD_SHARE = 0.5
+MAX_LOAD_TO_SPARE_FORCE = 0.5
 """Largest force of the load drive, as a fraction of the force that the set-point does not need."""
 FEEDFORWARD_GAINS = ("acceleration", "jerk", "snap")
 """Names of the gains of :class:`anhyst_rigs.rig.stage.loop.Feedforward`."""
@@ -94,7 +94,9 @@ class StageCycle(NamedTuple):
     # first tick of the stored currents, before which the iron was demagnetised
     history_start: int
     motion: SetPoint
-    conditions: tuple[object, ...]  # all conditions except the corrections, such as plant and gains
+    settings_and_loads: tuple[
+        object, ...
+    ]  # all settings and loads except the corrections, such as plant and gains
     setup: StageSetup  # active setup, including its estimated corrections
 
     @property
@@ -139,10 +141,10 @@ class StageBench(CycleBench):
         available_force = (
             largest_wrench_factor(file, scan_wrench(file)) - file.body.mass_kg * self._max_acceleration
         )
-        self.max_load = MAX_LOAD_SHARE * max(available_force, 0.0)
+        self.max_load = MAX_LOAD_TO_SPARE_FORCE * max(available_force, 0.0)
         axis_directions = zip(file.body.free, np.eye(len(file.body.free)), strict=True)
         self._max_pushes = {
-            f"push_{axis}": MAX_LOAD_SHARE * largest_wrench_factor(file, direction)
+            f"push_{axis}": MAX_LOAD_TO_SPARE_FORCE * largest_wrench_factor(file, direction)
             for axis, direction in axis_directions
         }
         self._pushes = dict.fromkeys(self._max_pushes, 0.0)  # active value of each push, N or N m
@@ -184,18 +186,18 @@ class StageBench(CycleBench):
 
     def _reset_plant(self) -> None:
         """Start with the selected plant at its operating point, at rest and demagnetised."""
-        number = int(self._values["plant"])
+        plant_number = int(self._values["plant"])
         settings = self.rig.settings
         drift, noise = NO_DRIFT, 0
-        if number:
-            drift, noise = sample_plant(settings, settings.seed, number - 1)
+        if plant_number:
+            drift, noise = sample_plant(settings, settings.seed, plant_number - 1)
         self._cable_stiffness = drift.cable
         self._plant = drifted_plant(self.rig, drift, noise)
-        scan_axis, stray = scan_direction(settings), float(self._next_stray(1, 0.0)[0])
-        self._plant.place((-stray * scan_axis).tolist(), [0.0] * scan_axis.size)
+        scan_axis, initial_stroke_error = scan_direction(settings), float(self._next_stroke_errors(1, 0.0)[0])
+        self._plant.place((-initial_stroke_error * scan_axis).tolist(), [0.0] * scan_axis.size)
         self._active_course: SampledMotion | None = None
         self._course_tick, self._course_start = 0, 0.0
-        self._past_accelerations = np.zeros(round(STRAY_DELAY_S / self.rig.dt))
+        self._past_accelerations = np.zeros(round(STROKE_ERROR_DELAY_S / self.rig.dt))
         self._history: deque[FloatArray] = deque()
         axis_count = len(self.rig.settings.body.free)
         self._latest_history = np.zeros((0, 2 * (self._magnets + axis_count)))
@@ -238,42 +240,52 @@ class StageBench(CycleBench):
         if self._is_lifting_or_landing:
             return
         if self._staged or self._corrected_setups:
-            self._take_staged()
+            self._take_staged_changes()
         if self._state is State.RUN:
-            self._begin_course(
+            self._begin_motion(
                 self._scan_course if self._next_direction > 0.0 else self._scan_course.reverse()
             )
             self._cycle_count += 1
             self._cycle_number, self._next_direction = self._cycle_count, -self._next_direction
             external_forces = self._load, *self._pushes.values()
-            conditions = (*self._values.values(), *self._gains, *external_forces)
+            settings_and_loads = (*self._values.values(), *self._gains, *external_forces)
             begin, ticks = self.tick + 1, len(self._scan_course)
             cycle = StageCycle(
-                self._cycle_number, begin, ticks, self._history_start, self._motion, conditions, self._setup
+                self._cycle_number,
+                begin,
+                ticks,
+                self._history_start,
+                self._motion,
+                settings_and_loads,
+                self._setup,
             )
             self.cycles.append(cycle)
 
-    def _begin_course(self, course: SampledMotion) -> None:
+    def _begin_motion(self, course: SampledMotion) -> None:
         self._active_course, self._course_tick = course, 0
         # Minor loops at rest are not stored, because the next cycle wipes them out.
         self._history.append(self._latest_history[-1:])
         while sum(map(len, self._history)) > STORED_CYCLES * len(self._scan_course):
             self._history.popleft()
 
-    def _take_staged(self) -> None:
-        changes, self._staged = self._staged, {}
+    def _take_staged_changes(self) -> None:
+        parameter_changes, self._staged = self._staged, {}
         setups, self._corrected_setups = self._corrected_setups, {}
         for number, setup in setups.items():
             self._setups[number] = setup
-        self._values |= {name: value for name, value in changes.items() if name in self._values}
+        self._values |= {name: value for name, value in parameter_changes.items() if name in self._values}
         number = int(self._values["compensation"])
-        gains = {name: changes[f"gain_{name}"] for name in FEEDFORWARD_GAINS if f"gain_{name}" in changes}
+        gains = {
+            name: parameter_changes[f"gain_{name}"]
+            for name in FEEDFORWARD_GAINS
+            if f"gain_{name}" in parameter_changes
+        }
         self._gains[number] = replace(self._gains[number], **gains)
-        if "motion" in changes:
-            self._set_motion(changes["motion"])
-        if "plant" in changes:
+        if "motion" in parameter_changes:
+            self._set_motion(parameter_changes["motion"])
+        if "plant" in parameter_changes:
             self._reset_plant()
-        elif number in setups or not changes.keys().isdisjoint(("compensation", "crossover")):
+        elif number in setups or not parameter_changes.keys().isdisjoint(("compensation", "crossover")):
             self._set_controller()
 
     def _next_feedforward(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -288,21 +300,23 @@ class StageBench(CycleBench):
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
         mass = setup.assumed_rig.settings.body.mass_kg
         mass_acceleration = setpoints[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
-        forward = mass * mass_acceleration + setup.cable_stiffness * (self._course_start + setpoints[:, 3])
-        return self._course_start + positions, accelerations, forward
+        feedforward_forces = mass * mass_acceleration + setup.cable_stiffness * (
+            self._course_start + setpoints[:, 3]
+        )
+        return self._course_start + positions, accelerations, feedforward_forces
 
-    def _next_stray(self, n: int, delayed_acceleration: FloatArray | float) -> FloatArray:
+    def _next_stroke_errors(self, n: int, delayed_acceleration: FloatArray | float) -> FloatArray:
         """Return the path error of the long stroke at the next ticks, m, as in other simulations."""
         ticks = np.arange(self.tick, self.tick + n, dtype=np.float64)
-        return frame_stray_from(self.rig, delayed_acceleration, self.rig.dt * ticks)
+        return stroke_error_from_acceleration(self.rig, delayed_acceleration, self.rig.dt * ticks)
 
     def _run_ticks(self, n: int) -> FloatArray:
         if self._active_course is not None:
             n = min(n, len(self._active_course) - self._course_tick)
         positions, accelerations, feedforward = self._next_feedforward(n)
         all_accelerations = np.concatenate([self._past_accelerations, accelerations])
-        stray = self._next_stray(n + 1, all_accelerations[: n + 1] / self._max_acceleration)
-        signals, history, loss = self._simulate_ticks(positions, stray, feedforward)
+        stroke_error = self._next_stroke_errors(n + 1, all_accelerations[: n + 1] / self._max_acceleration)
+        signals, history, loss = self._simulate_ticks(positions, stroke_error, feedforward)
         row_count = len(history)
         rows = self._rows(row_count, *signals)
         self._past_accelerations = all_accelerations[row_count : row_count + self._past_accelerations.size]
@@ -323,7 +337,7 @@ class StageBench(CycleBench):
             self._history.append(history_rows[-1:])
 
     def _simulate_ticks(
-        self, positions: FloatArray, stray: FloatArray, feedforward: FloatArray
+        self, positions: FloatArray, stroke_error: FloatArray, feedforward: FloatArray
     ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
         """Return the signals of some ticks, the history of the magnets, and a loss of control.
 
@@ -332,7 +346,7 @@ class StageBench(CycleBench):
         """
         rig, axes = self.rig, self.rig.settings.body.free
         wrench = feedforward_wrench(self._setup.assumed_rig, feedforward) + list(self._pushes.values())
-        scenario = scan_scenario(rig, positions, stray, wrench + self._integral_wrench, self._offset)
+        scenario = scan_scenario(rig, positions, stroke_error, wrench + self._integral_wrench, self._offset)
         scenario.command[0], self._next_command = self._next_command, Command.NONE
         load = self._load - self._cable_stiffness * positions[:-1]
         run = self._loop.run(replace(scenario, load=load))
@@ -361,14 +375,14 @@ class StageBench(CycleBench):
         return wrench_columns | magnet_pulls(settings, run) | {"flight": self._phases}
 
     def _rows(self, n: int, *signals: FloatArray) -> FloatArray:
-        numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
+        tick_numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
         state_columns = [np.full(n, float(value)) for value in (self._fault, self._cycle_number)]
         state = np.full(n, float(self._state))
         if self._state is not State.FAULT:
             state[self._phases != Phase.HOVER] = State.RUN
             state[self._phases == Phase.REST] = State.IDLE
         self.tick += n
-        return np.column_stack([numbers, *signals, state, *state_columns])
+        return np.column_stack([tick_numbers, *signals, state, *state_columns])
 
     def _lost_rows(self, n: int) -> FloatArray:  # the body is on a stop without current
         values = resting_values(self.rig.settings, self._course_start)
@@ -420,7 +434,7 @@ class StageBench(CycleBench):
             motion = course.motion_at(self._course_tick, dt)
             scan = self.rig.settings.scan  # has the largest acceleration, also for a slower cycle
             hardest_motion = scan_motion(scan, scan.test_m_per_s2)
-            self._begin_course(plan_braking(*motion, hardest_motion, dt, self.rig.loop_delay))
+            self._begin_motion(plan_braking(*motion, hardest_motion, dt, self.rig.loop_delay))
 
     def demand(self, value: float) -> None:
         """Demand an offset, m, from the set-point."""

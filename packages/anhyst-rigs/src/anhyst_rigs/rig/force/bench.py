@@ -53,7 +53,7 @@ class ActuatorStand:
         for current_share in (*rng.uniform(size=_HISTORY_CURRENT_COUNT).tolist(), 0.0):
             self._plant.hold(current_share * self._high, gap)
 
-    def condition(self, reversal_currents: list[float], gap: float) -> None:
+    def condition_iron(self, reversal_currents: list[float], gap: float) -> None:
         """Move the current slowly through a sequence of reversal points, A."""
         for reversal_current in reversal_currents:
             self._plant.hold(max(reversal_current - self._zero, 0.0), gap)
@@ -97,8 +97,8 @@ class Demand:
 def add_lead_in(name: str, force: FloatArray, rate: float) -> Demand:
     """Return a demand that begins with a linear rise from zero."""
     ticks = round(LEAD_IN_S * rate)
-    rise = force[0] * np.arange(ticks) / ticks
-    return Demand(name, np.concatenate([rise, force]), ticks)
+    lead_in_force = force[0] * np.arange(ticks) / ticks
+    return Demand(name, np.concatenate([lead_in_force, force]), ticks)
 
 
 def triangle_demand(shape: ForceCase, force_max: float, rate: float) -> Demand:

@@ -143,10 +143,13 @@ class ForceControlRig:
 
     def make_sensors(self, seed: list[int], sample: float | None = None) -> Sensors:
         """Return the sensors with independent noise; the default sampling time is one tick, s."""
-        own_seed, numbers = [self.settings.seed, *seed], self.sensor_parameters(sample or self.dt)
+        sensor_seed, sensor_parameters = (
+            [self.settings.seed, *seed],
+            self.sensor_parameters(sample or self.dt),
+        )
         return {
-            name: NoisySensor(sensor, [*own_seed, index])
-            for index, (name, sensor) in enumerate(numbers.items())
+            name: NoisySensor(sensor, [*sensor_seed, index])
+            for index, (name, sensor) in enumerate(sensor_parameters.items())
         }
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
@@ -156,11 +159,11 @@ class ForceControlRig:
 
 def _gap_faults(file: RigFile) -> Iterator[FileFault]:
     """Find test cases with gaps outside the range of the gap sensor, which would cause a fault."""
-    sensor, held_case, moving = file.gap_sensor, file.held_case, file.moving_case
+    sensor, held_case, moving_case = file.gap_sensor, file.held_case, file.moving_case
     for case, keys, gap in (
         *((held_case, ("gaps_m", number), gap) for number, gap in enumerate(held_case.gaps_m)),
-        (moving, ("low_m",), moving.low_m),
-        (moving, ("high_m",), moving.high_m),
+        (moving_case, ("low_m",), moving_case.low_m),
+        (moving_case, ("high_m",), moving_case.high_m),
     ):
         if not sensor.low_m <= gap <= sensor.high_m:
             text = f"the gap sensor reads {sensor.low_m:g} to {sensor.high_m:g} m, not {gap:g} m; "

@@ -47,13 +47,13 @@ class Program:
     @property
     def conditioning_currents(self) -> list[float]:
         """Reversal points of the start-up sequence, A: the limits of the current."""
-        low, high = self.block.limits.current
-        return [high, low] * self.cycles
+        low_current, high_current = self.block.limits.current
+        return [high_current, low_current] * self.cycles
 
     def gap_codes(self, gap: FloatArray) -> Codes:
         """Return the firmware codes of gap readings, m, as q31 of the gap range."""
-        codes = np.rint(self.scales.gap_fraction(gap) * (Q31_ONE >> 1)).astype(np.int64)
-        return np.minimum(2 * np.clip(codes, 0, Q31_ONE >> 1), Q31_ONE - 1)
+        q30_codes = np.rint(self.scales.gap_fraction(gap) * (Q31_ONE >> 1)).astype(np.int64)
+        return np.minimum(2 * np.clip(q30_codes, 0, Q31_ONE >> 1), Q31_ONE - 1)
 
     def demand_code(self, force: float) -> int:
         """Return the code of a force, N, on the link, as q31 of full scale."""
@@ -81,8 +81,8 @@ def count_differing_ticks(program: Program, session: FirmwareSession) -> int:
     first_tick = session.first_run_tick
     if not session.is_demagnetised:
         history = np.column_stack([session.drive[:first_tick], session.gap[:first_tick]])
-        for codes in history.tolist():
-            core.commit_q31(*codes)
+        for tick_codes in history.tolist():
+            core.commit_q31(*tick_codes)
     demand, gap = session.demand.astype(np.int32), session.gap[first_tick:].astype(np.int32)
     return int(np.count_nonzero(core.run(demand, gap, False) != session.drive[first_tick:]))
 
@@ -90,7 +90,7 @@ def count_differing_ticks(program: Program, session: FirmwareSession) -> int:
 MIN_DEAD_BAND_SIGMAS = 5.0
 """Smallest half-width of the dead band, in standard deviations of the noise of the field."""
 
-MIN_FULL_SCALE_SHARE = 0.82
+MIN_FULL_SCALE_TO_MEASURED_FORCE = 0.82
 """Smallest full scale of the force, relative to the largest measured force.
 
 The start-up sequence reaches this force; boards accept readings up to 1.25 times full scale.
@@ -124,8 +124,9 @@ def identify_force_model(rig: ForceControlRig, loops: Loops, progress: Progress 
       ``circuit``, which permits a moving armature.
     - The dead band is made as wide as the noise of the position sensor requires, so that noise does not
       erase the hysteresis state.
-    - The valid range ends at the largest force of the rig, or at :data:`MIN_FULL_SCALE_SHARE` times the
-      largest measured force if this is larger. It never exceeds the largest measured force.
+    - The valid range ends at the largest force of the rig, or at
+      :data:`MIN_FULL_SCALE_TO_MEASURED_FORCE` times the largest measured force if this is larger. It
+      never exceeds the largest measured force.
     - A model with eddy-current lag keeps only as many layers as can be compiled.
     """
     has_several_gaps = len(loops.by_schedule()) > 1
@@ -136,16 +137,16 @@ def identify_force_model(rig: ForceControlRig, loops: Loops, progress: Progress 
         model = _with_min_dead_band(model, _min_dead_band(model, rig))
     valid_range = model.valid
     assert valid_range is not None
-    max_force = max(rig.settings.force.force_max_N, MIN_FULL_SCALE_SHARE * valid_range.output[1])
+    max_force = max(rig.settings.force.force_max_N, MIN_FULL_SCALE_TO_MEASURED_FORCE * valid_range.output[1])
     return replace(model, valid=replace(valid_range, output=(0.0, min(max_force, valid_range.output[1]))))
 
 
-def _with_min_dead_band(model: Model, min_half_width: float) -> Model:
+def _with_min_dead_band(model: Model, min_dead_band_half_width: float) -> Model:
     """Return a model whose dead band, if any, has at least a given half-width, A/m."""
     new_parameters: dict[str, Parameter] = {}
     for parameter_spec in model.operator_law.parameters_with_role("dead band"):
         new_parameters[parameter_spec.name] = map_parameter(
-            model.parameters[parameter_spec.name], lambda value: max(value, min_half_width)
+            model.parameters[parameter_spec.name], lambda value: max(value, min_dead_band_half_width)
         )
     return replace(model, parameters={**model.parameters, **new_parameters}) if new_parameters else model
 
@@ -157,11 +158,11 @@ def _min_dead_band(model: Model, rig: ForceControlRig) -> float:
     sensor, static_model = rig.settings.gap_sensor, model.at_rest
     noise = math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
     force_max = rig.settings.force.force_max_N
-    max_change = 0.0
+    max_field_change = 0.0
     for gap in model.nodes:
-        for current_share in (0.25, 0.5, 0.75, 1.0):
-            demand = np.full(2, current_share * force_max)
+        for force_fraction in (0.25, 0.5, 0.75, 1.0):
+            demanded_force = np.full(2, force_fraction * force_max)
             gaps = np.array([gap, gap + noise])
-            static_field = static_model.invert(demand, gaps, history="demagnetised").field
-            max_change = max(max_change, abs(float(static_field[1] - static_field[0])))
-    return MIN_DEAD_BAND_SIGMAS * max_change
+            static_field = static_model.invert(demanded_force, gaps, history="demagnetised").field
+            max_field_change = max(max_field_change, abs(float(static_field[1] - static_field[0])))
+    return MIN_DEAD_BAND_SIGMAS * max_field_change

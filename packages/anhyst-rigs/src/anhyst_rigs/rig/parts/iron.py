@@ -131,7 +131,7 @@ class CellSteel(AnySteel):
         return {"reversible_fraction": fraction, **common_keys}
 
 
-_CHECK_FIELD_RATIOS = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))
+_CHECK_FIELDS_TO_KNEE_FIELD = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))
 """Fields at which the stability is checked, relative to the field of the sharp knee."""
 
 
@@ -190,7 +190,7 @@ class DuhemSteel(AnySteel):
                 code="small-loops-give-energy",
                 key="fading",
             )
-        polarisation, slope = self.curve(_CHECK_FIELD_RATIOS * self.knee_sharp_A_per_m)
+        polarisation, slope = self.curve(_CHECK_FIELDS_TO_KNEE_FIELD * self.knee_sharp_A_per_m)
         coercivity_slope = 2.0 * self.coercivity_A_per_m * self.fading / saturation**2
         if np.max(coercivity_slope * (polarisation - self.turning_T) * slope) > 0.9:
             raise InputError(
@@ -291,16 +291,18 @@ def _relay_weights(steel: PreisachSteel, fields: FloatArray) -> FloatArray:
     one half only; its density is evaluated at the centroid of this half.
     """
     quarter_widths = 0.25 * np.diff(fields)
-    centres = fields[:-1] + 2.0 * quarter_widths
-    down_cells, up_cells = np.triu_indices(centres.size, 1)
-    cell_weights = np.zeros((centres.size, centres.size))
+    cell_centres = fields[:-1] + 2.0 * quarter_widths
+    down_cells, up_cells = np.triu_indices(cell_centres.size, 1)
+    cell_weights = np.zeros((cell_centres.size, cell_centres.size))
     for down_side in (-1.0, 1.0):
         for up_side in (-1.0, 1.0):
-            low = centres[down_cells] + down_side * quarter_widths[down_cells]
-            high = centres[up_cells] + up_side * quarter_widths[up_cells]
-            cell_weights[down_cells, up_cells] += steel.density(0.5 * (high - low), 0.5 * (high + low))
+            lower_field = cell_centres[down_cells] + down_side * quarter_widths[down_cells]
+            upper_field = cell_centres[up_cells] + up_side * quarter_widths[up_cells]
+            cell_weights[down_cells, up_cells] += steel.density(
+                0.5 * (upper_field - lower_field), 0.5 * (upper_field + lower_field)
+            )
     cell_weights[down_cells, up_cells] *= 4.0 * quarter_widths[down_cells] * quarter_widths[up_cells]
-    diagonal_density = steel.density(quarter_widths * (2.0 / 3.0), centres)
+    diagonal_density = steel.density(quarter_widths * (2.0 / 3.0), cell_centres)
     np.fill_diagonal(cell_weights, 8.0 * quarter_widths * quarter_widths * diagonal_density)
     return cell_weights
 

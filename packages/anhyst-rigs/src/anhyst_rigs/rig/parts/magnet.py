@@ -114,13 +114,13 @@ class SolidIron:
 
     def layer_parameters(self) -> tuple[FloatArray, FloatArray]:
         """Return each volume's fraction of the cross-section, and its eddy-current drag, A s/(m T)."""
-        width = np.geomspace(1.0, _VOLUME_WIDTH_RATIO, self.volumes)
+        width = np.geomspace(1.0, _INNER_TO_SURFACE_VOLUME_WIDTH, self.volumes)
         width /= width.sum()
         distances = 0.5 * np.append(width[0], width[1:] + width[:-1])
         return width, self.conductivity * self.depth**2 * distances
 
 
-_VOLUME_WIDTH_RATIO = 6.0
+_INNER_TO_SURFACE_VOLUME_WIDTH = 6.0
 """Ratio of the width of the innermost volume to that of the volume at the surface."""
 
 
@@ -128,10 +128,10 @@ def make_iron_magnet(
     poles: Poles, steel: AnySteel, eddy_time: float = 0.0, gap: float = 1e-3, solid: SolidIron | None = None
 ) -> Magnet:
     """Return a magnet with an iron of any family, and with a solid part if one is given."""
-    numbers = circuit_parameters(poles, eddy_time, gap)
+    parameters = circuit_parameters(poles, eddy_time, gap)
     if solid is None:
-        return Magnet(numbers, steel.make_steel())
-    return Magnet(numbers, steel.make_steel(), solid.length / poles.iron_length, *solid.layer_parameters())
+        return Magnet(parameters, steel.make_steel())
+    return Magnet(parameters, steel.make_steel(), solid.length / poles.iron_length, *solid.layer_parameters())
 
 
 def circuit_parameters(poles: Poles, eddy_time: float, gap: float) -> dict[str, float]:
@@ -178,17 +178,17 @@ def read_flux_table(path: PathLike) -> FluxTable:
         raise InputError(
             f"{table.locate_row(int(np.argmin(current)))}: {text}", code="currents-not-from-zero", key="I_A"
         )
-    numbers = np.full((gaps.size, currents.size), -1)
+    row_numbers = np.full((gaps.size, currents.size), -1)
     for number, cell_indices in enumerate(zip(gap_indices.tolist(), column.tolist(), strict=True)):
-        if numbers[cell_indices] >= 0:
+        if row_numbers[cell_indices] >= 0:
             point = _point_text(gap[number], current[number])
             raise InputError(
                 f"{table.locate_row(number)}: {point} occurs twice; remove one", code="value-again"
             )
-        numbers[cell_indices] = number
-    _check_all_combinations(table.path, gaps, currents, numbers)
-    flux_table = FluxTable(currents, gaps, psi[numbers])
-    _check_monotone(table, flux_table, numbers)
+        row_numbers[cell_indices] = number
+    _check_all_combinations(table.path, gaps, currents, row_numbers)
+    flux_table = FluxTable(currents, gaps, psi[row_numbers])
+    _check_monotone(table, flux_table, row_numbers)
     return flux_table
 
 
@@ -196,10 +196,10 @@ def check_flux_range(
     path: PathLike, table: FluxTable, gap_low: float, gap_high: float, current_high: float
 ) -> None:
     """Raise an InputError if a flux table does not cover the travel and the current range."""
-    low, high = float(table.gap[0]), float(table.gap[-1])
-    if not (low <= gap_low and gap_high <= high):
+    lowest_gap, highest_gap = float(table.gap[0]), float(table.gap[-1])
+    if not (lowest_gap <= gap_low and gap_high <= highest_gap):
         raise InputError(
-            f"{path}: gap_m runs from {low:g} to {high:g} m and must contain the travel, "
+            f"{path}: gap_m runs from {lowest_gap:g} to {highest_gap:g} m and must contain the travel, "
             f"{gap_low:g} to {gap_high:g} m; add gaps",
             code="gaps-not-covered",
             key="gap_m",
@@ -214,12 +214,12 @@ def check_flux_range(
 
 
 def _check_all_combinations(
-    path: str, gaps: FloatArray, currents: FloatArray, numbers: NDArray[np.int_]
+    path: str, gaps: FloatArray, currents: FloatArray, row_numbers: NDArray[np.int_]
 ) -> None:
-    holes = np.argwhere(numbers < 0)
-    if len(holes):
-        first_hole = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
-        further_text = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
+    missing_points = np.argwhere(row_numbers < 0)
+    if len(missing_points):
+        first_hole = _point_text(gaps[missing_points[0, 0]], currents[missing_points[0, 1]])
+        further_text = f" and at {len(missing_points) - 1} other points" if len(missing_points) > 1 else ""
         raise InputError(
             f"{path}: has a hole at {first_hole}{further_text}; {gaps.size} gaps and "
             f"{currents.size} currents must form a full grid; add the missing points",
@@ -227,18 +227,18 @@ def _check_all_combinations(
         )
 
 
-def _check_monotone(table: DataTable, flux_table: FluxTable, numbers: NDArray[np.int_]) -> None:
-    flat_places = np.add(np.argwhere(np.diff(flux_table.psi, axis=1) <= 0.0), (0, 1))
-    rising_places = np.add(np.argwhere(np.diff(flux_table.psi[:, 1:], axis=0) >= 0.0), (1, 1))
-    for places, text in (
+def _check_monotone(table: DataTable, flux_table: FluxTable, row_numbers: NDArray[np.int_]) -> None:
+    constant_indices = np.add(np.argwhere(np.diff(flux_table.psi, axis=1) <= 0.0), (0, 1))
+    rising_indices = np.add(np.argwhere(np.diff(flux_table.psi[:, 1:], axis=0) >= 0.0), (1, 1))
+    for fault_indices, text in (
         (np.argwhere(flux_table.psi[:, :1] != 0.0), "psi is not 0 without current"),
-        (flat_places, "psi does not rise with the current"),
-        (rising_places, "psi does not fall as the gap opens"),
+        (constant_indices, "psi does not rise with the current"),
+        (rising_indices, "psi does not fall as the gap opens"),
     ):
-        if len(places):
-            gap_index, current_index = places[0].tolist()
+        if len(fault_indices):
+            gap_index, current_index = fault_indices[0].tolist()
             point = _point_text(flux_table.gap[gap_index], flux_table.current[current_index])
-            location = table.locate_row(int(numbers[gap_index, current_index]))
+            location = table.locate_row(int(row_numbers[gap_index, current_index]))
             raise InputError(f"{location}: {text} at {point}; correct this point", code="not-monotone")
 
 
@@ -264,7 +264,7 @@ def make_law_magnet(
     if not isinstance(iron, AnyIron):
         text = "model: the core does not have its law and cannot simulate the magnet"
         raise InputError(text, code="law-not-in-core", key="model")
-    numbers = {
+    parameters = {
         "eddy": eddy,
         "current_high": float(table.current[-1]),
         "gap_low": float(table.gap[0]),
@@ -272,14 +272,14 @@ def make_law_magnet(
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-    gap_range = numbers["gap_low"], numbers["gap_high"]
+    gap_range = parameters["gap_low"], parameters["gap_high"]
     rows = np.column_stack([rows, poles.flux_density(rows[:, 2], np.linspace(*gap_range, len(rows)))])
     # Interpolate on a fine uniform grid by monotone cubics, so that the table stays monotone.
-    current = np.linspace(0.0, numbers["current_high"], _TABLE_CURRENTS)
+    current = np.linspace(0.0, parameters["current_high"], _TABLE_CURRENTS)
     gap = np.linspace(*gap_range, _TABLE_GAPS)
     psi = PchipInterpolator(table.current, table.psi, axis=1)(current)
     psi = np.ascontiguousarray(PchipInterpolator(table.gap, psi, axis=0)(gap))
-    return Magnet(numbers, iron, rows, psi)
+    return Magnet(parameters, iron, rows, psi)
 
 
 class FluxPath(Table):

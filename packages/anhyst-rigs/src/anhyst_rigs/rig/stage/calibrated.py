@@ -19,11 +19,11 @@ HOLD_TIME_S = 0.02
 
 def assumed_rig(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
     """Return a stage with the mass and the centre of mass that the controller assumes."""
-    body, shift = rig.settings.body, [values.get(name, 0.0) for name in CENTRE_PARAMETERS]
+    body, centre_shift = rig.settings.body, [values.get(name, 0.0) for name in CENTRE_PARAMETERS]
     changes = {
         "body.mass_kg": body.mass_kg * (1.0 + values.get("payload", 0.0)),
         "body.centre_m": [
-            coordinate + change for coordinate, change in zip(body.centre_m, shift, strict=True)
+            coordinate + change for coordinate, change in zip(body.centre_m, centre_shift, strict=True)
         ],
     }
     return replace(rig, settings=rig.settings.with_changes(changes))

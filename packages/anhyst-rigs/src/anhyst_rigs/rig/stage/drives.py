@@ -19,17 +19,17 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.stage.geometry import inverses_without_head, magnet_rows, travel_m, weight_wrench
 
-_AXIS_YIELDS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1e-4}
-_MIN_FORCE_MARGIN_RATIO = 1e-6
+_AXIS_YIELD_WEIGHTS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1e-4}
+_MIN_FORCE_MARGIN_TO_RANGE = 1e-6
 """Smallest distance of all forces from their bounds, relative to their range.
 
 The magnets can push a body in any direction only if the forces that carry it have this distance.
 """
 _LINE_TOLERANCE = 1e-9
 """Largest deviation between the lines of action of two opposing magnets, m or dimensionless."""
-LANDING_TRAVEL_RATIO = 1.5
-"""Travel of a landing relative to the distance of the end stop; above 1 to reach it surely."""
-_CERTAIN_SLEW_RATIO = 0.5
+LANDING_TRAVEL_TO_STOP_DISTANCE = 1.5
+"""Travel of a landing divided by the distance to the end stop; above 1 to reach the end stop."""
+_GUARANTEED_TO_NOMINAL_SLEW = 0.5
 """Guaranteed slope of a current, relative to supply voltage divided by inductance."""
 MAX_LANDING_TICKS = 65535
 """Largest number of ticks of a landing."""
@@ -42,7 +42,13 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
     """
     min_force, max_force = min_single_force(file), file.tracking.force_max_N
     return WrenchLayout(
-        magnet_rows(file), opposing_magnets(file), kind, idle, min_force, max_force, yields=axis_yields(file)
+        magnet_rows(file),
+        opposing_magnets(file),
+        kind,
+        idle,
+        min_force,
+        max_force,
+        yields=axis_yield_weights(file),
     )
 
 
@@ -59,19 +65,23 @@ def largest_wrench_factor(file: RigFile, wrench: FloatArray) -> float:
         solutions = [layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)]
         return all(is_possible and max(forces) <= max_force for forces, is_possible in solutions)
 
-    low, high = 0.0, upper_limit
-    while high - low > 1e-3 * upper_limit:
-        middle_factor = 0.5 * (low + high)
-        low, high = (middle_factor, high) if can_produce(middle_factor * wrench) else (low, middle_factor)
-    return low
+    possible_factor, impossible_factor = 0.0, upper_limit
+    while impossible_factor - possible_factor > 1e-3 * upper_limit:
+        middle_factor = 0.5 * (possible_factor + impossible_factor)
+        possible_factor, impossible_factor = (
+            (middle_factor, impossible_factor)
+            if can_produce(middle_factor * wrench)
+            else (possible_factor, middle_factor)
+        )
+    return possible_factor
 
 
-def axis_yields(file: RigFile) -> list[float]:
+def axis_yield_weights(file: RigFile) -> list[float]:
     """Return the weights with which the coordinates are given up if a lost magnet is irreplaceable.
 
     The weights are relative to 1: x yields most, then y, then rx and ry; z and rz yield least.
     """
-    return [_AXIS_YIELDS[axis] for axis in file.body.free]
+    return [_AXIS_YIELD_WEIGHTS[axis] for axis in file.body.free]
 
 
 @cache
@@ -93,7 +103,7 @@ def _find_spare_magnets(
         solution = linprog(
             [*np.zeros(count), -1.0], constraints, limits, equalities, -np.array(weight), (None, None)
         )
-        if solution.status == 0 and solution.x[-1] > _MIN_FORCE_MARGIN_RATIO * (max_force - min_force):
+        if solution.status == 0 and solution.x[-1] > _MIN_FORCE_MARGIN_TO_RANGE * (max_force - min_force):
             spare_magnets |= 1 << lost_magnet
     return spare_magnets
 
@@ -142,10 +152,10 @@ def monitoring_settings(rig: BodyRig) -> dict[str, float]:
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     current_lag = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
     inverses = inverses_without_head(rig.settings)
-    landing_ticks = LANDING_TRAVEL_RATIO * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
+    landing_ticks = LANDING_TRAVEL_TO_STOP_DISTANCE * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
     return {
         "follow": 1.0 - math.exp(-rig.dt / current_lag),
-        "slew": _CERTAIN_SLEW_RATIO
+        "slew": _GUARANTEED_TO_NOMINAL_SLEW
         * amplifier.supply
         / rig.settings.magnet.poles.inductance(rig.gap)
         * rig.dt,

@@ -58,12 +58,13 @@ class StageRig(BodyRig):
             coordinates=[Coordinate(axis, -end, end, 0.0) for axis, end in axis_stops],
             magnets=[({"r": position, "d": direction}, gap) for position, direction, gap in lines],
             gap_sensors=[
-                ({"r": place, "d": [-magnet for magnet in direction]}, gap) for place, direction, gap in lines
+                ({"r": position, "d": [-magnet for magnet in direction]}, gap)
+                for position, direction, gap in lines
             ],
             gravity=[0.0, 0.0, -body.gravity_m_per_s2],
-            force_along=scan_axis,
+            recorded_force_direction=scan_axis,
             load={"r": ORIGIN, "d": scan_axis},
-            load_rest=0.0,
+            load_rest_position=0.0,
             heads=[({"r": place, "d": direction}, sensor) for (place, direction), sensor in head_positions],
         )
 

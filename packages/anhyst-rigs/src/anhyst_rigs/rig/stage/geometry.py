@@ -8,7 +8,7 @@ import numpy as np
 
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.lines import ALONG_X
+from anhyst_rigs.rig.lines import LINE_ALONG_X
 from anhyst_rigs.rig.magnet_table import ORIGIN
 from anhyst_rigs.rig.tables import AXES
 
@@ -47,7 +47,7 @@ def head_rows(file: RigFile) -> FloatArray:
 def head_lines(file: RigFile) -> list[tuple[list[float], list[float]]]:
     """Return the measured point of each head, m, and the direction in which its reading increases."""
     sensors = file.position_sensors
-    return [(sensor.position_m or ORIGIN, sensor.direction or ALONG_X["d"]) for sensor in sensors]
+    return [(sensor.position_m or ORIGIN, sensor.direction or LINE_ALONG_X["d"]) for sensor in sensors]
 
 
 def pose_at_body(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ from anhyst_rigs.rig.loop import Scenario, Setup, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.calibrated import assumed_rig
 from anhyst_rigs.rig.stage.drives import (
-    axis_yields,
+    axis_yield_weights,
     min_single_force,
     monitoring_settings,
     opposing_magnets,
@@ -46,12 +46,12 @@ from anhyst_rigs.rig.stage.geometry import (
     weight_wrench,
 )
 from anhyst_rigs.rig.stage.recording import find_stage_loss, recording_columns
-from anhyst_rigs.rig.stage.setpoint import SetPoint, frame_stray, motion_ticks, tick_times
+from anhyst_rigs.rig.stage.setpoint import SetPoint, long_stroke_error, motion_ticks, tick_times
 
 CONSTANT_METHODS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods whose compensator consists of constants. In a pair of magnets, these methods use half of
 the largest force as the bias force of each magnet."""
-MAX_POSE_STOP_RATIO = 2.0
+MAX_POSE_TO_STOP_DISTANCE = 2.0
 """Largest plausible pose, relative to the end stops. A larger reading is rejected."""
 
 
@@ -99,17 +99,17 @@ def pid_coefficients(rig: BodyRig) -> dict[str, float]:
     table, dt = rig.settings.tracking, rig.dt
     omega = 2.0 * math.pi * table.crossover_Hz
     integral_frequency, lead_frequency = omega / table.integral_ratio, omega / table.lead_ratio
-    high = table.rolloff_ratio * omega
+    rolloff_frequency = table.rolloff_ratio * omega
 
     def shape(s: complex) -> complex:
-        return (s + integral_frequency) / s * (1.0 + s / lead_frequency) / (1.0 + s / high)
+        return (s + integral_frequency) / s * (1.0 + s / lead_frequency) / (1.0 + s / rolloff_frequency)
 
     jw = 1j * omega
     gain = rig.settings.body.mass_kg * omega**2 / abs(shape(jw))
     # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = bilinear_rate*(z - 1)/(z + 1)
     bilinear_rate = 2.0 / dt
     numerator_s = (1.0 / lead_frequency, 1.0 + integral_frequency / lead_frequency, integral_frequency)
-    denominator_s = (1.0 / high, 1.0, 0.0)
+    denominator_s = (1.0 / rolloff_frequency, 1.0, 0.0)
 
     def bilinear(p: tuple[float, float, float]) -> tuple[float, float, float]:
         a, b, c = p[0] * bilinear_rate**2, p[1] * bilinear_rate, p[2]
@@ -151,22 +151,22 @@ def track(
     if learnt_force is not None:
         feedforward = feedforward + learnt_force
     wrench = feedforward_wrench(setup.assumed_rig, feedforward)
-    scenario = scan_scenario(rig, position, frame_stray(rig, motion, time), wrench)
+    scenario = scan_scenario(rig, position, long_stroke_error(rig, motion, time), wrench)
     # The position error is too small for a noticeable change of the cable force.
     external_force = -setup.drift.cable * position[:n] + (0.0 if load is None else load)
     return run_scenario(setup, replace(scenario, load=external_force), seed)
 
 
 def scan_scenario(
-    rig: BodyRig, positions: FloatArray, stray: FloatArray, wrench: FloatArray, offset: float = 0.0
+    rig: BodyRig, positions: FloatArray, stroke_error: FloatArray, wrench: FloatArray, offset: float = 0.0
 ) -> Scenario:
     """Return the scenario of a motion along the set-point, with an optional offset, m.
 
-    `positions` are those of the long stroke and `stray` its path error, m; each has one value
+    `positions` are those of the long stroke and `stroke_error` its path error, m; each has one value
     more than `wrench` has rows. The magnets ride on the long stroke, the position heads do not.
     """
     n, scan_axis = len(wrench), scan_direction(rig.settings)
-    frame = np.outer(positions + stray, scan_axis)
+    frame = np.outer(positions + stroke_error, scan_axis)
     return Scenario(np.outer(positions[:n] + offset, scan_axis), feed=wrench, frame=frame)
 
 
@@ -176,13 +176,13 @@ def run_scenario(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Record
     return Recording(recording_columns(rig, run, scenario), find_stage_loss(rig, run, scenario.ticks))
 
 
-def feedforward_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
+def feedforward_wrench(rig: BodyRig, scan_force: FloatArray) -> FloatArray:
     """Return the wrench of a force at the centre of mass along the set-point, one row per tick.
 
     The weight, which the magnets also carry, is included.
     """
     file = rig.settings
-    return np.asarray(np.outer(forward, scan_wrench(file)) - weight_wrench(file))
+    return np.asarray(np.outer(scan_force, scan_wrench(file)) - weight_wrench(file))
 
 
 def bias_force(rig: BodyRig, method: str) -> float:
@@ -210,7 +210,7 @@ def controller_matrices(setup: StageSetup) -> dict[str, FloatArray]:
         "decouple": decoupling_matrix,
         "weigh": weight_matrix,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
-        "reach": MAX_POSE_STOP_RATIO * stops,
+        "reach": MAX_POSE_TO_STOP_DISTANCE * stops,
         "lift": stops * (file.tracking.lift_m_per_s * setup.rig.dt / travel_m(file)),
         "land": np.array([[-speed * (axis == "z")] for axis in file.body.free]),
     }
@@ -242,7 +242,9 @@ def make_fixed_stage_controller(setup: StageSetup) -> FixedController:
     file, settings = setup.rig.settings, controller_settings(setup)
     allocation = int(settings["allocation"]), settings["idle"]
     bounds = min_single_force(file), file.tracking.force_max_N
-    drives = DriveLayout(magnet_rows(file), opposing_magnets(file), axis_yields(file), *allocation, *bounds)
+    drives = DriveLayout(
+        magnet_rows(file), opposing_magnets(file), axis_yield_weights(file), *allocation, *bounds
+    )
     return make_fixed_controller(
         controller_matrices(setup), drives, settings | monitoring_settings(setup.rig)
     )
@@ -252,7 +254,7 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     """Return the settings of a controller except its PID and its geometry, SI units."""
     rig, compensator = setup.rig, setup.compensator
     amplifier, scales = rig.settings.amplifier, compensator.scales
-    low, high = amplifier.current_low_A, amplifier.current_high_A
+    current_low, current_high = amplifier.current_low_A, amplifier.current_high_A
     allocation = usual_allocation(rig.settings)
     if setup.method in CONSTANT_METHODS and allocation is Allocation.CLASS_AB:
         allocation = Allocation.BY_HALVES
@@ -264,9 +266,9 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "gap_high": scales.gap_high,
         "allocation": allocation,
         "idle": bias_force(rig, setup.method),
-        "current_low": low,
-        "current_high": high,
-        "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),
+        "current_low": current_low,
+        "current_high": current_high,
+        "current_step": (current_high - current_low) / ((1 << amplifier.dac_bits) - 1),
     }
 
 

@@ -11,7 +11,7 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import Scenario
 from anhyst_rigs.rig.recording import (
     CURRENT_SIGNALS,
-    LOST_DEMAND_RATIO,
+    LOST_TO_LARGEST_DEMAND,
     Loss,
     Recording,
     SignalBound,
@@ -73,7 +73,7 @@ def axis_columns(signal: str, axes: Sequence[str], units: tuple[str, str] = ("m"
 def find_stage_loss(rig: BodyRig, run: Recording, planned_ticks: int) -> Loss | None:
     """Return the first tick on an end stop or with a demand beyond all bounds, or None."""
     file, stop_text = rig.settings, "an end stop was reached"
-    max_demand = LOST_DEMAND_RATIO * file.tracking.force_max_N * len(file.body_magnets)
+    max_demand = LOST_TO_LARGEST_DEMAND * file.tracking.force_max_N * len(file.body_magnets)
     bounds = [SignalBound("the demanded force exceeded all bounds", run["demand_N"], -max_demand, max_demand)]
     poses = axis_columns("pose", file.body.free)
     for name, end in zip(poses, stop_distances(file), strict=True):

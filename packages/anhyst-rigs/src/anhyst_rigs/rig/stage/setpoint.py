@@ -16,9 +16,9 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import ScanCase
 
-STRAY_DELAY_S = 5e-3
+STROKE_ERROR_DELAY_S = 5e-3
 """Delay between the acceleration of the long stroke and its path error, s."""
-_OWN_STRAY_HZ = 3.0  # frequency of the independent half of the path error, Hz
+_INDEPENDENT_STROKE_ERROR_HZ = 3.0  # frequency of the independent half of the path error, Hz
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,12 @@ class SetPoint:
         """Return position, acceleration, jerk and snap at given times, m, m/s2, m/s3, m/s4."""
         derivatives = [np.zeros_like(time) for _ in range(4)]
         for begin, length, height in self.pulses:
-            rise = height / self._integrate_jerk_pulse(np.array([self.jerk_phase]), 1)[0]
+            jerk_height = height / self._integrate_jerk_pulse(np.array([self.jerk_phase]), 1)[0]
             for sign, pulse_start in ((1.0, begin), (-1.0, begin + length - self.jerk_phase)):
                 for number, order in enumerate((3, 1, 0, -1)):
-                    derivatives[number] += sign * rise * self._integrate_jerk_pulse(time - pulse_start, order)
+                    derivatives[number] += (
+                        sign * jerk_height * self._integrate_jerk_pulse(time - pulse_start, order)
+                    )
         return derivatives[0], derivatives[1], derivatives[2], derivatives[3]
 
     def _integrate_jerk_pulse(self, time: FloatArray, order: int) -> FloatArray:
@@ -79,12 +81,12 @@ class SetPoint:
     def _integrate_within_pulse(self, time: FloatArray, order: int) -> FloatArray:
         """Return the integral at times before the end of the pulse."""
         snap, jerk = self.snap_phase, self.jerk_phase
-        corners = ((0.0, 1.0), (snap, -1.0), (jerk - snap, -1.0), (jerk, 1.0))
+        snap_changes = ((0.0, 1.0), (snap, -1.0), (jerk - snap, -1.0), (jerk, 1.0))
         power = order + 1
         factorial = np.prod(np.arange(1, power + 1)) if power else 1.0
         integrals = (
             sign / snap * np.where(time >= corner_time, np.maximum(time - corner_time, 0.0) ** power, 0.0)
-            for corner_time, sign in corners
+            for corner_time, sign in snap_changes
         )
         return np.asarray(sum(integrals) / factorial)
 
@@ -114,8 +116,8 @@ class SampledMotion:
 
     def motion_at(self, tick: int, dt: float) -> tuple[float, float]:
         """Return the speed, m/s, and the acceleration, m/s2, at a tick."""
-        around = self.position[max(tick - 1, 0) : tick + 2]
-        speed = (around[-1] - around[0]) / ((around.size - 1) * dt)
+        nearby_positions = self.position[max(tick - 1, 0) : tick + 2]
+        speed = (nearby_positions[-1] - nearby_positions[0]) / ((nearby_positions.size - 1) * dt)
         return float(speed), float(self.acceleration[tick])
 
 
@@ -144,27 +146,37 @@ def plan_braking(
             speed * (s**4 / 2.0 - s**3 + s)
             + duration * acceleration * (s**4 / 4.0 - 2.0 * s**3 / 3.0 + s**2 / 2.0)
         )
-        first = speed / duration * (6.0 * s**2 - 6.0 * s) + acceleration * (3.0 * s**2 - 4.0 * s + 1.0)
-        second = speed / duration**2 * (12.0 * s - 6.0) + acceleration / duration * (6.0 * s - 4.0)
-        third = (12.0 * speed / duration**3 + 6.0 * acceleration / duration**2) * np.ones_like(s)
-        return [first * is_moving, second * is_moving, third * is_moving, position]
+        acceleration_values = speed / duration * (6.0 * s**2 - 6.0 * s) + acceleration * (
+            3.0 * s**2 - 4.0 * s + 1.0
+        )
+        jerk_values = speed / duration**2 * (12.0 * s - 6.0) + acceleration / duration * (6.0 * s - 4.0)
+        snap_values = (12.0 * speed / duration**3 + 6.0 * acceleration / duration**2) * np.ones_like(s)
+        return [acceleration_values * is_moving, jerk_values * is_moving, snap_values * is_moving, position]
 
     time = dt * np.arange(tick_count + 1, dtype=np.float64)
     return SampledMotion(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + lead_time)))
 
 
-def frame_stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
+def long_stroke_error(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     """Return the path error of the long stroke along a motion, m."""
-    return frame_stray_from(rig, motion.derivatives_at(time - STRAY_DELAY_S)[1] / max(motion.peaks), time)
+    return stroke_error_from_acceleration(
+        rig, motion.derivatives_at(time - STROKE_ERROR_DELAY_S)[1] / max(motion.peaks), time
+    )
 
 
-def frame_stray_from(rig: BodyRig, delayed_acceleration: FloatArray | float, time: FloatArray) -> FloatArray:
+def stroke_error_from_acceleration(
+    rig: BodyRig, delayed_acceleration: FloatArray | float, time: FloatArray
+) -> FloatArray:
     """Return the path error of the long stroke, m: half from its acceleration, half independent.
 
-    `delayed_acceleration` is relative to its largest value, and :data:`STRAY_DELAY_S` late.
+    `delayed_acceleration` is relative to its largest value, and :data:`STROKE_ERROR_DELAY_S` late.
     """
-    stray = rig.settings.frame.stray_m
-    return np.asarray(0.25 * stray * (delayed_acceleration + np.sin(2.0 * math.pi * _OWN_STRAY_HZ * time)))
+    error_range = rig.settings.frame.stray_m
+    return np.asarray(
+        0.25
+        * error_range
+        * (delayed_acceleration + np.sin(2.0 * math.pi * _INDEPENDENT_STROKE_ERROR_HZ * time))
+    )
 
 
 def tick_times(rig: BodyRig, count: int) -> FloatArray:

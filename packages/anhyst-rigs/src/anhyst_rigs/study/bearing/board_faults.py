@@ -31,7 +31,7 @@ _SUPPLY_BIT = 16
 _TOO_WARM_BIT = 32
 _SENSOR_ERROR_CODE = -(1 << 31)
 """Code that a broken sensor delivers."""
-_SAG_RATIO = 0.2
+_SAG_TO_NOMINAL_VOLTAGE = 0.2
 """Supply voltage after a sag, as a fraction of the nominal voltage."""
 _MAX_FALL_S = 1.0
 """Longest time that is simulated after a fault until the armature rests, s."""
@@ -128,7 +128,7 @@ def _omit_ticks(bench: BearingBench, tick: int) -> bool:
 def _lower_supply(bench: BearingBench, tick: int) -> bool:
     """Reduce the supply voltage; the board reports this after 1 ms."""
     if tick == 0:
-        bench.bearing.supply *= _SAG_RATIO
+        bench.bearing.supply *= _SAG_TO_NOMINAL_VOLTAGE
     if tick == round(1e-3 * bench.rate):
         bench.tap.change_sample = lambda sample: replace(sample, status=_SUPPLY_BIT)
     return True

@@ -40,7 +40,7 @@ _PERIODS_PER_SEGMENT = 6  # number of periods in a segment
 _MIN_SEGMENTS = 5  # minimum number of segments
 _MAX_CANDIDATES = 5  # number of peaks of the spectrum that are tested
 _FALSE_ALARM_PROBABILITY = 1e-3  # probability that noise is reported as a limit cycle
-_MIN_VARIANCE_RATIO = 0.1  # smallest fraction of the variance in a limit cycle
+_MIN_CYCLE_VARIANCE_FRACTION = 0.1  # smallest fraction of the variance in a limit cycle
 _PADDING_FACTOR = 8
 
 
@@ -70,11 +70,11 @@ def find_limit_cycle(time: ArrayLike, position: ArrayLike, min_amplitude: float 
     for frequency in _peak_frequencies(y, tick_s):
         amplitudes = _complex_amplitudes(y, tick_s, frequency)
         power = float(np.mean(np.abs(amplitudes) ** 2))
-        variance_share = 0.5 * power / variance
-        if variance_share < _MIN_VARIANCE_RATIO or math.sqrt(power) < min_amplitude:
+        cycle_variance_fraction = 0.5 * power / variance
+        if cycle_variance_fraction < _MIN_CYCLE_VARIANCE_FRACTION or math.sqrt(power) < min_amplitude:
             continue
         if _has_constant_phase(amplitudes, len(y)) or _has_constant_amplitude(amplitudes):
-            return LimitCycle(math.sqrt(power), 1.0 / frequency, min(1.0, variance_share))
+            return LimitCycle(math.sqrt(power), 1.0 / frequency, min(1.0, cycle_variance_fraction))
     return None
 
 
@@ -86,23 +86,23 @@ def _peak_frequencies(y: FloatArray, tick_s: float) -> list[float]:
     peak_bins = first_bin + _select_distant_peaks(power[first_bin:], 2 * _PADDING_FACTOR)
     left_log, peak_log, right_log = (np.log(power[peak_bins + i] + np.finfo(float).tiny) for i in (-1, 0, 1))
     curvature = left_log - 2.0 * peak_log + right_log
-    shift = np.divide(
+    bin_shift = np.divide(
         0.5 * (left_log - right_log), curvature, out=np.zeros_like(peak_log), where=curvature < 0.0
     )
-    return [float(f) for f in (peak_bins + shift) / (length * tick_s)]
+    return [float(f) for f in (peak_bins + bin_shift) / (length * tick_s)]
 
 
 def _select_distant_peaks(power: FloatArray, distance: int) -> NDArray[np.intp]:
     """Return the indices of the highest peaks, highest first, with a minimum distance in between."""
-    inner = power[1:-1]
-    peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]))
-    chosen: list[int] = []
+    inner_power = power[1:-1]
+    peaks = 1 + np.flatnonzero((inner_power > power[:-2]) & (inner_power >= power[2:]))
+    chosen_indices: list[int] = []
     for index in peaks[np.argsort(power[peaks])[::-1]].tolist():
-        if all(abs(index - other_index) >= distance for other_index in chosen):
-            chosen.append(index)
-        if len(chosen) == _MAX_CANDIDATES:
+        if all(abs(index - other_index) >= distance for other_index in chosen_indices):
+            chosen_indices.append(index)
+        if len(chosen_indices) == _MAX_CANDIDATES:
             break
-    return np.array(chosen, dtype=np.intp)
+    return np.array(chosen_indices, dtype=np.intp)
 
 
 def _complex_amplitudes(y: FloatArray, tick_s: float, frequency: float) -> NDArray[np.complex128]:
@@ -296,7 +296,7 @@ def plan_load_step(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
 
 def run_standstill(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Evaluate a standstill: rms and mean error of the true gap, and a limit cycle, if any."""
-    recording = _run_part(trial, *plan_standstill(trial.setup))
+    recording = _record_after(trial, *plan_standstill(trial.setup))
     if recording is None:
         return None
     gap = recording["gap_m"]
@@ -312,7 +312,7 @@ def run_standstill(trial: ExperimentTrial) -> ExperimentOutcome | None:
 def run_trajectory(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Follow a trajectory for two periods, and evaluate the second period."""
     assert isinstance(trial.subject, TrajectoryCase)
-    recording = _run_part(trial, *plan_trajectory(trial.setup, trial.subject))
+    recording = _record_after(trial, *plan_trajectory(trial.setup, trial.subject))
     if recording is None:
         return None
     error = recording["gap_m"] - recording["reference_m"]
@@ -328,7 +328,7 @@ def run_trajectory(trial: ExperimentTrial) -> ExperimentOutcome | None:
 def run_load_step(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Apply a load step; return the peak position error (m) and the recovery time (s)."""
     assert isinstance(trial.subject, float)
-    recording = _run_part(trial, *plan_load_step(trial.setup, trial.subject))
+    recording = _record_after(trial, *plan_load_step(trial.setup, trial.subject))
     if recording is None:
         return None
     error = recording["gap_m"] - recording["reference_m"]
@@ -354,7 +354,9 @@ def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
         return _run_overload(trial)
     if trial.subject == "wrong initial state":
         scenario = _lift_off(trial.setup).hold(RECOVERY_S).build()
-        reference_run, event_run = (_simulate_trial(trial, scenario, largest) for largest in (False, True))
+        reference_run, event_run = (
+            _simulate_trial(trial, scenario, is_magnetised_first) for is_magnetised_first in (False, True)
+        )
         # Magnetised iron lifts the armature earlier. Therefore, the evaluation of each run begins
         # when its armature begins to rise.
         return _compare_runs(
@@ -412,11 +414,11 @@ def _compare_runs(
         return None
     errors = []
     for recording, _ in (reference_run, event_run):
-        compared = recording.slice_ticks(begin_of(recording), len(recording))
-        errors.append(compared["gap_m"] - compared["reference_m"])
-    count = min(map(len, errors))
-    excess = errors[1][:count] - errors[0][:count]
-    time = setup.rig.dt * np.arange(count)
+        compared_recording = recording.slice_ticks(begin_of(recording), len(recording))
+        errors.append(compared_recording["gap_m"] - compared_recording["reference_m"])
+    tick_count = min(map(len, errors))
+    excess = errors[1][:tick_count] - errors[0][:tick_count]
+    time = setup.rig.dt * np.arange(tick_count)
     seconds = recovery_time(time, excess, 0.0, excess_band(setup.rig, excess))
     return ExperimentOutcome({"excess_peak_m": peak_deviation(excess), "excess_s": seconds})
 
@@ -425,15 +427,15 @@ def _lift_off(setup: BearingSetup) -> ScenarioBuilder:
     return ScenarioBuilder(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
 
 
-def _run_part(trial: ExperimentTrial, scenario: Scenario, begin_tick: int) -> Recording | None:
+def _record_after(trial: ExperimentTrial, scenario: Scenario, begin_tick: int) -> Recording | None:
     """Run a scenario, and return its recording from a tick on; None if levitation was lost."""
     recording, has_lost = _simulate_trial(trial, scenario)
     return None if has_lost else recording.slice_ticks(begin_tick, len(recording))
 
 
 def _simulate_trial(
-    trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False
+    trial: ExperimentTrial, scenario: Scenario, is_magnetised_first: bool = False
 ) -> tuple[Recording, bool]:
-    recording = SimulatedLoop(trial.setup, trial.seed, largest_first).run(scenario)
+    recording = SimulatedLoop(trial.setup, trial.seed, is_magnetised_first).run(scenario)
     has_lost = levitation_loss_time(trial.setup.rig, recording, scenario.lift_end_tick) is not None
     return recording, has_lost or len(recording) < scenario.ticks

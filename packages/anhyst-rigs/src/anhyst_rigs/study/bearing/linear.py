@@ -33,7 +33,7 @@ from anhyst.support.numeric import FloatArray
 ComplexArray = NDArray[np.complex128]
 
 _GRID_POINTS = 3000  # number of frequencies between which crossings are searched
-_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency, relative to the sample rate
+_MIN_FREQUENCY_TO_SAMPLE_RATE = 1e-5  # lowest frequency, relative to the sample rate
 
 
 @dataclass(frozen=True)
@@ -97,27 +97,27 @@ def discretise(
     bearing: LinearBearing, amplifier: AnalogueAmplifier | DigitalAmplifier, timing: LoopTiming
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return matrices a, b, c from the current reference at a tick to the position reading, m/A."""
-    a, b, current, direct = voltage_matrices(bearing)
+    a, b, current, feedthrough = voltage_matrices(bearing)
     if isinstance(amplifier, AnalogueAmplifier):
-        a, b = _close_current_loop(a, b, current, direct, amplifier)
+        a, b = _close_current_loop(a, b, current, feedthrough, amplifier)
     a, b, position = _append_sensor_lag(a, b, np.eye(len(b))[0], 0.0, timing.sensor_bandwidth)
     if isinstance(amplifier, AnalogueAmplifier):
         a, b = _discretise_with_delay(a, b, timing)
         return a, b, _pad_with_zeros(position, len(b))
-    if math.isinf(amplifier.sensor_bandwidth) and direct != 0.0:
+    if math.isinf(amplifier.sensor_bandwidth) and feedthrough != 0.0:
         raise ValueError("with eddy currents the current must be read through a lag")
     sensor_row = _pad_with_zeros(current, len(b))
-    a, b, current = _append_sensor_lag(a, b, sensor_row, direct, amplifier.sensor_bandwidth)
+    a, b, current = _append_sensor_lag(a, b, sensor_row, feedthrough, amplifier.sensor_bandwidth)
     a, b = _discretise_with_delay(a, b, timing)
     sensor_row = _pad_with_zeros(current, len(b))
-    closed = np.block(
+    closed_loop_matrix = np.block(
         [
             [a - amplifier.gain * np.outer(b, sensor_row), b[:, None]],
             [-amplifier.integral_gain * sensor_row[None, :], np.ones((1, 1))],
         ]
     )
     reference = np.append((amplifier.feedforward + amplifier.gain) * b, amplifier.integral_gain)
-    return closed, reference, _pad_with_zeros(position, len(reference))
+    return closed_loop_matrix, reference, _pad_with_zeros(position, len(reference))
 
 
 def _pad_with_zeros(coefficients: FloatArray, length: int) -> FloatArray:
@@ -127,13 +127,13 @@ def _pad_with_zeros(coefficients: FloatArray, length: int) -> FloatArray:
 def voltage_matrices(bearing: LinearBearing) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Return matrices of a voltage-driven bearing: state, input, current row and feedthrough."""
     lag_per_inductance = bearing.eddy_time / bearing.inductance
-    voltage_share = 1.0 / (1.0 + bearing.resistance * lag_per_inductance)
-    input_vector = np.array([0.0, 0.0, voltage_share / bearing.inductance])
+    voltage_fraction = 1.0 / (1.0 + bearing.resistance * lag_per_inductance)
+    input_vector = np.array([0.0, 0.0, voltage_fraction / bearing.inductance])
     return (
         _motion_matrix(bearing),
         input_vector,
-        np.array([0.0, 0.0, voltage_share]),
-        voltage_share * lag_per_inductance,
+        np.array([0.0, 0.0, voltage_fraction]),
+        voltage_fraction * lag_per_inductance,
     )
 
 
@@ -155,29 +155,29 @@ def _rightmost_pole(matrix: FloatArray) -> float:
 
 
 def _close_current_loop(
-    a: FloatArray, b: FloatArray, current: FloatArray, direct: float, amplifier: AnalogueAmplifier
+    a: FloatArray, b: FloatArray, current: FloatArray, feedthrough: float, amplifier: AnalogueAmplifier
 ) -> tuple[FloatArray, FloatArray]:
     """Close the analogue current loop; the integral of its controller becomes the last state."""
-    gain, reset = amplifier.gain, amplifier.integral_gain
-    voltage_share = 1.0 / (1.0 + gain * direct)  # The voltage changes the current immediately.
-    voltage = voltage_share * np.append(-gain * current, 1.0)
-    current_row = _pad_with_zeros(current, 4) + direct * voltage
+    gain, integral_gain = amplifier.gain, amplifier.integral_gain
+    voltage_fraction = 1.0 / (1.0 + gain * feedthrough)  # The voltage changes the current immediately.
+    voltage = voltage_fraction * np.append(-gain * current, 1.0)
+    current_row = _pad_with_zeros(current, 4) + feedthrough * voltage
     matrix = block_diag(a, 0.0) + np.outer(np.append(b, 0.0), voltage)
-    matrix[3] = -reset * current_row
-    reference_gain = voltage_share * gain
-    return matrix, np.append(reference_gain * b, reset * (1.0 - direct * reference_gain))
+    matrix[3] = -integral_gain * current_row
+    reference_gain = voltage_fraction * gain
+    return matrix, np.append(reference_gain * b, integral_gain * (1.0 - feedthrough * reference_gain))
 
 
 def _append_sensor_lag(
-    a: FloatArray, b: FloatArray, output: FloatArray, direct: float, bandwidth: float
+    a: FloatArray, b: FloatArray, output: FloatArray, feedthrough: float, bandwidth: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Append a first-order lag to an output; the output of this lag becomes the new output."""
     if math.isinf(bandwidth):
         return a, b, output
-    lag = 2.0 * math.pi * bandwidth
-    matrix = block_diag(a, -lag)
-    matrix[-1, :-1] = lag * output
-    return matrix, np.append(b, lag * direct), np.eye(len(matrix))[-1]
+    corner_rate = 2.0 * math.pi * bandwidth
+    matrix = block_diag(a, -corner_rate)
+    matrix[-1, :-1] = corner_rate * output
+    return matrix, np.append(b, corner_rate * feedthrough), np.eye(len(matrix))[-1]
 
 
 def _hold_matrices(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatArray, FloatArray]:
@@ -194,14 +194,14 @@ def _discretise_with_delay(a: FloatArray, b: FloatArray, timing: LoopTiming) -> 
     tick_s, n = 1.0 / timing.rate, len(b)
     whole_ticks = math.floor(timing.delay_ticks)
     fraction = timing.delay_ticks - whole_ticks
-    over_tick, _ = _hold_matrices(a, b, tick_s)
+    tick_transition, _ = _hold_matrices(a, b, tick_s)
     second_transition, second_input = _hold_matrices(a, b, (1.0 - fraction) * tick_s)
     _, first_input = _hold_matrices(a, b, fraction * tick_s)
     # The states after those of the plant are the delayed inputs, the newest first.
     delay_states = whole_ticks + (1 if fraction > 0.0 else 0)
     matrix = np.zeros((n + delay_states, n + delay_states))
     input_vector = np.zeros(n + delay_states)
-    matrix[:n, :n] = over_tick
+    matrix[:n, :n] = tick_transition
     if fraction > 0.0:
         matrix[:n, n + delay_states - 1] = second_transition @ first_input
     if whole_ticks == 0:
@@ -245,7 +245,7 @@ class LinearLoop:
     bearing: LinearBearing
     amplifier: AnalogueAmplifier | DigitalAmplifier
     timing: LoopTiming
-    controller: Pidd2  # has the sample rate of the loop
+    controller: Pidd2  # controller with the sample rate of the loop
     compensation: Compensation
 
     def __post_init__(self) -> None:
@@ -330,7 +330,9 @@ def _frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, z: ComplexA
 
 def _find_margins(loop: LinearLoop) -> Margins:
     """Search where the loop gain crosses the negative real axis and the unit circle."""
-    grid = np.geomspace(_MIN_FREQUENCY_RATIO * loop.timing.rate, 0.5 * loop.timing.rate, _GRID_POINTS)
+    grid = np.geomspace(
+        _MIN_FREQUENCY_TO_SAMPLE_RATE * loop.timing.rate, 0.5 * loop.timing.rate, _GRID_POINTS
+    )
 
     def gain(frequency: float) -> complex:
         return complex(loop.loop_gain(frequency)[0])
@@ -375,8 +377,7 @@ Zone = Literal["A", "B", "C", "D"]
 
 
 ZONE_LIMITS: Mapping[Zone, float] = {"A": 3.0, "B": 4.0, "C": 5.0}
-"""Sensitivity peak at the end of each zone of ISO 14839-3. A: new; B: long-term; C: limited time.
-"""
+"""Largest peak sensitivity of the zones A, B and C of ISO 14839-3."""
 
 
 def find_zone(peak: float) -> Zone:
@@ -385,4 +386,4 @@ def find_zone(peak: float) -> Zone:
     >>> find_zone(2.1), find_zone(3.0), find_zone(4.4), find_zone(9.0)
     ('A', 'A', 'C', 'D')
     """
-    return next((name for name, largest in ZONE_LIMITS.items() if peak <= largest), "D")
+    return next((name for name, zone_limit in ZONE_LIMITS.items() if peak <= zone_limit), "D")

@@ -24,7 +24,7 @@ from anhyst_rigs.study.bearing import linear
 
 _CURRENT_POINTS = 1200
 _GAP_STEP_M = 2e-6
-MIN_TICKS_PER_POLE = 20.0
+MIN_RATE_TO_POLE_FREQUENCY = 20.0
 """Smallest sample rate, as a multiple of the frequency of the plant's unstable pole."""
 
 
@@ -125,10 +125,10 @@ def check_load(rig: BodyRig, force_max: float) -> None:
 
 def check_rate(rig: BodyRig, pole_Hz: float) -> None:
     """Raise an error if the sample rate is too low for the unstable pole of the plant."""
-    rate_Hz, min_rate_Hz = rig.settings.timing.rate_Hz, MIN_TICKS_PER_POLE * pole_Hz
+    rate_Hz, min_rate_Hz = rig.settings.timing.rate_Hz, MIN_RATE_TO_POLE_FREQUENCY * pole_Hz
     if rate_Hz < min_rate_Hz:
         text = f"{rate_Hz:.6g} Hz is too low for the unstable pole of the plant at {pole_Hz:.4g} Hz"
-        text += f"; use at least {MIN_TICKS_PER_POLE:g} times that, {math.ceil(min_rate_Hz)} Hz"
+        text += f"; use at least {MIN_RATE_TO_POLE_FREQUENCY:g} times that, {math.ceil(min_rate_Hz)} Hz"
         raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
@@ -192,13 +192,13 @@ def sweep_frequencies(rig: BodyRig) -> FloatArray:
     return geometric_spacing(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)
 
 
-PATHOLOGICAL_SLOPE_RATIO = 0.25
+PATHOLOGICAL_REVERSAL_TO_STATIC_SLOPE = 0.25
 """Slope after a reversal divided by the static slope, below which an iron is called pathological.
 """
 _SETTLING_CYCLES = 3  # number of cycles until the loop is in steady state
 _SAMPLES_PER_BRANCH = 400  # number of samples of a branch
-_SLOPE_HALF_WIDTH = 0.05  # half-width of the fit of a static slope, relative to the current range
-_REVERSAL_STEP = 0.0005  # size of the reversal, relative to the current range
+_SLOPE_HALF_WIDTH_TO_RANGE = 0.05  # half-width of the fit of a static slope, relative to the current range
+_REVERSAL_STEP_TO_RANGE = 0.0005  # size of the reversal, relative to the current range
 
 
 @dataclass(frozen=True)
@@ -231,30 +231,35 @@ class ReversalSlopes:
 
 def label_iron(slope_ratio: float) -> Literal["regular", "pathological"]:
     """Return the class of an iron from its ratio of the slope after a reversal to the static slope."""
-    return "pathological" if slope_ratio < PATHOLOGICAL_SLOPE_RATIO else "regular"
+    return "pathological" if slope_ratio < PATHOLOGICAL_REVERSAL_TO_STATIC_SLOPE else "regular"
 
 
 def measure_slopes(
     force_at: Callable[[float, float], float],
     current: float,
     gap: float,
-    low: float,
-    high: float,
+    current_low: float,
+    current_high: float,
     gap_step: float,
 ) -> ReversalSlopes:
     """Measure the slopes of a magnet with hysteresis on its steady-state loop."""
-    slope_span, reversal_step = _SLOPE_HALF_WIDTH * (high - low), _REVERSAL_STEP * (high - low)
-    if not low + slope_span < current < high - slope_span:
-        raise ValueError(f"the current of {current:g} A is too close to the ends of {low:g}..{high:g} A")
+    slope_span, reversal_step = (
+        _SLOPE_HALF_WIDTH_TO_RANGE * (current_high - current_low),
+        _REVERSAL_STEP_TO_RANGE * (current_high - current_low),
+    )
+    if not current_low + slope_span < current < current_high - slope_span:
+        raise ValueError(
+            f"the current of {current:g} A is too close to the ends of {current_low:g}..{current_high:g} A"
+        )
     below_gap, at_gap, above_gap = (
-        _mean_branch(force_at, current, held_gap, low, high)
+        _mean_branch(force_at, current, held_gap, current_low, current_high)
         for held_gap in (gap - gap_step, gap, gap + gap_step)
     )
-    _settle_on_loop(force_at, gap, low, high)
-    ascending_force = _move_current(force_at, gap, low, current)[-1]
+    _settle_on_loop(force_at, gap, current_low, current_high)
+    ascending_force = _move_current(force_at, gap, current_low, current)[-1]
     after_rise = (ascending_force - force_at(current - reversal_step, gap)) / reversal_step
-    _move_current(force_at, gap, current - reversal_step, high)
-    descending_force = _move_current(force_at, gap, high, current)[-1]
+    _move_current(force_at, gap, current - reversal_step, current_high)
+    descending_force = _move_current(force_at, gap, current_high, current)[-1]
     after_fall = (force_at(current + reversal_step, gap) - descending_force) / reversal_step
     k_s = (below_gap[0] - above_gap[0]) / (2.0 * gap_step)
     return ReversalSlopes(Slopes(at_gap[0], at_gap[1], k_s), float(after_rise), float(after_fall))
@@ -267,22 +272,31 @@ def _move_current(
     return np.array([force_at(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]])
 
 
-def _settle_on_loop(force_at: Callable[[float, float], float], gap: float, low: float, high: float) -> None:
+def _settle_on_loop(
+    force_at: Callable[[float, float], float], gap: float, current_low: float, current_high: float
+) -> None:
     for _ in range(_SETTLING_CYCLES):
-        _move_current(force_at, gap, low, high)
-        _move_current(force_at, gap, high, low)
+        _move_current(force_at, gap, current_low, current_high)
+        _move_current(force_at, gap, current_high, current_low)
 
 
 def _mean_branch(
-    force_at: Callable[[float, float], float], current: float, gap: float, low: float, high: float
+    force_at: Callable[[float, float], float],
+    current: float,
+    gap: float,
+    current_low: float,
+    current_high: float,
 ) -> tuple[float, float]:
     """Return the force at a current, N, and its slope, N/A; both averaged over the two branches."""
-    _settle_on_loop(force_at, gap, low, high)
-    ascending, descending = _move_current(force_at, gap, low, high), _move_current(force_at, gap, high, low)
-    grid = np.linspace(low, high, _SAMPLES_PER_BRANCH + 1)
+    _settle_on_loop(force_at, gap, current_low, current_high)
+    ascending, descending = (
+        _move_current(force_at, gap, current_low, current_high),
+        _move_current(force_at, gap, current_high, current_low),
+    )
+    grid = np.linspace(current_low, current_high, _SAMPLES_PER_BRANCH + 1)
     mean_force = 0.5 * (ascending[:-1] + descending[-2::-1])  # samples at grid[1:-1]
     deviation = grid[1:-1] - current
-    is_near = np.abs(deviation) <= _SLOPE_HALF_WIDTH * (high - low)
+    is_near = np.abs(deviation) <= _SLOPE_HALF_WIDTH_TO_RANGE * (current_high - current_low)
     # A parabola is fitted, so that the curvature does not bias the slope.
     coefficients = np.polynomial.Polynomial.fit(deviation[is_near], mean_force[is_near], 2).convert().coef
     return float(coefficients[0]), float(coefficients[1])

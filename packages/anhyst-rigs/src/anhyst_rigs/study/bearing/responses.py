@@ -180,7 +180,7 @@ class _SinePiece:
 
     frequency: float
     begin: int
-    measured_from: int
+    measuring_begin: int
     end: int
 
 
@@ -193,10 +193,10 @@ def measure_sensitivity(
         raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")
     sine_pieces = _plan_sweep(frequencies_Hz.tolist(), rate)
     sines = [sine(piece.frequency / rate * np.arange(piece.end - piece.begin)) for piece in sine_pieces]
-    inject = amplitude * np.concatenate(sines)  # Every sine begins at zero.
-    position = run(inject)["gap_read_m"]
-    if len(position) != len(inject):
-        raise ValueError(f"the run has {len(position)} ticks where {len(inject)} were injected")
+    injected_signal = amplitude * np.concatenate(sines)  # Every sine begins at zero.
+    position = run(injected_signal)["gap_read_m"]
+    if len(position) != len(injected_signal):
+        raise ValueError(f"the run has {len(position)} ticks where {len(injected_signal)} were injected")
     responses = [_fit_sine(position, piece, rate) for piece in sine_pieces]
     return Sensitivity(
         frequency=frequencies_Hz,
@@ -215,21 +215,21 @@ def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
     for frequency in frequencies:
         settling_ticks = math.ceil(max(_MIN_SETTLING_PERIODS / frequency, _MIN_SETTLING_S) * rate)
         periods = max(_MIN_PERIODS, math.ceil(_MIN_MEASURING_S * frequency))
-        measured_from = begin + settling_ticks
-        end = measured_from + round(periods / frequency * rate)
-        sine_pieces.append(_SinePiece(frequency, begin, measured_from, end))
+        measuring_begin = begin + settling_ticks
+        end = measuring_begin + round(periods / frequency * rate)
+        sine_pieces.append(_SinePiece(frequency, begin, measuring_begin, end))
         begin = end
     return sine_pieces
 
 
 def _fit_sine(position: FloatArray, piece: _SinePiece, rate: float) -> tuple[complex, float]:
     """Return the complex ratio of the response to the sine, and the rms of the residual."""
-    ticks = np.arange(piece.measured_from, piece.end)
+    ticks = np.arange(piece.measuring_begin, piece.end)
     phase = 2.0 * np.pi * piece.frequency / rate * (ticks - piece.begin)
     # The mean and a slow drift are not part of the response.
-    drift = np.linspace(-1.0, 1.0, len(ticks))
-    basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(phase), drift])
-    measured_position = position[piece.measured_from : piece.end]
+    linear_drift = np.linspace(-1.0, 1.0, len(ticks))
+    basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(phase), linear_drift])
+    measured_position = position[piece.measuring_begin : piece.end]
     mean = float(np.mean(measured_position))
     coefficients, *_ = np.linalg.lstsq(basis, measured_position - mean, rcond=None)
     residual = measured_position - mean - basis @ coefficients

@@ -305,8 +305,8 @@ def _write_model(
     if controller.model is None:
         magnets = calibrated_magnets(rig, knowledge, controller.settings.compensation.variant)
         # Each magnet of a calibrated pair has its own model.
-        identified = knowledge if len(magnets) > 1 else magnets[0]
-        write_model(identified.model, _model_path(out))
+        identified_magnet = knowledge if len(magnets) > 1 else magnets[0]
+        write_model(identified_magnet.model, _model_path(out))
 
 
 def _model_path(out: PathLike) -> Path:
@@ -319,15 +319,15 @@ def _make_compared_setups(
 ) -> tuple[dict[MethodName, BearingSetup], dict[MethodName, str]]:
     """Make the setups of all variants; return errors for the variants that cannot be made."""
     setups: dict[MethodName, BearingSetup] = {}
-    failed: dict[MethodName, str] = {}
+    failed_variants: dict[MethodName, str] = {}
     eddy_variants: tuple[MethodName, ...] = ("at-rest",) if knowledge.model.has_layers else ()
     for name in (*compared_variants(main_setup.rig, main_setup.method), *eddy_variants):
         try:
             main_only = {name: main_setup} if name == main_setup.method else None
             setups |= main_only or make_setups(main_setup.rig, controller, knowledge, (name,))
         except InputError as error:
-            failed[name] = str(error)
-    return setups, failed
+            failed_variants[name] = str(error)
+    return setups, failed_variants
 
 
 def compared_variants(rig: BodyRig, main_variant: MethodName) -> tuple[MethodName, ...]:

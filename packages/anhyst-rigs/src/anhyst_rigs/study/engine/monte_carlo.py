@@ -67,7 +67,7 @@ class Plants:
     # it returns every metric (infinite or null if not reached), or only ``lost_s`` after a loss
     run: Callable[[MethodName, Drift, int], dict[str, Any]]
     methods: tuple[MethodName, ...]
-    own_method: MethodName  # main method, which is compared with all others
+    main_method: MethodName  # main method, which is compared with all others
     figures: tuple[PlantMetric, ...]
     input_files: tuple[Path, ...]  # files that affect the results
     setting_texts: Mapping[str, str]  # further settings that affect the results
@@ -94,10 +94,10 @@ class Plants:
 
 
 def _hash_inputs(settings: str, files: Sequence[Path]) -> str:
-    total = hashlib.sha256(settings.encode())
+    input_hash = hashlib.sha256(settings.encode())
     for path in files:
-        total.update(hashlib.sha256(path.read_bytes()).digest())
-    return total.hexdigest()
+        input_hash.update(hashlib.sha256(path.read_bytes()).digest())
+    return input_hash.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -153,14 +153,14 @@ class MonteCarlo(StudyResult):
     def lost_in(self) -> list[str]:
         """Texts with the number of lost plants, one for each method that lost any."""
         return [
-            f"{lost} of {len(self.drifts)} plants with '{name}'"
+            f"{lost_plants} of {len(self.drifts)} plants with '{name}'"
             for name in self.runs
-            if (lost := self.lost_count(name))
+            if (lost_plants := self.lost_count(name))
         ]
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult if a plant lost control with the compensator."""
-        own_method = self.plants.own_method
+        own_method = self.plants.main_method
         if self.lost_count(own_method):
             raise NegativeResult(
                 f"{self.lost_count(own_method)} of {len(self.drifts)} plants were lost with '{own_method}'",
@@ -170,7 +170,7 @@ class MonteCarlo(StudyResult):
     @property
     def verdict(self) -> Judgement:
         """Whether compensation is beneficial over all plants, for each metric and each case."""
-        own_method = self.plants.own_method
+        own_method = self.plants.main_method
         if self.lost_count(own_method):
             return Judgement(
                 "unknown", f"'{own_method}' lost {self.lost_count(own_method)} of {len(self.drifts)} plants"
@@ -191,7 +191,7 @@ class MonteCarlo(StudyResult):
         means = {method: mean_interval(self.values(method, figure.key, case)) for method in survivors}
         if (baseline := strongest_baseline(means)) is None:
             return None
-        own_method = self.plants.own_method
+        own_method = self.plants.main_method
         own_values, best_values = (
             np.array(self.values(method, figure.key, case)) for method in (own_method, baseline)
         )
@@ -330,8 +330,8 @@ def find_fault(result: Mapping[str, Any], plants: Plants) -> str | None:
 
 def _record_faults(result: Mapping[str, Any], plants: Plants) -> Iterator[str]:
     """Yield the faults of a line of the results file; later checks may rely on the earlier ones."""
-    number = result.get("plant")
-    if not isinstance(number, int) or isinstance(number, bool) or number < 0:
+    plant_number = result.get("plant")
+    if not isinstance(plant_number, int) or isinstance(plant_number, bool) or plant_number < 0:
         yield "plant: must be the number of a plant"
     for key in ("drift", "variants"):
         if not isinstance(result.get(key), dict):
@@ -356,5 +356,5 @@ def _record_faults(result: Mapping[str, Any], plants: Plants) -> Iterator[str]:
 def _is_valid_value(value: Any) -> bool:
     if value is None:
         return True
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and math.isfinite(value) and value >= 0.0
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and math.isfinite(value) and value >= 0.0

@@ -163,17 +163,17 @@ class Judgement:
 
 
 def judge_against_baselines(
-    model: str, comparisons: Sequence[ComparedFigure], noun: str, condition: str
+    model: str, comparisons: Sequence[ComparedFigure], metric_noun: str, beneficial_condition: str
 ) -> Judgement:
     """Judge a model against the strongest baselines; ``condition`` completes a negative verdict."""
-    verdict = judge_comparisons(model, comparisons, noun)
+    verdict = judge_comparisons(model, comparisons, metric_noun)
     if verdict.level == "unknown":
         return verdict
     text = f"{model} against the strongest baseline without hysteresis model, {verdict.text}"
-    return Judgement(verdict.level, text if verdict.level == "yes" else f"{text}; {condition}")
+    return Judgement(verdict.level, text if verdict.level == "yes" else f"{text}; {beneficial_condition}")
 
 
-def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: str) -> Judgement:
+def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], metric_noun: str) -> Judgement:
     """List the metrics in which a model is significantly better, significantly worse, or equal."""
     comparable = [
         comparison
@@ -182,31 +182,43 @@ def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: s
     ]
     if not comparable:
         return Judgement("unknown", f"{model} has no baseline to compare with")
-    better = [comparison for comparison in comparable if comparison.is_better]
-    worse = [comparison for comparison in comparable if comparison.is_worse]
-    level: Level = "no" if not better else "mixed" if worse else "yes"
-    equal = [comparison for comparison in comparable if not comparison.is_better and not comparison.is_worse]
+    better_comparisons = [comparison for comparison in comparable if comparison.is_better]
+    worse_comparisons = [comparison for comparison in comparable if comparison.is_worse]
+    level: Level = "no" if not better_comparisons else "mixed" if worse_comparisons else "yes"
+    equal_comparisons = [
+        comparison for comparison in comparable if not comparison.is_better and not comparison.is_worse
+    ]
     group_texts = [
-        f"{group_title} {_format_comparisons(group, len(comparable), noun)}"
-        for group_title, group in (("less:", better), ("more:", worse), ("alike within the noise:", equal))
+        f"{group_title} {_format_comparisons(group, len(comparable), metric_noun)}"
+        for group_title, group in (
+            ("less:", better_comparisons),
+            ("more:", worse_comparisons),
+            ("alike within the noise:", equal_comparisons),
+        )
         if group
     ]
     return Judgement(level, "; ".join(group_texts))
 
 
-def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, noun: str) -> str:
+def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, metric_noun: str) -> str:
     """List metrics with their ratios to the baseline, or give their number."""
     if count > MAX_LISTED_COMPARISONS:
         names = " or ".join(dict.fromkeys(f"'{comparison.baseline}'" for comparison in comparisons))
-        ratios = sorted(comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio))
-        span = f", {_format_range(ratios[0], ratios[-1])} of {names}" if ratios else f", against {names}"
-        return f"{len(comparisons)} of {count} {noun}{span}"
+        sorted_ratios = sorted(
+            comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio)
+        )
+        range_text = (
+            f", {_format_range(sorted_ratios[0], sorted_ratios[-1])} of {names}"
+            if sorted_ratios
+            else f", against {names}"
+        )
+        return f"{len(comparisons)} of {count} {metric_noun}{range_text}"
     by_baseline: dict[str, list[str]] = {}
     for comparison in comparisons:
         by_baseline.setdefault(comparison.baseline, []).append(
             f"{comparison.title} {_format_ratio(comparison.ratio)}"
         )
-    return ", ".join(f"{', '.join(parts)} of '{name}'" for name, parts in by_baseline.items())
+    return ", ".join(f"{', '.join(ratio_texts)} of '{name}'" for name, ratio_texts in by_baseline.items())
 
 
 def _format_ratio(ratio: float) -> str:

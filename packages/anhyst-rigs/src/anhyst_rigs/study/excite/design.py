@@ -61,7 +61,7 @@ class Winding:
         return max(0.0, self.time_constant * math.log(initial / final)) if initial > final else 0.0
 
 
-SENSOR_RANGE_RATIO = 0.95
+USED_SENSOR_RANGE_FRACTION = 0.95
 """Fraction of a sensor's range that is used."""
 DEFAULT_SWEEP_S = 1.0
 """Duration of a sweep from zero to the largest current, if there is no [measurement], s."""
@@ -120,15 +120,15 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
     force_sensor = settings.force_sensor
     currents = [
         Bound(amplifier.current_high_A, "amplifier.current_high_A"),
-        Bound(SENSOR_RANGE_RATIO * current_sensor.high_A, "current_sensor.high_A"),
+        Bound(USED_SENSOR_RANGE_FRACTION * current_sensor.high_A, "current_sensor.high_A"),
     ]
-    forces = [Bound(SENSOR_RANGE_RATIO * force_sensor.high_N, "force_sensor.high_N")]
+    forces = [Bound(USED_SENSOR_RANGE_FRACTION * force_sensor.high_N, "force_sensor.high_N")]
     if settings.magnet.is_bidirectional:
         currents += [
             Bound(-amplifier.current_low_A, "amplifier.current_low_A"),
-            Bound(-SENSOR_RANGE_RATIO * current_sensor.low_A, "current_sensor.low_A"),
+            Bound(-USED_SENSOR_RANGE_FRACTION * current_sensor.low_A, "current_sensor.low_A"),
         ]
-        forces.append(Bound(-SENSOR_RANGE_RATIO * force_sensor.low_N, "force_sensor.low_N"))
+        forces.append(Bound(-USED_SENSOR_RANGE_FRACTION * force_sensor.low_N, "force_sensor.low_N"))
     spare_voltage = amplifier.supply - poles.resistance * campaign.current_max_A
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
     specimen = _make_specimen(
@@ -138,7 +138,7 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
         campaign,
         operating_force=_default_operating_force(rig),
         currents=currents,
-        min_current=max(amplifier.current_low_A, SENSOR_RANGE_RATIO * current_sensor.low_A),
+        min_current=max(amplifier.current_low_A, USED_SENSOR_RANGE_FRACTION * current_sensor.low_A),
         supply_rate=Bound(spare_voltage / poles.inductance(min(gaps)), "amplifier.supply_V"),
         sensor_force=min(forces, key=lambda limit: limit.value),
     )
@@ -185,11 +185,11 @@ def force_specimen(rig: ForceControlRig) -> Specimen:
         operating_force=Bound(0.5 * force.force_max_N, "control.force_max_N"),
         currents=[
             Bound(amplifier.current_high_A, "amplifier.current_high_A"),
-            Bound(SENSOR_RANGE_RATIO * settings.current_sensor.high_A, "current_sensor.high_A"),
+            Bound(USED_SENSOR_RANGE_FRACTION * settings.current_sensor.high_A, "current_sensor.high_A"),
         ],
         min_current=0.0,
         supply_rate=Bound(amplifier.slew, "amplifier.slew_A_per_s"),
-        sensor_force=Bound(SENSOR_RANGE_RATIO * settings.force_sensor.high_N, "force_sensor.high_N"),
+        sensor_force=Bound(USED_SENSOR_RANGE_FRACTION * settings.force_sensor.high_N, "force_sensor.high_N"),
     )
 
 
@@ -197,7 +197,7 @@ MIN_STACK_CYCLE_S = 1.0
 """Shortest period of a slow cycle of a piezo stage over the whole range of its amplifier, s."""
 RESONANCE_PERIODS_PER_CYCLE = 80.0
 """Resonance periods in the fastest cycle; the ringing at a reversal is then 0.8 % of the stroke."""
-FAST_RATE_RATIO = 5.0
+FAST_TO_SLOW_RATE = 5.0
 """Ratio of the fast to the slow rate of a piezo stage. Two rates separate a lag from a wider loop.
 """
 STACK_PAUSE_S = 30.0
@@ -215,7 +215,7 @@ def stack_specimen(rig: PiezoRig) -> Specimen:
         ).with_location(rig.path)
     cycle = 2.0 * amplifier.high_V  # change of the voltage in a full cycle, up and down, V
     rate = cycle * rig.settings.flexure.resonance_Hz / RESONANCE_PERIODS_PER_CYCLE
-    sweep = min(cycle / MIN_STACK_CYCLE_S, rate / FAST_RATE_RATIO)
+    sweep = min(cycle / MIN_STACK_CYCLE_S, rate / FAST_TO_SLOW_RATE)
     return Specimen(
         held_rig=None,
         gaps=(),
@@ -226,10 +226,10 @@ def stack_specimen(rig: PiezoRig) -> Specimen:
         min_current=amplifier.low_V,
         winding=None,
         sweep_rate=sweep,
-        sample_s=cycle / (SAMPLES_PER_FAST_CYCLE * FAST_RATE_RATIO * sweep),
+        sample_s=cycle / (SAMPLES_PER_FAST_CYCLE * FAST_TO_SLOW_RATE * sweep),
         conditioning_cycles=CONDITIONING_CYCLES,
         pause_s=STACK_PAUSE_S,
-        fast_rates=(FAST_RATE_RATIO * sweep,),
+        fast_rates=(FAST_TO_SLOW_RATE * sweep,),
         drive="voltage",
         output="displacement",
     )
@@ -257,11 +257,11 @@ def _make_specimen(
     winding = None
     if excite.continuous_A is not None and excite.thermal_s is not None:
         winding = Winding(excite.continuous_A, excite.thermal_s)
-    operatings = [*_optional_bound(excite.operating_N, "operating_N"), operating_force]
+    operating_forces = [*_optional_bound(excite.operating_N, "operating_N"), operating_force]
     return Specimen(
         held_rig=held_rig,
         gaps=gaps,
-        operating_force=operatings[0],
+        operating_force=operating_forces[0],
         max_current=current,
         max_rate=min(rates, key=lambda limit: limit.value),
         max_force=min(forces, key=lambda limit: limit.value),
@@ -281,7 +281,7 @@ def _optional_bound(value: float | None, key: str) -> list[Bound]:
 
 MAJOR_LOOP_ENDS = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25)
 """Upper ends of nested major loops, which begin at zero or at the negative end."""
-REVERSAL_RATIOS = (0.9, 0.75, 0.5, 0.25)
+REVERSALS_TO_PEAK = (0.9, 0.75, 0.5, 0.25)
 """Start of descending first-order reversal curves, then their reversal points. The major loops
 replace ascending curves."""
 MINOR_SWINGS_FROM_ZERO = (0.3, 0.2, 0.1, 0.05)
@@ -296,10 +296,10 @@ DEMAGNETISING_DECAY = (0.85, 0.01)
 SETTLING_DECAY = (0.7, 0.08)
 """The same two ratios for a decaying sine about the operating point."""
 MIN_START_WARMTH = 0.1
-"""Warmth of the winding that must permit the beginning of every record."""
+"""Warmth of the winding at which every record must still be permitted to begin."""
 PEAK_REDUCTION = 0.97
 """Factor by which the peak is repeatedly reduced until the winding stays cool enough."""
-MIN_PEAK_RATIO = 0.25
+MIN_PEAK_TO_MAX_CURRENT = 0.25
 """Smallest ratio of the peak to the largest current. Loops with a smaller peak are not useful."""
 
 
@@ -332,9 +332,9 @@ class Record:
 
 def decaying_reversals(centre: float, first_swing: float, decay: tuple[float, float]) -> list[float]:
     """Return the reversal points of a sine that decays to a current, A, and this current."""
-    ratio, last_swing = decay
-    count = math.ceil(math.log(last_swing) / math.log(ratio))
-    reversals = [centre + first_swing * (-ratio) ** number for number in range(count + 1)]
+    decay_factor, last_swing = decay
+    count = math.ceil(math.log(last_swing) / math.log(decay_factor))
+    reversals = [centre + first_swing * (-decay_factor) ** number for number in range(count + 1)]
     return [*reversals, centre]
 
 
@@ -369,8 +369,12 @@ def design_records(specimen: Specimen, peak: float, operating: float) -> list[Re
         approach = sweep_path(approach_reversals, step)
         history = History("conditioned", tuple(approach_reversals))
     lower_end = -peak if specimen.is_bipolar else 0.0
-    first_reversal, *reversals = (lower_end + ratio * (peak - lower_end) for ratio in REVERSAL_RATIOS)
-    major = [value for share in MAJOR_LOOP_ENDS for value in (share * peak, share * lower_end)]
+    first_reversal, *reversals = (
+        lower_end + peak_fraction * (peak - lower_end) for peak_fraction in REVERSALS_TO_PEAK
+    )
+    major = [
+        value for end_fraction in MAJOR_LOOP_ENDS for value in (end_fraction * peak, end_fraction * lower_end)
+    ]
     curves = [turn for reversal in reversals for turn in (reversal, first_reversal)]
     paths = {
         "major": sweep_path([0.0, *major], step),
@@ -398,18 +402,18 @@ def fast_cycle_rates(specimen: Specimen) -> list[float]:
 def _minor_loop_reversals(peak: float, operating: float, swing_ratios: Sequence[float]) -> list[float]:
     """Return the reversal points of minor loops about a current, with limited amplitudes, A."""
     max_swing = min(operating, peak - operating)
-    sizes = [min(swing_ratio * peak, max_swing) for swing_ratio in swing_ratios]
-    return [operating + side * size for size in sizes for side in (1.0, -1.0)]
+    swing_sizes = [min(swing_ratio * peak, max_swing) for swing_ratio in swing_ratios]
+    return [operating + direction * swing_size for swing_size in swing_sizes for direction in (1.0, -1.0)]
 
 
 def _path_from_zero(peak: float, operating: float, step: float) -> FloatArray:
     """Return minor loops approached from zero, a decaying sine, and two small minor loops, A."""
     minor_loops = _minor_loop_reversals(peak, operating, MINOR_SWINGS_FROM_ZERO)
     max_swing = min(operating, peak - operating)
-    approach = sweep_path([0.0, *minor_loops, operating], step)
-    settling = sine_path([operating, *decaying_reversals(operating, max_swing, SETTLING_DECAY)], step)
+    approach_path = sweep_path([0.0, *minor_loops, operating], step)
+    settling_path = sine_path([operating, *decaying_reversals(operating, max_swing, SETTLING_DECAY)], step)
     second_loops = sweep_path([operating, *minor_loops[-2:], *minor_loops[-2:], 0.0], step)
-    return np.concatenate([approach, settling[1:], second_loops[1:]])
+    return np.concatenate([approach_path, settling_path[1:], second_loops[1:]])
 
 
 def find_thermal_peak(specimen: Specimen) -> Bound:
@@ -421,25 +425,26 @@ def find_thermal_peak(specimen: Specimen) -> Bound:
             code="supply-too-weak",
             key=specimen.max_rate.key,
         )
-    highest, winding = specimen.max_current.value, specimen.winding
+    max_current, winding = specimen.max_current.value, specimen.winding
     if winding is None:
         return specimen.max_current
-    peak = highest
-    while peak >= MIN_PEAK_RATIO * highest:
+    peak = max_current
+    while peak >= MIN_PEAK_TO_MAX_CURRENT * max_current:
         # The highest operating point causes the most heat.
         hottest_records = design_records(specimen, peak, OPERATING_RANGE[1] * peak)
         if all(
             winding.max_start_warmth(path.full_path(specimen.sample_s), specimen.sample_s) >= MIN_START_WARMTH
             for path in hottest_records
         ):
-            key = specimen.max_current.key if peak == highest else "excite.continuous_A"
+            key = specimen.max_current.key if peak == max_current else "excite.continuous_A"
             return Bound(peak, key)
         peak *= PEAK_REDUCTION
     raise InputError(
         f"excite.continuous_A: a winding for {winding.continuous_current:g} A with a time constant of "
-        f"{winding.time_constant:g} s becomes too warm in a record of {MIN_PEAK_RATIO * highest:.3g} A, "
-        f"{100 * MIN_PEAK_RATIO:.0f} % of {specimen.max_current.key}; measure faster (measurement.sweep_A_per_s)"
-        f", or correct continuous_A and thermal_s (I^2 t is kept below {100 * MAX_WARMTH:.0f} %)",
+        f"{winding.time_constant:g} s becomes too warm in a record of {MIN_PEAK_TO_MAX_CURRENT * max_current:.3g} A, "
+        f"{100 * MIN_PEAK_TO_MAX_CURRENT:.0f} % of {specimen.max_current.key}; measure faster "
+        f"(measurement.sweep_A_per_s), or correct continuous_A and thermal_s "
+        f"(I^2 t is kept below {100 * MAX_WARMTH:.0f} %)",
         code="winding-too-warm",
         key="excite.continuous_A",
     )

@@ -73,7 +73,7 @@ def read_specimen(path: PathLike) -> ReadSpecimen:
 
 
 def read_stack_specimen(path: PathLike) -> ReadSpecimen:
-    """Return the specimen of a piezo stage from its rig file."""
+    """Read the rig file of a piezo stage, and return the stage as the specimen."""
     stack = read_piezo_rig(path)
     return ReadSpecimen(stack_specimen(stack), (stack.path,), partial(measure_stack, stack))
 
@@ -90,17 +90,17 @@ def read_force_specimen(path: PathLike) -> ReadSpecimen:
 
 
 def read_bearing_specimen(path: PathLike) -> ReadSpecimen:
-    """Return the specimen of a bearing from its rig file."""
+    """Read the rig file of a bearing, and return its magnet as the specimen."""
     return _read_body_specimen(read_bearing(path))
 
 
 def read_stage_specimen(path: PathLike) -> ReadSpecimen:
-    """Return the specimen of a stage from its rig file."""
+    """Read the rig file of a stage, and return its magnet as the specimen."""
     return _read_body_specimen(read_stage(path))
 
 
 def _read_body_specimen(rig: BodyRig) -> ReadSpecimen:
-    """Return the specimen of a body; its magnet is first fitted to loops if necessary."""
+    """Return the magnet of a body as the specimen; it is first fitted to loops if necessary."""
     files = [file for file in (rig.path, rig.model_path, rig.flux_table_path) if file is not None]
     if rig.settings.magnet.has_iron_from_loops:
         files += rig.measured_loops.files
@@ -109,11 +109,11 @@ def _read_body_specimen(rig: BodyRig) -> ReadSpecimen:
     return ReadSpecimen(bearing_specimen(rig), tuple(files), measure_gaps)
 
 
-SLOPE_WINDOW_RATIO = 0.1
+SLOPE_WINDOW_TO_PEAK = 0.1
 """Half-width of the current window for the slope of the force, as a fraction of the peak."""
-FAST_RATE_MARGIN = 1.5
+FASTEST_TO_REQUIRED_RATE = 1.5
 """Recommended ratio of the fastest measured rate to the rate that the set-point requires."""
-PROBE_FORCE_RATIO = 0.95
+PROBE_FORCE_TO_LIMIT = 0.95
 """Fraction of the force limit that stops the probe."""
 _PROBE_SEED = 1000
 """Number that stands for the probe in the seed of its noise."""
@@ -129,7 +129,7 @@ class ProbedGap:
     operating_current: float  # current at the operating point, A
     is_force_reached: bool  # whether the operating current gives the operating force
     # rate of the current that the set-point requires at this gap, A/s; 0: unknown
-    required_rate: float = 0.0
+    required_current_rate: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,11 @@ class Excitation:
                     output_name: probed_gap.largest_force,
                     f"operating_{unit}": probed_gap.operating_current,
                     "operating_reached": probed_gap.is_force_reached,
-                    **({"needed_A_per_s": probed_gap.required_rate} if probed_gap.required_rate else {}),
+                    **(
+                        {"needed_A_per_s": probed_gap.required_current_rate}
+                        if probed_gap.required_current_rate
+                        else {}
+                    ),
                 }
                 for probed_gap in self.probed_gaps
             ],
@@ -228,7 +232,7 @@ class _DriveLog:
         self.time = float(time[-1])
         return time
 
-    def rest(self, seconds: float, gap: float) -> None:
+    def rest_at_zero(self, seconds: float, gap: float) -> None:
         """Append a time without current."""
         count = int(np.ceil(seconds / self.specimen.sample_s))
         if count > 0:
@@ -239,7 +243,7 @@ class _DriveLog:
         winding = self.specimen.winding
         if winding is not None:
             max_warmth = winding.max_start_warmth(current, self.specimen.sample_s)
-            self.rest(winding.rest_time(self.warmth, max_warmth), gap)
+            self.rest_at_zero(winding.rest_time(self.warmth, max_warmth), gap)
 
     def history(self) -> DriveHistory:
         return DriveHistory(*(np.concatenate(column) for column in zip(*self.row_blocks, strict=True)))
@@ -260,7 +264,7 @@ def measure_gaps(specimen: Specimen, progress: Progress | None = None) -> Excita
     probed_gaps = []
     for number, gap in enumerate(gaps):
         if number:
-            log.rest(specimen.pause_s, gap)
+            log.rest_at_zero(specimen.pause_s, gap)
         probed_gap = _probe_gap(specimen, magnet, log, gap, number, thermal_peak)
         probed_gaps.append(probed_gap)
         records = design_records(specimen, probed_gap.peak.value, probed_gap.operating_current)
@@ -287,15 +291,17 @@ def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None =
     """
     log, thermal_peak, no_gap = _DriveLog(specimen), find_thermal_peak(specimen), math.nan
     seed = [rig.settings.seed, _PROBE_SEED]
-    rise = sweep_path([0.0, thermal_peak.value], current_step(specimen))
-    log.append(np.concatenate([rise, rise[::-1]]), no_gap)
+    rising_path = sweep_path([0.0, thermal_peak.value], current_step(specimen))
+    log.append(np.concatenate([rising_path, rising_path[::-1]]), no_gap)
     probe_answer = measure_stack_displacement(rig, log.history().current, specimen.sample_s, seed)
-    probe_result = evaluate_probe(specimen, no_gap, rise, probe_answer[: rise.size].tolist(), thermal_peak)
+    probe_result = evaluate_probe(
+        specimen, no_gap, rising_path, probe_answer[: rising_path.size].tolist(), thermal_peak
+    )
     records = design_records(specimen, probe_result.peak.value, probe_result.operating_current)
     output_times = []
     for record in records:
         log.append(record.approach, no_gap)
-        log.rest(specimen.pause_s, no_gap)
+        log.rest_at_zero(specimen.pause_s, no_gap)
         output_times.append(log.append(record.path, no_gap))
     drive_history = log.history()
     read_displacement = measure_stack_displacement(rig, drive_history.current, specimen.sample_s, seed)
@@ -312,17 +318,17 @@ def measure_stack(rig: PiezoRig, specimen: Specimen, progress: Progress | None =
 
 
 def _probe_gap(
-    specimen: Specimen, magnet: HeldMagnet, log: _DriveLog, gap: float, number: int, thermal_peak: Bound
+    specimen: Specimen, magnet: HeldMagnet, log: _DriveLog, gap: float, gap_number: int, thermal_peak: Bound
 ) -> ProbedGap:
     """Raise the current once until a quantity reaches its limit, then return to zero."""
     assert specimen.held_rig is not None
     path = sweep_path([0.0, thermal_peak.value], current_step(specimen))
     log.cool_for(np.concatenate([path, path[::-1]]), gap)
-    sensors = specimen.held_rig.sensors([number, _PROBE_SEED], specimen.sample_s)
+    sensors = specimen.held_rig.sensors([gap_number, _PROBE_SEED], specimen.sample_s)
     forces: list[float] = []
     for current in path.tolist():
         forces.append(sensors["force"].read(np.array([magnet.hold(current, gap)])).item())
-        if forces[-1] >= PROBE_FORCE_RATIO * specimen.max_force.value:
+        if forces[-1] >= PROBE_FORCE_TO_LIMIT * specimen.max_force.value:
             break
     magnet.hold(0.0, gap)
     driven_path = path[: len(forces)]
@@ -335,7 +341,7 @@ def evaluate_probe(
 ) -> ProbedGap:
     """Evaluate the first increase of the current at a gap."""
     peak = thermal_peak
-    if forces[-1] >= PROBE_FORCE_RATIO * specimen.max_force.value:
+    if forces[-1] >= PROBE_FORCE_TO_LIMIT * specimen.max_force.value:
         # The sample before it is certainly below the limit.
         peak = Bound(float(driven_path[max(driven_path.size - 2, 0)]), specimen.max_force.key)
     if driven_path.size < 3:
@@ -349,13 +355,15 @@ def evaluate_probe(
     min_operating, max_operating = (operating_fraction * peak.value for operating_fraction in OPERATING_RANGE)
     bias = float(driven_path[sufficient_samples[0]]) if sufficient_samples.size else np.inf
     operating = min(max(bias, min_operating), max_operating)
-    required_rate = _required_rate(specimen, driven_path, np.array(forces), operating)
-    return ProbedGap(gap, peak, max(forces), operating, bias == operating, required_rate)
+    required_current_rate = _required_current_rate(specimen, driven_path, np.array(forces), operating)
+    return ProbedGap(gap, peak, max(forces), operating, bias == operating, required_current_rate)
 
 
-def _required_rate(specimen: Specimen, current: FloatArray, force: FloatArray, operating: float) -> float:
+def _required_current_rate(
+    specimen: Specimen, current: FloatArray, force: FloatArray, operating: float
+) -> float:
     """Return the rate of the current that the fastest demanded change of the force requires, A/s."""
-    is_near = np.abs(current - operating) <= SLOPE_WINDOW_RATIO * current[-1]
+    is_near = np.abs(current - operating) <= SLOPE_WINDOW_TO_PEAK * current[-1]
     if specimen.demanded_force_rate == 0.0 or np.count_nonzero(is_near) < 3:
         return 0.0
     slope = float(np.polynomial.polynomial.polyfit(current[is_near], force[is_near], 1)[1])
@@ -393,7 +401,7 @@ def check_operating_force(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
         return
     best_gap = max(probed_gaps, key=lambda probed_gap: probed_gap.largest_force)
     force, peak = specimen.operating_force, best_gap.peak
-    low, high = (f"{100 * ratio:.0f}" for ratio in OPERATING_RANGE)
+    low, high = (f"{100 * current_fraction:.0f}" for current_fraction in OPERATING_RANGE)
     raise InputError(
         f"{force.key}: minor loops about {force.value:g} N need a current from {low} to {high} % of "
         f"the largest one, which no gap allows; {peak.key} limits it to {peak.value:.3g} A and "
@@ -425,7 +433,7 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
                 f"{prefix}minor loops about {probed_gap.operating_current:.4g} {unit}, which does not give the "
                 f"{specimen.operating_force.value:.4g} {output_name} of {specimen.operating_force.key}"
             )
-    if not all(can_demagnetise(specimen, place.peak.value) for place in probed_gaps):
+    if not all(can_demagnetise(specimen, gap_result.peak.value) for gap_result in probed_gaps):
         notes.append(
             "the amplifier does not drive as far below zero as above: records begin after "
             f"{specimen.conditioning_cycles} cycles from 0 to the largest {specimen.drive} instead of "
@@ -436,11 +444,11 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
         for speed in specimen.fast_rates
         if speed > specimen.max_rate.value
     ]
-    required_rate = FAST_RATE_MARGIN * max(place.required_rate for place in probed_gaps)
-    if specimen.fast_rates and required_rate > max(fast_cycle_rates(specimen)):
+    recommended_rate = FASTEST_TO_REQUIRED_RATE * max(place.required_current_rate for place in probed_gaps)
+    if specimen.fast_rates and recommended_rate > max(fast_cycle_rates(specimen)):
         notes.append(
-            f"the set-point needs {required_rate / FAST_RATE_MARGIN:.3g} A/s at the operating point, and "
-            f"cycles of {required_rate:.3g} A/s would show its eddy currents there "
+            f"the set-point needs {recommended_rate / FASTEST_TO_REQUIRED_RATE:.3g} A/s at the operating point, and "
+            f"cycles of {recommended_rate:.3g} A/s would show its eddy currents there "
             "(measurement.fast_A_per_s)"
         )
     if specimen.gaps and specimen.winding is None:

@@ -33,7 +33,7 @@ from anhyst_rigs.study.excite.design import (
     find_thermal_peak,
 )
 from anhyst_rigs.study.excite.excite import (
-    PROBE_FORCE_RATIO,
+    PROBE_FORCE_TO_LIMIT,
     DriveHistory,
     Excitation,
     ProbedGap,
@@ -50,9 +50,9 @@ _STATE_TIMEOUT_S = 30.0
 """Timeout for a change of state, in which the controller reduces a current along its ramp, s."""
 _START_TIMEOUT_S = 2.0
 """Timeout for the start of a run, s. Somebody may have stopped it already."""
-_GAP_TOLERANCE_RATIO = 0.01
+_GAP_TOLERANCE_TO_MAX_GAP = 0.01
 """Largest deviation of the held gap from one in the rig file, as a fraction of the largest gap."""
-_DEMAND_TOLERANCE_RATIO = 1e-7
+_DEMAND_TOLERANCE_TO_FULL_DEMAND = 1e-7
 """Difference below which two demands count as equal, as a fraction of the full demand."""
 _REQUIRED_SIGNALS = ("force", "current", "demand", "gap", "state", "fault")
 
@@ -152,16 +152,19 @@ class BoardDrive:
         self._samples: list[tuple[float, float, float]] = []
         self._initial_values = {parameter.name: parameter.value for parameter in bench.parameters()}
         self.gap = self._read_held_gap()
-        (ratio,) = (parameter for parameter in bench.parameters() if parameter.name == "ratio")
-        limits = [specimen.max_current, Bound(ratio.high * bench.demand_range.high, "the controller's ratio")]
+        (ratio_parameter,) = (parameter for parameter in bench.parameters() if parameter.name == "ratio")
+        limits = [
+            specimen.max_current,
+            Bound(ratio_parameter.high * bench.demand_range.high, "the controller's ratio"),
+        ]
         self.max_current = min(limits, key=lambda parameter: parameter.value)
-        self._ratio = self.max_current.value / bench.demand_range.high
+        self._current_per_demand = self.max_current.value / bench.demand_range.high
 
     def _read_held_gap(self) -> float:
         """Return the gap of the rig file at which the armature is held, m."""
         gap_read = float(np.mean(self._read_rows()[:, self._column_indices["gap"]]))
         nearest_gap = min(self._specimen.gaps, key=lambda gap: abs(gap - gap_read))
-        if abs(nearest_gap - gap_read) > _GAP_TOLERANCE_RATIO * max(self._specimen.gaps):
+        if abs(nearest_gap - gap_read) > _GAP_TOLERANCE_TO_MAX_GAP * max(self._specimen.gaps):
             gaps = ", ".join(f"{1e3 * gap:g}" for gap in self._specimen.gaps)
             raise InputError(
                 f"measure: the armature is at {1e3 * gap_read:.4g} mm; hold it at a gap of the rig "
@@ -182,9 +185,9 @@ class BoardDrive:
             # controller assumes does not matter, because the controller becomes idle again.
             self._bench.command(Command.DEMAGNETISED)
             self._wait_for_state(State.READY)
-        slew = rate / self._ratio
+        slew = rate / self._current_per_demand
         self._drive_timeout_s = self.max_current.value / rate + _STATE_TIMEOUT_S
-        self._bench.apply({"compensation": 0.0, "ratio": self._ratio, "demand_slew": slew})
+        self._bench.apply({"compensation": 0.0, "ratio": self._current_per_demand, "demand_slew": slew})
         self._bench.command(Command.RUN)
         self._wait_for_state(State.RUN, _START_TIMEOUT_S)
 
@@ -202,7 +205,7 @@ class BoardDrive:
 
     def drive_to(self, current: float) -> tuple[FloatArray, FloatArray]:
         """Drive the current to a value, A, and dwell; return samples of current and force."""
-        force = min(current / self._ratio, self._bench.demand_range.high)
+        force = min(current / self._current_per_demand, self._bench.demand_range.high)
         self._bench.demand(force)
         row_blocks = [self._read_running_rows(self._chunk_ticks)]
         end = self._elapsed_s() + self._drive_timeout_s
@@ -214,14 +217,15 @@ class BoardDrive:
                     key="measure",
                 )
             row_blocks.append(self._read_running_rows(self._chunk_ticks))
-        driven = np.concatenate(row_blocks)
-        driven = driven[self._is_driving(driven, force)]
-        blocks = [
-            driven[at : at + self._rows_per_sample] for at in range(0, len(driven), self._rows_per_sample)
+        driven_rows = np.concatenate(row_blocks)
+        driven_rows = driven_rows[self._is_driving(driven_rows, force)]
+        sample_blocks = [
+            driven_rows[first_row : first_row + self._rows_per_sample]
+            for first_row in range(0, len(driven_rows), self._rows_per_sample)
         ]
         dwell = self._read_running_rows(max(4, round(_DWELL_S * self._bench.rate)))
         row_blocks = [
-            *(block for block in blocks if len(block) == self._rows_per_sample),
+            *(block for block in sample_blocks if len(block) == self._rows_per_sample),
             dwell[len(dwell) // 2 :],
         ]
         samples = np.array([sample_rows[:, self._read_indices].mean(axis=0) for sample_rows in row_blocks])
@@ -231,7 +235,7 @@ class BoardDrive:
         """Return, for each row, whether the demand has not reached its target yet."""
         is_different: NDArray[np.bool_] = (
             np.abs(rows[:, self._column_indices["demand"]] - force)
-            > _DEMAND_TOLERANCE_RATIO * self._bench.demand_range.high
+            > _DEMAND_TOLERANCE_TO_FULL_DEMAND * self._bench.demand_range.high
         )
         return is_different
 
@@ -287,12 +291,12 @@ class BoardDrive:
                 key="measure",
             )
         force, limit = rows[:, self._column_indices["force"]], self._specimen.max_force
-        largest = int(np.argmax(force))
-        if not force[largest] <= limit.value:  # The reading may be nan.
+        largest_force_row = int(np.argmax(force))
+        if not force[largest_force_row] <= limit.value:  # The reading may be nan.
             self._bench.demand(0.0)
             raise InputError(
-                f"{limit.key}: {force[largest]:.4g} N are read at "
-                f"{rows[largest, self._column_indices['current']]:.4g} A, more than {limit.value:g} N; lower "
+                f"{limit.key}: {force[largest_force_row]:.4g} N are read at "
+                f"{rows[largest_force_row, self._column_indices['current']]:.4g} A, more than {limit.value:g} N; lower "
                 "excite.current_max_A",
                 code="force-above-limit",
                 key=limit.key,
@@ -302,14 +306,14 @@ class BoardDrive:
     def _state(self) -> State:
         return State(int(self._read_rows()[-1, self._column_indices["state"]]))
 
-    def _wait_for_state(self, goal: State, timeout_s: float = _STATE_TIMEOUT_S) -> None:
+    def _wait_for_state(self, target_state: State, timeout_s: float = _STATE_TIMEOUT_S) -> None:
         """Wait until the controller is in a state."""
         end = time.monotonic() + timeout_s
-        while (state := self._state()) is not goal:
+        while (state := self._state()) is not target_state:
             if state is State.FAULT or time.monotonic() > end:
                 raise InputError(
                     f"measure: the controller is in the state {state.name.lower()}, not "
-                    f"{goal.name.lower()}; find the cause, and clear its fault",
+                    f"{target_state.name.lower()}; find the cause, and clear its fault",
                     code="wrong-state",
                     key="measure",
                 )
@@ -322,7 +326,7 @@ def _probe_gap(specimen: Specimen, drive: BoardDrive, thermal_peak: Bound) -> Pr
     forces: list[float] = []
     for current in path.tolist():
         forces.append(float(drive.drive_to(current)[1][-1]))
-        if forces[-1] >= PROBE_FORCE_RATIO * specimen.max_force.value:
+        if forces[-1] >= PROBE_FORCE_TO_LIMIT * specimen.max_force.value:
             break
     drive.drive_to(0.0)
     return evaluate_probe(specimen, drive.gap, path[: len(forces)], forces, thermal_peak)

@@ -46,7 +46,7 @@ from anhyst_rigs.rig.stage.loop import StageSetup
 from anhyst_rigs.rig.stage.recording import demand_columns, pose_columns
 from anhyst_rigs.study.tracking.motion import (
     COMPARISON_RATE_HZ,
-    MIN_DEMAND_RATIO,
+    MIN_DEMAND_TO_MAX_FORCE,
     ColumnFault,
     Motion,
     MotionLaw,
@@ -153,7 +153,7 @@ class StageMotion(Motion):
     def compared_indices(self) -> NDArray[np.intp]:
         """Indices of the compared samples: all coordinates at all ticks with a large demand."""
         interval_ticks = max(1, round(1.0 / (COMPARISON_RATE_HZ * self.rig.dt)))
-        min_demand_N = MIN_DEMAND_RATIO * self.rig.settings.tracking.force_max_N
+        min_demand_N = MIN_DEMAND_TO_MAX_FORCE * self.rig.settings.tracking.force_max_N
         demand_N = np.linalg.norm(
             self.demanded_force.reshape(-1, self.comparisons_per_tick)[::interval_ticks], axis=1
         )
@@ -212,7 +212,7 @@ class StageLaw(MotionLaw):
             SPEED_WINDOW_TICKS * self.rig.dt
         )
         max_noise_speed = 10.0 * file.position_sensor.noise_m / (SPEED_WINDOW_TICKS * self.rig.dt)
-        if abs(columns["demand_N"][0] + weight_along_scan(file)) > MIN_DEMAND_RATIO * self.force_max:
+        if abs(columns["demand_N"][0] + weight_along_scan(file)) > MIN_DEMAND_TO_MAX_FORCE * self.force_max:
             return ColumnFault("begins in motion", "demand_N")
         # If the magnets carry the weight, the body falls until currents flow.
         fall_speed = (
@@ -237,13 +237,13 @@ class StageLaw(MotionLaw):
 
     def is_excited(self, motion: Motion, name: ParameterName) -> bool:
         """Whether a motion excites a parameter: its magnet must exceed 6 % of the largest force."""
-        number = re.search(r"_(\d+)", name)
-        if number is None:
+        magnet_number = re.search(r"_(\d+)", name)
+        if magnet_number is None:
             return True
         assert isinstance(motion, StageMotion)
-        force = self._magnet_force(motion, int(number[1]), {})[motion.compared_indices]
+        force = self._magnet_force(motion, int(magnet_number[1]), {})[motion.compared_indices]
         max_force = np.linalg.norm(force.reshape(-1, motion.comparisons_per_tick), axis=1).max()
-        return bool(max_force > MIN_DEMAND_RATIO * self.force_max)
+        return bool(max_force > MIN_DEMAND_TO_MAX_FORCE * self.force_max)
 
     def corrected_stage(self, calibration: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
         """Return the stage with a controller corrected by a calibration, and with a plant drift."""
@@ -310,12 +310,12 @@ class StageLaw(MotionLaw):
 REFERENCE_WINDOW_S = 0.06
 """Length of the window before a tick, s, in which the reference must move if the tick is compared.
 """
-MIN_REFERENCE_CHANGE_RATIO = 0.02
+MIN_REFERENCE_CHANGE_TO_TRAVEL = 0.02
 """Smallest change of the reference in this window, as a fraction of the travel. At rest, a load
 could not be distinguished from an error of the magnet."""
-RECORDED_LOAD_SIGMA_RATIO = 0.002
+RECORDED_LOAD_SIGMA_TO_MAX_FORCE = 0.002
 """Standard deviation of a recorded load, as a fraction of the largest force."""
-ASSUMED_LOAD_SIGMA_RATIO = 0.1
+ASSUMED_LOAD_SIGMA_TO_LOAD = 0.1
 """Standard deviation of the load that the rig file gives, as a fraction of this load."""
 
 
@@ -370,7 +370,7 @@ class BearingMotion(Motion):
         window_shift = (window - 1) // 2  # The window ends at the compared tick.
         reference_change = maximum_filter1d(levitated_reference, window, origin=window_shift)
         reference_change -= minimum_filter1d(levitated_reference, window, origin=window_shift)
-        min_change = MIN_REFERENCE_CHANGE_RATIO * (file.body.stop_high_m - file.body.stop_low_m)
+        min_change = MIN_REFERENCE_CHANGE_TO_TRAVEL * (file.body.stop_high_m - file.body.stop_low_m)
         interval_ticks = max(1, round(1.0 / (COMPARISON_RATE_HZ * self.rig.dt)))
         ticks = interval_ticks * np.flatnonzero(
             (is_levitated & (reference_change > min_change))[::interval_ticks]
@@ -427,9 +427,9 @@ class BearingLaw(MotionLaw):
             return 0.01 * self.rig.settings.spread.sensor_gain_percent
         if name == "bias_N":
             return (
-                RECORDED_LOAD_SIGMA_RATIO * self.force_max
+                RECORDED_LOAD_SIGMA_TO_MAX_FORCE * self.force_max
                 if self._is_load_recorded
-                else ASSUMED_LOAD_SIGMA_RATIO * self.rig.static_load
+                else ASSUMED_LOAD_SIGMA_TO_LOAD * self.rig.static_load
             )
         return super().prior_sigma(name)
 
@@ -442,11 +442,11 @@ class BearingLaw(MotionLaw):
         gap = motion.columns["gap_read_m"] - values["gap_zero_m"]
         gap = np.interp(motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap)
         force = motion.force_per_unit["bias_N"] * values["bias_N"]
-        for number, own_gap in enumerate(self.rig.magnet_gaps(gap), 1):
+        for number, magnet_gap in enumerate(self.rig.magnet_gaps(gap), 1):
             width = values.get("width", values.get(f"width_{number}", 0.0))
             current = motion.columns[column_name("command", "A", number)]
             current = (1.0 + values[f"scale_{number}"]) * current
             compensator = self.compensator(round_to_grid("width", width)).reset_copy()
-            magnet_force = compensator.follow(current, own_gap)
+            magnet_force = compensator.follow(current, magnet_gap)
             force = force + (-1.0) ** (number - 1) * motion.filter_force(magnet_force, motion.delay_ticks)
         return force

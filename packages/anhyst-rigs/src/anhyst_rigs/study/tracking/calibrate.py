@@ -173,7 +173,7 @@ class Calibration(Result):
             lines += ["", "[[method]]"]
             lines += [f"{key} = {toml_value(table[key])}" for key in table if key != "parameter"]
             lines.append("parameter = [")
-            lines += [f"  {toml_value(number)}," for number in table["parameter"]]
+            lines += [f"  {toml_value(parameter)}," for parameter in table["parameter"]]
             lines.append("]")
         with atomic_writer(path) as stream:
             stream.write("\n".join(lines) + "\n")

@@ -33,7 +33,12 @@ from anhyst.verification.protocol import make_stage_record
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.recording import column_name, magnet_columns
-from anhyst_rigs.rig.stage.drives import axis_yields, min_single_force, monitoring_settings, opposing_magnets
+from anhyst_rigs.rig.stage.drives import (
+    axis_yield_weights,
+    min_single_force,
+    monitoring_settings,
+    opposing_magnets,
+)
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import magnet_rows, mass_matrix, weight_wrench
@@ -49,7 +54,7 @@ from anhyst_rigs.rig.stage.loop import (
     scan_scenario,
 )
 from anhyst_rigs.rig.stage.recording import find_stage_loss
-from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motion, tick_times
+from anhyst_rigs.rig.stage.setpoint import long_stroke_error, motion_ticks, scan_motion, tick_times
 
 ROWS_PER_COMMAND = 20
 """Number of rows after each command at the end of the golden vectors."""
@@ -128,7 +133,7 @@ def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageContro
     settings = controller_settings(setup) | monitoring_settings(rig)
     body = setup.assumed_rig.settings
     plant_rows = {"pull": magnet_rows(file), "mass": mass_matrix(body), "weight": weight_wrench(body)}
-    plant_rows["yields"] = np.array([axis_yields(file)])
+    plant_rows["yields"] = np.array([axis_yield_weights(file)])
     return StageController(
         name=name,
         rig=file.name,
@@ -184,9 +189,12 @@ def _encode_inputs(setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_r
         return inputs.astype(np.float32)
     scales = make_fixed_stage_controller(setup).scales
     magnets = len(setup.rig.settings.body_magnets)
-    head_codes, forward = encode_signals(inputs[:wrench_row], scales.head), inputs[wrench_row:gap_row]
+    head_codes, feedforward_wrench = (
+        encode_signals(inputs[:wrench_row], scales.head),
+        inputs[wrench_row:gap_row],
+    )
     gaps, currents = inputs[gap_row : gap_row + magnets], inputs[gap_row + magnets :]
-    rows = [head_codes, encode_signals(forward, scales.wrench[:, None]), scales.gaps(gaps)]
+    rows = [head_codes, encode_signals(feedforward_wrench, scales.wrench[:, None]), scales.gaps(gaps)]
     return np.vstack([*rows, encode_signals(currents, scales.current)]).astype(np.int32)
 
 
@@ -197,7 +205,9 @@ def _simulate_inputs(setup: StageSetup) -> FloatArray:
     rows = min(MAX_FLIGHT_ROWS, motion_ticks(rig, motion))
     time = tick_times(rig, rows + 1)
     wrench = feedforward_wrench(setup.assumed_rig, feedforward_force(setup, motion, Feedforward())[:rows])
-    scenario = scan_scenario(rig, motion.derivatives_at(time)[0], frame_stray(rig, motion, time), wrench)
+    scenario = scan_scenario(
+        rig, motion.derivatives_at(time)[0], long_stroke_error(rig, motion, time), wrench
+    )
     target, run = scenario.target, SimulatedLoop(setup).run(scenario)
     if loss := find_stage_loss(rig, run, rows):
         text = f"{rig.path}: control is lost in the simulated motion: {loss.reason}; check it"

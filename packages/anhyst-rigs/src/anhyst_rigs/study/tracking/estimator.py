@@ -41,14 +41,14 @@ MAX_UPDATE_RATE_SIGMA_PER_S = 2.0
 """Largest rate of change of the applied corrections, in prior standard deviations per second."""
 DERIVATIVE_STEPS = {"scale": 0.005, "gap_zero_m": 2e-6, "width": 0.1, "lag_s": 25e-6}
 """Step of each kind of parameter for finite-difference derivatives of the predicted force."""
-MAX_RESIDUAL_RATIO = 0.01
+MAX_RESIDUAL_TO_INERTIAL_FORCE = 0.01
 """Largest rms residual after the fit for which a motion is accepted, as a fraction of the rms
 inertial force (mass times acceleration). The noise is added in quadrature."""
-GATE_RATIO = 2.5
+MAX_RESIDUAL_TO_EARLIER_RESIDUAL = 2.5
 """Largest rms residual before the fit, relative to the residual of earlier motions. If a residual
 is larger and parameter errors cannot explain it, the plant or a sensor has changed.
 """
-MIN_GATE_RATIO = 0.001
+MIN_GATE_RESIDUAL_TO_INERTIAL_FORCE = 0.001
 """Smallest residual with which the gate compares, as a fraction of the inertial force. Every
 hysteresis model has errors of this size."""
 SCALE_SUM_WEIGHT = 20.0
@@ -148,7 +148,7 @@ class ParameterEstimator:
         motion_fit = self._fit_motion(motion, history)
         count, force_N = motion.compared_indices.size, motion.force_rms
         square_sums = _SquareSums(count, count * force_N**2, count * motion_fit.residual_rms**2)
-        max_residual_N = math.hypot(MAX_RESIDUAL_RATIO * force_N, self.noise_N)
+        max_residual_N = math.hypot(MAX_RESIDUAL_TO_INERTIAL_FORCE * force_N, self.noise_N)
         if self._has_scale_at_bound(motion_fit.values) or motion_fit.residual_rms > max_residual_N:
             if not self.identified:
                 self._sums = square_sums
@@ -163,15 +163,15 @@ class ParameterEstimator:
     def _contradicting_rows(self, motion: Motion, history: FloatArray) -> FloatArray | None:
         """Return the information rows of a motion if it contradicts earlier ones, or None."""
         residual_N = self._residual_rms(motion, self.estimate)
-        expected_N = max(self._sums.residual_rms, MIN_GATE_RATIO * motion.force_rms)
-        limit_N = GATE_RATIO * expected_N
+        expected_N = max(self._sums.residual_rms, MIN_GATE_RESIDUAL_TO_INERTIAL_FORCE * motion.force_rms)
+        limit_N = MAX_RESIDUAL_TO_EARLIER_RESIDUAL * expected_N
         if residual_N <= limit_N:
             return None
         rows = self._info_rows(motion, self.estimate, exact=True)
         # With one coordinate, all motions excite the same combination of parameters. Therefore, the
         # uncertainty of the parameters cannot explain a larger residual.
         sigma_N = self._prediction_sigma(history, rows) if motion.comparisons_per_tick > 1 else 0.0
-        return rows if residual_N > math.hypot(limit_N, GATE_RATIO * sigma_N) else None
+        return rows if residual_N > math.hypot(limit_N, MAX_RESIDUAL_TO_EARLIER_RESIDUAL * sigma_N) else None
 
     def _fit_motion(self, motion: Motion, history: FloatArray) -> _Fit:
         """Fit the parameters to a motion and to the information from earlier motions."""
@@ -251,7 +251,7 @@ class ParameterEstimator:
         relative_sigma = self.relative_sigma(*rows)
         names = [name for name, value in relative_sigma.items() if value <= self.law.max_sigma_ratio]
         prior_sigma = np.array([self.prior_sigma[name] for name in names])
-        # Of the prior, only the row for the sum of all scales is added, because motion cannot
+        # Only the row of the prior for the sum of all scales is added, because motion cannot
         # separate this sum from a payload.
         scale_sum_row = self._prior_rows(names)[len(names) :]
         root = prior_sigma * np.vstack([self._information, *rows])[:, self._column_indices(names)]
@@ -327,9 +327,9 @@ class ParameterEstimator:
         # The force is proportional to the square of the current. Therefore, an error of the mean
         # scale counts twice in the payload.
         sensitivity = {"payload": 2.0, "scale": 1.0}
-        for name, own_sigma in sigma.items():
+        for name, scale_sigma in sigma.items():
             factor = sensitivity.get(parameter_kind(name), 0.0)
-            sigma[name] = math.hypot(own_sigma, factor * mean_scale_sigma)
+            sigma[name] = math.hypot(scale_sigma, factor * mean_scale_sigma)
 
     @property
     def _comparison_sigma(self) -> float:
@@ -403,8 +403,8 @@ class ParameterEstimator:
         def predict(changed_values: Mapping[ParameterName, float]) -> FloatArray:
             return self.law.net_force(motion, {**values, **changed_values})[motion.compared_indices]
 
-        widths = [name for name in self._names if parameter_kind(name) == "width"]
-        original_width = dict.fromkeys(widths, 0.0)
+        width_names = [name for name in self._names if parameter_kind(name) == "width"]
+        original_width = dict.fromkeys(width_names, 0.0)
         base_N = predict(original_width)
         jacobian = np.zeros((base_N.size, len(self._names)))
         for column, name in enumerate(self._names):
@@ -412,11 +412,13 @@ class ParameterEstimator:
                 jacobian[:, column] = motion.force_per_unit[name][motion.compared_indices]
             elif self.law.is_excited(motion, name):
                 step = DERIVATIVE_STEPS[parameter_kind(name)]
-                changed = {name: step if name in widths else values[name] + step}
+                changed = {name: step if name in width_names else values[name] + step}
                 jacobian[:, column] = (predict({**original_width, **changed}) - base_N) / step
         if exact:
             return jacobian, predict({})
-        width_force_N = jacobian[:, self._column_indices(widths)] @ [values[name] for name in widths]
+        width_force_N = jacobian[:, self._column_indices(width_names)] @ [
+            values[name] for name in width_names
+        ]
         return jacobian, base_N + width_force_N
 
 

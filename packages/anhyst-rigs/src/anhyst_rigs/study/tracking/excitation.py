@@ -30,7 +30,13 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.geometry import mass_matrix, scan_direction, weight_wrench
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, run_scenario, track
-from anhyst_rigs.rig.stage.setpoint import STRAY_DELAY_S, SetPoint, frame_stray_from, scan_motion, tick_times
+from anhyst_rigs.rig.stage.setpoint import (
+    STROKE_ERROR_DELAY_S,
+    SetPoint,
+    scan_motion,
+    stroke_error_from_acceleration,
+    tick_times,
+)
 from anhyst_rigs.study.tracking.bodies import COMPARISON_START_S, StageLaw
 from anhyst_rigs.study.tracking.estimator import ParameterEstimator
 from anhyst_rigs.study.tracking.motion import refuse_slow_amplifier
@@ -39,9 +45,9 @@ from anhyst_rigs.study.tracking.simulate import COMPENSATOR, refuse_unstable
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ACCELERATION_RATIOS = np.arange(1.0, 0.0, -0.05)
+TESTED_ACCELERATION_FRACTIONS = np.arange(1.0, 0.0, -0.05)
 """Tested fractions of the set-point's accelerations; the largest feasible fraction is used."""
-MAX_FORCE_RATIO = 0.95
+MAX_LEG_FORCE_TO_MAX_FORCE = 0.95
 """Largest force that a leg of the move may demand, as a fraction of a magnet's largest force."""
 Legs = Mapping[str, SetPoint]
 """Legs by coordinate. A leg is a motion from rest to rest; the legs follow one after another."""
@@ -52,20 +58,24 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
     file, legs = rig.settings, dict[str, list[SetPoint]]()
     scan, layout = file.scan, wrench_layout(file, usual_allocation(file), rig.idle_force)
     axis_rows = zip(file.body.free, scan_direction(file), mass_matrix(file), strict=True)
-    for axis, scan_part, mass_row in axis_rows:
+    for axis, scan_component, mass_row in axis_rows:
         wrenches = max(scan.train_m_per_s2) * np.outer(
-            [*ACCELERATION_RATIOS, *-ACCELERATION_RATIOS], mass_row
+            [*TESTED_ACCELERATION_FRACTIONS, *-TESTED_ACCELERATION_FRACTIONS], mass_row
         ) - weight_wrench(file)
         forces = np.abs([layout.share(wrench)[0] for wrench in wrenches.tolist()]).max(axis=1)
-        is_feasible = forces.reshape(2, -1).max(axis=0) <= MAX_FORCE_RATIO * file.tracking.force_max_N
-        if not is_feasible.any() or (axis not in ("x", "y") and not scan_part):
+        is_feasible = (
+            forces.reshape(2, -1).max(axis=0) <= MAX_LEG_FORCE_TO_MAX_FORCE * file.tracking.force_max_N
+        )
+        if not is_feasible.any() or (axis not in ("x", "y") and not scan_component):
             continue
-        ratio = float(ACCELERATION_RATIOS[is_feasible][0])
-        accelerations = [ratio * acceleration for acceleration in scan.train_m_per_s2]
+        acceleration_fraction = float(TESTED_ACCELERATION_FRACTIONS[is_feasible][0])
+        accelerations = [acceleration_fraction * acceleration for acceleration in scan.train_m_per_s2]
         # The number must be odd, so that the second repetition is reversed.
         accelerations += accelerations[: 1 - len(accelerations) % 2]
         phases, last_acceleration = (scan.jerk_phase_s, scan.snap_phase_s), accelerations[0]
-        speeds = np.geomspace(max(accelerations) * phases[0], ratio * scan.speed_m_per_s, 3).tolist()
+        speeds = np.geomspace(
+            max(accelerations) * phases[0], acceleration_fraction * scan.speed_m_per_s, 3
+        ).tolist()
         legs[axis] = [
             SetPoint(
                 (*accelerations, *accelerations, last_acceleration), speed, 0.0, *phases, has_final_rest=True
@@ -87,8 +97,10 @@ def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
             leg_time = time - start_s
             position[:, column] = leg.derivatives_at(leg_time)[0]
             acceleration[:, column] = leg.derivatives_at(leg_time + rig.loop_delay)[1]
-            stray_acceleration = leg.derivatives_at(leg_time - STRAY_DELAY_S)[1] / max(leg.peaks)
-            frame[:, column] = position[:, column] + frame_stray_from(rig, stray_acceleration, time)
+            delayed_acceleration = leg.derivatives_at(leg_time - STROKE_ERROR_DELAY_S)[1] / max(leg.peaks)
+            frame[:, column] = position[:, column] + stroke_error_from_acceleration(
+                rig, delayed_acceleration, time
+            )
             start_s += leg.duration
     assumed_file = setup.assumed_rig.settings
     wrench = acceleration[:n] @ mass_matrix(assumed_file).T - weight_wrench(assumed_file)
@@ -103,8 +115,10 @@ def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
         candidates.append([None, *((axis, *candidate) for candidate in zip(motions, rows, strict=True))])
 
     def rank(legs: Sequence[tuple[str, SetPoint, FloatArray]]) -> tuple[int, float]:
-        ratios = np.array([*estimator.relative_sigma(*(rows for _, _, rows in legs)).values()])
-        return -int((ratios <= estimator.law.max_sigma_ratio).sum()), sum(leg.duration for _, leg, _ in legs)
+        relative_sigmas = np.array([*estimator.relative_sigma(*(rows for _, _, rows in legs)).values()])
+        return -int((relative_sigmas <= estimator.law.max_sigma_ratio).sum()), sum(
+            leg.duration for _, leg, _ in legs
+        )
 
     best_legs = min(([leg for leg in legs if leg] for legs in product(*candidates)), key=rank)
     return {axis: leg for axis, leg, _ in best_legs}
@@ -174,10 +188,16 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
 
     def information(run: Recording) -> Information:
         rows = estimator.information_rows(run)
-        ratios = dict.fromkeys((name for name, ratio in estimator.prior_sigma.items() if ratio), 1.0)
-        ratios |= estimator.relative_sigma(rows)
-        hidden_names = [name for name, sigma in ratios.items() if sigma > estimator.law.max_sigma_ratio]
-        return Information(float(run["t_s"][-1]), estimator.condition_number(rows), ratios, hidden_names)
+        relative_sigmas = dict.fromkeys(
+            (name for name, relative_sigma in estimator.prior_sigma.items() if relative_sigma), 1.0
+        )
+        relative_sigmas |= estimator.relative_sigma(rows)
+        hidden_names = [
+            name for name, sigma in relative_sigmas.items() if sigma > estimator.law.max_sigma_ratio
+        ]
+        return Information(
+            float(run["t_s"][-1]), estimator.condition_number(rows), relative_sigmas, hidden_names
+        )
 
     training_run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
     return CalibratingMove(legs, run, information(run), information(training_run))

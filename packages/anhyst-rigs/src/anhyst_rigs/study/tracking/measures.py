@@ -40,12 +40,12 @@ from anhyst_rigs.rig.stage.loop import (
 )
 from anhyst_rigs.rig.stage.recording import axis_columns, recording_columns
 from anhyst_rigs.rig.stage.setpoint import (
-    STRAY_DELAY_S,
+    STROKE_ERROR_DELAY_S,
     SetPoint,
-    frame_stray_from,
     motion_ticks,
     plan_braking,
     scan_motion,
+    stroke_error_from_acceleration,
     tick_times,
 )
 from anhyst_rigs.study.engine.table import Metric
@@ -182,7 +182,7 @@ LAND_COMMAND_S = 0.45
 """Time of the command that lands the body, s."""
 SLIDE_LIMIT_S = 0.02
 """Time from touchdown until the body counts as at rest, s. The plant has no friction."""
-BRAKING_RATIOS = (1.0, 0.5, 0.25, 0.1)
+BRAKING_DECELERATION_FRACTIONS = (1.0, 0.5, 0.25, 0.1)
 """Tested decelerations, as fractions of the largest acceleration."""
 _LOST_MAGNET_FACTOR = 256
 """Factor by which the number of a lost magnet is multiplied in the recorded state word."""
@@ -237,7 +237,7 @@ class LossResult:
             max_errors = [
                 1e9 * max((v for k, v in error.items() if k.endswith(u)), default=0.0) for u in ("_m", "_rad")
             ]
-            return ", ".join(f"{size:.3g}" for size in max_errors) if error else ""
+            return ", ".join(f"{max_error:.3g}" for max_error in max_errors) if error else ""
 
         speeds = [self.down_m_per_s, self.let_go[0], self.touch_m_per_s, self.let_go[1]]
         return [
@@ -300,15 +300,17 @@ class LossFlights:
         fault_word = 1 << magnet + FIRST_FAILURE_BIT | (
             SHORT_CIRCUIT_BIT if self.case.circuit == "short" else 0
         )
-        loss = self._run_failure(file.body_magnets[magnet].name, tick, fault_word, magnet, test_plan)
-        current_A = nominal_run[column_name("current", "A", magnet + 1)][round(loss.at_s / self._rig.dt)]
-        return replace(loss, current_A=float(current_A), spare=bool(spare_magnets(file) >> magnet & 1))
+        loss_result = self._run_failure(file.body_magnets[magnet].name, tick, fault_word, magnet, test_plan)
+        current_A = nominal_run[column_name("current", "A", magnet + 1)][
+            round(loss_result.at_s / self._rig.dt)
+        ]
+        return replace(loss_result, current_A=float(current_A), spare=bool(spare_magnets(file) >> magnet & 1))
 
-    def _lose_head(self, number: int, fault: str, test_plan: _Plan) -> LossResult:
+    def _lose_head(self, head_number: int, fault: str, test_plan: _Plan) -> LossResult:
         tick = int(np.argmax(np.abs(test_plan.acceleration)))
-        fault_word = 1 << number + FIRST_FAILURE_BIT | HEAD_FAULT_BITS[fault]
-        loss = self._run_failure(f"head {number + 1} {fault}", tick, fault_word, -1, test_plan)
-        return replace(loss, spare=bool(inverses_without_head(self._rig.settings)[number].any()))
+        fault_word = 1 << head_number + FIRST_FAILURE_BIT | HEAD_FAULT_BITS[fault]
+        loss_result = self._run_failure(f"head {head_number + 1} {fault}", tick, fault_word, -1, test_plan)
+        return replace(loss_result, spare=bool(inverses_without_head(self._rig.settings)[head_number].any()))
 
     def _run_failure(
         self, name: str, tick: int, fault_word: int, magnet: int, test_plan: _Plan
@@ -411,7 +413,7 @@ class LossFlights:
         )
         advanced_time = time[:-1] + rig.loop_delay
         easing_acceleration = acceleration * np.maximum(1.0 - advanced_time / jerk_phase, 0.0)
-        easing = np.column_stack(
+        easing_derivatives = np.column_stack(
             [
                 easing_acceleration,
                 -acceleration / jerk_phase * (advanced_time < jerk_phase),
@@ -419,32 +421,45 @@ class LossFlights:
             ]
         )
         speed += 0.5 * acceleration * jerk_phase
-        candidates = [peak_fraction * max(motion.peaks) for peak_fraction in BRAKING_RATIOS]
+        candidates = [
+            deceleration_fraction * max(motion.peaks)
+            for deceleration_fraction in BRAKING_DECELERATION_FRACTIONS
+        ]
         feasible_plans = (
             deceleration
             for deceleration in candidates
             if self._can_apply_forces(magnet, np.array([-mass_kg * deceleration * np.sign(speed)]))
         )
-        peak = next(feasible_plans, candidates[-1])
-        course = plan_braking(speed, 0.0, replace(motion, peaks=(peak,)), rig.dt, rig.loop_delay)
+        peak_deceleration = next(feasible_plans, candidates[-1])
+        braking_motion = plan_braking(
+            speed, 0.0, replace(motion, peaks=(peak_deceleration,)), rig.dt, rig.loop_delay
+        )
         gains = np.array([self.gains.acceleration, self.gains.jerk, self.gains.snap])
-        hold = np.zeros(round(HOLD_TIME_S / rig.dt))
-        braking_position = easing_position[-1] + course.position
+        hold_zeros = np.zeros(round(HOLD_TIME_S / rig.dt))
+        braking_position = easing_position[-1] + braking_motion.position
         eased_acceleration = acceleration * (1.0 - time[:-1] / jerk_phase)
-        feedforward = mass_kg * (np.vstack([easing, course.early_derivatives[:, :3]]) @ gains)
+        feedforward = mass_kg * (
+            np.vstack([easing_derivatives, braking_motion.early_derivatives[:, :3]]) @ gains
+        )
         return _Plan(
             np.concatenate(
                 [
                     test_plan.position[:tick],
                     easing_position[:-1],
                     braking_position,
-                    braking_position[-1] + hold,
+                    braking_position[-1] + hold_zeros,
                 ]
             ),
             np.concatenate(
-                [test_plan.acceleration[:tick], eased_acceleration, course.acceleration, [0.0], hold]
+                [
+                    test_plan.acceleration[:tick],
+                    eased_acceleration,
+                    braking_motion.acceleration,
+                    [0.0],
+                    hold_zeros,
+                ]
             ),
-            np.concatenate([test_plan.feedforward[:tick], feedforward, hold]),
+            np.concatenate([test_plan.feedforward[:tick], feedforward, hold_zeros]),
         )
 
     def _can_apply_forces(self, magnet: int, feedforward: FloatArray) -> bool:
@@ -460,13 +475,13 @@ class LossFlights:
     ) -> Recording:
         """Simulate a plan with faults and commands that begin at given ticks."""
         rig, n = self._rig, plan.feedforward.size
-        delay = round(STRAY_DELAY_S / rig.dt)
-        delayed_acceleration = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
-        stray = frame_stray_from(
+        delay_ticks = round(STROKE_ERROR_DELAY_S / rig.dt)
+        delayed_acceleration = np.concatenate([np.zeros(delay_ticks), plan.acceleration[:-delay_ticks]])
+        stroke_error = stroke_error_from_acceleration(
             rig, delayed_acceleration / max(rig.settings.scan.test_m_per_s2), tick_times(rig, n + 1)
         )
         wrench = feedforward_wrench(self.setup.assumed_rig, plan.feedforward)
-        scenario = scan_scenario(rig, plan.position, stray, wrench)
+        scenario = scan_scenario(rig, plan.position, stroke_error, wrench)
         for tick, fault_word in faults.items():
             scenario.command[tick:] = fault_word
         for tick, fault_word in (commands or {}).items():

@@ -28,10 +28,10 @@ FILTER_CORNER_HZ = 250.0
 """Corner frequency of the filter's three equal poles, Hz; at most a twentieth of the tick rate."""
 COMPARISON_RATE_HZ = 1000.0
 """Rate of the comparisons of measured and predicted force, Hz."""
-MIN_DEMAND_RATIO = 0.06
+MIN_DEMAND_TO_MAX_FORCE = 0.06
 """Smallest demand of compared samples, as a fraction of the largest force. At rest, a
 load could not be distinguished from an error of the magnets."""
-MIN_AMPLIFIER_BANDWIDTH_RATIO = 16.0
+MIN_AMPLIFIER_TO_FILTER_BANDWIDTH = 16.0
 """Smallest bandwidth of an amplifier, relative to the corner frequency of the filter. The lag of
 the amplifier is not modelled."""
 WIDTH_GRID_STEP = 0.005
@@ -40,7 +40,7 @@ WIDTH_GRID_STEP = 0.005
 
 def refuse_slow_amplifier(rig: BodyRig) -> None:
     """Raise an error if the amplifier lag of a rig would be mistaken for a lag of the iron."""
-    file, min_bandwidth_Hz = rig.settings, MIN_AMPLIFIER_BANDWIDTH_RATIO * FILTER_CORNER_HZ
+    file, min_bandwidth_Hz = rig.settings, MIN_AMPLIFIER_TO_FILTER_BANDWIDTH * FILTER_CORNER_HZ
     if file.amplifier.bandwidth_Hz < min_bandwidth_Hz:
         raise InputError(
             f"{rig.path}: amplifier.bandwidth_Hz: is below {min_bandwidth_Hz:g} Hz, so that its lag "

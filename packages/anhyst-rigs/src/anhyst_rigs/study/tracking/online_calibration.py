@@ -36,9 +36,8 @@ from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_slow_amp
 MAX_SHOWN_CYCLES = 500
 """Number of cycles that a page can show."""
 PICKUP_TIME_S = 0.1
-"""Time that the magnets need to take up the weight of a body, s. These rows are stored, because
-they
-determine the hysteresis state afterwards."""
+"""Time that the magnets need to take up the weight of a body, s. The rows in this time are stored,
+because they determine the hysteresis state afterwards."""
 MAX_BUFFER_S = 20.0
 """Length of the row buffer, s. It contains a cycle and the earlier rows that determine the
 hysteresis state. After a longer rest, one cycle is skipped."""
@@ -78,12 +77,12 @@ class _CorrectionHistory:
 
     def __init__(self) -> None:
         self._entries: deque[tuple[StageSetup, Corrections]] = deque(maxlen=MAX_CYCLES)
-        self._conditions: tuple[object, ...] = ()
+        self._settings_and_loads: tuple[object, ...] = ()
         # error of the last cycle, and smallest error that two consecutive cycles did not exceed, m
         self._last_average = self._best_average = math.inf
         self._best_corrections: Corrections = {}
 
-    def add(self, setup: StageSetup, corrections: Corrections) -> None:
+    def add_setup(self, setup: StageSetup, corrections: Corrections) -> None:
         """Store the corrections of a setup that becomes active."""
         self._entries.append((setup, {name: value for name, value in corrections.items() if value}))
 
@@ -91,19 +90,21 @@ class _CorrectionHistory:
         """Return the corrections during a cycle; None if they are no longer stored."""
         return next((values for setup, values in self._entries if setup is cycle.setup), None)
 
-    def find_better(
+    def find_better_corrections(
         self, cycle: StageCycle, corrections: Corrections, average: float
     ) -> tuple[Corrections, float] | None:
         """Return better corrections and their error, m, if the last two cycles were worse, or None."""
         # If the plant, the load or the gains have changed, earlier errors cannot be compared.
-        if cycle.conditions != self._conditions:
-            self._conditions = cycle.conditions
+        if cycle.settings_and_loads != self._settings_and_loads:
+            self._settings_and_loads = cycle.settings_and_loads
             self._last_average = math.inf
             self._best_average = math.inf
-        pair, self._last_average = (self._last_average, average), average
-        if max(pair) < self._best_average:
-            self._best_average, self._best_corrections = max(pair), corrections
-        has_grown = math.isfinite(pair[0]) and min(pair) > MAX_ERROR_GROWTH * self._best_average
+        last_two_errors, self._last_average = (self._last_average, average), average
+        if max(last_two_errors) < self._best_average:
+            self._best_average, self._best_corrections = max(last_two_errors), corrections
+        has_grown = (
+            math.isfinite(last_two_errors[0]) and min(last_two_errors) > MAX_ERROR_GROWTH * self._best_average
+        )
         return (
             (self._best_corrections, self._best_average)
             if has_grown and self._best_corrections != corrections
@@ -261,7 +262,7 @@ class StageCalibrator(BenchCalibrator):
         rows = rows[(rows[:, 0] >= history_begin) & (rows[:, 0] < tick)]
         has_current = rows[:, self._command_indices].any(axis=1)
         is_earlier = self._pickup_rows[:, 0] < (rows[0, 0] if len(rows) else tick)
-        # Of a rest without current, only the first row is necessary.
+        # Only the first row of a rest without current is necessary.
         return np.concatenate([self._pickup_rows[is_earlier], rows[has_current | np.roll(has_current, 1)]])
 
     def _process_cycle(self, cycle: StageCycle, run_on_bench: RunOnBench) -> None:
@@ -284,7 +285,9 @@ class StageCalibrator(BenchCalibrator):
             estimator is None or not any(estimator.applied_values.values())
         )
         corrections = {} if is_original_setup else history.corrections_of(cycle)
-        better_values = None if corrections is None else history.find_better(cycle, corrections, average)
+        better_values = (
+            None if corrections is None else history.find_better_corrections(cycle, corrections, average)
+        )
         if is_learning and better_values is not None and estimator is not None:
             setup = self._restore_best(estimator, *better_values, average)
         elif is_learning and self._is_superseded(cycle):
@@ -304,7 +307,7 @@ class StageCalibrator(BenchCalibrator):
                 self._uncorrected_error[cycle.method] = average
             if setup is not None and estimator is not None:
                 self._bench.correct(setup)
-                history.add(setup, estimator.applied_values)
+                history.add_setup(setup, estimator.applied_values)
             self._record_cycle(
                 CycleResult(end_tick, cycle.number, cycle.method, average, peak_error, is_learning, 0, {}),
                 estimator,
@@ -316,7 +319,8 @@ class StageCalibrator(BenchCalibrator):
         """Whether a later cycle has already ended, because an update can take longer than a cycle."""
         tick = self._bench.tick
         return any(
-            other.number > cycle.number and other.last_tick <= tick for other in tuple(self._bench.cycles)
+            later_cycle.number > cycle.number and later_cycle.last_tick <= tick
+            for later_cycle in tuple(self._bench.cycles)
         )
 
     def _restore_best(
@@ -404,7 +408,7 @@ class BearingCalibrator(BenchCalibrator):
         self._column_indices = {name: _row_index(bench.signals, name) for name in _BEARING_COLUMNS}
         self._law: BearingLaw | None = None
         self._history_rows = np.zeros((0, 1 + len(bench.signals)))
-        self._initial_block = self._own_block = bench.read_block()
+        self._initial_block = self._written_block = bench.read_block()
         self._corrections: Corrections = {}
         self._is_waiting = False  # whether it waits until the armature rests without current
         self._was_worse = False  # whether the last window was worse than without corrections
@@ -509,15 +513,15 @@ class BearingCalibrator(BenchCalibrator):
             self._stop(str(error))
             return None
 
-    def _swap_block(self, words: Sequence[int], corrections: Corrections) -> int:
+    def _swap_block(self, block_words: Sequence[int], corrections: Corrections) -> int:
         """Activate a block in the bench's thread, unless somebody else has changed the model."""
         current_block = self._bench.read_block()
-        if set_generation(current_block, 0) != set_generation(self._own_block, 0):
+        if set_generation(current_block, 0) != set_generation(self._written_block, 0):
             self._stop("another model is in force")
             return self._bench.tick
-        self._own_block = set_generation(words, (current_block[GENERATION_INDEX] + 1) & 0xFFFF)
+        self._written_block = set_generation(block_words, (current_block[GENERATION_INDEX] + 1) & 0xFFFF)
         self._corrections = corrections
-        return self._bench.swap_block(self._own_block)
+        return self._bench.swap_block(self._written_block)
 
     @property
     def _refusal(self) -> InputError | None:

@@ -142,8 +142,8 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
 
     simplex = np.vstack([np.zeros(3), np.eye(3)])
     options = {"initial_simplex": simplex, "maxfev": GAIN_SEARCH_RUNS, "maxiter": GAIN_SEARCH_RUNS}
-    search = minimize(cost, simplex[0], method="Nelder-Mead", options=options)
-    return gains_at(np.asarray(search.x))
+    search_result = minimize(cost, simplex[0], method="Nelder-Mead", options=options)
+    return gains_at(np.asarray(search_result.x))
 
 
 COMPENSATOR: MethodName = "full"
@@ -151,8 +151,8 @@ COMPENSATOR: MethodName = "full"
 _OMITTED_METHODS = ("ratio", "secant", "simplified", "at-rest")
 COMPARED_METHODS = tuple(name for name in METHODS if name not in _OMITTED_METHODS)
 """Compared variants, in the order of every table."""
-SMALL_ACCELERATION_RATIO = 0.1
-"""Fraction of the test accelerations in the run that tests small forces."""
+SMALL_ACCELERATION_FRACTION = 0.1
+"""Accelerations in the run with small forces, as a fraction of the test accelerations."""
 _STANDSTILL_S = 0.2
 
 
@@ -191,7 +191,7 @@ class VariantResult:
 
     @property
     def standstill_m(self) -> float:
-        """Rms error at rest along the set-point, m."""
+        """Rms position error at rest in the direction of the set-point, m."""
         return self.standstill_errors["error_m"]
 
     @property
@@ -313,8 +313,8 @@ class TrackingStudy(StudyResult):
             average = 1e9 * variant.interval("average_m").mean
             facts[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
             for metric in cross_talk_metrics(self.rig.settings):
-                largest = metric.factor * variant.interval(metric.key).mean
-                facts[name] += f", {metric.title.partition(',')[0]} {largest:.0f} {metric.unit}"
+                peak_value = metric.factor * variant.interval(metric.key).mean
+                facts[name] += f", {metric.title.partition(',')[0]} {peak_value:.0f} {metric.unit}"
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
@@ -373,7 +373,7 @@ def evaluate_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> VariantResu
     else:
         runs = [estimator.run_and_update(setup.drift, motion, gains, seed) for seed in seeds]
         setup = estimator.corrected_stage(setup.drift)
-    small_motion = scan_motion(table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2])
+    small_motion = scan_motion(table, [SMALL_ACCELERATION_FRACTION * peak for peak in table.test_m_per_s2])
     test_gains = find_gains(setup, motion)
     trials = run_learning_control(setup, gains)
     stationary = stationary_axes(setup.rig.settings)
@@ -444,7 +444,9 @@ def make_variants(
 def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
     """Raise an error if control is lost at a tenth of the accelerations with mass feedforward only."""
     table = setup.rig.settings.scan
-    small_motion = scan_motion(table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2[:2]])
+    small_motion = scan_motion(
+        table, [SMALL_ACCELERATION_FRACTION * peak for peak in table.test_m_per_s2[:2]]
+    )
     run = track(setup, small_motion, Feedforward(), seed=1)
     if run.loss is None:
         return

@@ -125,8 +125,8 @@ GAIN_METRICS: Mapping[str, GainMetric] = {
 def format_figure(name: str, value: float) -> str:
     """Return the value of a metric as text with title and unit."""
     metric = GAIN_METRICS[name]
-    number = f"{metric.factor * value:.3g}" if math.isfinite(value) else "unlimited"
-    return f"{metric.title} {number} {metric.unit}".rstrip()
+    value_text = f"{metric.factor * value:.3g}" if math.isfinite(value) else "unlimited"
+    return f"{metric.title} {value_text} {metric.unit}".rstrip()
 
 
 @dataclass(frozen=True)

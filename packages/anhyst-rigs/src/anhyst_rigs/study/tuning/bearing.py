@@ -118,7 +118,9 @@ class BearingLoop:
         There is one function for each pair of a peak sensitivity limit and a softened magnet slope.
         """
         screens = [make_screen(self.setup, self.conditions, factor) for factor in SLOPE_FRACTIONS]
-        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
+        aims_list = [
+            aims.with_scaled_limits({"peak_sensitivity": peak_factor}) for peak_factor in _PEAK_FACTORS
+        ]
         return [
             partial(self._find_best_point, seed, (screen, screen_aims))
             for screen in screens
@@ -233,9 +235,13 @@ def interpolate_peak(response: Sensitivity) -> float:
     peak_index = int(np.argmax(log_magnitude))
     if not 0 < peak_index < log_magnitude.size - 1:
         return response.peak
-    left, centre, right = log_magnitude[peak_index - 1 : peak_index + 2].tolist()
-    curvature = left - 2.0 * centre + right
-    return math.exp(centre - (right - left) ** 2 / (8.0 * curvature)) if curvature < 0.0 else response.peak
+    left_value, centre_value, right_value = log_magnitude[peak_index - 1 : peak_index + 2].tolist()
+    curvature = left_value - 2.0 * centre_value + right_value
+    return (
+        math.exp(centre_value - (right_value - left_value) ** 2 / (8.0 * curvature))
+        if curvature < 0.0
+        else response.peak
+    )
 
 
 def _measure_sensitivity(setup: BearingSetup, condition: BearingCondition) -> Sensitivity | None:
@@ -260,14 +266,14 @@ def _noise_limits(setup: BearingSetup, check_result: CheckResult) -> list[Limit]
     """Report whether sensor noise fills at least half of the smallest step's settling band."""
     height = min(setup.rig.settings.step.heights_m)
     standstill_m = check_result.worst.standstill_rms_m
-    noise_ratio = _NOISE_SIGMAS * standstill_m / (_SETTLING_BAND * height)
-    if noise_ratio < 0.5:
+    noise_to_band = _NOISE_SIGMAS * standstill_m / (_SETTLING_BAND * height)
+    if noise_to_band < 0.5:
         return []
     sensor_kind = setup.rig.settings.gap_sensor.kind
     return [
         Limit(
             "noise",
-            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fills {100.0 * noise_ratio:.0f} % of "
+            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fills {100.0 * noise_to_band:.0f} % of "
             f"the band in which a step of {1e6 * height:g} um must stay (position sensor: {sensor_kind})",
         )
     ]

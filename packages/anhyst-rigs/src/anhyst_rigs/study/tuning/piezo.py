@@ -43,7 +43,7 @@ _FIRST_CHECK_PLANT = 1000
 # factors on the limit of the peak sensitivity for the initial guesses
 _PEAK_FACTORS = (0.5, 0.75, 1.0)
 _FREQUENCY_COUNT = 300
-_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency, relative to the sample rate
+_MIN_FREQUENCY_TO_SAMPLE_RATE = 1e-5  # lowest frequency, relative to the sample rate
 
 
 @dataclass(frozen=True)
@@ -166,15 +166,23 @@ def _evaluate_plant(
     """Return, for one plant, the peak sensitivities, their frequencies and the residuals."""
     matrix, input_vector = _plant_matrices(file, plant)
     gain, b0, b1, b2, a1, a2 = coefficients.T
-    closed = np.zeros((coefficients.shape[0], 6, 6))  # states: plant (3), last demand, notch (2)
-    closed[:, :3, :3], closed[:, :3, 3] = matrix, input_vector
-    closed[:, 3, 2], closed[:, 3, 3], closed[:, 3, 4] = -gain * b0, 1.0, gain
-    closed[:, 4, 2], closed[:, 4, 4], closed[:, 4, 5] = a1 * b0 - b1, -a1, 1.0
-    closed[:, 5, 2], closed[:, 5, 4] = a2 * b0 - b2, -a2
-    poles = np.linalg.eigvals(closed)
+    closed_loop_matrix = np.zeros((coefficients.shape[0], 6, 6))  # states: plant (3), last demand, notch (2)
+    closed_loop_matrix[:, :3, :3], closed_loop_matrix[:, :3, 3] = matrix, input_vector
+    closed_loop_matrix[:, 3, 2], closed_loop_matrix[:, 3, 3], closed_loop_matrix[:, 3, 4] = (
+        -gain * b0,
+        1.0,
+        gain,
+    )
+    closed_loop_matrix[:, 4, 2], closed_loop_matrix[:, 4, 4], closed_loop_matrix[:, 4, 5] = (
+        a1 * b0 - b1,
+        -a1,
+        1.0,
+    )
+    closed_loop_matrix[:, 5, 2], closed_loop_matrix[:, 5, 4] = a2 * b0 - b2, -a2
+    poles = np.linalg.eigvals(closed_loop_matrix)
     is_stable = np.abs(poles).max(axis=1) < 1.0
     rate = file.timing.rate_Hz
-    sweep_Hz = np.geomspace(_MIN_FREQUENCY_RATIO * rate, 0.499 * rate, _FREQUENCY_COUNT)
+    sweep_Hz = np.geomspace(_MIN_FREQUENCY_TO_SAMPLE_RATE * rate, 0.499 * rate, _FREQUENCY_COUNT)
     # Narrow peaks lie near the closed-loop poles, whose frequencies are therefore evaluated.
     pole_Hz = np.maximum(np.abs(np.angle(poles)) * rate / (2.0 * math.pi), sweep_Hz[0])
     frequency = np.hstack([np.tile(sweep_Hz, (coefficients.shape[0], 1)), pole_Hz])
@@ -196,7 +204,7 @@ def _evaluate_plant(
 
 @dataclass(frozen=True)
 class PiezoLoop:
-    """One inverse from displacement to voltage with the feedback of a piezo stage."""
+    """The feedback loop of a piezo stage with one inverse from displacement to voltage."""
 
     rig: PiezoRig
     inverse: ForceController
@@ -214,8 +222,8 @@ class PiezoLoop:
 
     def with_gains_at(self, point: FloatArray) -> PiezoLoop:
         """Return this loop with the gains at a point of the search range."""
-        numbers = self.space.parameters(point)
-        changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
+        gain_values = self.space.parameters(point)
+        changes = {f"control.{name}": round_gain(value) for name, value in gain_values.items()}
         return replace(self, rig=replace(self.rig, settings=self.rig.settings.with_changes(changes)))
 
     def for_search(self) -> PiezoLoop:
@@ -252,14 +260,14 @@ class PiezoLoop:
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return functions that find initial points: gains of the file, and the best linear loops."""
-        linear, file_gains = (
+        linear_loop, file_gains = (
             self.linear_loops(self.conditions),
             partial(self.space.nearest_point, self.gains()),
         )
         aims_list = [aims.with_scaled_limits({"peak_sensitivity": factor}) for factor in _PEAK_FACTORS]
         return [
             file_gains,
-            *(partial(find_best_point, linear, self.space, seed, peak_aims) for peak_aims in aims_list),
+            *(partial(find_best_point, linear_loop, self.space, seed, peak_aims) for peak_aims in aims_list),
         ]
 
     def check(self, jobs: int | None = None) -> CheckResult:
@@ -300,11 +308,11 @@ class PiezoLoop:
         """Return what limits the checked gains: aims, and changes that would help."""
         if not math.isfinite(check_result.worst.cost):
             return [Limit("error_rms_m", "control was lost with a noise seed or a random plant")]
-        linear = self.linear_loops(self.conditions)
-        twice_damping = linear.with_doubled("flexure", "damping_ratio")
+        linear_loop = self.linear_loops(self.conditions)
+        loop_with_twice_damping = linear_loop.with_doubled("flexure", "damping_ratio")
         changes = {
-            "delay": ("twice the rate", linear.with_doubled("timing", "rate_Hz"), aims),
-            "damping": ("twice the damping of the resonance", twice_damping, aims),
+            "delay": ("twice the rate", linear_loop.with_doubled("timing", "rate_Hz"), aims),
+            "damping": ("twice the damping of the resonance", loop_with_twice_damping, aims),
         }
 
         def text(change: str, cost: float, base_cost: float) -> str:
@@ -313,7 +321,7 @@ class PiezoLoop:
         minimum_cost = partial(find_minimum_cost, self.space, seed)
         return [
             *check_result.find_binding_aims(aims),
-            *find_helpful_changes(minimum_cost, linear, aims, changes, jobs, text),
+            *find_helpful_changes(minimum_cost, linear_loop, aims, changes, jobs, text),
         ]
 
     def gains(self) -> dict[str, float]:

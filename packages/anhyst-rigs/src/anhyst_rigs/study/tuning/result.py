@@ -157,7 +157,7 @@ def _sort_best_first(variants: Iterable[TunedVariant]) -> list[TunedVariant]:
 
 def _compare_with_baseline(model: TunedVariant, baseline: TunedVariant) -> str:
     baseline_name = f"the strongest baseline without hysteresis model ('{baseline.variant}')"
-    model_verb, baseline_verb, noun, pays_where = _CONDITION_PHRASES[model.figures.cost_name]
+    model_verb, baseline_verb, cost_noun, beneficial_condition = _CONDITION_PHRASES[model.figures.cost_name]
     comparison_text = (
         f"'{model.variant}' {model_verb} {_format_cost(model)}, "
         f"{baseline_name} {baseline_verb} {_format_cost(baseline)}"
@@ -166,17 +166,17 @@ def _compare_with_baseline(model: TunedVariant, baseline: TunedVariant) -> str:
         aims_text = (
             "misses them too"
             if baseline.missed_aims
-            else f"meets them, with a {noun} of {_format_cost(baseline)}"
+            else f"meets them, with a {cost_noun} of {_format_cost(baseline)}"
         )
-        result = f"not worth it here: '{model.variant}' misses the aims"
-        return f"{result}, {baseline_name} {aims_text}; {pays_where}"
+        negative_result = f"not worth it here: '{model.variant}' misses the aims"
+        return f"{negative_result}, {baseline_name} {aims_text}; {beneficial_condition}"
     if baseline.missed_aims:
         return f"worth it: '{model.variant}' meets the aims, {baseline_name} misses them"
-    comparison = compare(noun, baseline.variant, _cost_interval(model), _cost_interval(baseline))
+    comparison = compare(cost_noun, baseline.variant, _cost_interval(model), _cost_interval(baseline))
     if comparison.is_better:
         return f"worth it: {comparison_text}, {100.0 * (1.0 - comparison.ratio):.2g} % less"
     difference_text = "certainly less" if comparison.is_worse else "the same within the noise"
-    return f"not worth it here: {comparison_text}, {difference_text}; {pays_where}"
+    return f"not worth it here: {comparison_text}, {difference_text}; {beneficial_condition}"
 
 
 def _format_cost(tuned: TunedVariant) -> str:

@@ -197,11 +197,11 @@ def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatA
     return matrix, input_vector
 
 
-def minimise_cost(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
+def minimise_cost(costs: Callable[[FloatArray], FloatArray], dimension_count: int, seed: int) -> FloatArray:
     """Return the point of the unit box with the smallest cost, from a Sobol sequence, then CMA."""
     from scipy.stats import qmc  # imported here because it loads slowly
 
-    points = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SOBOL_POINTS)
+    points = qmc.Sobol(dimension_count, rng=np.random.default_rng([seed, 1])).random(SOBOL_POINTS)
     cost = costs(points)
     best_point: FloatArray = points[int(np.argmin(cost))]
     minimum_cost = float(np.min(cost))
@@ -257,11 +257,11 @@ def make_screen(
         operating_point = find_operating_point(rig)
         static_loop = make_linear_loop(replace(setup, rig=rig), operating_point)
         slope_ratio = min(max(operating_point.slopes.slope_ratio, 0.0), 1.0)
-        softening = slope_ratio + slope_fraction * (1.0 - slope_ratio)
+        slope_factor = slope_ratio + slope_fraction * (1.0 - slope_ratio)
         loops += [
             static_loop,
             replace(
-                static_loop, bearing=replace(static_loop.bearing, k_i=softening * static_loop.bearing.k_i)
+                static_loop, bearing=replace(static_loop.bearing, k_i=slope_factor * static_loop.bearing.k_i)
             ),
         ]
         reserve_N = min(limits.force_high_N - rig.static_load, rig.static_load - limits.force_low_N)
@@ -349,16 +349,16 @@ class GainSearch:
                 raise
             interrupted = True
         if checked:
-            _, best, best_check = min(checked, key=lambda entry: entry[0])
+            _, best_candidate, best_check = min(checked, key=lambda entry: entry[0])
         else:
-            best, best_check = self._sorted_candidates(self.aims)[0], None
-        other_candidates = [candidate for candidate in self._candidates if candidate is not best]
+            best_candidate, best_check = self._sorted_candidates(self.aims)[0], None
+        other_candidates = [candidate for candidate in self._candidates if candidate is not best_candidate]
         return TuningSearchResult(
-            loop=self.loop.with_gains_at(best.point),
-            parameters=self.loop.space.parameters(best.point),
+            loop=self.loop.with_gains_at(best_candidate.point),
+            parameters=self.loop.space.parameters(best_candidate.point),
             check=best_check,
             initial_outcome=initial,
-            candidates=(best, *other_candidates),
+            candidates=(best_candidate, *other_candidates),
             tried_count=self._tried_count,
             interrupted=interrupted,
         )
@@ -433,11 +433,14 @@ class GainSearch:
 
     def _select_distant_starts(self, aims: Aims, count: int) -> list[TriedGains]:
         """Return the best candidates that have a minimum distance from each other."""
-        chosen: list[TriedGains] = []
+        chosen_starts: list[TriedGains] = []
         for candidate in self._sorted_candidates(aims):
-            if all(np.max(np.abs(candidate.point - other.point)) > _MIN_START_DISTANCE for other in chosen):
-                chosen.append(candidate)
-        return chosen[:count]
+            if all(
+                np.max(np.abs(candidate.point - chosen_start.point)) > _MIN_START_DISTANCE
+                for chosen_start in chosen_starts
+            ):
+                chosen_starts.append(candidate)
+        return chosen_starts[:count]
 
     def _evaluate_points(
         self, points: FloatArray, order: Sequence[Any], aims: Aims, ceiling: float

@@ -25,7 +25,7 @@ from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
 from anhyst_rigs.study.engine.table import mean_interval
 from anhyst_rigs.study.tracking.measures import measure
-from anhyst_rigs.study.tracking.simulate import SMALL_ACCELERATION_RATIO, find_gains, measure_standstill
+from anhyst_rigs.study.tracking.simulate import SMALL_ACCELERATION_FRACTION, find_gains, measure_standstill
 from anhyst_rigs.study.tuning.aims import MISSED_AIM_COST, Aims, StageFigures
 from anhyst_rigs.study.tuning.search import find_best_point, find_minimum_cost
 from anhyst_rigs.study.tuning.trial import (
@@ -44,8 +44,8 @@ MAX_PERIOD_TICKS = 1000.0
 # factors on the limit of the peak sensitivity for the initial guesses
 _PEAK_FACTORS = (0.7, 0.85, 1.0)
 _FREQUENCY_COUNT = 400
-_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency, relative to the sample rate
-_MIN_NOISE_RATIO = 1e-9  # smallest interval that is reported, relative to the mean
+_MIN_FREQUENCY_TO_SAMPLE_RATE = 1e-5  # lowest frequency, relative to the sample rate
+_MIN_INTERVAL_TO_MEAN = 1e-9  # smallest interval that is reported, relative to the mean
 # fraction of the highest crossover above which it counts as reached
 _CROSSOVER_LIMIT_FRACTION = 0.95
 _FORCE_LIMIT_FRACTION = 0.995  # fraction of the largest force above which it counts as reached
@@ -108,31 +108,43 @@ class LinearStage:
         an unstable loop. The second is its frequency (Hz). The third is the moving average of the
         error under a disturbance force of flat spectrum, m/(N/sqrt(Hz)).
         """
-        frequency = np.geomspace(_MIN_FREQUENCY_RATIO * self.rate, 0.499 * self.rate, _FREQUENCY_COUNT)
+        frequency = np.geomspace(
+            _MIN_FREQUENCY_TO_SAMPLE_RATE * self.rate, 0.499 * self.rate, _FREQUENCY_COUNT
+        )
         jw, z = 2j * math.pi * frequency, np.exp(2j * math.pi * frequency / self.rate)
-        body = 1.0 / (self.mass * jw**2)
-        hold = np.sinc(frequency / self.rate) * np.exp(-jw * self.delay)
-        current = 1.0 / (1.0 + jw / (2.0 * math.pi * self.bandwidth))
-        omega, integral, lead, rolloff = (
+        body_response = 1.0 / (self.mass * jw**2)
+        hold_response = np.sinc(frequency / self.rate) * np.exp(-jw * self.delay)
+        current_response = 1.0 / (1.0 + jw / (2.0 * math.pi * self.bandwidth))
+        omega, integral_ratio, lead_ratio, rolloff_ratio = (
             np.asarray(gains[name], dtype=float)[:, None]
             for name in ("crossover_Hz", "integral_ratio", "lead_ratio", "rolloff_ratio")
         )
         omega = 2.0 * math.pi * omega
 
         def shape(x: Any) -> Any:
-            return (1.0 + omega / integral / x) * (1.0 + x * lead / omega) / (1.0 + x / (rolloff * omega))
+            return (
+                (1.0 + omega / integral_ratio / x)
+                * (1.0 + x * lead_ratio / omega)
+                / (1.0 + x / (rolloff_ratio * omega))
+            )
 
         gain = self.mass * omega**2 / np.abs(shape(1j * omega))
-        loop = gain * shape(2.0 * self.rate * (z - 1.0) / (z + 1.0)) * body * hold * current
-        phase = np.unwrap(np.angle(1.0 + loop), axis=1)
+        loop_gain = (
+            gain
+            * shape(2.0 * self.rate * (z - 1.0) / (z + 1.0))
+            * body_response
+            * hold_response
+            * current_response
+        )
+        phase = np.unwrap(np.angle(1.0 + loop_gain), axis=1)
         # With three poles at z = 1, 1 + L of a stable loop turns by +270 degrees (Nyquist).
         is_stable = np.abs(phase[:, -1] - phase[:, 0] - 1.5 * math.pi) < 0.5 * math.pi
-        sensitivity = np.where(is_stable[:, None], 1.0 / np.abs(1.0 + loop), np.inf)
+        sensitivity = np.where(is_stable[:, None], 1.0 / np.abs(1.0 + loop_gain), np.inf)
         position_response = np.where(
-            is_stable[:, None], np.abs(body * np.sinc(frequency * self.slit)) * sensitivity, 1.0
+            is_stable[:, None], np.abs(body_response * np.sinc(frequency * self.slit)) * sensitivity, 1.0
         )
-        average = np.sqrt(np.trapezoid(position_response**2, frequency, axis=1))
-        return sensitivity.max(axis=1), frequency[np.argmax(sensitivity, axis=1)], average
+        moving_average = np.sqrt(np.trapezoid(position_response**2, frequency, axis=1))
+        return sensitivity.max(axis=1), frequency[np.argmax(sensitivity, axis=1)], moving_average
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
         """Return the cost of each point: the moving average if the peak is permitted, else more."""
@@ -177,8 +189,8 @@ class StageLoop:
 
     def with_gains_at(self, point: FloatArray) -> StageLoop:
         """Return this loop with the gains at a point of the search range."""
-        numbers = self.space.parameters(point)
-        changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
+        gain_values = self.space.parameters(point)
+        changes = {f"control.{name}": round_gain(value) for name, value in gain_values.items()}
         rig = self.setup.rig
         rig = replace(rig, settings=rig.settings.with_changes(changes))
         return replace(self, setup=replace(self.setup, rig=rig))
@@ -225,7 +237,7 @@ class StageLoop:
         accelerations = scan.test_m_per_s2 if condition == TEST else scan.train_m_per_s2
         return scan_motion(
             scan,
-            [SMALL_ACCELERATION_RATIO * acceleration for acceleration in accelerations]
+            [SMALL_ACCELERATION_FRACTION * acceleration for acceleration in accelerations]
             if condition == SLOW_TRAINING
             else accelerations,
         )
@@ -269,7 +281,7 @@ class StageLoop:
         seed_count = len(seeds)
         plant_results = results[seed_count + 2 :]
         is_complete = all(figures is not None for figures in [*results[:seed_count], *plant_results])
-        test_figures, widths = (
+        test_figures, interval_widths = (
             _mean_figures(results[:seed_count]) if is_complete else (StageFigures.for_lost_body(), {})
         )
         other_figures = [
@@ -281,7 +293,7 @@ class StageLoop:
             figures=figures,
             peak_frequencies=dict.fromkeys(figures, self.sensitivity_peak()[1]),
             seed_count=seed_count,
-            half_widths=widths,
+            half_widths=interval_widths,
             locations={},
             rows={
                 "feedforward": {
@@ -379,13 +391,13 @@ def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, di
 
     Intervals that are only rounding errors are omitted.
     """
-    mean_values, widths = {}, {}
+    mean_values, interval_widths = {}, {}
     for name in StageFigures().by_name():
         interval = mean_interval([getattr(run, name) for run in runs])
         mean_values[name] = interval.mean
-        if interval.half_width > _MIN_NOISE_RATIO * interval.mean:
-            widths[name] = interval.half_width
-    return StageFigures(**mean_values), widths
+        if interval.half_width > _MIN_INTERVAL_TO_MEAN * interval.mean:
+            interval_widths[name] = interval.half_width
+    return StageFigures(**mean_values), interval_widths
 
 
 def _summarise_plants(plant_figures: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:

@@ -117,7 +117,7 @@ def round_gain(value: float) -> float:
     return float(f"{value:.{_GAIN_DIGITS}g}")
 
 
-_BINDING_RATIO = 0.9  # fraction of a limit above which the limit is reported
+_BINDING_FRACTION_OF_LIMIT = 0.9  # fraction of a limit above which the limit is reported
 _MIN_COST_REDUCTION = 0.05  # smallest relative reduction of the cost that is reported
 
 
@@ -171,7 +171,7 @@ class CheckResult:
         limits = []
         for name, limit in aims.limits.items():
             value = float(getattr(self.worst, name))
-            if value < _BINDING_RATIO * limit:
+            if value < _BINDING_FRACTION_OF_LIMIT * limit:
                 continue
             condition = max(self.figures, key=lambda condition: float(getattr(self.figures[condition], name)))
             location = f"at {condition.text}"

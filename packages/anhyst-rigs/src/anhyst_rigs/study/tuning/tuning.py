@@ -88,8 +88,8 @@ def tune(
     aims = subject.with_default_aims(aims)
     variant_names = subject.variants() if all_variants else (subject.main_variant,)
     paths = subject.plan_paths(out, variant_names, tuning_kind.files(rig, controller))
-    search = partial(GainSearch, aims=aims, budget=budget, seed=seed, jobs=jobs)
-    tuned, interrupted = _tune_all(search, subject.make_loops(variant_names, jobs), progress)
+    make_search = partial(GainSearch, aims=aims, budget=budget, seed=seed, jobs=jobs)
+    tuned, interrupted = _tune_all(make_search, subject.make_loops(variant_names, jobs), progress)
     out.mkdir(parents=True, exist_ok=True)
     result = Tuning(
         rig=subject.rig,
@@ -264,13 +264,13 @@ class PiezoSubject(TuningSubject):
 
 
 def _tune_all(
-    search: Callable[..., GainSearch], loops: Mapping[MethodName, Tunable], progress: Progress | None
+    make_search: Callable[..., GainSearch], loops: Mapping[MethodName, Tunable], progress: Progress | None
 ) -> tuple[dict[MethodName, TunedVariant], bool]:
     """Tune one variant after another. After ctrl-C, return the completed variants."""
     tuned: dict[MethodName, TunedVariant] = {}
     loop_progress = split_progress(progress, [1.0] * len(loops))
     for (name, loop), progress_part in zip(loops.items(), loop_progress, strict=True):
-        gain_search = search(loop, progress=progress_part)
+        gain_search = make_search(loop, progress=progress_part)
         try:
             result = gain_search.run()
             check_result = result.check
