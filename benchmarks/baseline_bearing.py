@@ -97,13 +97,13 @@ class LevitationRun:
 
 
 @njit(error_model="numpy")
-def _controller(c: Control, memory: Array, target: float, read: float) -> float:
+def _controller(c: Control, memory: Array, target: float, gap_reading: float) -> float:
     """Return the current of this tick; `memory` contains position, velocity and integral."""
-    wanted_at, at = c.middle - target, c.middle - read
-    first_gap = c.smoothing * (at - memory[0])
+    wanted_position, position = c.middle - target, c.middle - gap_reading
+    first_gap = c.smoothing * (position - memory[0])
     second = c.smoothing_2 * (first_gap - memory[1])
     demand = (
-        c.proportional * (c.weight * wanted_at - at)
+        c.proportional * (c.weight * wanted_position - position)
         + memory[2]
         - c.derivative * first_gap
         - c.second * second
@@ -111,12 +111,12 @@ def _controller(c: Control, memory: Array, target: float, read: float) -> float:
     force = min(max(demand, c.low), c.high)
     memory[0] += first_gap
     memory[1] += second
-    memory[2] += c.integral * (wanted_at - at) + c.back * (force - demand)
+    memory[2] += c.integral * (wanted_position - position) + c.back * (force - demand)
     gaps, forces = c.currents.shape
-    row = min(max((read - c.gap_low) / (c.gap_high - c.gap_low), 0.0), 1.0) * (gaps - 1)
-    column = min(max(force / c.force_high, 0.0), 1.0) * (forces - 1)
-    i, j = min(int(row), gaps - 2), min(int(column), forces - 2)
-    y, x = row - i, column - j
+    gap_index = min(max((gap_reading - c.gap_low) / (c.gap_high - c.gap_low), 0.0), 1.0) * (gaps - 1)
+    force_index = min(max(force / c.force_high, 0.0), 1.0) * (forces - 1)
+    i, j = min(int(gap_index), gaps - 2), min(int(force_index), forces - 2)
+    y, x = gap_index - i, force_index - j
     nearer_current = c.currents[i, j] + x * (c.currents[i, j + 1] - c.currents[i, j])
     farther_current = c.currents[i + 1, j] + x * (c.currents[i + 1, j + 1] - c.currents[i + 1, j])
     current = min(max(nearer_current + y * (farther_current - nearer_current), 0.0), c.current_high)
@@ -170,7 +170,7 @@ class ByScipy:
         """Advance by one tick with the previous command; return gap, m, and force, N."""
         p = self.plant
         self._command, self._waiting = self._waiting, command
-        found = solve_ivp(
+        solution = solve_ivp(
             self._rates,
             (0.0, p.tick),
             self._state,
@@ -180,7 +180,7 @@ class ByScipy:
             rtol=self._tolerance,
             atol=self._absolute,
         )
-        self._state = found.y[:, -1]
+        self._state = solution.y[:, -1]
         density, gap = float(self._state[0]) / (p.turns * p.area), float(self._state[3])
         self._move(self._field_at(density))
         return gap, self._pull(density, gap)
@@ -190,10 +190,10 @@ class ByScipy:
         p, ticks = self.plant, target.size
         run = LevitationRun(np.empty(ticks), np.empty(ticks))
         for tick in range(ticks):
-            read = float(self._state[5]) + float(noise[tick])
-            steps = math.floor((read - p.sensor_low) / p.sensor_step + 0.5)
-            read = p.sensor_low + steps * p.sensor_step
-            command = _controller(control, memory, float(target[tick]), read)
+            gap_reading = float(self._state[5]) + float(noise[tick])
+            steps = math.floor((gap_reading - p.sensor_low) / p.sensor_step + 0.5)
+            gap_reading = p.sensor_low + steps * p.sensor_step
+            command = _controller(control, memory, float(target[tick]), gap_reading)
             run.gap[tick], run.force[tick] = self.advance(command, float(load[tick]))
         return run
 
@@ -206,19 +206,19 @@ class ByScipy:
         current = (p.length * field + outer_reluctance * p.area * density) / p.turns
         error = self._command - current
         voltage = p.gain * error + integral
-        within = abs(voltage) <= p.supply
-        if not within:
+        is_within_supply = abs(voltage) <= p.supply
+        if not is_within_supply:
             voltage = math.copysign(p.supply, voltage)
-        over = max(gap - p.stop_high, 0.0) + min(gap - p.stop_low, 0.0)
-        push = load - self._pull(density, gap) - p.stop_stiffness * over
-        if over:
-            push -= p.stop_damping * velocity
+        stop_overrun = max(gap - p.stop_high, 0.0) + min(gap - p.stop_low, 0.0)
+        net_force = load - self._pull(density, gap) - p.stop_stiffness * stop_overrun
+        if stop_overrun:
+            net_force -= p.stop_damping * velocity
         return [
             voltage - p.resistance * current,
-            p.reset * error if within else 0.0,
+            p.reset * error if is_within_supply else 0.0,
             p.load_corner * (load_command - load),
             velocity,
-            push / p.mass,
+            net_force / p.mass,
             p.sensor_corner * (gap - sensor),
         ]
 
@@ -231,24 +231,24 @@ class ByScipy:
 
     def _pull(self, density: float, gap: float) -> float:
         p = self.plant
-        _, share, area = self._outer(gap)
-        flux = density * p.area * share
-        narrows = 1.0 - gap * (p.width + p.depth + 2.0 * gap) / area
-        return flux * flux / (MU_0 * area) * narrows
+        _, gap_fraction, area = self._outer(gap)
+        flux = density * p.area * gap_fraction
+        fringe_factor = 1.0 - gap * (p.width + p.depth + 2.0 * gap) / area
+        return flux * flux / (MU_0 * area) * fringe_factor
 
     def _field_at(self, density: float) -> float:
         """Return the field for a flux density, A/m, starting from the last result."""
         field, low_field, high_field = self._field, -math.inf, math.inf
         for _ in range(100):
-            found, slope = self._density(field)
-            left = density - found
-            if abs(left) <= 1e-10:
+            trial_density, slope = self._density(field)
+            density_error = density - trial_density
+            if abs(density_error) <= 1e-10:
                 break
-            low_field, high_field = (field, high_field) if left > 0.0 else (low_field, field)
-            field += left / slope
+            low_field, high_field = (field, high_field) if density_error > 0.0 else (low_field, field)
+            field += density_error / slope
             if not low_field < field < high_field:
-                bounded = math.isfinite(low_field) and math.isfinite(high_field)
-                field = 0.5 * (low_field + high_field) if bounded else field
+                is_bracketed = math.isfinite(low_field) and math.isfinite(high_field)
+                field = 0.5 * (low_field + high_field) if is_bracketed else field
         self._field = field
         return field
 
@@ -256,32 +256,32 @@ class ByScipy:
         """Return flux density and slope for a move from the last tick to this field."""
         p, density, slope = self.plant, MU_0 * field, MU_0
         for number, (threshold, weight) in enumerate(self._cells):
-            away = field - self._place[number]
-            if abs(away) < threshold:
+            distance = field - self._place[number]
+            if abs(distance) < threshold:
                 return density + self._rest[number], slope
-            h = field - math.copysign(threshold, away)
+            h = field - math.copysign(threshold, distance)
             root = math.sqrt(h * h + p.knee_sharp * p.knee_sharp)
-            part = p.sharp * h / root + 2.0 / math.pi * p.slow * math.atan(h / p.knee_slow)
-            steep = p.sharp * p.knee_sharp**2 / root**3
-            steep += 2.0 / math.pi * p.slow * p.knee_slow / (p.knee_slow**2 + h * h)
-            density += weight * part
-            slope += weight * steep
+            polarisation = p.sharp * h / root + 2.0 / math.pi * p.slow * math.atan(h / p.knee_slow)
+            polarisation_slope = p.sharp * p.knee_sharp**2 / root**3
+            polarisation_slope += 2.0 / math.pi * p.slow * p.knee_slow / (p.knee_slow**2 + h * h)
+            density += weight * polarisation
+            slope += weight * polarisation_slope
         return density, slope
 
     def _move(self, field: float) -> None:
         p = self.plant
-        moved = 0
+        moved_count = 0
         for number, (threshold, _) in enumerate(self._cells):
-            away = field - self._place[number]
-            if abs(away) < threshold:
+            distance = field - self._place[number]
+            if abs(distance) < threshold:
                 break
-            self._place[number] = field - math.copysign(threshold, away)
-            moved = number + 1
-        for number in range(moved - 1, -1, -1):
+            self._place[number] = field - math.copysign(threshold, distance)
+            moved_count = number + 1
+        for number in range(moved_count - 1, -1, -1):
             h = self._place[number]
-            part = p.sharp * h / math.hypot(h, p.knee_sharp)
-            part += 2.0 / math.pi * p.slow * math.atan(h / p.knee_slow)
-            self._rest[number] = self._rest[number + 1] + self._cells[number][1] * part
+            polarisation = p.sharp * h / math.hypot(h, p.knee_sharp)
+            polarisation += 2.0 / math.pi * p.slow * math.atan(h / p.knee_slow)
+            self._rest[number] = self._rest[number + 1] + self._cells[number][1] * polarisation
 
 
 # State of the compiled baseline, in the order of these names.
@@ -291,58 +291,58 @@ TOLERANCE = 1e-7  # of the flux density, T
 
 @njit(error_model="numpy")
 def _polarisation(p: Plant, h: float) -> tuple[float, float]:
-    inverse = 1.0 / math.sqrt(h * h + p.knee_sharp * p.knee_sharp)
+    inverse_root = 1.0 / math.sqrt(h * h + p.knee_sharp * p.knee_sharp)
     ratio = h / p.knee_slow
-    slow = 2.0 / math.pi * p.slow
-    steep = p.sharp * p.knee_sharp * p.knee_sharp * inverse * inverse * inverse
-    steep += slow / (p.knee_slow * (1.0 + ratio * ratio))
-    return p.sharp * h * inverse + slow * math.atan(ratio), steep
+    slow_factor = 2.0 / math.pi * p.slow
+    slope = p.sharp * p.knee_sharp * p.knee_sharp * inverse_root * inverse_root * inverse_root
+    slope += slow_factor / (p.knee_slow * (1.0 + ratio * ratio))
+    return p.sharp * h * inverse_root + slow_factor * math.atan(ratio), slope
 
 
 @njit(error_model="numpy")
-def _density(p: Plant, place: Array, rest: Array, field: float) -> tuple[float, float]:
+def _density(p: Plant, cell_positions: Array, polarisation_sums: Array, field: float) -> tuple[float, float]:
     density, slope = MU_0 * field, MU_0
     for k in range(p.thresholds.size):
-        away, r = field - place[k], p.thresholds[k]
-        if abs(away) < r:
-            return density + rest[k], slope
-        part, steep = _polarisation(p, field - r if away > 0.0 else field + r)
-        density += p.weights[k] * part
-        slope += p.weights[k] * steep
+        distance, r = field - cell_positions[k], p.thresholds[k]
+        if abs(distance) < r:
+            return density + polarisation_sums[k], slope
+        polarisation, polarisation_slope = _polarisation(p, field - r if distance > 0.0 else field + r)
+        density += p.weights[k] * polarisation
+        slope += p.weights[k] * polarisation_slope
     return density, slope
 
 
 @njit(error_model="numpy")
-def _move(p: Plant, place: Array, rest: Array, field: float) -> None:
-    moved = 0
+def _move(p: Plant, cell_positions: Array, polarisation_sums: Array, field: float) -> None:
+    moved_count = 0
     for k in range(p.thresholds.size):
-        away, r = field - place[k], p.thresholds[k]
-        if abs(away) < r:
+        distance, r = field - cell_positions[k], p.thresholds[k]
+        if abs(distance) < r:
             break
-        place[k] = field - r if away > 0.0 else field + r
-        moved = k + 1
-    for k in range(moved - 1, -1, -1):
-        rest[k] = rest[k + 1] + p.weights[k] * _polarisation(p, place[k])[0]
+        cell_positions[k] = field - r if distance > 0.0 else field + r
+        moved_count = k + 1
+    for k in range(moved_count - 1, -1, -1):
+        polarisation_sums[k] = polarisation_sums[k + 1] + p.weights[k] * _polarisation(p, cell_positions[k])[0]
 
 
 @njit(error_model="numpy")
 def _solve(
-    p: Plant, place: Array, rest: Array, start: float, a: float, b: float, r: float, near: float
+    p: Plant, cell_positions: Array, polarisation_sums: Array, start_field: float, a: float, b: float, r: float, tolerance: float
 ) -> tuple[float, float]:
     """Solve a*H + b*B = r by Newton's method within a bracket."""
-    field, low, high, density = start, -np.inf, np.inf, 0.0
+    field, low, high, density = start_field, -np.inf, np.inf, 0.0
     for _ in range(100):
-        density, slope = _density(p, place, rest, field)
-        left = r - a * field - b * density
-        if abs(left) <= near:
+        density, slope = _density(p, cell_positions, polarisation_sums, field)
+        residual = r - a * field - b * density
+        if abs(residual) <= tolerance:
             break
-        if left > 0.0:
+        if residual > 0.0:
             low = field
-            high = min(high, field + left / a)
+            high = min(high, field + residual / a)
         else:
             high = field
-            low = max(low, field + left / a)
-        field += left / (a + b * slope)
+            low = max(low, field + residual / a)
+        field += residual / (a + b * slope)
         if not low < field < high:
             field = 0.5 * (low + high)
     return field, density
@@ -351,76 +351,76 @@ def _solve(
 @njit(error_model="numpy")
 def _around(p: Plant, gap: float) -> tuple[float, float, float, float]:
     area = (p.width + gap) * (p.depth + gap)
-    gaps = MU_0 * area / (2.0 * gap)
-    outer = 1.0 / (gaps + p.leakage)
-    return outer, gaps * outer, area, 1.0 - gap * (p.width + p.depth + 2.0 * gap) / area
+    gap_permeance = MU_0 * area / (2.0 * gap)
+    outer_reluctance = 1.0 / (gap_permeance + p.leakage)
+    return outer_reluctance, gap_permeance * outer_reluctance, area, 1.0 - gap * (p.width + p.depth + 2.0 * gap) / area
 
 
 @njit(error_model="numpy")
-def _winding(p: Plant, s: Array, place: Array, rest: Array, h: float) -> None:
+def _winding(p: Plant, s: Array, cell_positions: Array, polarisation_sums: Array, h: float) -> None:
     half, error = 0.5 * h, s[OUTPUT] - s[CURRENT]
     voltage = p.gain * error + s[INTEGRAL]
-    beyond = abs(voltage) > p.supply
-    if beyond:
+    is_saturated = abs(voltage) > p.supply
+    if is_saturated:
         voltage = math.copysign(p.supply, voltage)
-    begun = s[PSI] + half * (voltage - p.resistance * s[CURRENT])
+    explicit_linkage = s[PSI] + half * (voltage - p.resistance * s[CURRENT])
     gain = p.gain + half * p.reset
-    given = gain * s[OUTPUT] + s[INTEGRAL] + half * p.reset * error
-    outer, share, area, narrows = _around(p, s[GAP])
+    voltage_offset = gain * s[OUTPUT] + s[INTEGRAL] + half * p.reset * error
+    outer_reluctance, gap_fraction, area, fringe_factor = _around(p, s[GAP])
     weight, per_field = p.turns * p.area, p.length / p.turns
-    per_density = outer * p.area / p.turns
+    per_density = outer_reluctance * p.area / p.turns
     for _ in range(2):
-        taken = half * (gain + p.resistance)
+        current_factor = half * (gain + p.resistance)
         field, density = _solve(
             p,
-            place,
-            rest,
+            cell_positions,
+            polarisation_sums,
             s[FIELD] + s[STRIDE],
-            taken * per_field,
-            weight + taken * per_density,
-            begun + half * given,
+            current_factor * per_field,
+            weight + current_factor * per_density,
+            explicit_linkage + half * voltage_offset,
             weight * TOLERANCE,
         )
         current = per_field * field + per_density * density
-        voltage = given - gain * current
+        voltage = voltage_offset - gain * current
         if abs(voltage) <= p.supply:
             break
-        beyond, gain, given = True, 0.0, math.copysign(p.supply, voltage)
-    s[PSI] = begun + half * (voltage - p.resistance * current)
-    if not beyond:
+        is_saturated, gain, voltage_offset = True, 0.0, math.copysign(p.supply, voltage)
+    s[PSI] = explicit_linkage + half * (voltage - p.resistance * current)
+    if not is_saturated:
         s[INTEGRAL] += half * p.reset * (error + s[OUTPUT] - current)
     s[CURRENT], s[STRIDE], s[FIELD] = current, field - s[FIELD], field
-    _move(p, place, rest, field)
-    flux = (MU_0 * field + rest[0]) * p.area * share
-    s[FORCE] = flux * flux / (MU_0 * area) * narrows
+    _move(p, cell_positions, polarisation_sums, field)
+    flux = (MU_0 * field + polarisation_sums[0]) * p.area * gap_fraction
+    s[FORCE] = flux * flux / (MU_0 * area) * fringe_factor
 
 
 @njit(error_model="numpy")
 def _push(p: Plant, s: Array) -> tuple[float, float]:
-    over = max(s[GAP] - p.stop_high, 0.0) + min(s[GAP] - p.stop_low, 0.0)
-    damping = p.stop_damping if over != 0.0 else 0.0
-    return s[LOAD] - s[FORCE] - p.stop_stiffness * over, damping
+    stop_overrun = max(s[GAP] - p.stop_high, 0.0) + min(s[GAP] - p.stop_low, 0.0)
+    damping = p.stop_damping if stop_overrun != 0.0 else 0.0
+    return s[LOAD] - s[FORCE] - p.stop_stiffness * stop_overrun, damping
 
 
 @njit(error_model="numpy")
 def _advance(
-    p: Plant, s: Array, place: Array, rest: Array, substeps: int, command: float, load: float
+    p: Plant, s: Array, cell_positions: Array, polarisation_sums: Array, substeps: int, command: float, load: float
 ) -> None:
     h = p.tick / substeps
-    push = 0.5 * h / p.mass
-    load_share = -math.expm1(-p.load_corner * h)
-    sensor_share = -math.expm1(-p.sensor_corner * h)
+    velocity_per_force = 0.5 * h / p.mass
+    load_factor = -math.expm1(-p.load_corner * h)
+    sensor_factor = -math.expm1(-p.sensor_corner * h)
     s[OUTPUT], s[WAITING] = s[WAITING], command
     for _ in range(substeps):
-        before = s[GAP]
+        previous_gap = s[GAP]
         force, damping = _push(p, s)
-        s[VELOCITY] += push * (force - damping * s[VELOCITY])
+        s[VELOCITY] += velocity_per_force * (force - damping * s[VELOCITY])
         s[GAP] += h * s[VELOCITY]
-        _winding(p, s, place, rest, h)
-        s[LOAD] += load_share * (load - s[LOAD])
+        _winding(p, s, cell_positions, polarisation_sums, h)
+        s[LOAD] += load_factor * (load - s[LOAD])
         force, damping = _push(p, s)
-        s[VELOCITY] = (s[VELOCITY] + push * force) / (1.0 + push * damping)
-        s[SENSOR] += sensor_share * (0.5 * (before + s[GAP]) - s[SENSOR])
+        s[VELOCITY] = (s[VELOCITY] + velocity_per_force * force) / (1.0 + velocity_per_force * damping)
+        s[SENSOR] += sensor_factor * (0.5 * (previous_gap + s[GAP]) - s[SENSOR])
 
 
 @njit(error_model="numpy")
@@ -428,8 +428,8 @@ def _fly(
     p: Plant,
     c: Control,
     s: Array,
-    place: Array,
-    rest: Array,
+    cell_positions: Array,
+    polarisation_sums: Array,
     memory: Array,
     substeps: int,
     target: Array,
@@ -438,10 +438,10 @@ def _fly(
     record: Array,
 ) -> None:
     for tick in range(target.size):
-        read = s[SENSOR] + noise[tick]
-        read = p.sensor_low + math.floor((read - p.sensor_low) / p.sensor_step + 0.5) * p.sensor_step
-        command = _controller(c, memory, target[tick], read)
-        _advance(p, s, place, rest, substeps, command, load[tick])
+        gap_reading = s[SENSOR] + noise[tick]
+        gap_reading = p.sensor_low + math.floor((gap_reading - p.sensor_low) / p.sensor_step + 0.5) * p.sensor_step
+        command = _controller(c, memory, target[tick], gap_reading)
+        _advance(p, s, cell_positions, polarisation_sums, substeps, command, load[tick])
         record[tick, 0], record[tick, 1] = s[GAP], s[FORCE]
 
 
@@ -466,17 +466,17 @@ class ByNumba:
         p, s = self.plant, self._state
         self._place[:] = 0.0
         self._rest[:] = 0.0
-        outer, share, area, narrows = _around(p, gap)
-        b = outer * p.area
-        field, _ = _solve(p, self._place, self._rest, 0.0, p.length, b, p.turns * current, b * 1e-12)
+        outer_reluctance, gap_fraction, area, fringe_factor = _around(p, gap)
+        density_factor = outer_reluctance * p.area
+        field, _ = _solve(p, self._place, self._rest, 0.0, p.length, density_factor, p.turns * current, density_factor * 1e-12)
         _move(p, self._place, self._rest, field)
         density = MU_0 * field + self._rest[0]
         s[:] = 0.0
         s[FIELD], s[PSI], s[CURRENT] = field, p.turns * p.area * density, current
         s[INTEGRAL], s[LOAD], s[GAP], s[SENSOR] = p.resistance * current, load, gap, gap
         s[OUTPUT] = s[WAITING] = current
-        flux = density * p.area * share
-        s[FORCE] = flux * flux / (MU_0 * area) * narrows
+        flux = density * p.area * gap_fraction
+        s[FORCE] = flux * flux / (MU_0 * area) * fringe_factor
         return float(s[FORCE])
 
     def advance(self, command: float, load: float) -> tuple[float, float]:

@@ -119,8 +119,8 @@ misfit: Callable[..., float] = njit(fastmath=True)(_misfit)
 def load_loops(folder: Path | None = None) -> tuple[Array, Array, NDArray[np.int64]]:
     """Read field (A/m), flux density (T) and the index of the first sample of each loop."""
     if folder is None:
-        here = Path(__file__).resolve().parents[2] / "shared" / "data"
-        folder = Path(os.environ.get("ANHYST_DATA", here))
+        data_folder = Path(__file__).resolve().parents[2] / "shared" / "data"
+        folder = Path(os.environ.get("ANHYST_DATA", data_folder))
     loop, field, flux_density = np.loadtxt(folder / FILE, delimiter=",", skiprows=1).T
     starts = np.append(np.flatnonzero(np.diff(loop, prepend=-1.0)), loop.size)
     return field, flux_density, starts.astype(np.int64)
@@ -154,11 +154,11 @@ def run(
         error = misfit(parameters, field, flux_density, starts, substeps)
         if error < best:
             best = error
-            history.append((time.process_time() - began, error))
+            history.append((time.process_time() - start_time, error))
         return error
 
-    began = time.process_time()
-    found = differential_evolution(
+    start_time = time.process_time()
+    optimum = differential_evolution(
         objective,
         list(bounds.values()),
         strategy="best1bin",
@@ -167,20 +167,20 @@ def run(
         maxiter=maxiter,
         rng=seed,
     )
-    seconds = time.process_time() - began
+    seconds = time.process_time() - start_time
     return {
-        "sum_of_squares": float(found.fun),
-        "rms_percent": 100 * math.sqrt(found.fun / field.size) / float(np.abs(flux_density).max()),
+        "sum_of_squares": float(optimum.fun),
+        "rms_percent": 100 * math.sqrt(optimum.fun / field.size) / float(np.abs(flux_density).max()),
         "cpu_seconds": seconds,
         "evaluations": evaluations,
-        "parameters": dict(zip(bounds, map(float, found.x), strict=True)),
+        "parameters": dict(zip(bounds, map(float, optimum.x), strict=True)),
         "history": history,
     }
 
 
 def seconds_to_reach(result: Mapping[str, Any], sum_of_squares: float) -> float:
     """Return the processor time until a run reached a sum of squares, s; infinite if it did not."""
-    times = (spent for spent, error in result["history"] if error <= sum_of_squares)
+    times = (seconds for seconds, error in result["history"] if error <= sum_of_squares)
     return float(next(times, math.inf))
 
 
@@ -202,7 +202,7 @@ def main() -> None:
             f"  {reach_seconds[-1][0]:9.3f}  {reach_seconds[-1][1]:15.3f}"
             f"  {result['cpu_seconds']:9.3f}  {result['evaluations']:11d}"
         )
-    median = [statistics.median(column) for column in zip(*reach_seconds, strict=True)]
+    median = [statistics.median(seed_seconds) for seed_seconds in zip(*reach_seconds, strict=True)]
     print(f"\nmedian: {median[0]:.3f} s to 0.0227 T^2, {median[1]:.3f} s to 0.1 % above the best fit")
 
 

@@ -80,8 +80,8 @@ class UnmodelledEffects:
             number_format="f32" if self.compiled else "f64",
             drift=replace(drift, mass=self.payload, cable=self.cable),
         )
-        early = replace(gains, jerk=gains.jerk - self.late_ticks * rig.dt)
-        return track(plant, motion, early, noise)
+        shifted_gains = replace(gains, jerk=gains.jerk - self.late_ticks * rig.dt)
+        return track(plant, motion, shifted_gains, noise)
 
 
 KNOWN_LOADS = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
@@ -124,14 +124,14 @@ def make_bench(case: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench
     iron, rig, magnet, method = case
     law = StageLaw(rig, magnet, method)
     nominal_setup = StageSetup(rig, law.compensator(0.0))
-    gains, calibrated_setup = find_gains(nominal_setup, training_motion(rig)), training_motion(rig)
+    gains, calibration_motion = find_gains(nominal_setup, training_motion(rig)), training_motion(rig)
     if iron == MOVE:
-        (calibrated_setup,) = select_legs(ParameterEstimator(law), nominal_setup).values()
-    run = track(nominal_setup, calibrated_setup, gains, 100)
-    calibrated = find_gains(
+        (calibration_motion,) = select_legs(ParameterEstimator(law), nominal_setup).values()
+    run = track(nominal_setup, calibration_motion, gains, 100)
+    calibrated_gains = find_gains(
         law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)])), training_motion(rig)
     )
-    return Bench(iron, rig, magnet, method, gains, calibrated, calibrated_setup)
+    return Bench(iron, rig, magnet, method, gains, calibrated_gains, calibration_motion)
 
 
 @dataclass(frozen=True)
@@ -162,8 +162,8 @@ class Trial:
             learner.run_and_update(drift, motion, gains, 1000 * (self.plant + 1) + 100 + number)
             for number in range(1 + TEST_REPETITIONS)
         ]
-        figures = [measure(run, motion, scan.slit_s) for run in (runs[0], runs[-1])]
-        return figures, learner.calibration
+        metrics = [measure(run, motion, scan.slit_s) for run in (runs[0], runs[-1])]
+        return metrics, learner.calibration
 
     def run(self) -> tuple[list[Measures], CalibratedMethod]:
         """Calibrate one plant."""
@@ -173,25 +173,25 @@ class Trial:
         """Return the metrics before and after each number of scans, and the last calibration."""
         bench, noise = self.bench, 1000 * (self.plant + 1)
         drift = sample_plant(self.plant).select(ERROR_CASES[self.errors])
-        world = UNMODELLED_CASES[self.world]
-        law, gains = world.law(bench), bench.gains
+        effects = UNMODELLED_CASES[self.world]
+        law, gains = effects.law(bench), bench.gains
         rig = law.rig
         setup = StageSetup(rig, law.compensator(0.0))
 
-        def judged() -> Measures:
+        def measure_test() -> Measures:
             motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
-            run = world.track_motion(setup, drift, motion, gains, noise)
+            run = effects.track_motion(setup, drift, motion, gains, noise)
             return measure(run, motion, rig.settings.scan.slit_s)
 
-        figures, learner = [judged()], ParameterEstimator(law)
+        metrics, learner = [measure_test()], ParameterEstimator(law)
         for scan in range(1, max(self.scans) + 1):
-            run = world.track_motion(setup, drift, bench.taught, gains, noise + scan)
+            run = effects.track_motion(setup, drift, bench.taught, gains, noise + scan)
             learner.update(law.make_motion(run.columns))
             setup = law.corrected_stage(learner.calibration)
             gains = bench.calibrated_gains if learner.calibration.is_applied else bench.gains
             if scan in self.scans:
-                figures.append(judged())
-        return figures, learner.calibration
+                metrics.append(measure_test())
+        return metrics, learner.calibration
 
 
 def training_motion(rig: BodyRig) -> SetPoint:

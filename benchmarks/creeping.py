@@ -105,7 +105,7 @@ def evaluate_iron(iron: tuple[str, int]) -> tuple[str, bool, float, float, float
 
 def rows() -> list[Row]:
     """Return a row for each iron."""
-    irons = [(family, one) for family, count in COUNTS.items() for one in range(count)]
+    irons = [(family, iron_number) for family, count in COUNTS.items() for iron_number in range(count)]
     result_rows = []
     for (family, number), (law, has_warned, curve, cells_error, selected_error) in zip(
         irons, map_ordered(evaluate_iron, irons), strict=True

@@ -25,16 +25,16 @@ Numbers = dict[str, float]
 
 def from_ranges(table: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
     """Sample all parameters of a table; each uses one value of the random generator."""
-    found: dict[str, Any] = {}
+    sampled: dict[str, Any] = {}
     for name, rule in table.items():
-        (kind, values), part = next(iter(rule.items())), float(rng.random())
+        (kind, values), fraction = next(iter(rule.items())), float(rng.random())
         if kind == "of":
-            found[name] = values[int(part * len(values))]
+            sampled[name] = values[int(fraction * len(values))]
         elif kind == "log":
-            found[name] = float(values[0] * (values[1] / values[0]) ** part)
+            sampled[name] = float(values[0] * (values[1] / values[0]) ** fraction)
         else:
-            found[name] = float(values[0] + (values[1] - values[0]) * part)
-    return found
+            sampled[name] = float(values[0] + (values[1] - values[0]) * fraction)
+    return sampled
 
 
 def _curve(rng: np.random.Generator) -> Numbers:
@@ -57,14 +57,14 @@ def _keys(curve: Numbers) -> dict[str, Any]:
 
 def _cells(rng: np.random.Generator) -> tuple[Steel, Numbers]:
     curve, values = _curve(rng), from_ranges(SETTINGS["cells"], rng)
-    shape = values["shape"]
+    pinning_shape = values["shape"]
     pinning = curve["knee_sharp"] * values["pinning_by_knee"]
     free, second_fraction = values["reversible"], values["further_share"]
     first = CellSteel(
         cells=_CELLS,
         reversible_fraction=free,
         pinning_scale_A_per_m=pinning,
-        pinning_shape=shape,
+        pinning_shape=pinning_shape,
         **_keys(curve),
     )
     second_pinning = {"pinning_scale_A_per_m": pinning * values["further_by_first"]}
@@ -95,12 +95,12 @@ def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
         knee_slow_A_per_m=knee * values["slow_by_sharp"],
     )
     # The feedback is a fraction of the largest value that the steel accepts, found by bisection.
-    low, high = 0.0, 4.0 * pinning / relays
+    low_feedback, high_feedback = 0.0, 4.0 * pinning / relays
     for _ in range(6):
-        middle = 0.5 * (low + high)
-        tried = steel.model_copy(update={"feedback_A_per_m_T": middle})
-        low, high = (middle, high) if _is_valid(tried) else (low, middle)
-    steel = steel.model_copy(update={"feedback_A_per_m_T": values["feedback"] * low})
+        trial_feedback = 0.5 * (low_feedback + high_feedback)
+        trial_steel = steel.model_copy(update={"feedback_A_per_m_T": trial_feedback})
+        low_feedback, high_feedback = (trial_feedback, high_feedback) if _is_valid(trial_steel) else (low_feedback, trial_feedback)
+    steel = steel.model_copy(update={"feedback_A_per_m_T": values["feedback"] * low_feedback})
     return steel.make_steel(), values | {"knee_sharp": steel.knee, "saturation_sharp": relays}
 
 

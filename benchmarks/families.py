@@ -124,16 +124,16 @@ def _fit_paper_law(rig: BodyRig, controller: ControllerFile, loops: Loops) -> Be
 
 def _fit_unpinned_curve(rig: BodyRig, controller: ControllerFile) -> BearingSetup:
     """Fit the best single-valued curve to an iron with almost no hysteresis, as a reference."""
-    soft = change_iron(rig, None, LOW_PINNING_FACTOR)
-    knowledge = identify_magnet(measure_loops(soft), IdentifyTable(law=PAPER))
-    return make_setup(soft, controller.settings, knowledge, "single-valued", "fixed")
+    soft_rig = change_iron(rig, None, LOW_PINNING_FACTOR)
+    knowledge = identify_magnet(measure_loops(soft_rig), IdentifyTable(law=PAPER))
+    return make_setup(soft_rig, controller.settings, knowledge, "single-valued", "fixed")
 
 
 def _triangle_errors(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, float]:
-    standstill = quiet(rig)
-    quieter = {name: BearingSetup(standstill, s.compensator, s.controller) for name, s in setups.items()}
-    settings = experiments.run_variants(experiments.run_trajectory, quieter, default_seeds(rig), SLOW)
-    return {name: metrics.interval("force_error_rms_N").mean for name, metrics in settings.items()}
+    quiet_rig = quiet(rig)
+    quiet_setups = {name: BearingSetup(quiet_rig, s.compensator, s.controller) for name, s in setups.items()}
+    metrics_by_name = experiments.run_variants(experiments.run_trajectory, quiet_setups, default_seeds(rig), SLOW)
+    return {name: metrics.interval("force_error_rms_N").mean for name, metrics in metrics_by_name.items()}
 
 
 def _compare_steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, list[StepCell]]:
@@ -152,27 +152,27 @@ def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]
     """
     plan = make_plan(knowledge.model, CompileRequest("full", "q31", RATE), 0)
     scales = plan.block.scales
-    low, span = scales.gap_low, scales.gap_high - scales.gap_low
-    reach = plan.builder.output_range
-    top = float(reach.demand(np.ones(2), np.array([low, low + span])).min())
+    gap_low, gap_span = scales.gap_low, scales.gap_high - scales.gap_low
+    output_range = plan.builder.output_range
+    largest_demand = float(output_range.demand(np.ones(2), np.array([gap_low, gap_low + gap_span])).min())
     ticks = round(SECONDS * RATE)
     worst = [0.0, 0.0]
-    for level in FORCE_LEVELS:
-        random = np.random.default_rng(5)
-        rise = np.concatenate([np.linspace(0.05, 0.95, 2000), np.linspace(0.95, level, 2000)])
-        noisy = level + output_drift.DEMAND_NOISE * random.standard_normal(ticks)
-        demand = top * np.concatenate([rise, noisy])
-        gap = np.full(demand.size, low + 0.5 * span)
-        gap[rise.size :] += output_drift.GAP_NOISE * span * random.standard_normal(ticks)
+    for force_level in FORCE_LEVELS:
+        generator = np.random.default_rng(5)
+        demand_rise = np.concatenate([np.linspace(0.05, 0.95, 2000), np.linspace(0.95, force_level, 2000)])
+        noisy_demand = force_level + output_drift.DEMAND_NOISE * generator.standard_normal(ticks)
+        demand = largest_demand * np.concatenate([demand_rise, noisy_demand])
+        gap = np.full(demand.size, gap_low + 0.5 * gap_span)
+        gap[demand_rise.size :] += output_drift.GAP_NOISE * gap_span * generator.standard_normal(ticks)
         current = make_twin(plan.block, "q31").run(demand, gap)
         forces = (
-            Coil(rig.magnet).run(current, gap)[rise.size :, 0],
-            plan.model.predict(current, gap, history="demagnetised").output[rise.size :],
+            Coil(rig.magnet).run(current, gap)[demand_rise.size :, 0],
+            plan.model.predict(current, gap, history="demagnetised").output[demand_rise.size :],
         )
-        second = round(RATE)
-        for place, force in enumerate(forces):
-            drift = abs(float(np.mean(force[-second:]) - np.mean(force[:second])))
-            worst[place] = max(worst[place], 100.0 * drift / plan.reference_output)
+        second_ticks = round(RATE)
+        for index, force in enumerate(forces):
+            drift = abs(float(np.mean(force[-second_ticks:]) - np.mean(force[:second_ticks])))
+            worst[index] = max(worst[index], 100.0 * drift / plan.reference_output)
     return worst[0], worst[1]
 
 
@@ -182,25 +182,25 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> IronResult:
     setups, knowledge = _setups(rig, controller, loops)
     steps = _compare_steps(rig, setups)
     triangle = _triangle_errors(rig, setups)
-    paper = _fit_paper_law(rig, controller, loops)
+    paper_setup = _fit_paper_law(rig, controller, loops)
     curve_setup: dict[MethodName, BearingSetup] = {"single-valued": _fit_unpinned_curve(rig, controller)}
     steps["without hysteresis"] = _compare_steps(rig, curve_setup)["single-valued"]
     triangle["without hysteresis"] = _triangle_errors(curve_setup["single-valued"].rig, curve_setup)[
         "single-valued"
     ]
-    if isinstance(paper, BearingSetup):
-        steps["paper"] = _compare_steps(rig, {"full": paper})["full"]
-        triangle["paper"] = _triangle_errors(rig, {"full": paper})["full"]
-    more = identify_magnet(with_initial_curve(rig, loops), IdentifyTable(law=CELLS))
+    if isinstance(paper_setup, BearingSetup):
+        steps["paper"] = _compare_steps(rig, {"full": paper_setup})["full"]
+        triangle["paper"] = _triangle_errors(rig, {"full": paper_setup})["full"]
+    initial_curve_magnet = identify_magnet(with_initial_curve(rig, loops), IdentifyTable(law=CELLS))
     names: tuple[MethodName, ...] = ("single-valued", "full")
-    first = {method: make_setup(rig, controller.settings, more, method, "fixed") for method in names}
+    initial_curve_setups = {method: make_setup(rig, controller.settings, initial_curve_magnet, method, "fixed") for method in names}
     return IronResult(
         name,
         steps,
         triangle,
-        _triangle_errors(rig, first),
+        _triangle_errors(rig, initial_curve_setups),
         held_drift(rig, knowledge),
-        paper if isinstance(paper, str) else "",
+        paper_setup if isinstance(paper_setup, str) else "",
     )
 
 
@@ -210,8 +210,8 @@ def _overshoot_excess(result: IronResult, variant: str) -> list[float]:
     Zero if both overshoots are below a multiple of the standstill rms (`OVERSHOOT_FLOOR_FACTOR`).
     """
     excesses = []
-    for place, height in enumerate(HEIGHTS):
-        cells = {name: steps[place] for name, steps in result.steps.items()}
+    for height_index, height in enumerate(HEIGHTS):
+        cells = {name: steps[height_index] for name, steps in result.steps.items()}
         cell_of_variant = cells[variant]
         baseline_cells = [cells[name] for name in BASELINES if not cells[name].lost]
         best_baseline = min(baseline_cells, key=lambda cell: cell.interval("overshoot_percent").mean)
@@ -221,10 +221,10 @@ def _overshoot_excess(result: IronResult, variant: str) -> list[float]:
         standstill_rms = max(
             cell.interval("standstill_rms_m").mean for cell in (cell_of_variant, best_baseline)
         )
-        floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * standstill_rms / height
+        noise_floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * standstill_rms / height
         a, b = (cell.interval("overshoot_percent") for cell in (cell_of_variant, best_baseline))
         significant_excess = a.mean - b.mean - float(np.hypot(a.half_width, b.half_width))
-        is_within_noise = max(a.mean, b.mean) < floor
+        is_within_noise = max(a.mean, b.mean) < noise_floor
         excesses.append(0.0 if is_within_noise else max(significant_excess, 0.0))
     return excesses
 
@@ -278,19 +278,19 @@ def _drift_row(result: IronResult) -> Row:
     )
 
 
-def map_row(found: Benefit) -> Row:
+def map_row(benefit: Benefit) -> Row:
     """Return the row of the benefit map over 12 irons of play cells."""
     excesses = [0.0]
-    marks = []
-    for cell in found.cells:
+    outcomes = []
+    for cell in benefit.cells:
         comparison = cell.strongest["overshoot_percent"]
-        marks.append(comparison.outcome)
+        outcomes.append(comparison.outcome)
         if comparison.outcome == "loss":
             assert comparison.difference is not None
             excesses.append(-comparison.difference.mean - comparison.difference.half_width)
-    counts = ", ".join(f"{mark} in {marks.count(mark)}" for mark in dict.fromkeys(marks))
+    counts = ", ".join(f"{outcome} in {outcomes.count(outcome)}" for outcome in dict.fromkeys(outcomes))
     return Row(
-        f"bearing, map of {len(found.cells)} cells, 12 irons of cells: overshoot of full",
+        f"bearing, map of {len(benefit.cells)} cells, 12 irons of cells: overshoot of full",
         f"nowhere significantly worse than the strongest baseline by more than {MAX_EXTRA_OVERSHOOT:g} % points",
         f"at most {max(excesses):.2f}; cells that exceed the target: "
         f"{sum(excess > MAX_EXTRA_OVERSHOOT for excess in excesses)}; {counts}",

@@ -33,14 +33,14 @@ def rows() -> list[Row]:
     """Build the firmware of the bundled bearing and run it on the bench."""
     rig, controller = read_files(RIG, None)
     ready = check_inputs(rig, controller)
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory() as folder_name:
         setup, firmware = build_firmware(
-            ready.rig, controller, ready.identify_magnet(), "library", Path(place)
+            ready.rig, controller, ready.identify_magnet(), "library", Path(folder_name)
         )
         with one_core():
-            alone = measure_speed("one core", setup, firmware)
+            one_core_row = measure_speed("one core", setup, firmware)
         return [
-            alone,
+            one_core_row,
             measure_speed(f"{os.cpu_count()} cores", setup, firmware),
             measure_pacing(setup, firmware),
             compare_million_ticks(setup, firmware),
@@ -63,11 +63,11 @@ def measure_speed(core_text: str, setup: BearingSetup, firmware: Path) -> Row:
     watch = Stopwatch()
     bench = BearingBench(setup, firmware)
     lift(bench)
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     ticks = round(RUN_S * bench.rate)
     for _ in range(ticks // 200):
         bench.advance(200)
-    wall_seconds = time.perf_counter() - began
+    wall_seconds = time.perf_counter() - start_time
     bench.close()
     factor = RUN_S / wall_seconds
     return Row(
@@ -103,13 +103,13 @@ def measure_pacing(setup: BearingSetup, firmware: Path) -> Row:
 
     thread = threading.Thread(target=record)
     thread.start()
-    began, tick = time.monotonic(), bench.tick
+    start_time, tick = time.monotonic(), bench.tick
     pacer.resume()
     pacings: list[Pacing] = []
-    while time.monotonic() < began + PACED_S:
+    while time.monotonic() < start_time + PACED_S:
         time.sleep(0.5)
         pacings.append(pacer.pacing())
-    elapsed, tick_count = time.monotonic() - began, pacings[-1].tick - tick
+    elapsed, tick_count = time.monotonic() - start_time, pacings[-1].tick - tick
     pacer.close()
     thread.join()
     bench.close()
@@ -140,11 +140,11 @@ def compare_million_ticks(setup: BearingSetup, firmware: Path) -> Row:
     recorded = follow_scenario(bench, scenario)
     bench.close()
     simulated = SimulatedLoop(setup).run(scenario)
-    at = [signal.name for signal in bench.signals].index
+    signal_index = [signal.name for signal in bench.signals].index
     differing_ticks = np.zeros(scenario.ticks, dtype=bool)
-    for name, column in (("gap", "gap_m"), ("command", "command_A"), ("force", "force_N")):
-        differing_ticks |= recorded[:, 1 + at(name)] != simulated[column]
-    landed = recorded[-1, 1 + at("state")] == State.READY
+    for name, column_name in (("gap", "gap_m"), ("command", "command_A"), ("force", "force_N")):
+        differing_ticks |= recorded[:, 1 + signal_index(name)] != simulated[column_name]
+    landed = recorded[-1, 1 + signal_index("state")] == State.READY
     return Row(
         f"{scenario.ticks} ticks of steps on the bench against the simulated loop",
         "no tick lost, no tick differs",
@@ -159,11 +159,11 @@ def follow_scenario(bench: BearingBench, scenario: Scenario) -> np.ndarray:
     events = (scenario.command != 0) | (np.diff(scenario.target, prepend=np.nan) != 0.0)
     events |= np.diff(scenario.load, prepend=np.nan) != 0.0
     begins = np.flatnonzero(events)
-    found = []
-    for begin, end in zip(begins, [*begins[1:], scenario.ticks], strict=True):
-        if scenario.command[begin]:
-            bench.command(Command(int(scenario.command[begin])))
-        bench.demand(float(scenario.target[begin]))
-        bench.load(float(scenario.load[begin]))
-        found.append(bench.advance(int(end - begin)))
-    return np.concatenate(found)
+    table_blocks = []
+    for begin_tick, end in zip(begins, [*begins[1:], scenario.ticks], strict=True):
+        if scenario.command[begin_tick]:
+            bench.command(Command(int(scenario.command[begin_tick])))
+        bench.demand(float(scenario.target[begin_tick]))
+        bench.load(float(scenario.load[begin_tick]))
+        table_blocks.append(bench.advance(int(end - begin_tick)))
+    return np.concatenate(table_blocks)

@@ -27,9 +27,9 @@ COMPARED: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued", "flu
 def tune(iron: Iron, variant: MethodName) -> BearingFigures:
     """Tune one variant for 3 gaps, 4 step heights and 2 loads."""
     loop = BearingLoop(iron.setups[variant], default_conditions(iron.rig))
-    found = GainSearch(loop, AIMS).run().figures
-    assert isinstance(found, BearingFigures)
-    return found
+    tuned_metrics = GainSearch(loop, AIMS).run().figures
+    assert isinstance(tuned_metrics, BearingFigures)
+    return tuned_metrics
 
 
 def rows() -> list[Row]:

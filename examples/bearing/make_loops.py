@@ -32,10 +32,10 @@ def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Simulate the loops of this bearing.")
     parser.add_argument("--out", type=Path, default=HERE, help="folder to write to")
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
     for name, text in files().items():
-        (given.out / name).write_bytes(text.encode())
+        (options.out / name).write_bytes(text.encode())
 
 
 if __name__ == "__main__":

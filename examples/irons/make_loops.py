@@ -87,20 +87,20 @@ class Truth:
     counted: NDArray[np.bool_]  # samples that belong to the named path, without the lead-in
 
 
-def sweeps(ends: list[float]) -> FloatArray:
+def sweeps(turning_points: list[float]) -> FloatArray:
     """Return the samples of straight current ramps between points, A."""
     step = DRIVE["sweep_A_per_s"] * DRIVE["sample_s"]
-    parts = [np.array(ends[:1])]
-    for start, end in pairwise(ends):
+    ramp_samples = [np.array(turning_points[:1])]
+    for start, end in pairwise(turning_points):
         count = max(1, round(abs(end - start) / step))
-        parts.append(start + (end - start) * np.arange(1, count + 1) / count)
-    return np.concatenate(parts)
+        ramp_samples.append(start + (end - start) * np.arange(1, count + 1) / count)
+    return np.concatenate(ramp_samples)
 
 
-def _truth(name: str, label: str, current: FloatArray, gap: FloatArray, since: int) -> Truth:
+def _truth(name: str, label: str, current: FloatArray, gap: FloatArray, first_counted: int) -> Truth:
     time = DRIVE["sample_s"] * np.arange(current.size)
     force = np.ascontiguousarray(Coil(magnet(name)).run(current, gap)[:, 0])
-    return Truth(label, time, current, gap, force, np.arange(current.size) >= since)
+    return Truth(label, time, current, gap, force, np.arange(current.size) >= first_counted)
 
 
 def moving(name: str) -> Truth:
@@ -108,8 +108,8 @@ def moving(name: str) -> Truth:
     rng = np.random.default_rng([SEED, 1])
     current = sweeps([0.0, *(LARGEST * rng.random(MOVING_TURNS)).tolist(), 0.0])
     gaps = SETTINGS["identification"]["gaps_m"]
-    middle, swing = 0.5 * (gaps[-1] + gaps[0]), 0.5 * (gaps[-1] - gaps[0])
-    gap = middle + swing * sine(DRIVE["sample_s"] / MOVING_PERIOD * np.arange(current.size))
+    middle_gap, gap_amplitude = 0.5 * (gaps[-1] + gaps[0]), 0.5 * (gaps[-1] - gaps[0])
+    gap = middle_gap + gap_amplitude * sine(DRIVE["sample_s"] / MOVING_PERIOD * np.arange(current.size))
     return _truth(name, "moving", current, gap, 0)
 
 
@@ -121,13 +121,13 @@ def small_cycles(name: str) -> Iterator[Truth]:
     rng = np.random.default_rng([SEED, 2])
     for gap in SETTINGS["unseen"]["gaps_m"]:
         for bias in SMALL_BIASES:
-            for side, way in (("up", [0.0, LARGEST, 0.0]), ("down", [0.0, LARGEST])):
+            for side, approach_points in (("up", [0.0, LARGEST, 0.0]), ("down", [0.0, LARGEST])):
                 swings = SMALL_SWING * (2.0 * rng.random(SMALL_TURNS) - 1.0)
-                there = sweeps([*way, LARGEST * bias])
+                approach = sweeps([*approach_points, LARGEST * bias])
                 cycles = sweeps([LARGEST * bias, *(LARGEST * (bias + swings)).tolist()])[1:]
-                current = np.concatenate([there, cycles])
+                current = np.concatenate([approach, cycles])
                 label = f"{gap * 1e3:.2f}mm-{bias:g}-{side}"
-                yield _truth(name, label, current, np.full(current.size, gap), there.size)
+                yield _truth(name, label, current, np.full(current.size, gap), approach.size)
 
 
 def rows(truths: list[Truth], offset: float) -> Iterator[str]:
@@ -155,33 +155,33 @@ def files(name: str) -> dict[str, str]:
     """Return the text of every file of one iron, by name."""
     offset = SETTINGS["sensors"]["current_offset_A"]
 
-    head = f"simulated, see README.md: the bundled electromagnet with the iron {name}\n"
-    truth = f"{head}F_N: true force. I_A: true current plus the constant offset of the sensor\n"
-    settled = "history: settled; one cycle of each loop after three of the same loop"
-    begun = "history: demagnetised"
-    measured = bundled.measure("identification", other=Stepped(name))
-    unseen = bundled.measure("unseen", other=Stepped(name))
+    header = f"simulated, see README.md: the bundled electromagnet with the iron {name}\n"
+    truth = f"{header}F_N: true force. I_A: true current plus the constant offset of the sensor\n"
+    settled_note = "history: settled; one cycle of each loop after three of the same loop"
+    demagnetised_note = "history: demagnetised"
+    measured_records = bundled.measure("identification", other=Stepped(name))
+    unseen_records = bundled.measure("unseen", other=Stepped(name))
     texts = {
-        "loops": (head + settled, bundled.measured_rows(measured), "settled"),
-        "unseen_truth": (truth + settled, bundled.true_rows(unseen, offset), "settled"),
-        "moving_truth": (truth + begun, rows([moving(name)], offset), "demagnetised"),
-        "small_truth": (truth + begun, rows(list(small_cycles(name)), offset), "demagnetised"),
+        "loops": (header + settled_note, bundled.measured_rows(measured_records), "settled"),
+        "unseen_truth": (truth + settled_note, bundled.true_rows(unseen_records, offset), "settled"),
+        "moving_truth": (truth + demagnetised_note, rows([moving(name)], offset), "demagnetised"),
+        "small_truth": (truth + demagnetised_note, rows(list(small_cycles(name)), offset), "demagnetised"),
     }
-    found = {}
+    file_texts = {}
     for stem, (notes, lines, history) in texts.items():
-        found[f"{stem}.csv"] = bundled.csv_text(notes, lines)
-        found[f"{stem}.toml"] = f'history = "{history}"\n'
-    return found
+        file_texts[f"{stem}.csv"] = bundled.csv_text(notes, lines)
+        file_texts[f"{stem}.toml"] = f'history = "{history}"\n'
+    return file_texts
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Simulate the bundled magnet of another iron.")
     parser.add_argument("name", choices=sorted(tables()), help="iron, by its name in irons.toml")
     parser.add_argument("--out", type=Path, required=True, help="folder to write to")
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
-    for name, text in files(given.name).items():
-        (given.out / name).write_bytes(text.encode())
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    for name, text in files(options.name).items():
+        (options.out / name).write_bytes(text.encode())
 
 
 if __name__ == "__main__":

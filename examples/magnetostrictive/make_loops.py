@@ -40,17 +40,17 @@ NOISE, STEP = 1e-6, 0.5e-6
 
 def rod(load: float) -> PreisachSteel:
     """Return the rod under a prestress, MPa."""
-    harder = 1.0 + load / 12.0
+    stress_factor = 1.0 + load / 12.0
     return PreisachSteel(
         family="preisach",
         saturation_T=0.85 * SATURATION,
-        pinning_A_per_m=2.2e3 * harder**0.3,
+        pinning_A_per_m=2.2e3 * stress_factor**0.3,
         pinning_spread=0.45,
-        bias_A_per_m=14e3 * harder,
+        bias_A_per_m=14e3 * stress_factor,
         bias_by_pinning=0.6,
         feedback_A_per_m_T=2e3,
         saturation_sharp_T=0.05 * SATURATION,
-        knee_sharp_A_per_m=12e3 * harder,
+        knee_sharp_A_per_m=12e3 * stress_factor,
         saturation_slow_T=0.10 * SATURATION,
         knee_slow_A_per_m=60e3,
     )
@@ -58,17 +58,17 @@ def rod(load: float) -> PreisachSteel:
 
 def strain(load: float, field: Array) -> Array:
     """Return the strain for a field of the coil, A/m, starting from the demagnetised rod."""
-    whole = BIAS + field
-    lead = np.linspace(0.0, whole[0], 400)
-    density = Piece(rod(load).make_steel()).run(np.concatenate([lead, whole]))[lead.size :, 1]
-    s = ((density - MU_0 * whole) / SATURATION) ** 2
+    total_field = BIAS + field
+    initial_ramp = np.linspace(0.0, total_field[0], 400)
+    density = Piece(rod(load).make_steel()).run(np.concatenate([initial_ramp, total_field]))[initial_ramp.size :, 1]
+    s = ((density - MU_0 * total_field) / SATURATION) ** 2
     return LAMBDA * (s + TIP * s**2)
 
 
-def swing(size: float) -> Array:
+def swing(amplitude: float) -> Array:
     """Return three cycles of the coil's field, A/m, from zero; the loop closes in the first."""
     phase = 2.0 * np.pi * np.arange(3 * SAMPLES + 1) / SAMPLES
-    return size * np.sin(phase)
+    return amplitude * np.sin(phase)
 
 
 def write(path: Path, loads: tuple[float, ...], noise: float) -> None:
@@ -76,15 +76,15 @@ def write(path: Path, loads: tuple[float, ...], noise: float) -> None:
     generator = np.random.default_rng(SEED)
     rows = []
     for load in loads:
-        field = np.concatenate([swing(size) for size in SWINGS])
-        found = strain(load, field)
-        for place, size in enumerate(SWINGS):
-            last = slice((3 * SAMPLES + 1) * place + 2 * SAMPLES, (3 * SAMPLES + 1) * (place + 1))
-            read = found[last] + noise * generator.standard_normal(SAMPLES + 1)
-            read = np.round(read / STEP) * STEP if noise else read
+        field = np.concatenate([swing(amplitude) for amplitude in SWINGS])
+        strains = strain(load, field)
+        for index, amplitude in enumerate(SWINGS):
+            last_cycle = slice((3 * SAMPLES + 1) * index + 2 * SAMPLES, (3 * SAMPLES + 1) * (index + 1))
+            readings = strains[last_cycle] + noise * generator.standard_normal(SAMPLES + 1)
+            readings = np.round(readings / STEP) * STEP if noise else readings
             rows += [
-                (f"{size / 1e3:g}", load, h / 1e3, 1e6 * y)
-                for h, y in zip(field[last].tolist(), read.tolist(), strict=True)
+                (f"{amplitude / 1e3:g}", load, h / 1e3, 1e6 * y)
+                for h, y in zip(field[last_cycle].tolist(), readings.tolist(), strict=True)
             ]
     lines = ["loop,sigma_MPa,H_kA_per_m,eps_ppm"]
     lines += [f"{label},{load:g},{h:.5f},{y:.3f}" for label, load, h, y in rows]

@@ -32,10 +32,10 @@ REST = 1000.0
 """Rest before each cycle record, s."""
 
 
-def ramps(points: FloatArray, pace: float, dt: float) -> FloatArray:
+def ramps(points: FloatArray, rate: float, dt: float) -> FloatArray:
     """Return samples of straight ramps between points at a rate, V/s."""
-    when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
-    return np.interp(np.arange(0.0, when[-1], dt), when, points)
+    times = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / rate)])
+    return np.interp(np.arange(0.0, times[-1], dt), times, points)
 
 
 def nested() -> FloatArray:
@@ -52,9 +52,9 @@ def random_reversals(generator: np.random.Generator) -> FloatArray:
     return ramps(points, 0.5 * PACE, DT)
 
 
-def cycles(rate: float) -> tuple[FloatArray, float]:
+def cycles(frequency: float) -> tuple[FloatArray, float]:
     """Return two full cycles at a frequency, Hz, and the time step of their samples, s."""
-    dt = 1.0 / (400.0 * rate)
+    dt = 1.0 / (400.0 * frequency)
     return 0.5 * LARGEST * (1.0 - np.cos(2.0 * np.pi * np.arange(801) / 400.0)), dt
 
 
@@ -72,30 +72,30 @@ def main() -> None:
     sensor = rig.settings.position_sensor
     generator = np.random.default_rng(SEED)
     drive = nested()
-    read = run(rig, drive, DT) + generator.normal(0.0, sensor.noise_m, drive.size)
-    read = np.round(read / sensor.step_m) * sensor.step_m
+    readings = run(rig, drive, DT) + generator.normal(0.0, sensor.noise_m, drive.size)
+    readings = np.round(readings / sensor.step_m) * sensor.step_m
     time = DT * np.arange(drive.size, dtype=np.float64)
-    write(folder / "loops.csv", time, drive, read)
+    write(folder / "loops.csv", time, drive, readings)
     drive = random_reversals(generator)
     write(folder / "unseen.csv", DT * np.arange(drive.size, dtype=np.float64), drive, run(rig, drive, DT))
     with_rates(rig, folder / "rates.csv")
 
 
-def write(path: Path, time: FloatArray, drive: FloatArray, x: FloatArray) -> None:
+def write(path: Path, time: FloatArray, drive: FloatArray, displacement: FloatArray) -> None:
     """Write one record with the resolution of an instrument, displacement in micrometres."""
-    columns = {"t_s": np.round(time, 6), "U_V": np.round(drive, 4), "x_um": np.round(1e6 * x, 4)}
+    columns = {"t_s": np.round(time, 6), "U_V": np.round(drive, 4), "x_um": np.round(1e6 * displacement, 4)}
     write_csv(path, columns)
 
 
 def with_rates(rig: PiezoRig, path: Path) -> None:
     """Write full cycles, one loop for each frequency, each after a rest."""
     lines = ["loop,t_s,U_V,x_um"]
-    for place, rate in enumerate(RATES):
-        drive, dt = cycles(rate)
-        found = run(rig, drive, dt)
+    for index, frequency in enumerate(RATES):
+        drive, dt = cycles(frequency)
+        displacement = run(rig, drive, dt)
         lines += [
-            f"{rate:g}Hz,{REST * place + dt * i:.7f},{u:.4f},{1e6 * x:.4f}"
-            for i, (u, x) in enumerate(zip(drive.tolist(), found.tolist(), strict=True))
+            f"{frequency:g}Hz,{REST * index + dt * i:.7f},{u:.4f},{1e6 * x:.4f}"
+            for i, (u, x) in enumerate(zip(drive.tolist(), displacement.tolist(), strict=True))
         ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
