@@ -32,8 +32,8 @@ from anhyst_rigs.study.piezo import make_reference, measure_stage_loops, simulat
 from compiled import ported_costs
 from rows import ROOT, Row, measurements
 
-REACH_M = 0.3e-6
-AUTHORS = "authors 0.58"
+TARGET_M = 0.3e-6
+AUTHORS_TEXT = "authors 0.58"
 SWITCH_ON_SAMPLES = 100
 """Number of samples at the beginning of the real record in which the amplifier is switched on."""
 
@@ -61,7 +61,7 @@ def real_piezo(folder: Path) -> list[Row]:
         inverses = {
             "play cells": _play_cells(loops, fitted_half),
             "best single-valued curve": _single_valued(fitted_half),
-            "classic Prandtl-Ishlinskii": _classic(fitted_half),
+            "classic Prandtl-Ishlinskii": _prandtl_ishlinskii(fitted_half),
         }
         slope = np.ptp(fitted_half.output[SWITCH_ON_SAMPLES:]) / np.ptp(fitted_half.input)
         errors = {
@@ -73,8 +73,8 @@ def real_piezo(folder: Path) -> list[Row]:
             Row(
                 f"piezo in a flexure, {name}, other half inverted: rms voltage error as displacement",
                 "<= 0.3 um of 45",
-                f"{1e6 * errors['play cells']:.3f} um; {other_errors}, {AUTHORS}",
-                bool(errors["play cells"] <= REACH_M),
+                f"{1e6 * errors['play cells']:.3f} um; {other_errors}, {AUTHORS_TEXT}",
+                bool(errors["play cells"] <= TARGET_M),
             )
         )
     return rows
@@ -82,8 +82,8 @@ def real_piezo(folder: Path) -> list[Row]:
 
 def _record_part(full_record: Loop, sample_range: slice, history: str) -> Loop:
     assert full_record.time is not None
-    return Loop("1", full_record.input[sample_range], full_record.output[sample_range], None, full_record.time[sample_range],
-                History.parse(history))  # fmt: skip
+    return Loop("1", full_record.input[sample_range], full_record.output[sample_range], None,
+                full_record.time[sample_range], History.parse(history))  # fmt: skip
 
 
 def _play_cells(loops: Loops, fitted_half: Loop) -> Inverse:
@@ -102,7 +102,7 @@ def _single_valued(fitted_half: Loop) -> Inverse:
     return lambda whole: np.asarray(curve(whole.output))
 
 
-def _classic(fitted_half: Loop) -> Inverse:
+def _prandtl_ishlinskii(fitted_half: Loop) -> Inverse:
     """Return the inverse of weighted play operators in closed form (Prandtl-Ishlinskii)."""
     thresholds = np.concatenate([[0.0], np.linspace(0.05, 0.5, 12) * np.ptp(fitted_half.input)])
     play_outputs = move_plays(fitted_half.input[None], thresholds, np.zeros((1, thresholds.size)))[
@@ -110,12 +110,16 @@ def _classic(fitted_half: Loop) -> Inverse:
     ]
     offset_column = np.ones((play_outputs.shape[0], 1))
     weights, _ = nnls(
-        np.hstack([play_outputs, offset_column, -offset_column]), fitted_half.output[SWITCH_ON_SAMPLES:] * 1e6, maxiter=10000
+        np.hstack([play_outputs, offset_column, -offset_column]),
+        fitted_half.output[SWITCH_ON_SAMPLES:] * 1e6,
+        maxiter=10000,
     )
     offset, weights = weights[-2] - weights[-1], weights[:-2]
     weight_sums = np.cumsum(weights)
     reversed_loop = np.array([weights[:i] @ (r - thresholds[:i]) for i, r in enumerate(thresholds)])
-    inverse_weights = np.concatenate([[1.0 / weights[0]], -weights[1:] / (weight_sums[1:] * weight_sums[:-1])])
+    inverse_weights = np.concatenate(
+        [[1.0 / weights[0]], -weights[1:] / (weight_sums[1:] * weight_sums[:-1])]
+    )
 
     def inverse(full_record: Loop) -> FloatArray:
         demand = 1e6 * full_record.output[None] - offset
@@ -141,11 +145,13 @@ def stage() -> list[Row]:
             f"{tracking_study.deviation_ratio():.3f}: {texts}",
             tracking_study.deviation_ratio() <= 0.2,
         ),
-        *_compiled(rig.settings.timing.rate_Hz, measure_stage_loops(rig), make_reference(rig)),
+        *_measure_compiled_inverse(
+            rig.settings.timing.rate_Hz, measure_stage_loops(rig), make_reference(rig)
+        ),
     ]
 
 
-def _compiled(rate: float, loops: Loops, demand: FloatArray) -> list[Row]:
+def _measure_compiled_inverse(rate: float, loops: Loops, demand: FloatArray) -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as folder_name:
         model, folder = Path(folder_name) / "model.toml", Path(folder_name) / "c"
         write_model(identify(loops).model, model)

@@ -34,18 +34,18 @@ from planar import RIG
 from rows import Row
 
 METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "fused", "single-valued")
-PLANTS, FEWER = 12, 4
-FIGURES = ("average", "peak", "settling", "z", "ry", "rz")
-UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")
+PLANTS, BASELINE_PLANTS = 12, 4
+METRIC_NAMES = ("average", "peak", "settling", "z", "ry", "rz")
+METRIC_UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")
 
 
 @dataclass(frozen=True)
 class PlantResult:
     """The result of one plant with one method."""
 
-    figures: FloatArray  # before and after each number of scans, one column for each metric
-    taken: bool
-    fits: bool
+    metrics: FloatArray  # before and after each number of scans, one column for each metric
+    is_applied: bool
+    model_fits: bool
 
 
 def calibrate_plant(bench_and_plant: tuple[Bench, int]) -> PlantResult:
@@ -60,9 +60,19 @@ def calibrate_plant(bench_and_plant: tuple[Bench, int]) -> PlantResult:
         run = track(setup, motion, gains, noise)
         cross_talk_errors = cross_talk(run, motion, stationary_axes(rig.settings))
         tracking_measures = measure(run, motion, rig.settings.scan.slit_s)
-        scaled_metrics = [tracking_measures.average_m, tracking_measures.peak_m, 1e-6 * tracking_measures.settling_50_s]
+        scaled_metrics = [
+            tracking_measures.average_m,
+            tracking_measures.peak_m,
+            1e-6 * tracking_measures.settling_50_s,
+        ]
         return [
-            1e9 * value for value in (*scaled_metrics, cross_talk_errors["z_m"], cross_talk_errors["ry_rad"], cross_talk_errors["rz_rad"])
+            1e9 * value
+            for value in (
+                *scaled_metrics,
+                cross_talk_errors["z_m"],
+                cross_talk_errors["ry_rad"],
+                cross_talk_errors["rz_rad"],
+            )
         ]
 
     metrics, learner = [test_errors()], ParameterEstimator(law)
@@ -77,7 +87,7 @@ def calibrate_plant(bench_and_plant: tuple[Bench, int]) -> PlantResult:
 
 DIRECTIONS = {"x": None, "y": [11.0, 6.0, 9.0]}
 """Directions of the test set-points; accelerations, m/s2, if not those of the rig file."""
-JUDGED = ("x, average, nm", "y, average, nm", "rz, nrad")
+TEST_METRIC_TITLES = ("x, average, nm", "y, average, nm", "rz, nrad")
 
 
 def turn_set_points(rig: BodyRig, direction_name: str) -> BodyRig:
@@ -109,22 +119,29 @@ def measure_both_directions(bench_and_plant: tuple[Bench, int]) -> list[list[flo
         return [*averages, rz_errors[0]]
 
     def errors_after_calibration(run: Recording) -> list[float]:
-        return direction_errors(law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)]), drift))
+        return direction_errors(
+            law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)]), drift)
+        )
 
     move_legs = select_legs(ParameterEstimator(law), nominal)
     training_run = track(unknown_errors, training_motion(bench.rig), Feedforward(), noise + 1)
-    return [direction_errors(unknown_errors), errors_after_calibration(training_run), errors_after_calibration(fly_legs(unknown_errors, move_legs, noise + 1))]
+    return [
+        direction_errors(unknown_errors),
+        errors_after_calibration(training_run),
+        errors_after_calibration(fly_legs(unknown_errors, move_legs, noise + 1)),
+    ]
 
 
 def make_method_rows(method: str, results: Sequence[PlantResult]) -> list[Row]:
     """Return the rows of one method: 50th and 95th percentiles over the plants."""
-    values = np.array([result.figures for result in results])
+    values = np.array([result.metrics for result in results])
     medians, percentiles_95 = np.percentile(values, [50.0, 95.0], axis=0)
     count = (
-        f"applied {sum(result.taken for result in results)}, fits {sum(result.fits for result in results)}"
+        f"applied {sum(result.is_applied for result in results)}, "
+        f"fits {sum(result.model_fits for result in results)}"
     )
     result_rows = []
-    for metric_index, (name, unit) in enumerate(zip(FIGURES, UNITS, strict=True)):
+    for metric_index, (name, unit) in enumerate(zip(METRIC_NAMES, METRIC_UNITS, strict=True)):
         pairs = zip(medians[:, metric_index], percentiles_95[:, metric_index], strict=True)
         text = " -> ".join(f"{median:.3g} / {percentile_95:.3g}" for median, percentile_95 in pairs)
         target, is_met = "reported", None
@@ -145,14 +162,21 @@ def make_target_rows() -> list[Row]:
     rig = read_stage(RIG)
     magnet = identify_stage_magnet(rig)
     benches = map_ordered(make_bench, [("planar", rig, magnet, method) for method in METHODS])
-    plants = [PLANTS if bench.method == METHODS[0] else FEWER for bench in benches]
-    bench_plant_pairs = [(bench, plant) for bench, n in zip(benches, plants, strict=True) for plant in range(n)]
+    plants = [PLANTS if bench.method == METHODS[0] else BASELINE_PLANTS for bench in benches]
+    bench_plant_pairs = [
+        (bench, plant) for bench, n in zip(benches, plants, strict=True) for plant in range(n)
+    ]
     results = map_ordered(calibrate_plant, bench_plant_pairs)
     return [
         row
         for row_bench in benches
         for row in make_method_rows(
-            row_bench.method, [result for result, (bench, _) in zip(results, bench_plant_pairs, strict=True) if bench is row_bench]
+            row_bench.method,
+            [
+                result
+                for result, (bench, _) in zip(results, bench_plant_pairs, strict=True)
+                if bench is row_bench
+            ],
         )
         if any(f": {name}," in row.what for name in ("average", "rz"))
     ]
@@ -171,11 +195,13 @@ def rows() -> list[Row]:
             f"{median:.3g} / {percentile_95:.3g}"
             for median, percentile_95 in zip(medians[:, index], percentiles_95[:, index], strict=True)
         )
-        for index, name in enumerate(JUDGED)
+        for index, name in enumerate(TEST_METRIC_TITLES)
     )
     title = "balancing, full, feedforward of the mass only: before -> after a scan in x -> after the move"
     directions_row = Row(title, "reported", text, None)
-    plant_results = map_ordered(calibrate_plant, [(bench, plant) for bench in benches for plant in range(PLANTS)])
+    plant_results = map_ordered(
+        calibrate_plant, [(bench, plant) for bench in benches for plant in range(PLANTS)]
+    )
     return [directions_row] + [
         row
         for index, bench in enumerate(benches)

@@ -45,7 +45,7 @@ class Iron:
     """One iron of the comparison, its identified model and its controllers."""
 
     rig: BodyRig
-    at: OperatingPoint
+    operating_point: OperatingPoint
     knowledge: IdentifiedMagnet
     setups: Mapping[MethodName, BearingSetup]
 
@@ -55,10 +55,14 @@ class Iron:
         steel = self.rig.settings.steel
         assert isinstance(steel, CellSteel)
         fraction_text = f"{steel.reversible_fraction:g}"
-        return f"{fraction_text} (pathological)" if self.at.slopes.label == "pathological" else fraction_text
+        return (
+            f"{fraction_text} (pathological)"
+            if self.operating_point.slopes.label == "pathological"
+            else fraction_text
+        )
 
 
-def read() -> tuple[BodyRig, ControllerFile]:
+def read_example() -> tuple[BodyRig, ControllerFile]:
     """Read the rig and the controller of the example."""
     return read_bearing(FOLDER / "rig.toml"), read_controller(FOLDER / "controller.toml")
 
@@ -74,14 +78,14 @@ def make_iron(rig: BodyRig, controller: ControllerFile, fraction: float) -> Iron
     return Iron(iron_rig, find_operating_point(iron_rig), knowledge, setups)
 
 
-def same_gains(iron: Iron) -> list[StepCell]:
+def run_same_gains(iron: Iron) -> list[StepCell]:
     """Run steps of every height with every variant and the same gains."""
     gap = iron.rig.settings.gap_m
     load = iron.rig.settings.load.force_N
     return compare_steps(list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig))
 
 
-def overshoot(cells: Sequence[StepCell], variant: MethodName) -> list[float]:
+def mean_overshoots(cells: Sequence[StepCell], variant: MethodName) -> list[float]:
     """Return the mean overshoot of a variant at every height, %; NaN if a run was lost."""
     return [cell.interval("overshoot_percent").mean for cell in cells if cell.variant == variant]
 
@@ -95,7 +99,9 @@ def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) ->
         for variant in VARIANTS:
             variant_cells = [cell for cell in cells if cell.variant == variant]
             overshoot_texts = [_overshoot_text(cell) for cell in variant_cells]
-            settling, standstill_text = (_mean_text(variant_cells[2], *metric) for metric in (_SETTLING, _STANDSTILL))
+            settling, standstill_text = (
+                _mean_text(variant_cells[2], *metric) for metric in (_SETTLING, _STANDSTILL)
+            )
             lines.append(
                 f"| {iron.title} | `{variant}` | {' | '.join(overshoot_texts)} | {settling} | {standstill_text} |"
             )
@@ -120,7 +126,7 @@ def _mean_text(cell: CaseFigures, name: str, factor: float, number_format: str, 
     return f"{factor * cell.interval(name).mean:{number_format}} {unit}"
 
 
-def quiet(rig: BodyRig) -> BodyRig:
+def with_quiet_sensor(rig: BodyRig) -> BodyRig:
     """Return the rig with a sensor of 5 nm rms instead of the encoder."""
     sensor = rig.settings.gap_sensor
     capacitive = GapSensorTable(
@@ -142,7 +148,7 @@ def slow_table(irons: Sequence[Iron]) -> str:
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for iron in irons:
-        rig = quiet(iron.rig)
+        rig = with_quiet_sensor(iron.rig)
         setups = {name: BearingSetup(rig, s.compensator, s.controller) for name, s in iron.setups.items()}
         seeds = default_seeds(rig)
         results = experiments.run_variants(experiments.run_trajectory, setups, seeds, triangle)
@@ -158,7 +164,7 @@ def slow_table(irons: Sequence[Iron]) -> str:
     return "\n".join(lines)
 
 
-def in_format(
+def make_setup_in_format(
     iron: Iron, controller: ControllerFile, variant: MethodName, name: NumberFormat
 ) -> BearingSetup:
     """Fit a variant of an iron in another number format."""
@@ -167,21 +173,21 @@ def in_format(
 
 def rows() -> list[Row]:
     """Return all rows of the bearing that have a target."""
-    rig, controller = read()
+    rig, controller = read_example()
     irons = [make_iron(rig, controller, fraction) for fraction in IRONS]
     return [
-        *_claims(irons, [same_gains(iron) for iron in irons]),
-        *_standstill(irons),
-        *_formats(irons[1], controller),
-        *_events(irons[1]),
+        *_overshoot_rows(irons, [run_same_gains(iron) for iron in irons]),
+        *_standstill_rows(irons),
+        *_format_rows(irons[1], controller),
+        *_event_rows(irons[1]),
     ]
 
 
-def _claims(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> list[Row]:
+def _overshoot_rows(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> list[Row]:
     result_rows = []
     for iron, cells in zip(irons, results, strict=True):
-        full_overshoots = overshoot(cells, "full")
-        overshoots_by_variant = {name: overshoot(cells, name) for name in VARIANTS}
+        full_overshoots = mean_overshoots(cells, "full")
+        overshoots_by_variant = {name: mean_overshoots(cells, name) for name in VARIANTS}
         ratios = [a / b for a, b in zip(full_overshoots, overshoots_by_variant["ratio"], strict=True)]
         result_rows.append(
             Row(
@@ -195,17 +201,19 @@ def _claims(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> lis
     return result_rows
 
 
-def _standstill(irons: Sequence[Iron]) -> list[Row]:
+def _standstill_rows(irons: Sequence[Iron]) -> list[Row]:
     result_rows = []
     for iron in irons:
         setups = {
-            name: BearingSetup(quiet(iron.rig), setup.compensator, setup.controller)
+            name: BearingSetup(with_quiet_sensor(iron.rig), setup.compensator, setup.controller)
             for name, setup in iron.setups.items()
         }
         results = experiments.run_variants(experiments.run_standstill, setups, default_seeds(iron.rig), None)
         full_results = results["full"]
         metrics_text = ", ".join(_standstill_text(name, metrics) for name, metrics in results.items())
-        is_met = not full_results.lost and full_results.interval("rms_m").mean <= 10e-9 and not full_results.cycles
+        is_met = (
+            not full_results.lost and full_results.interval("rms_m").mean <= 10e-9 and not full_results.cycles
+        )
         has_target = iron.rig.settings.iron is not None and iron is not irons[0]
         result_rows.append(
             Row(
@@ -224,13 +232,13 @@ def _standstill_text(name: str, metrics: experiments.ExperimentFigures) -> str:
     return f"{name} {_mean_text(metrics, 'rms_m', 1e9, '.1f', 'nm')}{cycle_text}"
 
 
-def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
+def _format_rows(iron: Iron, controller: ControllerFile) -> list[Row]:
     variants: tuple[MethodName, ...] = ("single-valued", "simplified", "full")
     formats: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
     gap, load = iron.rig.settings.gap_m, iron.rig.settings.load.force_N
     worst, result_texts = 0.0, []
     for variant in variants:
-        setups = {name: in_format(iron, controller, variant, name) for name in formats}
+        setups = {name: make_setup_in_format(iron, controller, variant, name) for name in formats}
         seeds = default_seeds(iron.rig)
         cells = compare_steps(list(setups.values()), [gap], HEIGHTS, [load], seeds)
         cells_by_format = [cells[4 * index : 4 * index + 4] for index in range(len(formats))]
@@ -259,7 +267,7 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
     ]
 
 
-def _events(iron: Iron) -> list[Row]:
+def _event_rows(iron: Iron) -> list[Row]:
     result_rows = []
     for event in experiments.EVENTS:
         seeds = default_seeds(iron.rig)
@@ -283,9 +291,9 @@ def _events(iron: Iron) -> list[Row]:
 def main() -> None:
     """Print the tables."""
     start_time = time.perf_counter()
-    rig, controller = read()
+    rig, controller = read_example()
     irons = [make_iron(rig, controller, fraction) for fraction in IRONS]
-    print(steps_table(irons, [same_gains(iron) for iron in irons]))
+    print(steps_table(irons, [run_same_gains(iron) for iron in irons]))
     print()
     print(slow_table(irons))
     print(f"{time.perf_counter() - start_time:.0f} s", file=sys.stderr)

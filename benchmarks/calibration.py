@@ -51,8 +51,8 @@ PLANTS, OPERATION_PLANTS, OTHER_PLANTS = 12, 6, 4
 """
 AVERAGE_WEIGHT = 0.5
 """Weight of the moving average in the search of gains."""
-CELLS = ("cells 0.05", "cells 0.3")
-OTHER_IRONS = (*CELLS, "preisach-usual", "preisach-hard", "duhem-usual")
+CELL_IRONS = ("cells 0.05", "cells 0.3")
+OTHER_IRONS = (*CELL_IRONS, "preisach-usual", "preisach-hard", "duhem-usual")
 """Irons other than that of the example; for these, only the largest number of scans is tried."""
 FORGETTING_IRON = "duhem-usual"
 SINGLE_ERRORS = ("gap zero", "current scale", "pinning", "eddy lag")
@@ -60,7 +60,7 @@ SINGLE_ERRORS = ("gap zero", "current scale", "pinning", "eddy lag")
 METRICS = (("average_m", "nm", 1e9), ("peak_m", "nm", 1e9), ("settling_50_s", "ms", 1e3))
 FLUX_METHODS = ("flux", "fused")
 """Methods with a flux probe, which have a target for the iron without return-point memory."""
-ASKED_WITH_PROBE = (44.0, 45.0)
+PROBE_TARGETS = (44.0, 45.0)
 HOUR_S = 3600.0
 OPERATION_SCANS: Mapping[str, int] = {"full": 150, "flux": 600}
 """Number of scans in an hour of operation; half this number precedes them for settling."""
@@ -70,10 +70,10 @@ OPERATION_SCANS: Mapping[str, int] = {"full": 150, "flux": 600}
 class Aim:
     """Targets for the example's iron: 50th / 95th percentile, nm; peak, nm; settling time, ms."""
 
-    first: tuple[float, float] | None  # moving average after one scan, nm
-    last: tuple[float, float]  # moving average after four scans, nm
-    peak: float
-    settling: float | None = None
+    first_scan_target: tuple[float, float] | None  # moving average after one scan, nm
+    last_scan_target: tuple[float, float]  # moving average after four scans, nm
+    peak_target: float
+    settling_target: float | None = None
 
 
 AIMS: Mapping[str, Aim] = {
@@ -95,32 +95,36 @@ def is_within(percentiles: Pair, targets: Pair) -> bool:
 class CaseResult:
     """The results of all plants of one case."""
 
-    flown: list[tuple[list[Measures], CalibratedMethod]]
+    plant_results: list[tuple[list[Measures], CalibratedMethod]]
 
     def percentiles(self, name: str) -> list[Pair]:
         """Return the 50th and 95th percentiles over the plants, before and after the scans."""
         factor = {metric: unit_factor for metric, _, unit_factor in METRICS}[name]
-        values = np.array([[getattr(measures, name) for measures in figures] for figures, _ in self.flown])
+        values = np.array(
+            [[getattr(measures, name) for measures in figures] for figures, _ in self.plant_results]
+        )
         medians, percentiles_95 = factor * np.percentile(values, [50.0, 95.0], axis=0)
         return list(zip(medians.tolist(), percentiles_95.tolist(), strict=True))
 
     @property
     def applied_count(self) -> int:
         """The number of plants whose calibration is applied."""
-        return sum(method.is_applied for _, method in self.flown)
+        return sum(method.is_applied for _, method in self.plant_results)
 
     def percentiles_text(self, name: str) -> str:
         """Return the percentiles of a metric before and after calibration, as text."""
-        return " -> ".join(f"{median:.3g} / {percentile_95:.3g}" for median, percentile_95 in self.percentiles(name))
+        return " -> ".join(
+            f"{median:.3g} / {percentile_95:.3g}" for median, percentile_95 in self.percentiles(name)
+        )
 
     @property
     def count_text(self) -> str:
         """The number of plants and of applied calibrations, and estimated masses, as text."""
-        masses = [f"{method.mass_kg:.4g}" for _, method in self.flown if method.mass_kg is not None]
+        masses = [f"{method.mass_kg:.4g}" for _, method in self.plant_results if method.mass_kg is not None]
         mass_text = f", estimated mass {', '.join(masses)} kg" if masses else ""
-        return f"{len(self.flown)} plants, applied to {self.applied_count}{mass_text}"
+        return f"{len(self.plant_results)} plants, applied to {self.applied_count}{mass_text}"
 
-    def row(self, title: str, target: str, is_met: bool | None) -> Row:
+    def make_row(self, title: str, target: str, is_met: bool | None) -> Row:
         """Return a table row with the moving average, the peak and the settling time."""
         other_metrics = "; ".join(
             f"{name[:-2]} {self.percentiles_text(name)}" for name in ("peak_m", "settling_50_s")
@@ -134,8 +138,8 @@ def run_trials(trials: Sequence[Trial]) -> dict[Case, CaseResult]:
     results_by_case: dict[Case, CaseResult] = {}
 
     for trial, results in zip(trials, map_ordered(Trial.run, trials), strict=True):
-        case = trial.bench.iron, trial.bench.method, trial.errors, trial.world
-        results_by_case.setdefault(case, CaseResult([])).flown.append(results)
+        case = trial.bench.iron, trial.bench.method, trial.error_case, trial.effect_name
+        results_by_case.setdefault(case, CaseResult([])).plant_results.append(results)
     return results_by_case
 
 
@@ -145,17 +149,24 @@ def make_headline_rows(title: str, aim: Aim | None, result: CaseResult) -> list[
     target_texts = ["reported"] * 3
     is_met: list[bool | None] = [None] * 3
     if aim is not None:
-        first_target = f"{aim.first[0]:g} / {aim.first[1]:g} after one scan, " if aim.first else ""
-        target_texts[:2] = (
-            f"{first_target}{aim.last[0]:g} / {aim.last[1]:g} after four",
-            f"{aim.peak:g} (50 %)",
+        first_target = (
+            f"{aim.first_scan_target[0]:g} / {aim.first_scan_target[1]:g} after one scan, "
+            if aim.first_scan_target
+            else ""
         )
-        average_met = is_within(average[-1], aim.last)
-        if aim.first is not None:
-            average_met = average_met and is_within(average[1], aim.first)
-        is_met[:2] = average_met, peak[-1][0] <= aim.peak
-        if aim.settling is not None:
-            target_texts[2], is_met[2] = f"{aim.settling:g} (50 %)", settled[-1][0] <= aim.settling
+        target_texts[:2] = (
+            f"{first_target}{aim.last_scan_target[0]:g} / {aim.last_scan_target[1]:g} after four",
+            f"{aim.peak_target:g} (50 %)",
+        )
+        average_met = is_within(average[-1], aim.last_scan_target)
+        if aim.first_scan_target is not None:
+            average_met = average_met and is_within(average[1], aim.first_scan_target)
+        is_met[:2] = average_met, peak[-1][0] <= aim.peak_target
+        if aim.settling_target is not None:
+            target_texts[2], is_met[2] = (
+                f"{aim.settling_target:g} (50 %)",
+                settled[-1][0] <= aim.settling_target,
+            )
     return [
         Row(
             f"calibration, {title}: {name}, {unit}, before -> after 1, 2, 4 scans",
@@ -171,14 +182,20 @@ def trials_of_example(benches: Sequence[Bench]) -> list[Trial]:
     """Return the trials of the example's iron: all errors, single errors, unmodelled effects."""
     last_scan, example = SCANS[-1:], benches[0]
     trials = [Trial(bench, plant) for bench in benches for plant in range(PLANTS)]
-    trials += [Trial(example, plant, world=COMPILED) for plant in range(PLANTS)]
-    trials += [Trial(example, plant, world=ONLINE_CALIBRATION) for plant in range(OPERATION_PLANTS)]
+    trials += [Trial(example, plant, effect_name=COMPILED) for plant in range(PLANTS)]
+    trials += [Trial(example, plant, effect_name=ONLINE_CALIBRATION) for plant in range(OPERATION_PLANTS)]
     move_bench = make_bench((MOVE, example.rig, example.magnet, example.method))
-    trials += [Trial(move_bench, plant, world=MOVE) for plant in range(PLANTS)]
+    trials += [Trial(move_bench, plant, effect_name=MOVE) for plant in range(PLANTS)]
     few_plants = range(OTHER_PLANTS)
     trials += [Trial(example, plant, last_scan, errors) for errors in SINGLE_ERRORS for plant in few_plants]
-    effect_names = [effect_name for effect_name in UNMODELLED_CASES if effect_name not in ("", COMPILED, MOVE)]
-    return trials + [Trial(example, plant, last_scan, world=effect_name) for effect_name in effect_names for plant in few_plants]
+    effect_names = [
+        effect_name for effect_name in UNMODELLED_CASES if effect_name not in ("", COMPILED, MOVE)
+    ]
+    return trials + [
+        Trial(example, plant, last_scan, effect_name=effect_name)
+        for effect_name in effect_names
+        for plant in few_plants
+    ]
 
 
 def make_example_rows(results_by_case: Mapping[Case, CaseResult]) -> list[Row]:
@@ -194,7 +211,7 @@ def make_example_rows(results_by_case: Mapping[Case, CaseResult]) -> list[Row]:
         average = result.percentiles("average_m")
         if effect_name == ONLINE_CALIBRATION:
             title = f"{first_method}, {ONLINE_CALIBRATION}, {TRAINING_SCANS} scans, then {TEST_REPETITIONS} test scans"
-            example_rows.append(result.row(title, "10 / 20", is_within(average[-1], (10.0, 20.0))))
+            example_rows.append(result.make_row(title, "10 / 20", is_within(average[-1], (10.0, 20.0))))
         elif effect_name in (COMPILED, MOVE):
             example_rows += make_headline_rows(f"{first_method}, {effect_name}", AIMS.get(method), result)
         elif effect_name or errors != "all":
@@ -202,10 +219,12 @@ def make_example_rows(results_by_case: Mapping[Case, CaseResult]) -> list[Row]:
             title = f"{first_method}, {effect_name or f'{errors} alone'}, 4 scans"
             target = f"{factor * calibrated_average:.3g} (50 %): {factor:g} times the calibrated value"
             is_met = None if "not allowed" in effect_name else average[-1][0] <= factor * calibrated_average
-            example_rows.append(result.row(title, "reported" if is_met is None else target, is_met))
+            example_rows.append(result.make_row(title, "reported" if is_met is None else target, is_met))
         else:
             example_rows += make_headline_rows(method, AIMS.get(method), result)
-    ratio_texts = ", ".join(f"{last_averages[name] / calibrated_average:.3g} of {name}" for name in METHODS[1:])
+    ratio_texts = ", ".join(
+        f"{last_averages[name] / calibrated_average:.3g} of {name}" for name in METHODS[1:]
+    )
     is_met = last_averages["play"] >= 2.0 * calibrated_average
     title = f"calibration, median average after 4 scans, ratios of the others to {first_method}"
     return [*example_rows, Row(title, "play >= 2", ratio_texts, is_met)]
@@ -216,21 +235,21 @@ def make_iron_row(iron: str, method: str, result: CaseResult) -> Row:
     average = result.percentiles("average_m")
     target, is_met = "reported", None
     if iron == FORGETTING_IRON and method in FLUX_METHODS:
-        median, percentile_95 = ASKED_WITH_PROBE
-        target, is_met = f"{median:g} / {percentile_95:g}", is_within(average[-1], ASKED_WITH_PROBE)
+        median, percentile_95 = PROBE_TARGETS
+        target, is_met = f"{median:g} / {percentile_95:g}", is_within(average[-1], PROBE_TARGETS)
     elif iron == FORGETTING_IRON and method == METHODS[0]:
         target = "not worse than before"
-        is_met = all(figures[-1].average_m <= figures[0].average_m for figures, _ in result.flown)
+        is_met = all(figures[-1].average_m <= figures[0].average_m for figures, _ in result.plant_results)
     elif iron != FORGETTING_IRON and method in AIMS:
-        median, percentile_95 = AIMS[method].last
+        median, percentile_95 = AIMS[method].last_scan_target
         target, is_met = f"{median:g} / {percentile_95:g}", is_within(average[-1], (median, percentile_95))
-    return result.row(f"{iron}, {method}, 4 scans", target, is_met)
+    return result.make_row(f"{iron}, {method}, 4 scans", target, is_met)
 
 
 def identify_iron(name_and_rig: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedMagnet]:
     """Measure the loops of another iron and identify it."""
     name, rig = name_and_rig
-    if name in CELLS:
+    if name in CELL_IRONS:
         fraction = float(name.removeprefix("cells "))
         iron = rig.settings.steel.model_dump() | {"reversible_fraction": fraction}
     else:
@@ -303,7 +322,9 @@ def rows() -> list[Row]:
         make_iron_row(iron, method, results) for (iron, method, *_), results in run_trials(trials).items()
     )
     operation_benches = [bench for bench in benches if bench.method in OPERATION_SCANS]
-    print_rows(map(make_hours_row, operation_benches, map_ordered(measure_parameter_changes, operation_benches)))
+    print_rows(
+        map(make_hours_row, operation_benches, map_ordered(measure_parameter_changes, operation_benches))
+    )
     print_rows(levitated.measure_table_plant())
     print_rows(balancing.make_target_rows())
     return result_rows

@@ -98,9 +98,9 @@ def plant_of(rig: BodyRig) -> Plant:
     return Plant(
         thresholds=steel.thresholds,
         weights=steel.weights,
-        sharp=steel.saturation_sharp_T,
+        sharp_saturation=steel.saturation_sharp_T,
         knee_sharp=steel.knee_sharp_A_per_m,
-        slow=steel.saturation_slow_T,
+        slow_saturation=steel.saturation_slow_T,
         knee_slow=steel.knee_slow_A_per_m,
         turns=float(poles.turns),
         resistance=poles.resistance,
@@ -109,9 +109,9 @@ def plant_of(rig: BodyRig) -> Plant:
         width=poles.width,
         depth=poles.depth,
         leakage=poles.leakage,
-        supply=rig.settings.amplifier.supply,
-        gain=gain,
-        reset=reset,
+        supply_voltage=rig.settings.amplifier.supply,
+        current_gain=gain,
+        current_integral_gain=reset,
         mass=mechanics.mass_kg,
         stop_low=mechanics.stop_low_m,
         stop_high=mechanics.stop_high_m,
@@ -135,14 +135,14 @@ def control_of(setup: BearingSetup) -> Control:
         proportional=p,
         integral=k,
         derivative=d,
-        second=e,
-        back=back,
+        acceleration_gain=e,
+        anti_windup_gain=back,
         smoothing=s,
         smoothing_2=t,
-        weight=weight,
-        low=low,
-        high=high,
-        middle=setup.position_control.gap_middle,
+        set_point_weight=weight,
+        demand_low=low,
+        demand_high=high,
+        gap_middle=setup.position_control.gap_middle,
         currents=law.entries,
         gap_low=law.scales.gap_low,
         gap_high=law.scales.gap_high,
@@ -154,8 +154,10 @@ def control_of(setup: BearingSetup) -> Control:
 
 def memory_of(control: Control, gap: float, force: float) -> Array:
     """Return the state of a PIDD2 that holds a position and requests a force."""
-    position = control.middle - gap
-    return np.array([position, 0.0, force - control.proportional * (control.weight - 1.0) * position])
+    position = control.gap_middle - gap
+    return np.array(
+        [position, 0.0, force - control.proportional * (control.set_point_weight - 1.0) * position]
+    )
 
 
 def find_equilibrium(simulator: Simulator, gap: float, load: float) -> float:

@@ -17,7 +17,7 @@ from pathlib import Path
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 TASKS_ASSIGNED = 2
 """Number of tasks that dask assigns to a worker of one thread: one runs, one waits."""
-PATIENCE_S = 120.0
+START_TIMEOUT_S = 120.0
 
 WORKERS_PROGRAM = """
 import asyncio, sys
@@ -73,7 +73,7 @@ def cluster(workers: int, *, in_one_process: bool = False) -> Iterator[Cluster]:
         )  # fmt: skip
         processes = [scheduler_process]
         try:
-            address = _address(file)
+            address = _wait_for_address(file)
             command = (
                 [sys.executable, "-c", WORKERS_PROGRAM, address, str(workers)]
                 if in_one_process
@@ -86,7 +86,7 @@ def cluster(workers: int, *, in_one_process: bool = False) -> Iterator[Cluster]:
             ]
             processes += worker_processes
             with Client(address, set_as_default=False) as client:  # type: ignore[no-untyped-call]
-                client.wait_for_workers(workers, timeout=PATIENCE_S)
+                client.wait_for_workers(workers, timeout=START_TIMEOUT_S)
             yield Cluster(address, scheduler_process.pid, tuple(child.pid for child in worker_processes))
         finally:
             for process in reversed(processes):
@@ -94,8 +94,8 @@ def cluster(workers: int, *, in_one_process: bool = False) -> Iterator[Cluster]:
                 process.wait()
 
 
-def _address(file: Path) -> str:
-    deadline = time.monotonic() + PATIENCE_S
+def _wait_for_address(file: Path) -> str:
+    deadline = time.monotonic() + START_TIMEOUT_S
     while not file.exists():
         if time.monotonic() > deadline:
             raise TimeoutError("the scheduler did not start")

@@ -31,7 +31,7 @@ from anhyst.verification.targets import find_cortex_m_builds
 from rows import ROOT, Row, Stopwatch
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
-RATE = 20e3
+SAMPLE_RATE = 20e3
 MAX_ERROR_PERCENT = 0.2
 """Largest error due to formats, tables and iterations of the full law, % of F_max."""
 
@@ -44,13 +44,13 @@ TARGETS = "cortex-m4,cortex-m0plus,avr,msp430"
 
 
 def _compile_kind(model: Path, folder: Path, kind: str) -> Compiled:
-    request = CompileRequest("euler" if kind == "euler" else "simplified", "q15", RATE)
+    request = CompileRequest("euler" if kind == "euler" else "simplified", "q15", SAMPLE_RATE)
     if kind in {"full", "cells"}:
-        request = CompileRequest("full", "q15", RATE, MAX_ERROR_PERCENT)
+        request = CompileRequest("full", "q15", SAMPLE_RATE, MAX_ERROR_PERCENT)
     return compile_model(model, folder / kind, request)
 
 
-def measure_path(folder: Path) -> tuple[Path, list[Row]]:
+def measure_loops_to_c(folder: Path) -> tuple[Path, list[Row]]:
     """Measure the whole path for the bundled example: loops to verified C on host and Cortex-M4."""
     watch = Stopwatch()
     model = folder / "model.toml"
@@ -131,14 +131,14 @@ def _measure_controlled_ticks(folder: Path, kind: str) -> Row:
     """
     ticks = np.arange(CONTROLLED_TICKS)
     noise = 1e-3 * np.random.default_rng(1).standard_normal((2, ticks.size))
-    demand = 0.35 + 0.25 * np.sin(2.0 * np.pi * 100.0 * ticks / RATE) + noise[0]
+    demand = 0.35 + 0.25 * np.sin(2.0 * np.pi * 100.0 * ticks / SAMPLE_RATE) + noise[0]
     demand *= np.minimum(ticks / 480.0, 1.0)
-    gap = 0.4 + 0.3 * np.sin(2.0 * np.pi * 37.0 * ticks / RATE) + noise[1]
+    gap = 0.4 + 0.3 * np.sin(2.0 * np.pi * 37.0 * ticks / SAMPLE_RATE) + noise[1]
     codes = np.zeros((ticks.size, len(COMPENSATOR_RECORD.input_positions)), dtype="<u4")
     codes[:, 0], codes[:, 1] = np.round(2**15 * demand), np.round(2**15 * gap)
     codes[:, COMPENSATOR_RECORD.inputs.index("how")] = ON_GRID
     maxima, means = ported_costs(folder, codes)
-    texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(PARTS, maxima, means, strict=True)]
+    texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(MEASURED_PARTS, maxima, means, strict=True)]
     targets = CONTROLLED_TICK_TARGETS[kind]
     return Row(
         f"'{kind}' with PIDD2 on Cortex-M4 with the port header, worst tick with a controlled force",
@@ -148,13 +148,13 @@ def _measure_controlled_ticks(folder: Path, kind: str) -> Row:
     )
 
 
-PARTS = ("solve", "commit, rounded", "tick, rounded")
+MEASURED_PARTS = ("solve", "commit, rounded", "tick, rounded")
 """Measured parts of a step whose current is rounded to a converter."""
 
 
 def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, FloatArray]:
-    """Return maximum and mean of `PARTS` on a Cortex-M4 with the port header, instructions."""
-    section_indices = [COMPENSATOR_RECORD.sections.index(section_name) for section_name in PARTS]
+    """Return maximum and mean of `MEASURED_PARTS` on a Cortex-M4 with the port header, instructions."""
+    section_indices = [COMPENSATOR_RECORD.sections.index(section_name) for section_name in MEASURED_PARTS]
     maxima, means = np.zeros(3), np.zeros(3)
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as build_folder_name:
         workshop = BuildFolder.create(read_bundle(folder), Path(build_folder_name))
@@ -173,14 +173,14 @@ def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, F
         replies = port_build.program.run(requests)
     clock = replies[-1].sections[0].minimum
     sections = replies[-1].sections
-    for i, (section_name, section_index) in enumerate(zip(PARTS, section_indices, strict=True)):
+    for i, (section_name, section_index) in enumerate(zip(MEASURED_PARTS, section_indices, strict=True)):
         clock_overhead = clock * COMPENSATOR_RECORD.clock_calls.get(section_name, 1)
         maxima[i] = sections[section_index].maximum - clock_overhead
         means[i] = sections[section_index].total / sections[section_index].count - clock_overhead
     return maxima, means
 
 
-def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
+def make_cost_rows(models: Mapping[str, Path], folder: Path) -> list[Row]:
     """Return instructions, cycles and memory of each kind, with its model, on all targets."""
     rows = []
     for kind, model in models.items():
@@ -215,7 +215,7 @@ def costs(models: Mapping[str, Path], folder: Path) -> list[Row]:
     return rows
 
 
-def closed_form_against_euler(model: Model, model_file: Path, folder: Path) -> list[Row]:
+def compare_closed_form_with_euler(model: Model, model_file: Path, folder: Path) -> list[Row]:
     """Compare the closed form with the paper's Euler steps at the same rate."""
     limits = find_limits(model)
     scales = find_scales(model, limits)
@@ -224,7 +224,7 @@ def closed_form_against_euler(model: Model, model_file: Path, folder: Path) -> l
     fine_sizes = replace(table_sizes, octaves=14, octave_segments=5)
     exact_twin = FixedTwin(build_block(model, "simplified", scales, limits, fine_sizes, closed_form=law))
     error_texts = []
-    for name, demand in _demands(scales, limits).items():
+    for name, demand in _test_demands(scales, limits).items():
         exact_current = exact_twin.run(demand, scales.gap_high)
         errors_percent = []
         for kind in ("simplified", "euler"):
@@ -233,7 +233,9 @@ def closed_form_against_euler(model: Model, model_file: Path, folder: Path) -> l
             )
             deviation = np.abs(current - exact_current)[RAMP_SAMPLES:]
             errors_percent.append(100.0 * float(deviation.max()) / limits.current[1])
-            exact_twin = FixedTwin(build_block(model, "simplified", scales, limits, fine_sizes, closed_form=law))
+            exact_twin = FixedTwin(
+                build_block(model, "simplified", scales, limits, fine_sizes, closed_form=law)
+            )
         error_texts.append(f"{name}: {errors_percent[0]:.3f} against {errors_percent[1]:.3f} %")
     count_texts = []
     for kind in ("simplified", "euler"):
@@ -252,7 +254,7 @@ def closed_form_against_euler(model: Model, model_file: Path, folder: Path) -> l
     ]
 
 
-def _demands(scales: Scales, limits: DemandLimits) -> dict[str, FloatArray]:
+def _test_demands(scales: Scales, limits: DemandLimits) -> dict[str, FloatArray]:
     """Return force demands that can be reached at every gap, N: triangles and full-range jumps.
 
     They begin with a slow ramp that is not evaluated, because a single Euler step from zero to the
@@ -263,7 +265,9 @@ def _demands(scales: Scales, limits: DemandLimits) -> dict[str, FloatArray]:
     demands = {}
     for samples in (20, 50, 200):
         wave = 1.0 - np.abs(np.arange(samples) / (samples / 2) - 1.0)
-        demands[f"{samples} samples a cycle"] = np.append(ramp, largest_demand * np.tile(0.05 + 0.9 * wave, 4))
+        demands[f"{samples} samples a cycle"] = np.append(
+            ramp, largest_demand * np.tile(0.05 + 0.9 * wave, 4)
+        )
     demands["full-range jumps"] = np.append(ramp, largest_demand * np.tile([0.05, 0.05, 0.95, 0.95], 20))
     return demands
 
@@ -272,13 +276,13 @@ def rows() -> list[Row]:
     """Return all rows of this module."""
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as name:
         folder = Path(name)
-        model_file, path_rows = measure_path(folder)
+        model_file, path_rows = measure_loops_to_c(folder)
         iron, cells = folder / "iron.toml", folder / "cells.toml"
         loops = read_loops(LOOPS)
         write_model(identify(loops, law="effective-field").model, iron)
         write_model(identify(loops, law="play-cells").model, cells)
         return [
             *path_rows,
-            *costs({"full": iron, "cells": cells, "simplified": iron}, folder),
-            *closed_form_against_euler(read_model(model_file), model_file, folder),
+            *make_cost_rows({"full": iron, "cells": cells, "simplified": iron}, folder),
+            *compare_closed_form_with_euler(read_model(model_file), model_file, folder),
         ]

@@ -24,7 +24,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
 from anhyst_rigs.rig.parts.magnet import Poles
 from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
-from drawn_irons import Answer, Core, Iron, Job, answers
+from drawn_irons import Core, Iron, Job, Response, compute_responses
 from rows import ROOT
 
 COUNT: int = SETTINGS["count"]
@@ -50,7 +50,7 @@ class Test:
     schedule : ndarray, shape (n,), or None
         Gap, m.
     history : History
-    counted : ndarray of bool, shape (n,)
+    evaluated_mask : ndarray of bool, shape (n,)
         Samples that are evaluated; False for the samples before the first of them.
     """
 
@@ -59,7 +59,7 @@ class Test:
     output: FloatArray
     schedule: FloatArray | None
     history: History
-    counted: NDArray[np.bool_]
+    evaluated_mask: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Draw:
     ----------
     number : int
     family : str
-    true : mapping of str to Any
+    true_parameters : mapping of str to Any
         The sampled parameters.
     loops : Loops
         The measured loops.
@@ -79,7 +79,7 @@ class Draw:
 
     number: int
     family: str
-    true: Mapping[str, Any]
+    true_parameters: Mapping[str, Any]
     loops: Loops
     tests: tuple[Test, ...]
 
@@ -90,12 +90,12 @@ class _Record:
 
     kind: str
     label: str
-    lead: tuple[float, ...]
+    lead_points: tuple[float, ...]
     history: str  # settled, demagnetised or conditioned
-    stated: tuple[float, ...]
+    history_points: tuple[float, ...]
     current: FloatArray
     gap: FloatArray
-    since: int = 0  # first sample that counts
+    first_evaluated: int = 0  # first sample that counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class _Plan:
 
     number: int
     family: str
-    true: dict[str, Any]
+    true_parameters: dict[str, Any]
     core: Core
     iron: Iron
     records: list[_Record]
@@ -113,7 +113,7 @@ class _Plan:
         """Return the paths of all records."""
         record_jobs = []
         for record in self.records:
-            lead_points = np.array(record.lead)
+            lead_points = np.array(record.lead_points)
             gap = np.concatenate([np.full(lead_points.size, record.gap[0]), record.gap])
             record_jobs.append(Job(self.iron, self.core, np.concatenate([lead_points, record.current]), gap))
         return record_jobs
@@ -138,7 +138,7 @@ def _size_core(magnet: dict[str, Any], true_iron: dict[str, Any]) -> tuple[Core,
         joints=magnet["joints"] * smallest_gap,
     )
     core = Core(poles, magnet["ring"])
-    excitation = poles.iron_length * field + float(core.outer(gaps)[0]) * area * density
+    excitation = poles.iron_length * field + float(core.outer_reluctance(gaps)[0]) * area * density
     poles = replace(poles, turns=float(max(1.0, round(excitation / magnet["current_A"]))))
     magnet["current_A"] = excitation / poles.turns
     return replace(core, poles=poles), gaps
@@ -162,7 +162,7 @@ def _sweep_samples(reversal_points: list[float], step: float) -> FloatArray:
     return np.concatenate(ramp_samples)
 
 
-def _ranges(
+def _sample_loop_limits(
     drive: dict[str, Any], is_ring: bool, largest_input: float, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
     """Return the limits of the loops at every gap, the largest loop first."""
@@ -172,7 +172,9 @@ def _ranges(
         loop_limits = from_ranges({name: SETTINGS["drive"][name] for name in
                        ("biased", "inner_size", "biased_low", "biased_high")}, rng)  # fmt: skip
         if loop_limits["biased"]:
-            limits_list.append((loop_limits["biased_low"] * largest_input, loop_limits["biased_high"] * largest_input))
+            limits_list.append(
+                (loop_limits["biased_low"] * largest_input, loop_limits["biased_high"] * largest_input)
+            )
         else:
             size = loop_limits["inner_size"] * largest_input
             limits_list.append((-size if is_bipolar else 0.0, size))
@@ -185,7 +187,11 @@ def _measured_records(
     """Return the records of all loops at a gap."""
     start, largest_range = drive["start"], ranges[0]
     step = (largest_range[1] - largest_range[0]) / drive["samples"]
-    conditioning_points = (*CYCLES * largest_range, largest_range[0]) if largest_range[0] < 0.0 else (0.0, *CYCLES * (largest_range[1], 0.0))
+    conditioning_points = (
+        (*CYCLES * largest_range, largest_range[0])
+        if largest_range[0] < 0.0
+        else (0.0, *CYCLES * (largest_range[1], 0.0))
+    )
     loop_records = []
     for number, (low, high) in enumerate(ranges, start=1):
         history_points: tuple[float, ...] = ()
@@ -204,7 +210,15 @@ def _measured_records(
             lead_points, history_points = conditioning_points, conditioning_points
             current = _sweep_samples([low, high, low], step)
         loop_records.append(
-            _Record("", str(number), lead_points, start.split("-")[0], history_points, current, np.full(current.size, gap))
+            _Record(
+                "",
+                str(number),
+                lead_points,
+                start.split("-")[0],
+                history_points,
+                current,
+                np.full(current.size, gap),
+            )
         )
     return loop_records
 
@@ -217,9 +231,17 @@ def _test_records(
     drive, ranges = plan
     tests, (low_limit, high_limit) = SETTINGS["tests"], ranges[0]
     step = (high_limit - low_limit) / tests["samples"]
-    lead_points = (*CYCLES * (low_limit, high_limit), low_limit) if low_limit < 0.0 else (0.0, *CYCLES * (high_limit, 0.0))
-    intermediate_gaps = [float(np.sqrt(smaller_gap * larger_gap)) for smaller_gap, larger_gap in pairwise(gaps)]
-    tested_gaps = [intermediate_gaps[0], intermediate_gaps[-1]] if len(intermediate_gaps) > 1 else intermediate_gaps
+    lead_points = (
+        (*CYCLES * (low_limit, high_limit), low_limit)
+        if low_limit < 0.0
+        else (0.0, *CYCLES * (high_limit, 0.0))
+    )
+    intermediate_gaps = [
+        float(np.sqrt(smaller_gap * larger_gap)) for smaller_gap, larger_gap in pairwise(gaps)
+    ]
+    tested_gaps = (
+        [intermediate_gaps[0], intermediate_gaps[-1]] if len(intermediate_gaps) > 1 else intermediate_gaps
+    )
 
     def make_record(kind: str, reversal_points: list[float], gap: float, first_evaluated: int = 0) -> _Record:
         current = _sweep_samples([lead_points[-1], *reversal_points], step)
@@ -237,7 +259,10 @@ def _test_records(
     for bias in tests["biases"]:
         bias_current, gap = bias * largest_current, float((tested_gaps or gaps)[-1])
         approach_count = _sweep_samples([lead_points[-1], bias_current - amplitude], step).size
-        cycle_points = [bias_current - amplitude, *tests["small_cycles"] * [bias_current + amplitude, bias_current - amplitude]]
+        cycle_points = [
+            bias_current - amplitude,
+            *tests["small_cycles"] * [bias_current + amplitude, bias_current - amplitude],
+        ]
         records.append(make_record("small", cycle_points, gap, approach_count))
     if gaps.size > 1:
         record = make_record("moving", sample_reversals(tests["moving_turns"]), float(gaps[0]))
@@ -254,7 +279,7 @@ def _sample_plan(number: int) -> _Plan:
     iron, true = draw_iron(family, rng)
     core, gaps = _size_core(magnet, true)
     largest_current = magnet["current_A"]
-    ranges = _ranges(drive, core.ring, largest_current, rng)
+    ranges = _sample_loop_limits(drive, core.is_ring, largest_current, rng)
     records = [record for gap in gaps for record in _measured_records(drive, ranges, float(gap), rng)]
     records += _test_records((drive, ranges), gaps, largest_current, rng)
     sampled = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
@@ -270,7 +295,7 @@ def _hash() -> str:
 
 
 @cache
-def _compute_responses() -> tuple[list[_Plan], list[list[Answer]]]:
+def _compute_responses() -> tuple[list[_Plan], list[list[Response]]]:
     """Return all plans and the responses of their records, cached in ``build/``."""
     plans = [_sample_plan(number) for number in range(COUNT)]
     sample_counts = [job.current.size for plan in plans for job in plan.jobs()]
@@ -278,30 +303,32 @@ def _compute_responses() -> tuple[list[_Plan], list[list[Answer]]]:
     if cache_file.exists():
         response_table = np.load(cache_file)
     else:
-        responses_by_plan = answers([job for plan in plans for job in plan.jobs()])
+        responses_by_plan = compute_responses([job for plan in plans for job in plan.jobs()])
         response_table = np.concatenate([np.stack(responses) for responses in responses_by_plan], axis=1)
         cache_file.parent.mkdir(exist_ok=True)
         np.save(cache_file, response_table)
     response_arrays = iter(np.split(response_table, np.cumsum(sample_counts)[:-1], axis=1))
-    return plans, [[Answer(*next(response_arrays)) for _ in plan.records] for plan in plans]
+    return plans, [[Response(*next(response_arrays)) for _ in plan.records] for plan in plans]
 
 
 def draw(number: int) -> Draw:
     """Return a virtual measurement by its number, 0 to :data:`COUNT` - 1."""
     plans, responses_by_plan = _compute_responses()
-    return measured(plans[number], responses_by_plan[number], np.random.default_rng([SETTINGS["seed"], number, 1]))
+    return apply_sensors(
+        plans[number], responses_by_plan[number], np.random.default_rng([SETTINGS["seed"], number, 1])
+    )
 
 
-def measured(plan: _Plan, responses: Sequence[Answer], rng: np.random.Generator) -> Draw:
+def apply_sensors(plan: _Plan, responses: Sequence[Response], rng: np.random.Generator) -> Draw:
     """Apply the sensors of a plan to its responses."""
-    sensors, magnet, ring = plan.true["sensors"], plan.true["magnet"], plan.core.ring
+    sensors, magnet, ring = plan.true_parameters["sensors"], plan.true_parameters["magnet"], plan.core.is_ring
     is_field_loop = ring and magnet["ring_flux_density"]
     poles = plan.core.poles
     input_per_ampere = poles.turns / poles.iron_length if is_field_loop else 1.0  # input per ampere
     outputs, spans = [], []
     for record, response in zip(plan.records, responses, strict=True):
-        linkage, flux = (values[len(record.lead):] for values in response)  # fmt: skip
-        output = linkage if ring else plan.core.pull(flux, record.gap)
+        linkage, flux = (values[len(record.lead_points):] for values in response)  # fmt: skip
+        output = linkage if ring else plan.core.magnet_force(flux, record.gap)
         outputs.append(output / (poles.turns * poles.area) if is_field_loop else output)
         spans.append(float(np.max(np.abs(outputs[-1]))) if not record.kind else 0.0)
     span, largest_input = max(spans), input_per_ampere * magnet["current_A"]
@@ -313,33 +340,37 @@ def measured(plan: _Plan, responses: Sequence[Answer], rng: np.random.Generator)
     loops, tests, clock = [], [], 0.0
     for record, output in zip(plan.records, outputs, strict=True):
         true_input, output_reading = input_per_ampere * record.current + zeros[0], output + zeros[1]
-        history = History(record.history, tuple(input_per_ampere * point + zeros[0] for point in record.stated))  # type: ignore[arg-type]
+        history = History(
+            record.history, tuple(input_per_ampere * point + zeros[0] for point in record.history_points)
+        )  # type: ignore[arg-type]
         gap = None if ring else record.gap
         if record.kind:
-            counted = np.arange(output_reading.size) >= record.since
+            counted = np.arange(output_reading.size) >= record.first_evaluated
             if record.kind == "moving":
-                history_gaps = (float(record.gap[0]),) * len(record.stated)
+                history_gaps = (float(record.gap[0]),) * len(record.history_points)
                 history = replace(history, schedule=history_gaps)
             tests.append(Test(record.kind, true_input, output_reading, gap, history, counted))
             continue
         input_readings = true_input + rng.normal(0.0, 1.0, output_reading.size) * noise[0]
         output_reading = output_reading + rng.normal(0.0, 1.0, output_reading.size) * noise[1]
         if sensors["bits"]:
-            step = 1.2 * largest_input * (2.0 if plan.true["drive"]["bipolar"] or ring else 1.0)
+            step = 1.2 * largest_input * (2.0 if plan.true_parameters["drive"]["bipolar"] or ring else 1.0)
             step /= 2.0 ** sensors["bits"]
             input_readings = step * np.round(input_readings / step)
-        time = clock + 0.01 * np.arange(output_reading.size) if plan.true["drive"]["clock"] else None
+        time = (
+            clock + 0.01 * np.arange(output_reading.size) if plan.true_parameters["drive"]["clock"] else None
+        )
         clock += 0.01 * output_reading.size + 1.0
         loops.append(Loop(record.label, input_readings, output_reading, gap, time, history))
     names = ("field", "flux_density") if is_field_loop else ("current", "flux_linkage" if ring else "force")
     quantities = [QUANTITIES[name] for name in names]
     output_reading = Loops(tuple(loops), quantities[0], quantities[1], None if ring else QUANTITIES["gap"])
-    return Draw(plan.number, plan.family, plan.true, output_reading, tuple(tests))
+    return Draw(plan.number, plan.family, plan.true_parameters, output_reading, tuple(tests))
 
 
 if __name__ == "__main__":
     for place in range(0, COUNT, 2):
         shown = draw(place)
         facts = "; ".join(f"{name} {text}" for name, text in shown.loops.facts().items())
-        start = shown.true["drive"]["start"]
+        start = shown.true_parameters["drive"]["start"]
         print(f"{place} {shown.family}, {start}: {facts}")

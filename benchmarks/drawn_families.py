@@ -99,7 +99,9 @@ def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
     for _ in range(6):
         trial_feedback = 0.5 * (low_feedback + high_feedback)
         trial_steel = steel.model_copy(update={"feedback_A_per_m_T": trial_feedback})
-        low_feedback, high_feedback = (trial_feedback, high_feedback) if _is_valid(trial_steel) else (low_feedback, trial_feedback)
+        low_feedback, high_feedback = (
+            (trial_feedback, high_feedback) if _is_valid(trial_steel) else (low_feedback, trial_feedback)
+        )
     steel = steel.model_copy(update={"feedback_A_per_m_T": values["feedback"] * low_feedback})
     return steel.make_steel(), values | {"knee_sharp": steel.knee, "saturation_sharp": relays}
 

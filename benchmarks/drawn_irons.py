@@ -20,11 +20,11 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.magnet import Poles, circuit_parameters
 
-FINE = 1500
+RANGE_STEPS = 1500
 """Number of integration steps over the whole range of the excitation."""
 
 _COLUMNS = 256
-_CLOSE = 1e-9  # T
+_TOLERANCE = 1e-9  # T
 _ITERATIONS = 100
 
 
@@ -33,21 +33,21 @@ class Core:
     """A two-pole magnet with an armature, or a ring, whose gaps have zero reluctance."""
 
     poles: Poles
-    ring: bool = False
+    is_ring: bool = False
 
-    def outer(self, gap: FloatArray) -> FloatArray:
+    def outer_reluctance(self, gap: FloatArray) -> FloatArray:
         """Return the reluctance outside the iron for its flux, 1/H."""
-        if self.ring:
+        if self.is_ring:
             return np.zeros(gap.size)
         poles = self.poles
-        return 1.0 / (1.0 / self.gaps(gap) + poles.leakage) + poles.joints / (MU_0 * poles.area)
+        return 1.0 / (1.0 / self.gap_reluctance(gap) + poles.leakage) + poles.joints / (MU_0 * poles.area)
 
-    def gaps(self, gap: FloatArray) -> FloatArray:
+    def gap_reluctance(self, gap: FloatArray) -> FloatArray:
         """Return the reluctance of the two working gaps, 1/H."""
         poles = self.poles
         return np.asarray(2.0 * gap / (MU_0 * (poles.width + gap) * (poles.depth + gap)))
 
-    def pull(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
+    def magnet_force(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the force of a flux through the working gaps, N."""
         width, depth = self.poles.width, self.poles.depth
         area = (width + gap) * (depth + gap)
@@ -63,7 +63,7 @@ class Job(NamedTuple):
     gap: FloatArray  # m
 
 
-class Answer(NamedTuple):
+class Response(NamedTuple):
     """The response to a path: flux linkage of the winding and flux through the working gaps, Wb."""
 
     linkage: FloatArray
@@ -76,16 +76,16 @@ class PlantIron:
 
     steel: Steel
 
-    def answer(self, core: Core, current: FloatArray, gap: FloatArray) -> Answer:
+    def compute_response(self, core: Core, current: FloatArray, gap: FloatArray) -> Response:
         """Compute the fluxes along a path."""
         poles = core.poles
-        if core.ring:
+        if core.is_ring:
             density = Piece(self.steel).run(poles.turns * current / poles.iron_length)[:, 1]
-            return Answer(poles.turns * poles.area * density, poles.area * density)
+            return Response(poles.turns * poles.area * density, poles.area * density)
         parameters = circuit_parameters(poles, 0.0, float(gap[0]))
         linkage = np.ascontiguousarray(Coil(Magnet(parameters, self.steel)).run(current, gap)[:, 1])
-        gap_fraction = 1.0 / (1.0 + poles.leakage * core.gaps(gap))
-        return Answer(linkage, linkage / poles.turns * gap_fraction)
+        gap_fraction = 1.0 / (1.0 + poles.leakage * core.gap_reluctance(gap))
+        return Response(linkage, linkage / poles.turns * gap_fraction)
 
 
 @dataclass(frozen=True)
@@ -95,28 +95,34 @@ class SeriesIron:
     The joints belong to the armature.
     """
 
-    first: Steel
-    second: Steel
+    core_steel: Steel
+    armature_steel: Steel
     length_part: float
     area_ratio: float
 
-    def answer(self, core: Core, current: FloatArray, gap: FloatArray) -> Answer:
+    def compute_response(self, core: Core, current: FloatArray, gap: FloatArray) -> Response:
         """Compute the fluxes along a path; solve for the armature's field at each sample."""
         poles = core.poles
         area = self.area_ratio * poles.area
         lengths = ((1.0 - self.length_part) * poles.iron_length,
                    self.length_part * poles.iron_length)  # fmt: skip
-        leakage = 0.0 if core.ring else poles.leakage
-        outer_reluctances = 0.0 * gap if core.ring else core.gaps(gap) + poles.joints / (MU_0 * area)
-        irons = (Piece(self.first), Piece(self.second))
+        leakage = 0.0 if core.is_ring else poles.leakage
+        outer_reluctances = (
+            0.0 * gap if core.is_ring else core.gap_reluctance(gap) + poles.joints / (MU_0 * area)
+        )
+        irons = (Piece(self.core_steel), Piece(self.armature_steel))
         densities = np.empty((current.size, 2))
-        for index, (excitation, outer_reluctance) in enumerate(zip(poles.turns * current, outer_reluctances, strict=True)):
+        for index, (excitation, outer_reluctance) in enumerate(
+            zip(poles.turns * current, outer_reluctances, strict=True)
+        ):
             circuit = (*lengths, poles.area, area, leakage, float(outer_reluctance))
             densities[index] = _in_series(irons, float(excitation), circuit)
-        return Answer(poles.turns * poles.area * densities[:, 0], area * densities[:, 1])
+        return Response(poles.turns * poles.area * densities[:, 0], area * densities[:, 1])
 
 
-def _in_series(irons: tuple[Piece, Piece], excitation: float, circuit: tuple[float, ...]) -> tuple[float, float]:
+def _in_series(
+    irons: tuple[Piece, Piece], excitation: float, circuit: tuple[float, ...]
+) -> tuple[float, float]:
     """Find fields for which the fluxes agree, update both irons, return their flux densities, T."""
     core_iron, armature_iron = irons
     length_1, length_2, area_1, area_2, leakage, outer_reluctance = circuit
@@ -128,7 +134,7 @@ def _in_series(irons: tuple[Piece, Piece], excitation: float, circuit: tuple[flo
         core_field = (excitation - magnetic_voltage) / length_1
         density_1, slope_1 = core_iron.flux_density(core_field)
         residual = area_1 * density_1 - leakage * magnetic_voltage - area_2 * density_2
-        if abs(residual) <= _CLOSE * area_1:
+        if abs(residual) <= _TOLERANCE * area_1:
             break
         low_field, high_field = (field, high_field) if residual > 0.0 else (low_field, field)
         voltage_slope = length_2 + outer_reluctance * area_2 * slope_2
@@ -187,7 +193,7 @@ class _Tellinen:
         slope = self._sharp * self._knee**2 * root**3 + slow_factor / self._knee_slow / (1.0 + ratio**2)
         return curve, slope
 
-    def _rate(self, field: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _relative_rate(self, field: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the opposite branch, T, and the relative decrease of its distance, m/A."""
         other_branch, _ = self._curve(field + direction * self._coercivity)
         own_branch, slope = self._curve(field - direction * self._coercivity)
@@ -197,7 +203,7 @@ class _Tellinen:
         return self._j
 
     def slope(self, field: FloatArray, direction: FloatArray, field_step: FloatArray) -> FloatArray:
-        end_branch, rate = self._rate(field + field_step, direction)
+        end_branch, rate = self._relative_rate(field + field_step, direction)
         start_branch, _ = self._curve(field + direction * self._coercivity)
         branch_distance = (start_branch - self._j) * np.exp(-rate * field_step) + end_branch - start_branch
         return branch_distance * rate
@@ -207,10 +213,14 @@ class _Tellinen:
         direction = np.where(field_step >= 0.0, 1.0, -1.0)
         start_polarisation, _ = self._curve(field + direction * self._coercivity)
         end_polarisation, _ = self._curve(end_field + direction * self._coercivity)
-        _, rate = self._rate(0.5 * (field + end_field), direction)
+        _, rate = self._relative_rate(0.5 * (field + end_field), direction)
         exponent = rate * field_step
         mean_factor = np.where(exponent > 1e-8, -np.expm1(-exponent) / np.maximum(exponent, 1e-8), 1.0)
-        self._j = end_polarisation - (start_polarisation - self._j) * np.exp(-exponent) - (end_polarisation - start_polarisation) * mean_factor
+        self._j = (
+            end_polarisation
+            - (start_polarisation - self._j) * np.exp(-exponent)
+            - (end_polarisation - start_polarisation) * mean_factor
+        )
 
 
 @dataclass(frozen=True)
@@ -234,12 +244,14 @@ class _Langevin:
 
     def __init__(self, table: FloatArray) -> None:
         (self._narrow, self._width, self._wide, self._width_wide, self._friction,
-         self._way) = table.T  # fmt: skip
+         self._friction_length) = table.T  # fmt: skip
         self._z = np.zeros(len(table))
 
-    def _behind(self, direction: FloatArray, field_step: FloatArray) -> FloatArray:
+    def _friction_field(self, direction: FloatArray, field_step: FloatArray) -> FloatArray:
         final_field = direction * self._friction
-        return np.asarray(final_field + (self._z - final_field) * np.exp(-np.abs(field_step) / self._way))
+        return np.asarray(
+            final_field + (self._z - final_field) * np.exp(-np.abs(field_step) / self._friction_length)
+        )
 
     def polarisation(self, field: FloatArray) -> FloatArray:
         narrow_curve, _ = langevin_curve((field - self._z) / self._width)
@@ -247,37 +259,37 @@ class _Langevin:
         return np.asarray(self._narrow * narrow_curve + self._wide * wide_curve)
 
     def slope(self, field: FloatArray, direction: FloatArray, field_step: FloatArray) -> FloatArray:
-        z = self._behind(direction, field_step)
-        argument_slope = 1.0 - (self._friction - direction * z) / self._way
+        z = self._friction_field(direction, field_step)
+        argument_slope = 1.0 - (self._friction - direction * z) / self._friction_length
         _, narrow_slope = langevin_curve((field + field_step - z) / self._width)
         _, wide_slope = langevin_curve((field + field_step) / self._width_wide)
         narrow_slope *= self._narrow / self._width
         return np.asarray(narrow_slope * argument_slope + self._wide / self._width_wide * wide_slope)
 
     def move(self, field: FloatArray, end_field: FloatArray) -> None:
-        self._z = self._behind(np.where(end_field >= field, 1.0, -1.0), end_field - field)
+        self._z = self._friction_field(np.where(end_field >= field, 1.0, -1.0), end_field - field)
 
 
 Iron = PlantIron | SeriesIron | TellinenIron | LangevinIron
 
 
-def answers(jobs: Sequence[Job]) -> list[Answer]:
+def compute_responses(jobs: Sequence[Job]) -> list[Response]:
     """Compute the responses to all paths, for irons of all families."""
-    responses: dict[int, Answer] = {}
+    responses: dict[int, Response] = {}
     kinds: tuple[tuple[type, Callable[[FloatArray], Material]], ...] = (
         (TellinenIron, _Tellinen),
         (LangevinIron, _Langevin),
     )
     for kind, material in kinds:
         indices = [index for index, job in enumerate(jobs) if isinstance(job.iron, kind)]
-        indices.sort(key=lambda place: _refine_path(jobs[place])[0].size)
+        indices.sort(key=lambda index: _refine_path(jobs[index])[0].size)
         for first in range(0, len(indices), _COLUMNS):
             batch = indices[first : first + _COLUMNS]
-            batch_responses = _integrated(material, [jobs[index] for index in batch])
+            batch_responses = _integrate_paths(material, [jobs[index] for index in batch])
             responses |= dict(zip(batch, batch_responses, strict=True))
     for index, job in enumerate(jobs):
         if isinstance(job.iron, PlantIron | SeriesIron):
-            responses[index] = job.iron.answer(job.core, job.current, job.gap)
+            responses[index] = job.iron.compute_response(job.core, job.current, job.gap)
     return [responses[index] for index in range(len(jobs))]
 
 
@@ -285,14 +297,14 @@ def _refine_path(job: Job) -> tuple[FloatArray, FloatArray]:
     """Return sample positions of a path in fine steps from zero, and the samples' indices."""
     input_range = float(np.ptp(np.concatenate([[0.0], job.current])))
     steps = np.abs(np.diff(job.current, prepend=0.0))
-    counts = np.maximum(1, np.ceil(steps / input_range * FINE)).astype(int)
+    counts = np.maximum(1, np.ceil(steps / input_range * RANGE_STEPS)).astype(int)
     sample_indices = np.cumsum(counts)
     positions = np.interp(np.arange(sample_indices[-1] + 1), np.concatenate([[0], sample_indices]),
                    np.arange(job.current.size + 1))  # fmt: skip
     return positions, sample_indices
 
 
-def _integrated(material: Callable[[FloatArray], Material], jobs: Sequence[Job]) -> list[Answer]:
+def _integrate_paths(material: Callable[[FloatArray], Material], jobs: Sequence[Job]) -> list[Response]:
     """Integrate many paths at the same time.
 
     A step reaches the excitation with the slope at its midpoint; the next step includes the
@@ -306,22 +318,24 @@ def _integrated(material: Callable[[FloatArray], Material], jobs: Sequence[Job])
         current = np.interp(positions, sample_numbers, np.concatenate([[0.0], job.current]))
         gap = np.interp(positions, sample_numbers, np.concatenate([job.gap[:1], job.gap]))
         excitation[: positions.size, job_index] = job.core.poles.turns * current
-        outer_reluctances[: positions.size, job_index] = job.core.outer(gap) * job.core.poles.area
+        outer_reluctances[: positions.size, job_index] = job.core.outer_reluctance(gap) * job.core.poles.area
         for rows in (excitation, outer_reluctances):
             rows[positions.size :, job_index] = rows[positions.size - 1, job_index]
     length = np.array([job.core.poles.iron_length for job in jobs])
     irons = material(np.array([astuple(job.iron) for job in jobs]))
-    density = _follow(irons, length, excitation, outer_reluctances)
+    density = _follow_excitation(irons, length, excitation, outer_reluctances)
     results = []
     for job_index, (job, (_, sample_indices)) in enumerate(zip(jobs, paths, strict=True)):
         core, poles = job.core, job.core.poles
         flux = poles.area * density[sample_indices, job_index]
-        gap_fraction = 1.0 if core.ring else 1.0 / (1.0 + poles.leakage * core.gaps(job.gap))
-        results.append(Answer(poles.turns * flux, flux * gap_fraction))
+        gap_fraction = 1.0 if core.is_ring else 1.0 / (1.0 + poles.leakage * core.gap_reluctance(job.gap))
+        results.append(Response(poles.turns * flux, flux * gap_fraction))
     return results
 
 
-def _follow(irons: Material, length: FloatArray, excitation: FloatArray, outer_reluctances: FloatArray) -> FloatArray:
+def _follow_excitation(
+    irons: Material, length: FloatArray, excitation: FloatArray, outer_reluctances: FloatArray
+) -> FloatArray:
     """Return the flux density in the iron at every step, T."""
     field = np.zeros(length.size)
     densities = np.zeros(excitation.shape)

@@ -30,12 +30,12 @@ from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.study.bearing import experiments
 from anhyst_rigs.study.bearing.responses import StepCell, compare_steps, default_seeds
 from anhyst_rigs.study.benefit import BASELINES, OVERSHOOT_FLOOR_FACTOR, Benefit, map_bearing_benefit
-from bearing import HEIGHTS, quiet, read
+from bearing import HEIGHTS, read_example, with_quiet_sensor
 from rows import Row, Stopwatch
 from virtual import irons
 
 BUNDLED = "cells"
-CELLS, PAPER = "play-cells", "effective-field"
+CELL_LAW, PAPER_LAW = "play-cells", "effective-field"
 
 MAX_EXTRA_OVERSHOOT = 0.05
 """Target: percentage points by which the overshoot of `full` may exceed that of the best baseline.
@@ -55,7 +55,7 @@ FORCE_LEVELS = (0.2, 0.5, 0.8)
 LOW_PINNING_FACTOR = 0.02
 """Factor of the pinning that makes the hysteresis negligible."""
 
-SLOW = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
+SLOW_TRIANGLE = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
 
 
 @dataclass(frozen=True)
@@ -70,25 +70,25 @@ class IronResult:
         paper; ``without hysteresis`` is the best single-valued curve with a nearly unpinned iron.
     triangle : mapping of str to float
         Rms force error on the slow triangle, N; NaN if the armature was lost.
-    first : mapping of str to float
+    initial_curve_errors : mapping of str to float
         The same errors if the initial magnetisation curve was also measured, N.
     drift : tuple of float
         Drift of a constant force in a minute, % of the largest: of the iron, and of the model.
-    refused : str
+    refusal : str
         Reason why the law of the paper could not be compiled; empty if it was compiled.
     """
 
     name: str
     steps: Mapping[str, Sequence[StepCell]]
     triangle: Mapping[str, float]
-    first: Mapping[str, float]
+    initial_curve_errors: Mapping[str, float]
     drift: tuple[float, float]
-    refused: str = ""
+    refusal: str = ""
 
 
 def make_rigs() -> dict[str, BodyRig]:
     """Return the bearing with every iron; the first has the iron of the example."""
-    rig, _ = read()
+    rig, _ = read_example()
     other_irons = {name: change_rig(rig, {"iron": table}) for name, table in irons().items()}
     return {BUNDLED: rig, **other_irons}
 
@@ -106,7 +106,7 @@ def _setups(
 ) -> tuple[dict[MethodName, BearingSetup], IdentifiedMagnet]:
     """Fit the baselines, and `full` with play cells."""
     table = controller.settings
-    knowledge = identify_magnet(loops, IdentifyTable(law=CELLS))
+    knowledge = identify_magnet(loops, IdentifyTable(law=CELL_LAW))
     setups: dict[MethodName, BearingSetup] = {
         name: make_setup(rig, table, knowledge, name, "fixed") for name in (*BASELINES, "full")
     }
@@ -115,7 +115,7 @@ def _setups(
 
 def _fit_paper_law(rig: BodyRig, controller: ControllerFile, loops: Loops) -> BearingSetup | str:
     """Fit `full` with the law of the paper, or return the reason why this is impossible."""
-    knowledge = identify_magnet(loops, IdentifyTable(law=PAPER))
+    knowledge = identify_magnet(loops, IdentifyTable(law=PAPER_LAW))
     try:
         return make_setup(rig, controller.settings, knowledge, "full", "fixed")
     except InputError as error:
@@ -125,14 +125,16 @@ def _fit_paper_law(rig: BodyRig, controller: ControllerFile, loops: Loops) -> Be
 def _fit_unpinned_curve(rig: BodyRig, controller: ControllerFile) -> BearingSetup:
     """Fit the best single-valued curve to an iron with almost no hysteresis, as a reference."""
     soft_rig = change_iron(rig, None, LOW_PINNING_FACTOR)
-    knowledge = identify_magnet(measure_loops(soft_rig), IdentifyTable(law=PAPER))
+    knowledge = identify_magnet(measure_loops(soft_rig), IdentifyTable(law=PAPER_LAW))
     return make_setup(soft_rig, controller.settings, knowledge, "single-valued", "fixed")
 
 
 def _triangle_errors(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, float]:
-    quiet_rig = quiet(rig)
+    quiet_rig = with_quiet_sensor(rig)
     quiet_setups = {name: BearingSetup(quiet_rig, s.compensator, s.controller) for name, s in setups.items()}
-    metrics_by_name = experiments.run_variants(experiments.run_trajectory, quiet_setups, default_seeds(rig), SLOW)
+    metrics_by_name = experiments.run_variants(
+        experiments.run_trajectory, quiet_setups, default_seeds(rig), SLOW_TRIANGLE
+    )
     return {name: metrics.interval("force_error_rms_N").mean for name, metrics in metrics_by_name.items()}
 
 
@@ -144,7 +146,7 @@ def _compare_steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> d
     }
 
 
-def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]:
+def measure_held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]:
     """Hold forces with noise of demand and gap; return the drift of iron and model, % of F_max.
 
     The noise is that of the compiler's drift test. The drift is the difference between the means of
@@ -191,15 +193,18 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> IronResult:
     if isinstance(paper_setup, BearingSetup):
         steps["paper"] = _compare_steps(rig, {"full": paper_setup})["full"]
         triangle["paper"] = _triangle_errors(rig, {"full": paper_setup})["full"]
-    initial_curve_magnet = identify_magnet(with_initial_curve(rig, loops), IdentifyTable(law=CELLS))
+    initial_curve_magnet = identify_magnet(with_initial_curve(rig, loops), IdentifyTable(law=CELL_LAW))
     names: tuple[MethodName, ...] = ("single-valued", "full")
-    initial_curve_setups = {method: make_setup(rig, controller.settings, initial_curve_magnet, method, "fixed") for method in names}
+    initial_curve_setups = {
+        method: make_setup(rig, controller.settings, initial_curve_magnet, method, "fixed")
+        for method in names
+    }
     return IronResult(
         name,
         steps,
         triangle,
         _triangle_errors(rig, initial_curve_setups),
-        held_drift(rig, knowledge),
+        measure_held_drift(rig, knowledge),
         paper_setup if isinstance(paper_setup, str) else "",
     )
 
@@ -250,7 +255,7 @@ def _steps_row(result: IronResult) -> Row:
         + ", ".join(f"{name} {text} %" for name, text in overshoot_texts.items())
         + f"; standstill: full {_standstill_rms(result, 'full'):.0f} nm rms, single-valued "
         f"{_standstill_rms(result, 'single-valued'):.0f} nm"
-        + (f"; paper: {result.refused}" if result.refused else ""),
+        + (f"; paper: {result.refusal}" if result.refusal else ""),
         max(excesses) <= MAX_EXTRA_OVERSHOOT,
     )
 
@@ -262,8 +267,8 @@ def _triangle_row(result: IronResult) -> Row:
         f"<= {MAX_ERROR_RATIO:g} times that of the best single-valued curve",
         f"{full_error / curve_error:.2f} times; "
         + ", ".join(f"{name} {error:.2f} N" for name, error in result.triangle.items())
-        + f"; with measured initial curve: full {result.first['full']:.2f} N, single-valued "
-        f"{result.first['single-valued']:.2f} N",
+        + f"; with measured initial curve: full {result.initial_curve_errors['full']:.2f} N, single-valued "
+        f"{result.initial_curve_errors['single-valued']:.2f} N",
         full_error <= MAX_ERROR_RATIO * curve_error,
     )
 
@@ -301,7 +306,7 @@ def map_row(benefit: Benefit) -> Row:
 def rows() -> list[Row]:
     """Return all rows: seven irons of three families, and the benefit map."""
     watch = Stopwatch()
-    rig, controller = read()
+    rig, controller = read_example()
     results = [measure(name, rig_of_iron, controller) for name, rig_of_iron in make_rigs().items()]
     lines = [line(result) for line in (_steps_row, _triangle_row, _drift_row) for result in results]
     lines.append(map_row(map_bearing_benefit(rig, controller)))
@@ -313,7 +318,7 @@ def rows() -> list[Row]:
 
 def main(names: Sequence[str]) -> None:
     """Print the rows of the named irons, or of all irons."""
-    _, controller = read()
+    _, controller = read_example()
     for name, rig in make_rigs().items():
         if not names or name in names:
             result = measure(name, rig, controller)

@@ -26,7 +26,7 @@ from anhyst_rigs.study.engine.monte_carlo import monte_carlo
 from anhyst_rigs.study.fleet import fleet
 from anhyst_rigs.study.fleet_magnets import FleetSettings
 from anhyst_rigs.study.plants import bearing_plants
-from bearing import read
+from bearing import read_example
 from cluster import Costs, cluster, simulate_cluster
 from rows import ROOT, Row, Stopwatch
 
@@ -50,20 +50,20 @@ TASKS_A_WORKER = 10
 class TaskTimes:
     """Wall time and processor times of some tasks, s."""
 
-    wall: float
-    here: float
+    wall_seconds: float
+    client: float
     scheduler: float = 0.0
     workers: float = 0.0
 
     @property
     def processor(self) -> float:
         """The sum of all processor times, s."""
-        return self.here + self.scheduler + self.workers
+        return self.client + self.scheduler + self.workers
 
 
 def best_of_repetitions(measure: Callable[[], TaskTimes], times: int = REPETITIONS) -> TaskTimes:
     """Return the measurement with the shortest wall time, because other work can only add time."""
-    return min((measure() for _ in range(times)), key=lambda measurement: measurement.wall)
+    return min((measure() for _ in range(times)), key=lambda measurement: measurement.wall_seconds)
 
 
 def measure_locally(function: Callable[[], Any]) -> TaskTimes:
@@ -73,7 +73,9 @@ def measure_locally(function: Callable[[], Any]) -> TaskTimes:
     return TaskTimes(watch.wall, watch.processor)
 
 
-def measure_on_cluster(workers: int, function: Callable[[], Any], *, in_one_process: bool = False) -> TaskTimes:
+def measure_on_cluster(
+    workers: int, function: Callable[[], Any], *, in_one_process: bool = False
+) -> TaskTimes:
     """Measure work on a cluster, the best of several repetitions."""
     with cluster(workers, in_one_process=in_one_process) as running_cluster:
 
@@ -82,7 +84,9 @@ def measure_on_cluster(workers: int, function: Callable[[], Any], *, in_one_proc
             with use_scheduler(running_cluster.address):
                 function()
             end_times = running_cluster.processor()
-            return TaskTimes(watch.wall, watch.processor, end_times[0] - start_times[0], end_times[1] - start_times[1])
+            return TaskTimes(
+                watch.wall, watch.processor, end_times[0] - start_times[0], end_times[1] - start_times[1]
+            )
 
         return best_of_repetitions(once)  # later repetitions do not import again
 
@@ -107,12 +111,12 @@ def fleet_rows(times_by_name: dict[str, TaskTimes]) -> list[Row]:
     rows = []
     for name, task_times in times_by_name.items():
         reference_times = times_by_name["1 process" if "process" in name else "1 worker"]
-        efficiency = reference_times.wall / task_times.wall / int(name[0])
+        efficiency = reference_times.wall_seconds / task_times.wall_seconds / int(name[0])
         rows.append(
             Row(
                 f"fleet of {MAGNETS} magnets, {name}",
                 "reported",
-                f"{task_times.wall:.1f} s wall, {task_times.processor:.1f} s of processor time, efficiency "
+                f"{task_times.wall_seconds:.1f} s wall, {task_times.processor:.1f} s of processor time, efficiency "
                 f"{100 * efficiency:.0f} %",
                 None,
                 task_times.processor,
@@ -130,14 +134,16 @@ def measure_empty_tasks() -> tuple[list[Row], Costs]:
     """Measure the overhead of a task for several numbers of tasks and workers."""
     rows: list[Row] = []
     task_times = best_of_repetitions(lambda: measure_locally(make_empty_tasks(TASKS, jobs=2)))
-    rows.append(_empty("2 processes of this machine", TASKS, task_times))
+    rows.append(_empty_tasks_row("2 processes of this machine", TASKS, task_times))
     costs = []
     for workers, in_one_process in ((1, False), (2, False), (4, False), (8, False), (50, True), (200, True)):
         name = f"{workers} workers" + (" in one process" if in_one_process else "")
         task_times = measure_on_cluster(workers, make_empty_tasks(TASKS), in_one_process=in_one_process)
-        costs.append(Costs(task_times.scheduler / TASKS, task_times.here / TASKS))
-        rows.append(_empty(name, TASKS, task_times))
-    rows += [_empty("2 workers", n, measure_on_cluster(2, make_empty_tasks(n))) for n in (200, 5000)]
+        costs.append(Costs(task_times.scheduler / TASKS, task_times.client / TASKS))
+        rows.append(_empty_tasks_row(name, TASKS, task_times))
+    rows += [
+        _empty_tasks_row("2 workers", n, measure_on_cluster(2, make_empty_tasks(n))) for n in (200, 5000)
+    ]
     from distributed import LocalCluster
 
     thread_cluster = LocalCluster(  # type: ignore[no-untyped-call]
@@ -145,7 +151,7 @@ def measure_empty_tasks() -> tuple[list[Row], Costs]:
     )
     with thread_cluster, use_scheduler(thread_cluster.scheduler_address):
         task_times = best_of_repetitions(lambda: measure_locally(make_empty_tasks(TASKS)))
-    rows.append(_empty("2 workers as threads in the scheduler's process", TASKS, task_times))
+    rows.append(_empty_tasks_row("2 workers as threads in the scheduler's process", TASKS, task_times))
     largest_costs = Costs(max(cost.scheduler for cost in costs), max(cost.client for cost in costs))
     return rows, largest_costs
 
@@ -159,17 +165,19 @@ def measure_shared_data() -> list[Row]:
     rows = []
     for name, function, inputs in task_kinds:
         task_times = measure_on_cluster(8, partial(map_ordered, function, inputs))
-        rows.append(_empty(f"{name} {len(SHARED_DATA) // 1000} kB, 8 workers", SHARING_TASKS, task_times))
+        rows.append(
+            _empty_tasks_row(f"{name} {len(SHARED_DATA) // 1000} kB, 8 workers", SHARING_TASKS, task_times)
+        )
     return rows
 
 
-def _empty(name: str, task_count: int, task_times: TaskTimes) -> Row:
+def _empty_tasks_row(name: str, task_count: int, task_times: TaskTimes) -> Row:
     us_per_task = 1e6 / task_count
     return Row(
         f"{task_count} empty tasks, {name}",
         "reported",
-        f"{task_count / task_times.wall:.0f} tasks/s; processor time of a task: scheduler "
-        f"{us_per_task * task_times.scheduler:.0f} us, client {us_per_task * task_times.here:.0f} us, worker "
+        f"{task_count / task_times.wall_seconds:.0f} tasks/s; processor time of a task: scheduler "
+        f"{us_per_task * task_times.scheduler:.0f} us, client {us_per_task * task_times.client:.0f} us, worker "
         f"{us_per_task * task_times.workers:.0f} us",
         None,
         task_times.processor / task_count,
@@ -182,13 +190,13 @@ def check_simulation(workers: int) -> list[Row]:
     with cluster(workers, in_one_process=True) as running_cluster, use_scheduler(running_cluster.address):
         map_ordered(time.sleep, [0.0] * TASKS)
         # Scheduler, workers and client share this machine: one overhead for all of them.
-        overhead = best_of_repetitions(lambda: measure_locally(make_empty_tasks(TASKS))).wall / TASKS
+        overhead = best_of_repetitions(lambda: measure_locally(make_empty_tasks(TASKS))).wall_seconds / TASKS
         for sleep in SLEEPS_S:
             task_count = max(6 * workers, 200)
             measured_wall = best_of_repetitions(
                 lambda: measure_locally(lambda: map_ordered(time.sleep, [sleep] * task_count)),  # noqa: B023
                 2,
-            ).wall
+            ).wall_seconds
             simulated_wall = simulate_cluster([sleep] * task_count, workers, Costs(overhead, 0.0))
             rows.append(
                 Row(
@@ -204,7 +212,7 @@ def check_simulation(workers: int) -> list[Row]:
 
 def measure_durations(folder: Path, output_folder: Path) -> dict[str, float]:
     """Measure the processor time of one task of each study, s, for a worker alone on a core."""
-    rig, controller = read()
+    rig, controller = read_example()
     fleet_times = measure_locally(lambda: fleet(folder, output_folder / "alone", SETTINGS, jobs=1))
     plants = bearing_plants(rig, controller, ("full",))
     plant_seconds = [
@@ -212,8 +220,10 @@ def measure_durations(folder: Path, output_folder: Path) -> dict[str, float]:
         for n in (2, 42)
     ]
     map_seconds = [
-        measure_locally(lambda: map_bearing_benefit(rig, controller, [1.0], load_fractions, seeds=2, jobs=1)).processor  # noqa: B023
-        for load_fractions in ([0.2], [0.1, 0.2])
+        measure_locally(
+            lambda: map_bearing_benefit(rig, controller, [1.0], fractions, seeds=2, jobs=1)  # noqa: B023
+        ).processor
+        for fractions in ([0.2], [0.1, 0.2])
     ]
     return {
         "fleet": fleet_times.processor / MAGNETS,

@@ -12,7 +12,7 @@ from rows import ROOT, Row, Stopwatch
 FOLDER = ROOT / "examples" / "solenoid"
 
 
-def _run(rig: Path) -> dict[str, Any]:
+def _run_bundled_solenoid(rig: Path) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder_name:
         return force_control(rig, Path(folder_name) / "run").figures
 
@@ -25,12 +25,16 @@ def _format_errors(stage: dict[str, Any]) -> str:
 def rows() -> list[Row]:
     """Return the worst errors at rest, in motion and with the first solenoid, and the time."""
     watch = Stopwatch()
-    figures = _run(FOLDER / "rig.toml")
+    figures = _run_bundled_solenoid(FOLDER / "rig.toml")
     wall_seconds, time_text, seconds = watch.wall, str(watch), watch.processor
     error_summary = figures["summary"]
     errors_at_rest = error_summary["positions"]
-    full_at_rest, simplified_at_rest, full_in_motion = errors_at_rest["full"], errors_at_rest["simplified"], error_summary["moving"]["full"]
-    first_version = _run(FOLDER / "drawn" / "rig.toml")["summary"]
+    full_at_rest, simplified_at_rest, full_in_motion = (
+        errors_at_rest["full"],
+        errors_at_rest["simplified"],
+        error_summary["moving"]["full"],
+    )
+    first_version = _run_bundled_solenoid(FOLDER / "drawn" / "rig.toml")["summary"]
     differing_count, ticks = figures["ticks_that_differ"], figures["firmware_ticks"]
     return [
         Row(

@@ -60,7 +60,9 @@ def scale_pinning(prepared_bench: PreparedForce, factor: float) -> PreparedForce
     scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
     changed_file = file.model_copy(update={"iron": iron})
-    return replace(prepared_bench, complete_rig=replace(prepared_bench.complete_rig, solenoid_file=changed_file))
+    return replace(
+        prepared_bench, complete_rig=replace(prepared_bench.complete_rig, solenoid_file=changed_file)
+    )
 
 
 def measure_improvement(prepared_bench: PreparedForce, build_folder: Path) -> list[Row]:
@@ -87,7 +89,11 @@ def measure_improvement(prepared_bench: PreparedForce, build_folder: Path) -> li
     model = prepared_bench.identify(loops)
     session.close()
     program = build_program(
-        "full", model, prepared_bench.complete_rig.settings.timing.rate_Hz, "library", build_folder / "off-line"
+        "full",
+        model,
+        prepared_bench.complete_rig.settings.timing.rate_Hz,
+        "library",
+        build_folder / "off-line",
     )
     off_line_bench = replace(prepared_bench, program=program).open()
     off_line_error = force_error(off_line_bench)

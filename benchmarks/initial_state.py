@@ -40,7 +40,7 @@ SAMPLES = 200
 
 CYCLES = 12
 
-NEAR = (0.01, 0.002)
+TOLERANCES = (0.01, 0.002)
 """Tolerances relative to the largest force: a small error, and an error of the size of rounding."""
 
 HISTORIES: tuple[tuple[float, ...], ...] = (
@@ -85,13 +85,13 @@ class Actuator:
     force: float
     blocks: dict[Kind, Block]
 
-    def record(self, turning_points: Sequence[float]) -> Array:
+    def history_currents(self, turning_points: Sequence[float]) -> Array:
         """Return the currents of a history, A."""
         turning_currents = [0.0, *(turning_point * self.current for turning_point in turning_points)]
         ramps = [np.linspace(a, b, 101)[1:] for a, b in pairwise(turning_currents)]
         return np.concatenate([[0.0], *ramps])
 
-    def memory(self, kind: Kind, currents: Array) -> NDArray[np.int32]:
+    def state_after(self, kind: Kind, currents: Array) -> NDArray[np.int32]:
         """Return the state of a compensator after these currents."""
         compensator = FixedTwin(self.blocks[kind])
         for current in currents.tolist():
@@ -101,7 +101,9 @@ class Actuator:
     def force_after(self, history_currents: Array, currents: Array) -> Array:
         """Return the force of the iron under these currents after a history, N."""
         all_currents = np.concatenate([history_currents, currents])
-        prediction = self.model.predict(all_currents, np.full(all_currents.size, self.gap), history="demagnetised")
+        prediction = self.model.predict(
+            all_currents, np.full(all_currents.size, self.gap), history="demagnetised"
+        )
         return prediction.output[history_currents.size :]
 
 
@@ -109,7 +111,8 @@ def make_actuator(model: Model, gaps: tuple[float, float], gap: float, current: 
     """Compile a model to every kind, for triangles of a force that can be reached at every gap."""
     end_currents = np.array([0.0, current])
     largest_force, force = (
-        float(model.predict(end_currents, np.full(2, evaluated_gap), history="demagnetised").output[-1]) for evaluated_gap in (gaps[0], gap)
+        float(model.predict(end_currents, np.full(2, evaluated_gap), history="demagnetised").output[-1])
+        for evaluated_gap in (gaps[0], gap)
     )
     force *= 0.98  # keeps the demand within the range of every compensator
     # Twice the current, so that histories beyond the working range are within the number range.
@@ -121,19 +124,23 @@ def make_actuator(model: Model, gaps: tuple[float, float], gap: float, current: 
     table_sizes = TableSizes(iterations=8, octave_segments=4, curve_segments=8)
     blocks: dict[Kind, Block] = {
         "full": build_block(model, "full", scales, wide_limits, table_sizes, conditioning_plan),
-        "simplified": build_block(model, "simplified", scales, wide_limits, table_sizes, conditioning_plan, closed_form=law),
-        "euler": build_block(model, "euler", scales, wide_limits, table_sizes, conditioning_plan, closed_form=law),
+        "simplified": build_block(
+            model, "simplified", scales, wide_limits, table_sizes, conditioning_plan, closed_form=law
+        ),
+        "euler": build_block(
+            model, "euler", scales, wide_limits, table_sizes, conditioning_plan, closed_form=law
+        ),
     }
     return Actuator(model, gap, current, force, blocks)
 
 
-def triangles(low: float, high: float) -> Array:
+def triangle_demand(low: float, high: float) -> Array:
     """Return the demand relative to the largest force."""
     phase = np.arange(SAMPLES * CYCLES) % SAMPLES / SAMPLES
     return np.asarray(low + (high - low) * (1.0 - np.abs(2.0 * phase - 1.0)))
 
 
-def conditioning(actuator: Actuator, cycles: int) -> Array:
+def conditioning_currents(actuator: Actuator, cycles: int) -> Array:
     """Return triangles over the whole current range, as a controller runs them at start-up."""
     turning_currents = [-0.2 * actuator.current, actuator.current] * cycles + [0.0]
     ramps = [np.linspace(a, b, SAMPLES + 1)[1:] for a, b in pairwise(turning_currents)]
@@ -141,7 +148,7 @@ def conditioning(actuator: Actuator, cycles: int) -> Array:
 
 
 def samples_until_near(deviation: Array, tolerance: float) -> int:
-    """Return the number of samples after which `off` stays within `near` permanently."""
+    """Return the number of samples after which the deviation stays within the tolerance permanently."""
     outside_indices = np.flatnonzero(np.abs(deviation) > tolerance)
     return int(outside_indices[-1]) + 1 if outside_indices.size else 0
 
@@ -153,18 +160,18 @@ class Outcome:
     Parameters
     ----------
     samples : ndarray of int, shape (p, 2)
-        For every pair of histories and each of the tolerances `NEAR`: number of samples until the
+        For every pair of histories and each of the tolerances `TOLERANCES`: number of samples until the
         difference from the force after a correct start stays within the tolerance.
-    largest : float
+    largest_error : float
         Largest difference from the force after a correct start, relative to the largest force.
-    settled : float
+    settled_error : float
         Largest error of the force relative to the demand in the last cycle after a correct start,
         as a fraction of the largest force.
     """
 
     samples: NDArray[np.int64]
-    largest: float
-    settled: float
+    largest_error: float
+    settled_error: float
 
 
 def sample_random_states(kind: Kind) -> list[NDArray[np.int32]]:
@@ -176,7 +183,11 @@ def sample_random_states(kind: Kind) -> list[NDArray[np.int32]]:
 
 
 def study(
-    actuator: Actuator, kind: Kind, demand: Array, prelude: Array | None = None, from_random_states: bool = False
+    actuator: Actuator,
+    kind: Kind,
+    demand: Array,
+    prelude: Array | None = None,
+    from_random_states: bool = False,
 ) -> Outcome:
     """Start a compensator with the state of every history, on an iron with every other history.
 
@@ -208,17 +219,25 @@ def study(
             compensator.commit(current, actuator.gap)
         return compensator.run(demanded_force, actuator.gap)
 
-    right_currents = [run(actuator.memory(kind, actuator.record(history))) for history in HISTORIES]
-    wrong_currents = [run(memory) for memory in sample_random_states(kind)] if from_random_states else right_currents
-    records = [np.concatenate([actuator.record(history), prelude_currents]) for history in HISTORIES]
+    right_currents = [
+        run(actuator.state_after(kind, actuator.history_currents(history))) for history in HISTORIES
+    ]
+    wrong_currents = (
+        [run(memory) for memory in sample_random_states(kind)] if from_random_states else right_currents
+    )
+    records = [
+        np.concatenate([actuator.history_currents(history), prelude_currents]) for history in HISTORIES
+    ]
     right_forces = [actuator.force_after(*pair) for pair in zip(records, right_currents, strict=True)]
     samples, largest = [], 0.0
     for assumed_history, true_history in permutations(range(len(HISTORIES)), 2):
         force = actuator.force_after(records[true_history], wrong_currents[assumed_history])
         force_errors = (force - right_forces[true_history]) / actuator.force
-        samples.append([samples_until_near(force_errors, tolerance) for tolerance in NEAR])
+        samples.append([samples_until_near(force_errors, tolerance) for tolerance in TOLERANCES])
         largest = max(largest, float(np.abs(force_errors).max()))
-    settled_errors = [np.abs(force - demanded_force)[-SAMPLES:].max() / actuator.force for force in right_forces]
+    settled_errors = [
+        np.abs(force - demanded_force)[-SAMPLES:].max() / actuator.force for force in right_forces
+    ]
     return Outcome(np.array(samples), largest, float(max(settled_errors)))
 
 
@@ -243,7 +262,7 @@ def euler_error(actuator: Actuator, samples: int) -> float:
     return float(np.abs(force - demanded_force)[-samples:].max() / actuator.force)
 
 
-def bundled() -> Actuator:
+def identify_bundled() -> Actuator:
     """Identify the bundled electromagnet from its loops."""
     loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
     model = identify(loops).model
@@ -252,31 +271,33 @@ def bundled() -> Actuator:
     return make_actuator(model, gaps, 0.45e-3, current)
 
 
-def describe(outcome: Outcome) -> str:
+def outcome_text(outcome: Outcome) -> str:
     """Return the size and the duration of the force error as text."""
     first_samples, second_samples = outcome.samples.T
     return (
-        f"up to {100 * outcome.largest:.2g} % of F_max error; within {100 * NEAR[0]:g} % after "
+        f"up to {100 * outcome.largest_error:.2g} % of F_max error; within {100 * TOLERANCES[0]:g} % after "
         f"{np.median(first_samples):.0f} samples (median), {first_samples.max()} (largest, "
-        f"{first_samples.max() / SAMPLES:.2f} cycles); within {100 * NEAR[1]:g} % after "
+        f"{first_samples.max() / SAMPLES:.2f} cycles); within {100 * TOLERANCES[1]:g} % after "
         f"{second_samples.max() / SAMPLES:.2f} cycles"
     )
 
 
-def rows(make: Callable[[], Actuator] = bundled) -> list[Row]:
+def rows(make: Callable[[], Actuator] = identify_bundled) -> list[Row]:
     """Return all rows about wrong initial states."""
     actuator = make()
     lines = []
     for (name, (low, high)), kind in product(DEMAND_LIMITS.items(), KINDS):
-        demand = triangles(low, high)
+        demand = triangle_demand(low, high)
         wrong_history = study(actuator, kind, demand)
         random_start = study(actuator, kind, demand, from_random_states=True)
-        conditioned = study(actuator, kind, demand, conditioning(actuator, 1), from_random_states=True)
+        conditioned = study(
+            actuator, kind, demand, conditioning_currents(actuator, 1), from_random_states=True
+        )
         text = (
-            f"state of another history: {describe(wrong_history)}. Random state: "
-            f"{describe(random_start)}. After one cycle of conditioning: up to "
-            f"{100 * conditioned.largest:.2g} %. Right start, steady state: "
-            f"{100 * wrong_history.settled:.2f} % error"
+            f"state of another history: {outcome_text(wrong_history)}. Random state: "
+            f"{outcome_text(random_start)}. After one cycle of conditioning: up to "
+            f"{100 * conditioned.largest_error:.2g} %. Right start, steady state: "
+            f"{100 * wrong_history.settled_error:.2f} % error"
         )
         lines.append(Row(f"wrong start, {kind}, triangle {name}", "reported", text, None))
     errors = {samples: euler_error(actuator, samples) for samples in (2000, 200, 50, 20, 10)}

@@ -62,12 +62,12 @@ STAGES: dict[int, tuple[tuple[Shape, int], ...]] = {
 }
 """Play-cell laws of each stage by curve and populations; stage 1 includes Jiles-Atherton."""
 
-STARTS, RANKED, ENDED, FINISHED = 64, 24, 8, 3
+START_COUNT, RANKED_STARTS, FINE_STARTS, FINAL_STARTS = 64, 24, 8, 3
 COARSE_SAMPLES, FINE_SAMPLES = 40, 100
 """Samples per loop for the first descents, and for the descents of the best starts."""
 
-_FIRST, _SHORT, _LONG, _LAST = 4, 8, 80, 30
-_SCAN = 24
+_FIRST_STEPS, _COARSE_STEPS, _FINE_STEPS, _FINAL_STEPS = 4, 8, 80, 30
+_SCAN_POINTS = 24
 _TRIES = 30
 _NEAR_RATIO = 1.02
 
@@ -84,8 +84,8 @@ _LAW_RANGES = {
 _MAX_FIELD_RANGE = (0.5, 40.0)
 """Range of the largest effective field, in units of the law."""
 
-_OMEGA = (0.02, 500.0)
-_RATIOS = np.geomspace(0.2, 5.0, _SCAN)
+_OMEGA_RANGE = (0.02, 500.0)
+_SCALE_RATIOS = np.geomspace(0.2, 5.0, _SCAN_POINTS)
 
 Known = dict[str, float | bool]
 
@@ -95,17 +95,17 @@ class Target:
     """A law with a gap map."""
 
     gap_map: str
-    form: ResponseForm
+    response_form: ResponseForm
 
     @property
     def name(self) -> str:
         """The name of the target in the file."""
-        cells = self.form.cells
+        cells = self.response_form.cells
         count = f"-{cells.population_count}" if isinstance(cells, CellKernel) else ""
-        return f"{self.gap_map}/{self.form.law}{count}"
+        return f"{self.gap_map}/{self.response_form.law}{count}"
 
 
-def targets(loops: Loops, stage: int) -> Iterator[Target]:
+def list_targets(loops: Loops, stage: int) -> Iterator[Target]:
     """Yield the laws and maps of a stage that identification compares, the cheapest first."""
     gaps = len(loops.schedule_values)
     gap_maps = ["none"] if gaps < 2 else ["reluctance", "circuit", "scaling"]
@@ -120,7 +120,9 @@ def targets(loops: Loops, stage: int) -> Iterator[Target]:
     return (Target(gap_map, response_form) for response_form in response_forms for gap_map in gap_maps)
 
 
-def shape_of(response_form: ResponseForm, local: ParameterSet, records: FitRecords) -> FloatArray | None:
+def unit_gain_output(
+    response_form: ResponseForm, local: ParameterSet, records: FitRecords
+) -> FloatArray | None:
     """Return the output for a gain of 1 at a single gap; None if the law has no solution."""
     responder = CellResponder() if response_form.cells else Responder()
     unit_gain_set = replace(local, gain=1.0, out_0=0.0)
@@ -134,16 +136,18 @@ class Scan:
     """Searches the circuit parameters at one gap for given parameters of the law."""
 
     def __init__(self, response_form: ResponseForm, records: FitRecords) -> None:
-        self.form, self.records = response_form, records
+        self.response_form, self.records = response_form, records
         weights = [np.full(record.output.size, record.weight) for record in records.loops]
         self.weights = np.concatenate(weights)
         self.output = np.concatenate([record.output for record in records.loops])
 
-    def best(self, candidates: Sequence[ParameterSet], gain: float | None) -> tuple[ParameterSet, float] | None:
+    def find_best(
+        self, candidates: Sequence[ParameterSet], gain: float | None
+    ) -> tuple[ParameterSet, float] | None:
         """Return the set with the lowest cost, and this cost; fit the gain unless it is given."""
         best_set: tuple[ParameterSet, float] | None = None
         for local in candidates:
-            unit_output = shape_of(self.form, local, self.records)
+            unit_output = unit_gain_output(self.response_form, local, self.records)
             if unit_output is None:
                 continue
             weighted, target = unit_output * self.weights, self.output * self.weights
@@ -160,28 +164,42 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
     reference_gap = records.reference_gap
     scans = [Scan(response_form, records.at_gap(gap)) for gap in range(records.gap_count)]
     for _ in range(_TRIES):
-        law = tuple(_number(parameter.name, rng) for parameter in response_form.kernel.fit_parameters)
+        law = tuple(
+            _sample_parameter(parameter.name, rng) for parameter in response_form.kernel.fit_parameters
+        )
         low, high = _MAX_FIELD_RANGE
         max_field = low * (high / low) ** rng.random()
-        share_sum = 1.0 + sum(population_share for parameter, population_share in zip(response_form.kernel.fit_parameters, law, strict=True)
-                         if parameter.name.startswith("share"))  # fmt: skip
-        reference_set = scans[reference_gap].best(_sets_at_reference_gap(space, law, max_field, share_sum), None)
+        share_sum = 1.0 + sum(
+            share
+            for parameter, share in zip(response_form.kernel.fit_parameters, law, strict=True)
+            if parameter.name.startswith("share")
+        )
+        reference_set = scans[reference_gap].find_best(
+            _sets_at_reference_gap(space, law, max_field, share_sum), None
+        )
         if reference_set is None:
             continue
         gap_sets = []
         for gap, scan in enumerate(scans):
-            gap_set = reference_set if gap == reference_gap else scan.best(*_sets_at_another_gap(space, reference_set[0]))
+            gap_set = (
+                reference_set
+                if gap == reference_gap
+                else scan.find_best(*_sets_at_another_gap(space, reference_set[0]))
+            )
             if gap_set is None:
                 break
             gap_sets.append(gap_set[0])
         else:
             return space.pack(
-                [response_form.make_set([*response_form.named_values(parameter_set).values()]) for parameter_set in gap_sets]
+                [
+                    response_form.make_set([*response_form.named_values(parameter_set).values()])
+                    for parameter_set in gap_sets
+                ]
             )
     return None
 
 
-def _number(name: str, rng: np.random.Generator) -> float:
+def _sample_parameter(name: str, rng: np.random.Generator) -> float:
     low, high = _LAW_RANGES[name.split("_", maxsplit=1)[0]]
     fraction = float(rng.random())
     return low + (high - low) * fraction if low == 0.0 else float(low * (high / low) ** fraction)
@@ -192,13 +210,14 @@ def _sets_at_reference_gap(
 ) -> list[ParameterSet]:
     """Return sets of one law with several reluctances and the same largest effective field."""
     input_span, magnetisation = space.records.input_span, share_sum * max_field / (1.0 + max_field)
-    omegas = [0.0, *np.geomspace(*_OMEGA, _SCAN)]
+    omegas = [0.0, *np.geomspace(*_OMEGA_RANGE, _SCAN_POINTS)]
     parameter_sets = [ParameterSet(law, omega, input_span / (max_field + omega * magnetisation), 1.0, 0.0, 0.0, 0.0)
              for omega in omegas]  # fmt: skip
     parameter_sets += [replace(parameter_sets[0], omega=omega / share_sum) for omega in (-0.3, -0.7)]
     # h follows from scale and gain if field and flux density are measured.
     return [
-        replace(parameter_set, h=0.0 if space.form.permeability else space.form.h) for parameter_set in parameter_sets
+        replace(parameter_set, h=0.0 if space.form.permeability else space.form.h)
+        for parameter_set in parameter_sets
     ]
 
 
@@ -207,38 +226,43 @@ def _sets_at_another_gap(
 ) -> tuple[list[ParameterSet], float | None]:
     """Return the sets that the map allows at another gap, and the gain if it is common."""
     if space.gap_map == "scaling":
-        return [replace(reference_set, scale=ratio * reference_set.scale) for ratio in _RATIOS], reference_set.gain
+        return [
+            replace(reference_set, scale=ratio * reference_set.scale) for ratio in _SCALE_RATIOS
+        ], reference_set.gain
     unscaled = reference_set.scale * (1.0 - reference_set.h * reference_set.omega)
-    omegas = [max(reference_set.omega, 0.05) * ratio**2 for ratio in _RATIOS]
+    omegas = [max(reference_set.omega, 0.05) * ratio**2 for ratio in _SCALE_RATIOS]
     candidates = [replace(reference_set, omega=omega, scale=unscaled / max(1.0 - reference_set.h * omega, 0.05))
             for omega in omegas]  # fmt: skip
     return candidates, None if space.gap_map == "circuit" else reference_set.gain
 
 
-def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | None]:
+def find_best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | None]:
     """Fit a law and map from random starts, then without offsets; None if there is no solution."""
     records = make_fit_records(loops, "loops", read_rest_offsets(loops))
     common = OFFSET_NAMES if target.gap_map == "circuit" else frozenset()
-    full_records = CoordinateSpace(target.gap_map, records, target.form, common=common)
+    full_records = CoordinateSpace(target.gap_map, records, target.response_form, common=common)
     coarse, fine = (
         replace(full_records, records=records.thinned(max_samples))
         for max_samples in (COARSE_SAMPLES, FINE_SAMPLES)
     )
     rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
-    starts = [random_start(coarse, rng) for _ in range(STARTS)]
-    first_fits = [descend_from(coarse, start, 1e-4, _FIRST) for start in starts if start is not None]
+    starts = [random_start(coarse, rng) for _ in range(START_COUNT)]
+    first_fits = [descend_from(coarse, start, 1e-4, _FIRST_STEPS) for start in starts if start is not None]
     if not first_fits:
         return {target.name: None}
     first_fits.sort(key=lambda fit: fit.cost)
-    ranked_fits = [descend_from(coarse, fit.theta, 1e-4, _SHORT) for fit in first_fits[:RANKED]]
+    ranked_fits = [descend_from(coarse, fit.theta, 1e-4, _COARSE_STEPS) for fit in first_fits[:RANKED_STARTS]]
     ranked_fits.sort(key=lambda fit: fit.cost)
-    best_fits = [descend_from(fine, fit.theta, 1e-6, _LONG) for fit in ranked_fits[:ENDED]]
+    best_fits = [descend_from(fine, fit.theta, 1e-6, _FINE_STEPS) for fit in ranked_fits[:FINE_STARTS]]
     best_fits.sort(key=lambda fit: fit.cost)
     near_count = sum(bool(fit.cost <= _NEAR_RATIO**2 * best_fits[0].cost) for fit in best_fits)
-    final_fits = [descend_from(full_records, fit.theta, 1e-7, _LAST) for fit in best_fits[:FINISHED]]
+    final_fits = [
+        descend_from(full_records, fit.theta, 1e-7, _FINAL_STEPS) for fit in best_fits[:FINAL_STARTS]
+    ]
     space_without_offsets, kept_coordinates = full_records.with_fixed(OFFSET_NAMES)
     final_fits_without_offsets = [
-        descend_from(space_without_offsets, fit.theta[kept_coordinates], 1e-7, _LAST) for fit in final_fits
+        descend_from(space_without_offsets, fit.theta[kept_coordinates], 1e-7, _FINAL_STEPS)
+        for fit in final_fits
     ]
     return {
         target.name: find_best_fit(final_fits, loops, near_count),
@@ -281,18 +305,18 @@ def main(arguments: Sequence[str]) -> None:
             draws = known_fits["draws"]
             finished_stage = draws.setdefault(str(number), {"through": 0, "fits": {}})
             fits = finished_stage["fits"]
-            for target in targets(loops, stage):
+            for target in list_targets(loops, stage):
                 if time.monotonic() > deadline:
                     return
                 if target.name not in fits:
-                    fits |= best_known(target, loops, number)
-                    write(known_fits)
+                    fits |= find_best_known(target, loops, number)
+                    write_known_fits(known_fits)
             finished_stage["through"] = max(stage, finished_stage["through"])
-            write(known_fits)
+            write_known_fits(known_fits)
             print(f"known: draw {number}, stage {stage}", flush=True)
 
 
-def write(known_fits: dict[str, Any]) -> None:
+def write_known_fits(known_fits: dict[str, Any]) -> None:
     """Write the file with one line for each law and map, so that its changes can be reviewed."""
     lines = []
     for number, draw_fits in sorted(known_fits["draws"].items(), key=lambda item: int(item[0])):

@@ -26,15 +26,15 @@ from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
 from rows import ROOT, Row, Stopwatch, measurements
 
-PAPER = "effective-field"
-CHOSEN = "auto"
+PAPER_LAW = "effective-field"
+CHOSEN_LAW = "auto"
 
 MEAN_TARGET, WORST_TARGET, SMALL_CYCLES_TARGET = 0.12, 0.8, 0.2
 """Targets, % of the largest force: mean and worst at unseen gaps, mean in small cycles about a
 bias."""
 
 
-def _irons() -> ModuleType:
+def _load_irons_module() -> ModuleType:
     path = ROOT / "examples" / "irons" / "make_loops.py"
     spec = importlib.util.spec_from_file_location("anhyst_irons", path)
     assert spec is not None
@@ -78,11 +78,12 @@ def _unseen_row(name: str, models: dict[str, Model], truth: Loops) -> Row:
     largest = _largest_force(truth)
     errors = {law: ForceErrors.of(_unseen_residuals(model, truth), largest) for law, model in models.items()}
     curve_errors = ForceErrors.of([residuals for _, residuals in single_valued_residuals(truth)], largest)
-    chosen_errors = errors[CHOSEN]
+    chosen_errors = errors[CHOSEN_LAW]
     return Row(
         f"{name}, unseen gaps: mean error",
         f"<= {MEAN_TARGET:g} %, worst {WORST_TARGET:g} % of F_max",
-        f"{chosen_errors} ({models[CHOSEN].law}); {PAPER} {errors[PAPER]}; best single-valued {curve_errors}",
+        f"{chosen_errors} ({models[CHOSEN_LAW].law}); {PAPER_LAW} {errors[PAPER_LAW]}; "
+        f"best single-valued {curve_errors}",
         chosen_errors.mean <= MEAN_TARGET and chosen_errors.worst <= WORST_TARGET,
     )
 
@@ -101,43 +102,43 @@ def _path_rows(module: ModuleType, name: str, models: dict[str, Model], fixed_ga
                 modelled = model.predict(truth.current + offset, truth.gap, history="demagnetised").output
                 deviations.append((modelled - truth.force)[truth.counted])
             errors[law] = ForceErrors.of(deviations, largest)
-        chosen_errors, is_moving = errors[CHOSEN], title == "moving gap"
+        chosen_errors, is_moving = errors[CHOSEN_LAW], title == "moving gap"
         result_rows.append(
             Row(
                 f"{name}, {title}: mean error",
                 "<= 1.25 times that at fixed gaps" if is_moving else f"<= {SMALL_CYCLES_TARGET:g} % of F_max",
-                f"{chosen_errors}; {PAPER} {errors[PAPER]}",
+                f"{chosen_errors}; {PAPER_LAW} {errors[PAPER_LAW]}",
                 chosen_errors.mean <= (1.25 * fixed_gap_errors.mean if is_moving else SMALL_CYCLES_TARGET),
             )
         )
     return result_rows
 
 
-def magnets() -> list[Row]:
+def measure_magnets() -> list[Row]:
     """Measure the bundled magnet with its own iron and with six others."""
-    module = _irons()
+    module = _load_irons_module()
     bundled_folder = ROOT / "examples" / "electromagnet"
-    result_rows = [_bundled(bundled_folder)]
+    result_rows = [_bundled_row(bundled_folder)]
     for name in module.tables():
         with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as folder:
             for file, text in module.files(name).items():
                 (Path(folder) / file).write_text(text, encoding="utf-8")
             loops = read_loops(Path(folder) / "loops.csv")
             truth = read_loops(Path(folder) / "unseen_truth.csv")
-        models = {law: identify(loops, law=law).model for law in (PAPER, CHOSEN)}
+        models = {law: identify(loops, law=law).model for law in (PAPER_LAW, CHOSEN_LAW)}
         result_rows.append(_unseen_row(name, models, truth))
         largest = _largest_force(truth)
-        fixed_gap_errors = ForceErrors.of(_unseen_residuals(models[CHOSEN], truth), largest)
+        fixed_gap_errors = ForceErrors.of(_unseen_residuals(models[CHOSEN_LAW], truth), largest)
         result_rows += _path_rows(module, name, models, fixed_gap_errors, largest)
     return result_rows
 
 
-def _bundled(folder: Path) -> Row:
+def _bundled_row(folder: Path) -> Row:
     loops, truth = (read_loops(folder / name) for name in ("loops.csv", "unseen_truth.csv"))
     watch = Stopwatch()
-    chosen_model = identify(loops, law=CHOSEN).model
+    chosen_model = identify(loops, law=CHOSEN_LAW).model
     identify_seconds = watch.processor
-    models = {PAPER: identify(loops, law=PAPER).model, CHOSEN: chosen_model}
+    models = {PAPER_LAW: identify(loops, law=PAPER_LAW).model, CHOSEN_LAW: chosen_model}
     row = _unseen_row("bundled magnet", models, truth)
     return Row(
         row.what,
@@ -173,7 +174,7 @@ def _list_text(values: list[float]) -> str:
     return ", ".join(f"{value:.2f}" for value in values) + " %"
 
 
-def materials(folder: Path) -> list[Row]:
+def measure_materials(folder: Path) -> list[Row]:
     """Measure joint fits of real materials, and errors at withheld loops for comparison."""
     ferrite = folder / "ferrite_mnzn" / "mnzn_hp_ferrite_4loops.csv"
     steel = folder / "steel_core1_dc" / "loops.csv"
@@ -188,24 +189,25 @@ def materials(folder: Path) -> list[Row]:
     )
     material_rows = []
     for name, loops, weights, target_percent in material_sets:
-        joint_errors = {law: _joint_rms(loops, law, weights) for law in (PAPER, CHOSEN)}
-        withheld_errors = {law: _withheld_rms(loops, law) for law in (PAPER, CHOSEN)}
+        joint_errors = {law: _joint_rms(loops, law, weights) for law in (PAPER_LAW, CHOSEN_LAW)}
+        withheld_errors = {law: _withheld_rms(loops, law) for law in (PAPER_LAW, CHOSEN_LAW)}
         material_rows.append(
             Row(
                 f"{name}: rms of one set",
                 f"<= {target_percent:g} % of B_max",
-                f"{_list_text(joint_errors[CHOSEN])}; withheld inner loops {_list_text(withheld_errors[CHOSEN])}; {PAPER} "
-                f"{_list_text(joint_errors[PAPER])}; withheld {_list_text(withheld_errors[PAPER])}",
-                max(joint_errors[CHOSEN]) <= target_percent,
+                f"{_list_text(joint_errors[CHOSEN_LAW])}; "
+                f"withheld inner loops {_list_text(withheld_errors[CHOSEN_LAW])}; "
+                f"{PAPER_LAW} {_list_text(joint_errors[PAPER_LAW])}; withheld {_list_text(withheld_errors[PAPER_LAW])}",
+                max(joint_errors[CHOSEN_LAW]) <= target_percent,
             )
         )
-    return [*material_rows, _gadolinium(folder / "gadolinium_temperature")]
+    return [*material_rows, _gadolinium_row(folder / "gadolinium_temperature")]
 
 
-def _gadolinium(folder: Path) -> Row:
+def _gadolinium_row(folder: Path) -> Row:
     loops = thin_loops(read_loops(sorted(folder.glob("gd_*.csv")), file_name="gd_T{T_C}C"), 300)
     errors = {}
-    for law in (PAPER, CHOSEN):
+    for law in (PAPER_LAW, CHOSEN_LAW):
         deviations = []
         for value in loops.schedule_values[1:-1]:
             model = identify(loops.without(value), law=law, gap_map="free").model
@@ -214,12 +216,12 @@ def _gadolinium(folder: Path) -> Row:
     return Row(
         "gadolinium, withheld temperature: mean error",
         "<= 15 mT",
-        f"{errors[CHOSEN]:.1f} mT; {PAPER} {errors[PAPER]:.1f} mT",
-        errors[CHOSEN] <= 15.0,
+        f"{errors[CHOSEN_LAW]:.1f} mT; {PAPER_LAW} {errors[PAPER_LAW]:.1f} mT",
+        errors[CHOSEN_LAW] <= 15.0,
     )
 
 
 def rows() -> list[Row]:
     """Return all rows about the laws."""
     folder = measurements()
-    return [*magnets(), *(materials(folder) if folder else [])]
+    return [*measure_magnets(), *(measure_materials(folder) if folder else [])]

@@ -45,8 +45,8 @@ from tracking import IRONS
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
 PLANTS, SEED, NOISES = 6, 30, (1, 2, 3)
 METHODS: tuple[MethodName, ...] = ("full", "play", "single-valued")
-TABLE = Drift(pinning=0.2, gap_offset=10e-6)
-REACH = 1.2
+TABLE_DRIFT = Drift(pinning=0.2, gap_offset=10e-6)
+MAX_RATIO = 1.2
 OTHER_IRONS = ("preisach-usual", "preisach-hard", "duhem-usual")
 GAP_ZERO_SIGMA_M = {"spread.gap_zero_m": 5e-6}
 
@@ -95,14 +95,22 @@ def calibrate_plant(
             calibrated_rig = change_rig(calibrated_rig, {"control.calibration": "calibration.toml"})
             calibrated_rig = replace(calibrated_rig, path=Path(folder) / "rig.toml")
             calibrated_setup = make_setup(calibrated_rig, table, identified_magnet, method, "fixed")
-    return calibration, evaluate_controller(nominal_setup, drift), evaluate_controller(calibrated_setup, drift)
+    return (
+        calibration,
+        evaluate_controller(nominal_setup, drift),
+        evaluate_controller(calibrated_setup, drift),
+    )
 
 
-def make_informed_setup(inputs: BearingInputs, nominal_setup: BearingSetup) -> BearingSetup:
+def make_known_drift_setup(inputs: BearingInputs, nominal_setup: BearingSetup) -> BearingSetup:
     """Return the controller that knows the drift of the plant in the table."""
-    drifted_magnet = calibrate_magnet(inputs.identify_magnet(), gap_zero=TABLE.gap_offset, width_change=TABLE.pinning)
+    drifted_magnet = calibrate_magnet(
+        inputs.identify_magnet(), gap_zero=TABLE_DRIFT.gap_offset, width_change=TABLE_DRIFT.pinning
+    )
     table = inputs.controller.settings
-    (fitted_compensator,) = fit_bearing_compensators(inputs.rig, table, [drifted_magnet], nominal_setup.method, "fixed")
+    (fitted_compensator,) = fit_bearing_compensators(
+        inputs.rig, table, [drifted_magnet], nominal_setup.method, "fixed"
+    )
     return replace(nominal_setup, compensator=fitted_compensator)
 
 
@@ -116,17 +124,19 @@ def make_table_row(
     """Return the row of one method for the plant of the table."""
     (method,) = calibration.file.method
     metrics_text = "; ".join(
-        f"{metric_name} {nominal_metrics[metric_index]:.3g} {unit} nominal, {drifted_metrics[metric_index]:.3g} drifted, "
-        f"{calibrated_metrics[metric_index]:.3g} calibrated, {known_drift_metrics[metric_index]:.3g} with known drift"
+        f"{metric_name} {nominal_metrics[metric_index]:.3g} {unit} nominal, "
+        f"{drifted_metrics[metric_index]:.3g} drifted, {calibrated_metrics[metric_index]:.3g} calibrated, "
+        f"{known_drift_metrics[metric_index]:.3g} with known drift"
         for metric_index, (metric_name, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
     )
     numbers = ", ".join(f"{parameter.name} {parameter.value:.3g}" for parameter in method.parameter)
     return Row(
         f"bearing, pinning +20 %, gap zero +10 um: {method.name}",
-        f"calibrated <= {REACH:g} times nominal",
+        f"calibrated <= {MAX_RATIO:g} times nominal",
         f"{metrics_text}; {method.summary}; {numbers}",
         all(
-            value <= REACH * calibrated_value for value, calibrated_value in zip(calibrated_metrics, nominal_metrics, strict=True)
+            value <= MAX_RATIO * calibrated_value
+            for value, calibrated_value in zip(calibrated_metrics, nominal_metrics, strict=True)
         ),
     )
 
@@ -135,7 +145,9 @@ def make_random_plants_row(
     method: MethodName, nominal_metrics: BearingMetrics, forces: Sequence[tuple[float, float]]
 ) -> Row:
     """Return the row of one method for all random plants."""
-    pairs = ", ".join(f"{drifted_error:.3g} -> {calibrated_error:.3g}" for drifted_error, calibrated_error in forces)
+    pairs = ", ".join(
+        f"{drifted_error:.3g} -> {calibrated_error:.3g}" for drifted_error, calibrated_error in forces
+    )
     return Row(
         f"bearing, {PLANTS} random plants: {method}, force error",
         "",
@@ -154,7 +166,7 @@ def make_iron_row(inputs: BearingInputs, name: str, drift: Drift) -> Row:
     calibration, drifted_metrics, calibrated_metrics = calibrate_plant(iron_inputs, ("full", drift))
     (method,) = calibration.file.method
     return Row(
-        f"bearing of {name}, {'drifted' if drift == TABLE else 'nominal'}: full, force error",
+        f"bearing of {name}, {'drifted' if drift == TABLE_DRIFT else 'nominal'}: full, force error",
         "",
         f"{drifted_metrics[1]:.3g} -> {calibrated_metrics[1]:.3g} N; {method.summary}",
         None,
@@ -164,12 +176,14 @@ def make_iron_row(inputs: BearingInputs, name: str, drift: Drift) -> Row:
 def make_method_row(inputs: BearingInputs, method: MethodName) -> Row:
     """Return the row of one method for the plant of the table."""
     setup = make_setup(inputs.rig, inputs.controller.settings, inputs.identify_magnet(), method, "fixed")
-    calibration, drifted_metrics, calibrated_metrics = calibrate_plant(inputs, (method, TABLE))
+    calibration, drifted_metrics, calibrated_metrics = calibrate_plant(inputs, (method, TABLE_DRIFT))
     nominal_metrics, known_drift_metrics = (
         evaluate_controller(setup, NO_DRIFT),
-        evaluate_controller(make_informed_setup(inputs, setup), TABLE),
+        evaluate_controller(make_known_drift_setup(inputs, setup), TABLE_DRIFT),
     )
-    return make_table_row(calibration, nominal_metrics, drifted_metrics, calibrated_metrics, known_drift_metrics)
+    return make_table_row(
+        calibration, nominal_metrics, drifted_metrics, calibrated_metrics, known_drift_metrics
+    )
 
 
 def prepare_inputs() -> BearingInputs:
@@ -196,6 +210,11 @@ def rows() -> list[Row]:
     for method, line in zip(METHODS, map_ordered(partial(make_method_row, inputs), METHODS), strict=True):
         setup = make_setup(inputs.rig, inputs.controller.settings, inputs.identify_magnet(), method, "fixed")
         before_and_after = [outcomes[method, drift][1:] for drift in random_drifts]
-        forces = [(drifted_metrics[1], calibrated_metrics[1]) for drifted_metrics, calibrated_metrics in before_and_after]
+        forces = [
+            (drifted_metrics[1], calibrated_metrics[1])
+            for drifted_metrics, calibrated_metrics in before_and_after
+        ]
         lines += [line, make_random_plants_row(method, evaluate_controller(setup, NO_DRIFT), forces)]
-    return lines + [make_iron_row(inputs, name, drift) for name in OTHER_IRONS for drift in (NO_DRIFT, TABLE)]
+    return lines + [
+        make_iron_row(inputs, name, drift) for name in OTHER_IRONS for drift in (NO_DRIFT, TABLE_DRIFT)
+    ]

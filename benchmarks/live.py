@@ -37,7 +37,7 @@ def rows() -> list[Row]:
         setup, firmware = build_firmware(
             ready.rig, controller, ready.identify_magnet(), "library", Path(folder_name)
         )
-        with one_core():
+        with use_one_core():
             one_core_row = measure_speed("one core", setup, firmware)
         return [
             one_core_row,
@@ -48,7 +48,7 @@ def rows() -> list[Row]:
 
 
 @contextmanager
-def one_core() -> Iterator[None]:
+def use_one_core() -> Iterator[None]:
     """Restrict this process and its child processes to one core."""
     cores = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {min(cores)})
@@ -62,7 +62,7 @@ def measure_speed(core_text: str, setup: BearingSetup, firmware: Path) -> Row:
     """Levitate without pacing and measure the ratio of simulated time to wall time."""
     watch = Stopwatch()
     bench = BearingBench(setup, firmware)
-    lift(bench)
+    lift_off(bench)
     start_time = time.perf_counter()
     ticks = round(RUN_S * bench.rate)
     for _ in range(ticks // 200):
@@ -80,7 +80,7 @@ def measure_speed(core_text: str, setup: BearingSetup, firmware: Path) -> Row:
     )
 
 
-def lift(bench: BearingBench) -> None:
+def lift_off(bench: BearingBench) -> None:
     """Lift the armature off."""
     bench.advance(200)
     bench.command(Command.DEMAGNETISED)
@@ -91,7 +91,7 @@ def lift(bench: BearingBench) -> None:
 def measure_pacing(setup: BearingSetup, firmware: Path) -> Row:
     """Levitate in real time while a recorder and a viewer receive the signals."""
     bench = BearingBench(setup, firmware)
-    lift(bench)
+    lift_off(bench)
     first = bench.tick + 1
     pacer = PacedBench(bench, is_paused=True)
     recorder, numbers = pacer.subscribe("recorder", needs_every_tick=True), []

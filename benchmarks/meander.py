@@ -33,7 +33,7 @@ m."""
 STEP_ALONG_Y = SetPoint((10.0, 10.0), 0.12, 0.0, 7.5e-3, 2e-3, has_final_rest=True)
 """Set-point of a step along y: accelerations, m/s2, and speed, m/s."""
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux", "fused")
-PIECE = 20_000
+PIECE_TICKS = 20_000
 SETTLED_S = 5e-3
 """Time from the end of the acceleration to the beginning of the exposure, s."""
 
@@ -53,7 +53,7 @@ class Path:
         phases = scan.jerk_phase_s, scan.snap_phase_s
         return SetPoint((max(scan.test_m_per_s2),) * FIELDS, scan.speed_m_per_s, cruise, *phases)
 
-    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def set_points_at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and accelerations at given times."""
         x_motion, moved_length = (
             self.motion_along_x,
@@ -82,10 +82,10 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     rig, file, path = setup.rig, setup.rig.settings, Path(setup.rig)
     free_axes, n = file.body.free, round(path.motion_along_x.duration / rig.dt)
     time, lead_time = tick_times(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
-    path_positions, set_points = path.at(time)[0], np.zeros((n + 1, len(free_axes)))
+    path_positions, set_points = path.set_points_at(time)[0], np.zeros((n + 1, len(free_axes)))
     set_points[:, :2] = path_positions
     accelerations = np.zeros((n, len(free_axes)))
-    accelerations[:, :2] = path.at(time[:n] + lead_time)[1]
+    accelerations[:, :2] = path.set_points_at(time[:n] + lead_time)[1]
     wrench = accelerations @ mass_matrix(file).T - weight_wrench(file)
     delayed_stray = path.motion_along_x.derivatives_at(time - STRAY_DELAY_S)[1] / max(file.scan.test_m_per_s2)
     frame = set_points.copy()
@@ -94,9 +94,11 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     bearing = drifted_plant(rig, NO_DRIFT, 1)
     loop = ClosedLoop(bearing, setup.make_controller(), current_controllers(rig))
     pose_errors, flags = np.zeros((n, len(free_axes))), 0
-    for first_tick in range(0, n, PIECE):
-        end = min(first_tick + PIECE, n)
-        piece_scenario = Scenario(set_points[first_tick:end], feed=wrench[first_tick:end], frame=frame[first_tick : end + 1])
+    for first_tick in range(0, n, PIECE_TICKS):
+        end = min(first_tick + PIECE_TICKS, n)
+        piece_scenario = Scenario(
+            set_points[first_tick:end], feed=wrench[first_tick:end], frame=frame[first_tick : end + 1]
+        )
         run = loop.run(piece_scenario)
         poses = np.column_stack([run[name] for name in axis_columns("pose", free_axes)])
         pose_errors[first_tick:end] = set_points[first_tick:end] - poses - frame[first_tick:end]

@@ -92,7 +92,7 @@ def fit_ferrite(folder: Path) -> list[Row]:
             float(np.median(seed_times)),
         ),
         Row(
-            f"MnZn ferrite, against differential evolution, to {SAME_ERROR} T^2",
+            f"MnZn ferrite, time to a sum of squares of {SAME_ERROR} T^2, against differential evolution",
             ">= 50 times faster",
             f"{np.median(baseline_times) / np.median(to_same):.0f} times: median "
             f"{1e3 * np.median(to_same):.1f} ms against {1e3 * np.median(baseline_times):.0f} ms "

@@ -82,7 +82,11 @@ def main() -> None:
     for name, loops, force_model in list_magnets():
         largest, errors_by_method = measure(loops, force_model)
         for method, errors in errors_by_method.items():
-            values = [error_measure(cycle_errors) for cycle_errors in (errors.major, errors.small) for error_measure in (rms, max_magnitude)]
+            values = [
+                error_measure(cycle_errors)
+                for cycle_errors in (errors.major, errors.small)
+                for error_measure in (rms, max_magnitude)
+            ]
             error_texts = " | ".join(f"{100.0 * value / largest:.2f}" for value in values)
             print(f"| {name}, {largest:.0f} N | `{method}` | {error_texts} |", flush=True)
 

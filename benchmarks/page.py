@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
 SIGNALS = 16
-DRAWN_S = 20.0
-ORDERS = 40
+DRAWING_S = 20.0
+COMMAND_COUNT = 40
 SOAK_S = float(os.environ.get("ANHYST_SOAK_S", "60"))
 FLOOD_S = 60.0
 LATE_S = 0.02
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 
-FRAMES = """seconds => new Promise(resolve => {
+FRAME_SCRIPT = """seconds => new Promise(resolve => {
   let frames = 0;
   const began = performance.now();
   const next = now => {
@@ -51,7 +51,7 @@ FRAMES = """seconds => new Promise(resolve => {
   requestAnimationFrame(next);
 })"""
 
-DELAY = """([name, value]) => new Promise(resolve => {
+DELAY_SCRIPT = """([name, value]) => new Promise(resolve => {
   const input = document.querySelector(`[aria-label="${name}"]`);
   const shown = document.getElementById("confirmed");
   const seen = new MutationObserver(() => {
@@ -152,7 +152,7 @@ def thread_times() -> dict[str, float]:
 def measure_frame_rate(session: LiveSession, page: Page) -> Row:
     """Plot many signals at the full rate; measure the frame rate and the processor load."""
     times_before, start_time = thread_times(), time.perf_counter()
-    frames = page.evaluate(FRAMES, DRAWN_S)
+    frames = page.evaluate(FRAME_SCRIPT, DRAWING_S)
     took, times_after = time.perf_counter() - start_time, thread_times()
     core_fractions = {name: (times_after[name] - times_before.get(name, 0.0)) / took for name in times_after}
     server = core_fractions["server"] + core_fractions["pages"]
@@ -169,15 +169,15 @@ def measure_delay(page: Page) -> Row:
     """Measure the time from a parameter change until the page shows the first tick that used it."""
     page.get_by_role("tab", name="4 parameters").click()
     delays = []
-    for n in range(ORDERS):
-        delays.append(page.evaluate(DELAY, ["load_damping", str(5.0 + n)]))
+    for n in range(COMMAND_COUNT):
+        delays.append(page.evaluate(DELAY_SCRIPT, ["load_damping", str(5.0 + n)]))
         time.sleep(0.1)
     page.get_by_role("tab", name="1 scope").click()
     median = statistics.median(delays)
     return Row(
         "changed value until its first tick is shown",
         "<= 60 ms, median",
-        f"{median:.0f} ms, {max(delays):.0f} ms at most, of {ORDERS}",
+        f"{median:.0f} ms, {max(delays):.0f} ms at most, of {COMMAND_COUNT}",
         median <= 60.0,
     )
 

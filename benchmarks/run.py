@@ -130,7 +130,7 @@ def markdown(rows: Sequence[Row], machine: Machine) -> str:
     return "\n".join(lines) + "\n"
 
 
-def show(rows: Sequence[Row], machine: Machine) -> None:
+def print_table(rows: Sequence[Row], machine: Machine) -> None:
     """Print the table: drawn on a terminal, otherwise as Markdown with unwrapped lines."""
     if not sys.stdout.isatty():
         print(markdown(rows, machine), end="")
@@ -157,7 +157,7 @@ def main(names: Sequence[str]) -> int:
     for name in names or MODULES:
         print(f"bench: {name}", file=sys.stderr, flush=True)
         rows += rows_of(name)
-    show(rows, machine)
+    print_table(rows, machine)
     out = ROOT / "build"
     out.mkdir(exist_ok=True)
     (out / "bench.md").write_text(markdown(rows, machine), encoding="utf-8")

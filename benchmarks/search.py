@@ -38,7 +38,7 @@ from drawn_families import FAMILIES
 from rows import ROOT, Row, Stopwatch
 
 KNOWN_FILE = ROOT / "benchmarks" / "known_best.json"
-FOUND = ROOT / "build" / "search.json"
+RESULTS_FILE = ROOT / "build" / "search.json"
 KINDS = ("same", "unseen", "moving", "small", "other")
 
 MAX_RATIO = 1.1
@@ -73,12 +73,12 @@ def deviation(model: Model, test: Test) -> FloatArray:
         output = model.predict(test.input, test.schedule, history=test.history).output
     except (InputError, NegativeResult):
         return np.full(1, np.inf)
-    return np.asarray((output - test.output)[test.counted])
+    return np.asarray((output - test.output)[test.evaluated_mask])
 
 
 def measure(draw_to_measure: Draw) -> DrawResult:
     """Identify a draw with default settings; return the errors of its model on all test records."""
-    loops, drive = draw_to_measure.loops, draw_to_measure.true["drive"]
+    loops, drive = draw_to_measure.loops, draw_to_measure.true_parameters["drive"]
     draw_result: DrawResult = {
         "number": draw_to_measure.number,
         "family": draw_to_measure.family,
@@ -87,8 +87,8 @@ def measure(draw_to_measure: Draw) -> DrawResult:
         "gaps": len(loops.schedule_values),
         "loops": len(loops),
         "noise": 0.0
-        if draw_to_measure.true["sensors"]["noiseless"]
-        else draw_to_measure.true["sensors"]["noise"],
+        if draw_to_measure.true_parameters["sensors"]["noiseless"]
+        else draw_to_measure.true_parameters["sensors"]["noise"],
     }
     watch = Stopwatch()
     try:
@@ -120,14 +120,14 @@ def measure(draw_to_measure: Draw) -> DrawResult:
     return draw_result
 
 
-def known_rms(known_draw: Mapping[str, Any], max_parameters: int) -> float | None:
+def best_known_rms(known_draw: Mapping[str, Any], max_parameters: int) -> float | None:
     """Return the deviation of the best known usable fit with at most `numbers` parameters."""
     fits = known_draw["fits"].values() if known_draw["through"] >= REQUIRED_STAGE else ()
     usable_rms = [fit["rms"] for fit in fits if fit and fit["usable"] and fit["numbers"] <= max_parameters]
     return 0.01 * min(usable_rms) if usable_rms else None
 
 
-def with_known(draw_results: Sequence[DrawResult]) -> list[DrawResult]:
+def add_known_ratios(draw_results: Sequence[DrawResult]) -> list[DrawResult]:
     """Add the ratios of each deviation to that of the best known fits, if these are known.
 
     The first ratio is to the fits with at most as many parameters, the second to all fits.
@@ -138,17 +138,22 @@ def with_known(draw_results: Sequence[DrawResult]) -> list[DrawResult]:
         known_draw = known_fits["draws"].get(str(draw_result["number"]))
         ratios = {}
         for name, max_parameters in (("ratio", draw_result.get("numbers", 0)), ("ratio_of_all", sys.maxsize)):
-            best_rms = known_rms(known_draw, max_parameters) if known_draw and "rms" in draw_result else None
+            best_rms = (
+                best_known_rms(known_draw, max_parameters) if known_draw and "rms" in draw_result else None
+            )
             if best_rms is not None:
                 ratios[name] = max(draw_result["rms"], MIN_DEVIATION) / max(best_rms, MIN_DEVIATION)
         extended_results.append(draw_result | ratios)
     return extended_results
 
 
-def _by_family(draw_results: Sequence[DrawResult], metric_text: Callable[[Sequence[DrawResult]], str]) -> str:
+def _text_by_family(
+    draw_results: Sequence[DrawResult], metric_text: Callable[[Sequence[DrawResult]], str]
+) -> str:
     """Return a metric of all draws and of each family, as text."""
     groups = {
-        name: [draw_result for draw_result in draw_results if draw_result["family"] == name] for name in FAMILIES
+        name: [draw_result for draw_result in draw_results if draw_result["family"] == name]
+        for name in FAMILIES
     }
     texts = [f"{name} {metric_text(group)}" for name, group in groups.items() if group]
     return "; ".join([f"all {metric_text(draw_results)}", *texts])
@@ -158,12 +163,12 @@ def _median(values: Sequence[float], scale: float = 1.0, digits: int = 3) -> str
     return f"{scale * float(np.median(values)):.{digits}g}" if values else "-"
 
 
-def _all_fits_ratio(draw_results: Sequence[DrawResult]) -> str:
+def _all_fits_ratio_text(draw_results: Sequence[DrawResult]) -> str:
     ratios = [draw_result["ratio_of_all"] for draw_result in draw_results if "ratio_of_all" in draw_result]
     return f"{_median(ratios)}, worst {max(ratios):.3g}" if ratios else "-"
 
 
-def _near_fraction(draw_results: Sequence[DrawResult]) -> str:
+def _near_best_text(draw_results: Sequence[DrawResult]) -> str:
     ratios = [draw_result["ratio"] for draw_result in draw_results if "ratio" in draw_result]
     if not ratios:
         return "-"
@@ -180,12 +185,12 @@ def _error_text(kind: str) -> Callable[[Sequence[DrawResult]], str]:
     return metric_text
 
 
-def _moving_ratio(draw_results: Sequence[DrawResult]) -> str:
+def _moving_ratio_text(draw_results: Sequence[DrawResult]) -> str:
     return _median([draw_result["moving"]["mean"] / draw_result["unseen"]["mean"] for draw_result in draw_results
                     if "moving" in draw_result])  # fmt: skip
 
 
-def _single_loop_ratio(draw_results: Sequence[DrawResult]) -> str:
+def _single_loop_ratio_text(draw_results: Sequence[DrawResult]) -> str:
     rms_ratios = [draw_result["other"]["rms"] / max(draw_result["rms"], MIN_DEVIATION) for draw_result in draw_results
             if draw_result["loops"] == 1 and "other" in draw_result]  # fmt: skip
     return f"{_median(rms_ratios)}, worst {max(rms_ratios):.3g} ({len(rms_ratios)})" if rms_ratios else "-"
@@ -193,12 +198,18 @@ def _single_loop_ratio(draw_results: Sequence[DrawResult]) -> str:
 
 def _coverage_text(kind: str) -> Callable[[Sequence[DrawResult]], str]:
     def metric_text(draw_results: Sequence[DrawResult]) -> str:
-        predicted_results = [draw_result for draw_result in draw_results if "promised" in draw_result and kind in draw_result]
+        predicted_results = [
+            draw_result for draw_result in draw_results if "promised" in draw_result and kind in draw_result
+        ]
         is_inside = [
             draw_result["promised"][0] <= draw_result[kind]["mean"] <= draw_result["promised"][1]
             for draw_result in predicted_results
         ]
-        return f"{100.0 * float(np.mean(is_inside)):.0f} % of {len(predicted_results)}" if predicted_results else "-"
+        return (
+            f"{100.0 * float(np.mean(is_inside)):.0f} % of {len(predicted_results)}"
+            if predicted_results
+            else "-"
+        )
 
     return metric_text
 
@@ -208,16 +219,18 @@ def _time_text(draw_results: Sequence[DrawResult]) -> str:
     return f"{_median(seconds)}/{max(seconds):.3g} s"
 
 
-def _interval_fraction(draw_results: Sequence[DrawResult], condition: Callable[[DrawResult], bool]) -> float:
+def _true_fraction(draw_results: Sequence[DrawResult], condition: Callable[[DrawResult], bool]) -> float:
     return float(np.mean([condition(draw_result) for draw_result in draw_results])) if draw_results else 1.0
 
 
-def lines_of(half_name: str, draw_results: Sequence[DrawResult]) -> list[Row]:
+def make_half_rows(half_name: str, draw_results: Sequence[DrawResult]) -> list[Row]:
     """Return the rows of some draws."""
-    draw_results = with_known(draw_results)
+    draw_results = add_known_ratios(draw_results)
     compared_results = [draw_result for draw_result in draw_results if "ratio" in draw_result]
     refused_results = [draw_result for draw_result in draw_results if "refused" in draw_result]
-    predicted_results = [draw_result for draw_result in draw_results if "promised" in draw_result and "same" in draw_result]
+    predicted_results = [
+        draw_result for draw_result in draw_results if "promised" in draw_result and "same" in draw_result
+    ]
 
     def contains_error(draw_result: DrawResult) -> bool:
         low, high = draw_result["promised"]
@@ -227,31 +240,33 @@ def lines_of(half_name: str, draw_results: Sequence[DrawResult]) -> list[Row]:
         (
             f"fit within {MAX_RATIO:g} times the best known with at most as many parameters",
             "all",
-            _near_fraction,
-            _interval_fraction(compared_results, lambda one: bool(one["ratio"] <= MAX_RATIO)) == 1.0
+            _near_best_text,
+            _true_fraction(compared_results, lambda one: bool(one["ratio"] <= MAX_RATIO)) == 1.0
             if compared_results
             else None,
         ),
         (
             "ratio of fit to best known with any number of parameters: median",
             "reported",
-            _all_fits_ratio,
+            _all_fits_ratio_text,
             None,
         ),
         ("unseen gaps, random reversals: mean/worst", "reported", _error_text("unseen"), None),
-        ("ratio of errors, moving gap / fixed gaps: mean", "reported", _moving_ratio, None),
+        ("ratio of errors, moving gap / fixed gaps: mean", "reported", _moving_ratio_text, None),
         ("cycles of 10 % about a bias: mean/worst", "reported", _error_text("small"), None),
         (
             "one loop only: ratio of rms on other records to that of the fit",
             "reported",
-            _single_loop_ratio,
+            _single_loop_ratio_text,
             None,
         ),
         (
             "predicted interval contains the true error, loops as measured",
             f">= {100.0 * TARGET_COVERAGE:.0f} %",
             _coverage_text("same"),
-            _interval_fraction(predicted_results, contains_error) >= TARGET_COVERAGE if predicted_results else None,
+            _true_fraction(predicted_results, contains_error) >= TARGET_COVERAGE
+            if predicted_results
+            else None,
         ),
         (
             "predicted interval contains the error with random reversals",
@@ -261,19 +276,20 @@ def lines_of(half_name: str, draw_results: Sequence[DrawResult]) -> list[Row]:
         ),
     ]
     rows = [
-        Row(f"search, {half_name}: {title}", target, _by_family(draw_results, metric_text), is_met)
+        Row(f"search, {half_name}: {title}", target, _text_by_family(draw_results, metric_text), is_met)
         for title, target, metric_text, is_met in table
     ]
     total_seconds = sum(draw_result["seconds"] for draw_result in draw_results)
     return [
         *rows,
-        Row(f"search, {half_name}: refused", "0", f"{len(refused_results)} of {len(draw_results)}", not refused_results),
+        Row(f"search, {half_name}: refused", "0", f"{len(refused_results)} of {len(draw_results)}",
+            not refused_results),
         Row(f"search, {half_name}: processor time of identify, median/worst", "reported",
-            _by_family(draw_results, _time_text), None, total_seconds),
+            _text_by_family(draw_results, _time_text), None, total_seconds),
     ]  # fmt: skip
 
 
-def run(numbers: Sequence[int], is_stored: bool) -> list[DrawResult]:
+def run_draws(numbers: Sequence[int], is_stored: bool) -> list[DrawResult]:
     """Run some draws; draws that may be inspected are written to a file after each one."""
     draw_results: list[DrawResult] = []
     for run_count, number in enumerate(numbers, start=1):
@@ -281,16 +297,16 @@ def run(numbers: Sequence[int], is_stored: bool) -> list[DrawResult]:
         draw_results.append(result)
         print(f"search: {run_count} of {len(numbers)}", file=sys.stderr, flush=True)
         if is_stored:
-            FOUND.parent.mkdir(exist_ok=True)
-            text = json.dumps(with_known(draw_results), indent=1)
-            FOUND.write_text(text + "\n", encoding="utf-8")
+            RESULTS_FILE.parent.mkdir(exist_ok=True)
+            text = json.dumps(add_known_ratios(draw_results), indent=1)
+            RESULTS_FILE.write_text(text + "\n", encoding="utf-8")
     return draw_results
 
 
 def rows() -> list[Row]:
     """Return all rows of both halves."""
-    even, odd = (run(range(first, COUNT, 2), first == 0) for first in (0, 1))
-    return [*lines_of("even half", even), *lines_of("unseen half", odd)]
+    even, odd = (run_draws(range(first, COUNT, 2), first == 0) for first in (0, 1))
+    return [*make_half_rows("even half", even), *make_half_rows("unseen half", odd)]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -302,11 +318,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     warnings.simplefilter("ignore")
     if options.every:
         numbers = range(0, COUNT, 2 * options.every)
-        result_rows = lines_of("even half", run(numbers, True))
+        result_rows = make_half_rows("even half", run_draws(numbers, True))
     elif options.reveal:
-        all_results = run(range(COUNT), True)
+        all_results = run_draws(range(COUNT), True)
         halves = {"even half": all_results[::2], "odd half": all_results[1::2]}
-        result_rows = [row for half, half_results in halves.items() for row in lines_of(half, half_results)]
+        result_rows = [
+            row for half, half_results in halves.items() for row in make_half_rows(half, half_results)
+        ]
     else:
         result_rows = rows()
     for row in result_rows:

@@ -24,11 +24,11 @@ from anhyst_rigs.link.wire import encode
 from rows import ROOT, Row
 from tests.link.sizes import read_sizes
 
-COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "1000000"))
-ON_HOST = 20_000
-WINDOW = 24
+EMULATED_COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "1000000"))
+HOST_COMMANDS = 20_000
+STREAM_WINDOW = 24
 COMMANDS_A_TICK = 10
-RATE = 4000.0
+CONTROL_RATE = 4000.0
 BITS_PER_BYTE = 10
 """Eight data bits, a start bit and a stop bit."""
 
@@ -38,12 +38,12 @@ class Coil:
 
     def __init__(self) -> None:
         self._random = Random(1)
-        self._flows = 0.0
+        self._coil_current = 0.0
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Return the readings of gap, force and current."""
         noise = [self._random.gauss(0.0, 1e-4) for _ in range(3)]
-        coil_current, self._flows = self._flows, currents[0]
+        coil_current, self._coil_current = self._coil_current, currents[0]
         return Reading(0.5 + noise[0], 0.5 * coil_current + noise[1], coil_current + noise[2])
 
 
@@ -53,7 +53,7 @@ def rows() -> list[Row]:
         folder = Path(folder_name)
         loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
         write_model(identify(loops, gap_map="scaling").model, folder / "model.toml")
-        request = CompileRequest(kind="full", io="q31", rate=RATE)
+        request = CompileRequest(kind="full", io="q31", rate=CONTROL_RATE)
         compiled = compile_model(folder / "model.toml", folder / "compiled", request).out
         return [
             *_measure_emulated_link(compiled, folder),
@@ -74,30 +74,30 @@ def _measure_emulated_link(compiled: Path, folder: Path) -> Iterator[Row]:
         return
     program = build("qemu-mps2", compiled, folder / "qemu.elf")
     with run_qemu(program, Coil()) as board:
-        seconds, lost = _stream_demands(board, COMMANDS)
+        seconds, lost = _stream_demands(board, EMULATED_COMMANDS)
     yield Row(
-        f"link on qemu-mps2, {COMMANDS} force commands",
+        f"link on qemu-mps2, {EMULATED_COMMANDS} force commands",
         ">= 1000 per second, none lost",
-        f"{COMMANDS / seconds:.0f} per second, {lost} lost",
-        COMMANDS / seconds >= 1000 and lost == 0,
+        f"{EMULATED_COMMANDS / seconds:.0f} per second, {lost} lost",
+        EMULATED_COMMANDS / seconds >= 1000 and lost == 0,
     )
 
 
 def _measure_process_link(compiled: Path, folder: Path) -> Row:
     program = build("host", compiled, folder / "host")
     with run_host(program, Coil()) as board:
-        seconds, lost = _stream_demands(board, ON_HOST)
+        seconds, lost = _stream_demands(board, HOST_COMMANDS)
         with ControllerLink(board.url, timeout=1.0) as controller:
             start_time = time.perf_counter()
-            for n in range(ON_HOST):
+            for n in range(HOST_COMMANDS):
                 controller.demand(n)
                 board.bus.step()
             stepped_seconds = time.perf_counter() - start_time
     return Row(
         "link on a pty to the firmware as a process",
         "",
-        f"{ON_HOST / seconds:.0f} force commands per second, {lost} lost; one per tick with "
-        f"answer, in lock-step: {ON_HOST / stepped_seconds:.0f} per second",
+        f"{HOST_COMMANDS / seconds:.0f} force commands per second, {lost} lost; one per tick with "
+        f"answer, in lock-step: {HOST_COMMANDS / stepped_seconds:.0f} per second",
         None,
     )
 
@@ -111,7 +111,7 @@ def _stream_demands(board: RunningFirmware, count: int) -> tuple[float, int]:
         forces = ((n % 1000) * 1_000_000 for n in range(1, count + 1))
         start_time = time.perf_counter()
         answer_count = 0
-        for _ in controller.stream(forces, window=WINDOW):
+        for _ in controller.stream(forces, window=STREAM_WINDOW):
             answer_count += 1
             if answer_count % COMMANDS_A_TICK == 0:
                 board.bus.step()
@@ -130,8 +130,9 @@ def _compute_line_rate(baud: int) -> Row:
     return Row(
         f"a real line of {baud} baud, 8N1 (computed)",
         "",
-        f"{bytes_per_second / status_bytes:.0f} force commands per second, each answered: {demand_bytes} bytes out, "
-        f"{status_bytes} bytes back; a single one takes {1e3 * (demand_bytes + status_bytes) / bytes_per_second:.2f} ms",
+        f"{bytes_per_second / status_bytes:.0f} force commands per second, each answered: "
+        f"{demand_bytes} bytes out, {status_bytes} bytes back; "
+        f"a single one takes {1e3 * (demand_bytes + status_bytes) / bytes_per_second:.2f} ms",
         None,
     )
 

@@ -28,7 +28,7 @@ from virtual import FILE
 FOLDER = ROOT / "examples" / "solenoid"
 POSITIONS = (1.25e-3, 2.6e-3)
 
-CHOSEN, PAPER = "auto", "effective-field"
+CHOSEN_LAW, PAPER_LAW = "auto", "effective-field"
 REST_TARGET, MOVING_TARGET, MAX_ERROR_RATIO = 0.6, 1.5, 0.25
 """Targets: error at rest and in motion, % of F_max, and ratio to the error of the best curve."""
 
@@ -47,7 +47,9 @@ def _loops_module() -> ModuleType:
 
 def write_rig(folder: Path, name: str, law: str) -> Path:
     """Write the example's rig with another iron and its loops; return the path of the rig file."""
-    rig_text, solenoid_text = ((FOLDER / file).read_text(encoding="utf-8") for file in ("rig.toml", "solenoid.toml"))
+    rig_text, solenoid_text = (
+        (FOLDER / file).read_text(encoding="utf-8") for file in ("rig.toml", "solenoid.toml")
+    )
     iron_table = tomllib.loads(solenoid_text)["iron"]
     iron = tomllib.loads(FILE.read_text(encoding="utf-8"))[name]
     iron |= {key: iron_table[key] for key in ("length_m", "area_m2")}
@@ -67,7 +69,7 @@ def write_rig(folder: Path, name: str, law: str) -> Path:
     return rig_path
 
 
-def run(rig: Path) -> dict[str, Any]:
+def run_test_cases(rig: Path) -> dict[str, Any]:
     """Run all test cases of a rig and return their metrics."""
     with tempfile.TemporaryDirectory() as folder_name:
         return force_control(rig, Path(folder_name) / "run").figures
@@ -75,15 +77,17 @@ def run(rig: Path) -> dict[str, Any]:
 
 def errors_by_law_text(summaries: dict[str, dict[str, Any]], stage: str) -> str:
     """Format the errors of each law and of the single-valued curves for a test stage."""
-    error_texts = [f"{law} {law_summary[stage]['full']['worst_percent']:.2f} %" for law, law_summary in summaries.items()]
-    chosen_summary = summaries[CHOSEN][stage]
+    error_texts = [
+        f"{law} {law_summary[stage]['full']['worst_percent']:.2f} %" for law, law_summary in summaries.items()
+    ]
+    chosen_summary = summaries[CHOSEN_LAW][stage]
     error_texts += [f"{name} {chosen_summary[name]['worst_percent']:.2f} %" for name in ("single", "ratio")]
     return ", ".join(error_texts)
 
 
 def make_solenoid_rows(solenoid_title: str, summaries: dict[str, dict[str, Any]]) -> list[Row]:
     """Return the rows of one solenoid for each law, at rest and in motion."""
-    chosen_summary = summaries[CHOSEN]
+    chosen_summary = summaries[CHOSEN_LAW]
     result_rows = []
     for title, stages, max_error in (
         ("at rest", ("end", "end_demagnetised", "positions"), REST_TARGET),
@@ -103,29 +107,29 @@ def make_solenoid_rows(solenoid_title: str, summaries: dict[str, dict[str, Any]]
     return result_rows
 
 
-def measure(name: str) -> list[Row]:
+def measure_iron(name: str) -> list[Row]:
     """Measure one iron with two laws."""
     summaries = {}
-    for law in (CHOSEN, PAPER):
+    for law in (CHOSEN_LAW, PAPER_LAW):
         with tempfile.TemporaryDirectory() as folder_name:
-            summaries[law] = run(write_rig(Path(folder_name), name, law))["summary"]
+            summaries[law] = run_test_cases(write_rig(Path(folder_name), name, law))["summary"]
     return make_solenoid_rows(f"iron {name}", summaries)
 
 
 def measure_bundled() -> list[Row]:
     """Measure the solenoid of the example with two laws, at all its positions."""
     summaries = {}
-    for law in (CHOSEN, PAPER):
+    for law in (CHOSEN_LAW, PAPER_LAW):
         with tempfile.TemporaryDirectory() as folder_name:
             shutil.copytree(FOLDER, folder_name, dirs_exist_ok=True)
             rig = Path(folder_name) / "rig.toml"
             text = rig.read_text(encoding="utf-8").replace("[loops]", f'[loops]\nlaw = "{law}"')
             rig.write_text(text, encoding="utf-8")
-            summaries[law] = run(rig)["summary"]
+            summaries[law] = run_test_cases(rig)["summary"]
     return make_solenoid_rows("iron of cells", summaries)
 
 
-def names() -> list[str]:
+def list_iron_names() -> list[str]:
     """Return the names of the irons of other families."""
     return list(tomllib.loads(FILE.read_text(encoding="utf-8")))
 
@@ -134,8 +138,8 @@ def rows() -> list[Row]:
     """Return all rows: the example and six other irons."""
     watch = Stopwatch()
     result_rows = measure_bundled()
-    for name in names():
-        result_rows += measure(name)
+    for name in list_iron_names():
+        result_rows += measure_iron(name)
     return [
         *result_rows,
         Row("force control, all solenoids: computing time", "minutes", str(watch), None, watch.processor),
@@ -144,8 +148,8 @@ def rows() -> list[Row]:
 
 def main(iron_names: Sequence[str]) -> None:
     """Print the rows of the named irons, or of all irons."""
-    for name in iron_names or ["cells", *names()]:
-        for row in measure_bundled() if name == "cells" else measure(name):
+    for name in iron_names or ["cells", *list_iron_names()]:
+        for row in measure_bundled() if name == "cells" else measure_iron(name):
             print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)
 
 

@@ -36,7 +36,7 @@ from anhyst_rigs.study.bearing.responses import StepCell, compare_steps
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains
 from rows import ROOT, Row
-from solid_magnets import COUNT, RINGS_FROM, SPEEDS, SolidMagnet, solid_magnet
+from solid_magnets import COUNT, FIRST_RINGED_MAGNET, SPEEDS, SolidMagnet, solid_magnet
 from tracking import IRONS, RIG, with_iron
 
 TICKS_PER_SECOND, CYCLES, FORCE_BAND = 20_000.0, 4, (0.1, 0.5)
@@ -62,18 +62,18 @@ class MagnetResult:
     """Mean and worst deviation of one magnet, % of the largest force, without and with layers."""
 
     number: int
-    at_rest: dict[str, tuple[float, float]]
-    layers: dict[str, tuple[float, float]]
-    slow: float  # ratio of the rms error of the slow loops with layers to that without
+    static_deviations: dict[str, tuple[float, float]]
+    layer_deviations: dict[str, tuple[float, float]]
+    slow_rms_ratio: float  # ratio of the rms error of the slow loops with layers to that without
     seconds: float
-    chosen: str
-    force: tuple[float, float]  # worst open-loop error, % of F_max: with layers, static
+    chosen_model: str
+    open_loop_errors: tuple[float, float]  # worst open-loop error, % of F_max: with layers, static
 
 
 def evaluate_magnet(number: int) -> MagnetResult:
     """Identify a magnet and evaluate both models on records that were not fitted."""
     magnet = solid_magnet(number)
-    loops = magnet.measured()
+    loops = magnet.measure_loops()
     speed_groups = group_by_speed(loops)
     assert speed_groups is not None
     start_time = time.process_time()
@@ -94,7 +94,15 @@ def evaluate_magnet(number: int) -> MagnetResult:
     slow_rms_ratio = float(np.sqrt(np.mean(np.square(with_layers))) / static_model.fit.rms)
     chosen_model = f"{model.law}, {model.gap_map}, layers {model.layers}"
     open_loop_errors = open_loop(magnet, model, middle_gap), open_loop(magnet, model.at_rest, middle_gap)
-    return MagnetResult(number, static_deviations, layer_deviations, slow_rms_ratio, identify_seconds, chosen_model, open_loop_errors)
+    return MagnetResult(
+        number,
+        static_deviations,
+        layer_deviations,
+        slow_rms_ratio,
+        identify_seconds,
+        chosen_model,
+        open_loop_errors,
+    )
 
 
 def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = "f32") -> float:
@@ -107,7 +115,9 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = 
     static_force = float(model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1])
     ticks = round(TICKS_PER_SECOND / SPEEDS[-1])
     cycle_time = np.arange(CYCLES * ticks) / ticks
-    force_fraction = FORCE_BAND[0] + (FORCE_BAND[1] - FORCE_BAND[0]) * (1.0 - np.abs(2.0 * (cycle_time % 1.0) - 1.0))
+    force_fraction = FORCE_BAND[0] + (FORCE_BAND[1] - FORCE_BAND[0]) * (
+        1.0 - np.abs(2.0 * (cycle_time % 1.0) - 1.0)
+    )
     demand = static_force * force_fraction * np.minimum(2.0 * cycle_time, 1.0)
     current = make_twin(plan.block, io).run(demand, np.full(demand.size, gap))
     force = magnet.run(current, np.full(demand.size, gap), np.arange(demand.size) / TICKS_PER_SECOND)
@@ -225,13 +235,14 @@ def rows() -> list[Row]:
                     f"solid iron, {name}, magnets {title}: mean / worst, % of F_max",
                     f"<= {mean:g} / {worst:g}",
                     "; ".join(
-                        f"{result.layers[name][0]:.2f} / {result.layers[name][1]:.2f} "
-                        f"(at rest {result.at_rest[name][0]:.2f} / {result.at_rest[name][1]:.2f}"
-                        f"{', rings' if result.number >= RINGS_FROM else ''})"
+                        f"{result.layer_deviations[name][0]:.2f} / {result.layer_deviations[name][1]:.2f} "
+                        f"(at rest {result.static_deviations[name][0]:.2f} / {result.static_deviations[name][1]:.2f}"
+                        f"{', rings' if result.number >= FIRST_RINGED_MAGNET else ''})"
                         for result in group
                     ),
                     all(
-                        result.layers[name][0] <= mean and result.layers[name][1] <= worst for result in group
+                        result.layer_deviations[name][0] <= mean and result.layer_deviations[name][1] <= worst
+                        for result in group
                     ),
                 )
             )
@@ -239,12 +250,12 @@ def rows() -> list[Row]:
             Row(
                 f"slow loops, ratio of rms errors with layers / static, magnets {title}",
                 "<= 1.2",
-                "; ".join(f"{result.slow:.2f} ({result.chosen})" for result in group),
-                all(result.slow <= 1.2 for result in group),
+                "; ".join(f"{result.slow_rms_ratio:.2f} ({result.chosen_model})" for result in group),
+                all(result.slow_rms_ratio <= 1.2 for result in group),
             )
         )
     for title, is_odd in (("looked at", 0), ("not looked at", 1)):
-        pairs = [result.force for result in results if result.number % 2 == is_odd]
+        pairs = [result.open_loop_errors for result in results if result.number % 2 == is_odd]
         lines.append(
             Row(
                 f"50 Hz force triangle, ratio of errors with layers / static, compiled, magnets {title}",
@@ -256,8 +267,12 @@ def rows() -> list[Row]:
             )
         )
     largest_seconds = max(result.seconds for result in results)
-    choice_text = f"median {np.median([result.seconds for result in results]):.1f} s, worst {largest_seconds:.1f} s"
-    lines.append(Row("identify, nine records", "<= 10 s", choice_text, largest_seconds <= 10.0, largest_seconds))
+    choice_text = (
+        f"median {np.median([result.seconds for result in results]):.1f} s, worst {largest_seconds:.1f} s"
+    )
+    lines.append(
+        Row("identify, nine records", "<= 10 s", choice_text, largest_seconds <= 10.0, largest_seconds)
+    )
     return lines + stage_rows() + bearing_rows()
 
 
@@ -268,7 +283,7 @@ def draw(path: Path, magnet: SolidMagnet) -> None:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    model = identify(magnet.measured()).model
+    model = identify(magnet.measure_loops()).model
     gap = magnet.gaps[0]
     figure, (loop_axes, layer_axes) = plt.subplots(1, 2, figsize=(9.0, 3.8), layout="constrained")
     for rate, colour in zip((0.5, 20.0, 100.0), ("0.6", "tab:blue", "tab:red"), strict=True):

@@ -24,7 +24,7 @@ from drawn_irons import PlantIron
 
 SEED = 20261124
 COUNT = 8
-RINGS_FROM = 6
+FIRST_RINGED_MAGNET = 6
 FAMILIES = ("preisach", "duhem", "cells")
 
 SPEEDS = (0.5, 5.0, 50.0)  # Hz
@@ -35,8 +35,8 @@ CELLS = 12
 NOISE = 3e-4  # force noise, relative to the largest force
 SPEED_NOISE = 1e-4  # current noise, relative to the largest current
 
-_ROUNDS = 60
-_CLOSE = 1e-9
+_NEWTON_STEPS = 60
+_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,15 @@ class SolidMagnet:
 
     def run(self, current: FloatArray, gap: FloatArray, time: FloatArray) -> FloatArray:
         """Return the force over a record, N, starting demagnetised."""
-        step = _make_slab_magnet(self) if self.number < RINGS_FROM else _make_ringed_magnet(self)
+        step = _make_slab_magnet(self) if self.number < FIRST_RINGED_MAGNET else _make_ringed_magnet(self)
         density = np.empty(current.size)
         previous_time = time[0] - (time[1] - time[0])
-        for index, (sample_current, sample_gap, sample_time) in enumerate(zip(current, gap, time, strict=True)):
-            density[index] = step(self.turns * sample_current, self.gap_reluctance(sample_gap), sample_time - previous_time)
+        for index, (sample_current, sample_gap, sample_time) in enumerate(
+            zip(current, gap, time, strict=True)
+        ):
+            density[index] = step(
+                self.turns * sample_current, self.gap_reluctance(sample_gap), sample_time - previous_time
+            )
             previous_time = sample_time
         return self.force(density)
 
@@ -81,7 +85,7 @@ class SolidMagnet:
         label = f"{rate:g} Hz, {low:g} to {high:g}"
         return Loop(label, current_cycle, force[-SAMPLES:], np.full(SAMPLES, gap), time[:SAMPLES])
 
-    def measured(self) -> Loops:
+    def measure_loops(self) -> Loops:
         """Return the loops for identification: a full triangle at each rate and gap, with noise."""
         rng = np.random.default_rng([SEED, self.number, 1])
         noise_free_loops = [self.cycle(rate, gap) for gap in self.gaps for rate in SPEEDS]
@@ -135,8 +139,15 @@ def _make_ringed_magnet(magnet: SolidMagnet) -> _Step:
         ring_inertia = inductance / seconds * leaky_ring
         ring_conductance = (first_ring + leaky_ring / (1.0 + ring_inertia)) / seconds
         kept_current = leaky_ring_current * ring_inertia / (1.0 + ring_inertia)
-        iron.solve(length, area * (outer_reluctance + ring_conductance), excitation - kept_current + area * ring_conductance * previous_density)
-        leaky_ring_current = kept_current + leaky_ring / (1.0 + ring_inertia) * area * (iron.density - previous_density) / seconds
+        iron.solve(
+            length,
+            area * (outer_reluctance + ring_conductance),
+            excitation - kept_current + area * ring_conductance * previous_density,
+        )
+        leaky_ring_current = (
+            kept_current
+            + leaky_ring / (1.0 + ring_inertia) * area * (iron.density - previous_density) / seconds
+        )
         return iron.density
 
     return step
@@ -156,7 +167,9 @@ def _make_slab_magnet(magnet: SolidMagnet) -> _Step:
     def step(excitation: float, outer_reluctance: float, seconds: float) -> float:
         previous_densities = np.array([cell.density for cell in cells])
         fields = np.concatenate([[yoke.field, cells[0].field], [cell.field for cell in cells]])
-        fields[1] = (excitation - yoke_length * fields[0] - outer_reluctance * area * (width @ previous_densities)) / armature_length
+        fields[1] = (
+            excitation - yoke_length * fields[0] - outer_reluctance * area * (width @ previous_densities)
+        ) / armature_length
 
         def find_residuals(trial_fields: FloatArray) -> tuple[FloatArray, FloatArray, float]:
             pairs = [cell.flux_density(float(h)) for cell, h in zip(cells, trial_fields[2:], strict=True)]
@@ -166,8 +179,15 @@ def _make_slab_magnet(magnet: SolidMagnet) -> _Step:
             inflow = face_conductances[:-1] * (trial_fields[1:-1] - trial_fields[2:])
             trial_residuals = np.empty(unknown_count)
             trial_residuals[0] = (area_yoke * yoke_density - flux) / area
-            trial_residuals[1] = (armature_length * trial_fields[1] + yoke_length * trial_fields[0] + outer_reluctance * flux - excitation) / armature_length
-            trial_residuals[2:] = width * (density - previous_densities) - seconds * (inflow - np.append(inflow[1:], 0.0))
+            trial_residuals[1] = (
+                armature_length * trial_fields[1]
+                + yoke_length * trial_fields[0]
+                + outer_reluctance * flux
+                - excitation
+            ) / armature_length
+            trial_residuals[2:] = width * (density - previous_densities) - seconds * (
+                inflow - np.append(inflow[1:], 0.0)
+            )
             slopes = np.zeros((unknown_count, unknown_count))
             slopes[0, 0] = area_yoke * yoke_slope / area
             slopes[0, 2:] = -width * slope
@@ -181,9 +201,9 @@ def _make_slab_magnet(magnet: SolidMagnet) -> _Step:
 
         scale = np.concatenate([[1.0, excitation / armature_length + 1.0], width])
         residuals, slopes, flux = find_residuals(fields)
-        for _ in range(_ROUNDS):
+        for _ in range(_NEWTON_STEPS):
             largest_residual = float(np.max(np.abs(residuals / scale)))
-            if largest_residual <= _CLOSE:
+            if largest_residual <= _TOLERANCE:
                 break
             newton_step, step_fraction = np.linalg.solve(slopes, -residuals), 1.0
             for _ in range(12):
@@ -234,7 +254,11 @@ def solid_magnet(number: int) -> SolidMagnet:
         lengths,
         (area, area * float(rng.uniform(1.0, 1.6))),
         2.0 * np.pi * corner_frequency * (density / field),
-        (first_ring, ring_conductance - first_ring, float(rng.uniform(0.3, 3.0)) / (2.0 * np.pi * corner_frequency * ring_conductance)),
+        (
+            first_ring,
+            ring_conductance - first_ring,
+            float(rng.uniform(0.3, 3.0)) / (2.0 * np.pi * corner_frequency * ring_conductance),
+        ),
         turns,
         excitation / turns,
         tuple(gaps.tolist()),

@@ -113,13 +113,17 @@ def measure_batch_step(instruction_set: str) -> list[Row]:
         lambda: [batch_functions(arguments, instruction_set) for _ in range(100)], 100 * arguments.size
     )
     rows = []
-    for name, is_implicit, field_range, evaluation_count in (("implicit", True, 10.0, 3.0), ("explicit", False, 2.0, 1.0)):
+    for name, is_implicit, field_range, call_count in (
+        ("implicit", True, 10.0, 3.0),
+        ("explicit", False, 2.0, 1.0),
+    ):
         step_time = best_ns(lambda: follow(is_implicit), 10 * sets * n)  # noqa: B023
         rows.append(
             Row(
                 f"forward step, {name}, batched, {instruction_set}",
                 f"<= {field_range:g} ns" if has_target else "reported",
-                f"{step_time:.2f} ns per set; {evaluation_count:.0f} Langevin and exp alone {evaluation_count * function_time:.2f} ns",
+                f"{step_time:.2f} ns per set; "
+                f"{call_count:.0f} Langevin and exp alone {call_count * function_time:.2f} ns",
                 step_time <= field_range if has_target else None,
                 1e-9 * step_time,
             )

@@ -94,7 +94,8 @@ def make_iron_rows(title: str, study: TrackingStudy) -> list[Row]:
         Row(
             f"tracking, {title}: peak, ratio to the map with one play",
             "<= 1, with interval",
-            f"{full_interval.mean / play_interval.mean:.3g}; moving average {metric_ratio(study, 'average_m', 'play'):.3g}",
+            f"{full_interval.mean / play_interval.mean:.3g}; "
+            f"moving average {metric_ratio(study, 'average_m', 'play'):.3g}",
             full_interval.mean - full_interval.half_width <= play_interval.mean + play_interval.half_width,
         )
     )
@@ -107,14 +108,15 @@ def make_high_crossover_row(title: str, study: TrackingStudy) -> Row:
     return Row(
         f"tracking at 300 Hz, {title}: settling to 10 nm",
         "<= 0.5 times single-valued",
-        f"{settling_ratio:.3g}; {format_metric(study, 'settling_10_s', 1e3)} ms; peak {format_metric(study, 'peak_m', 1e9)} nm",
+        f"{settling_ratio:.3g}; {format_metric(study, 'settling_10_s', 1e3)} ms; "
+        f"peak {format_metric(study, 'peak_m', 1e9)} nm",
         settling_ratio <= 0.5,
     )
 
 
 def make_learning_rows(study: TrackingStudy) -> list[Row]:
     """Return the rows of iterative learning control."""
-    full_peaks, single_valued_peaks = (study.variants[name].learning_peaks_m for name in ("full", "single-valued"))
+    full_peaks, curve_peaks = (study.variants[name].learning_peaks_m for name in ("full", "single-valued"))
     return [
         Row(
             "learning control on full, eight trials: peak",
@@ -125,8 +127,8 @@ def make_learning_rows(study: TrackingStudy) -> list[Row]:
         Row(
             "learning control on single-valued, eight trials: peak",
             "does not converge: last peak above half of the first",
-            f"{single_valued_peaks[-1] / single_valued_peaks[0]:.3g}; {1e9 * single_valued_peaks[0]:.4g} to {1e9 * single_valued_peaks[-1]:.4g} nm",
-            2.0 * single_valued_peaks[-1] > single_valued_peaks[0],
+            f"{curve_peaks[-1] / curve_peaks[0]:.3g}; {1e9 * curve_peaks[0]:.4g} to {1e9 * curve_peaks[-1]:.4g} nm",
+            2.0 * curve_peaks[-1] > curve_peaks[0],
         ),
     ]
 
@@ -171,7 +173,9 @@ def rows() -> list[Row]:
         study = explore_stage(low_crossover_rig, magnet)
         result_rows += make_iron_rows(title, study)
         if title == CREEPING_IRON:
-            result_rows += make_iron_rows(f"{title}, no noise", explore_stage(without_noise(low_crossover_rig), magnet))
+            result_rows += make_iron_rows(
+                f"{title}, no noise", explore_stage(without_noise(low_crossover_rig), magnet)
+            )
         if number < len(REVERSIBLE):
             result_rows.append(
                 make_high_crossover_row(title, explore_stage(with_iron(rig, iron, 300.0), magnet))

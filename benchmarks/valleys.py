@@ -30,13 +30,13 @@ from anhyst.identification.space import CoordinateSpace
 from anhyst.support.numeric import FloatArray
 from rows import ROOT
 
-_STARTS, _SHORT, _LONG, _GRID = 48, 6, 60, 31
+_START_COUNT, _COARSE_STEPS, _FINE_STEPS, _GRID_POINTS = 48, 6, 60, 31
 
 
 class _FixedObjective(Objective):
     """An objective with a strong quadratic penalty that fixes two coordinates."""
 
-    def pull_to(self, coordinate_indices: list[int], values: list[float]) -> _FixedObjective:
+    def fix_coordinates(self, coordinate_indices: list[int], values: list[float]) -> _FixedObjective:
         rows = np.zeros((2, self.space.size))
         rows[[0, 1], coordinate_indices] = 1.0
         self._prior_rows = np.concatenate([self._prior_rows, rows])
@@ -56,11 +56,12 @@ def main(path: Path) -> None:
     response_form = replace(response_form, law=LAW_BY_SHAPE["tanh"], cells=CellKernel("tanh", 1))
     space = CoordinateSpace("leakage", records.thinned(40), response_form, frozenset({"in_0", "out_0"}))
     starting_sets = [
-        scale_to_loops(space, cell_start) for cell_start in sample_cell_starts(CellKernel("tanh", 1), _STARTS, 1, True)
+        scale_to_loops(space, cell_start)
+        for cell_start in sample_cell_starts(CellKernel("tanh", 1), _START_COUNT, 1, True)
     ]
     starts = [space.pack(sets) for sets in starting_sets if has_valid_scales(sets)]
-    coarse_fits = [descend_from(space, theta, 1e-3, _SHORT) for theta in starts]
-    final_fits = [descend_from(space, end.theta, 1e-6, _LONG) for end in coarse_fits]
+    coarse_fits = [descend_from(space, theta, 1e-3, _COARSE_STEPS) for theta in starts]
+    final_fits = [descend_from(space, end.theta, 1e-6, _FINE_STEPS) for end in coarse_fits]
     best_fit = min(final_fits, key=lambda one: one.cost)
 
     axis_indices = [space.names.index(name) for name in ("pinning_1", "scale")]
@@ -68,15 +69,20 @@ def main(path: Path) -> None:
     axis_points = [_axis_quantities(fit.parameter_sets[0], span) for fit in (*final_fits, best_fit)]
     map_centre = np.log(_axis_quantities(best_fit.parameter_sets[0], span))
     half_range = np.maximum(np.abs(np.log(axis_points) - map_centre).max(axis=0), np.log(8.0))
-    x, y = (np.linspace(m - r, m + r, _GRID) for m, r in zip(map_centre, np.minimum(half_range, 3.0), strict=True))
-    cost = np.empty((_GRID, _GRID))
+    x, y = (
+        np.linspace(m - r, m + r, _GRID_POINTS)
+        for m, r in zip(map_centre, np.minimum(half_range, 3.0), strict=True)
+    )
+    cost = np.empty((_GRID_POINTS, _GRID_POINTS))
     theta: FloatArray
     for i, width in enumerate(y):
         for j, pinning in enumerate(x):
             theta = best_fit.theta.copy()
             theta[axis_indices[0]] = pinning
             theta[axis_indices[1]] += width - map_centre[1]
-            fixed_objective = _FixedObjective(space).pull_to(axis_indices, theta[axis_indices].tolist())
+            fixed_objective = _FixedObjective(space).fix_coordinates(
+                axis_indices, theta[axis_indices].tolist()
+            )
             cost[i, j] = descend(fixed_objective, theta, 1e-4, 12)[1]
     figure, axes = plt.subplots(figsize=(7.0, 4.6), layout="constrained")
     percent = 100.0 * np.sqrt(np.minimum(cost, 1.0))
@@ -89,7 +95,12 @@ def main(path: Path) -> None:
         start_point = _axis_quantities(space.unpack(start)[0][0], span)
         end_point = _axis_quantities(end.parameter_sets[0], span)
         is_near_best = end.cost < 1.05 * best_fit.cost
-        axes.plot(*zip(start_point, end_point, strict=True), color="white" if is_near_best else "tab:red", lw=0.5, alpha=0.7)
+        axes.plot(
+            *zip(start_point, end_point, strict=True),
+            color="white" if is_near_best else "tab:red",
+            lw=0.5,
+            alpha=0.7,
+        )
         axes.plot(*start_point, "o", mfc="none", mec="white" if is_near_best else "tab:red", ms=4)
         axes.plot(*end_point, "o", color="white" if is_near_best else "tab:red", ms=4)
     axes.set(xscale="log", yscale="log", xlim=np.exp(x[[0, -1]]), ylim=np.exp(y[[0, -1]]),

@@ -176,19 +176,29 @@ def demand_deviation(model: Model) -> tuple[Deviation, Deviation, float]:
 class TableLine:
     """One row of the table: the errors with anhyst and with a baseline, and the baseline's name."""
 
-    what: str
-    own: str
-    baseline: str
-    against: str
-    gain: str
+    title: str
+    anhyst_text: str
+    baseline_text: str
+    baseline_name: str
+    ratio_text: str
 
     @classmethod
     def of(
-        cls, title: str, anhyst_error: float, baseline_error: float, baseline_name: str, unit: str, decimal_places: int = 2
+        cls,
+        title: str,
+        anhyst_error: float,
+        baseline_error: float,
+        baseline_name: str,
+        unit: str,
+        decimal_places: int = 2,
     ) -> TableLine:
         """Compare two errors."""
-        anhyst_text, baseline_text = (f"{value:.{decimal_places}f} {unit}" for value in (anhyst_error, baseline_error))
-        ratio_text = f"1/{baseline_error / anhyst_error:.0f}" if baseline_error > 1.5 * anhyst_error else "no gain"
+        anhyst_text, baseline_text = (
+            f"{value:.{decimal_places}f} {unit}" for value in (anhyst_error, baseline_error)
+        )
+        ratio_text = (
+            f"1/{baseline_error / anhyst_error:.0f}" if baseline_error > 1.5 * anhyst_error else "no gain"
+        )
         return cls(title, anhyst_text, baseline_text, baseline_name, ratio_text)
 
 
@@ -196,8 +206,8 @@ class TableLine:
 class ExampleResult:
     """The results of one example: rows of the table, panel of the picture, and remark."""
 
-    lines: list[TableLine]
-    draw: Callable[[Axes], None] | None = None
+    table_lines: list[TableLine]
+    draw_panel: Callable[[Axes], None] | None = None
     remark: str = ""
 
 
@@ -210,7 +220,7 @@ def print_step(title: str) -> Iterator[None]:
     print(f" {time.perf_counter() - start_time:.1f} s", flush=True)
 
 
-def electromagnet(output_folder: Path) -> ExampleResult:
+def run_electromagnet(output_folder: Path) -> ExampleResult:
     """Identify a model from loops, write its report and evaluate it at withheld gaps."""
     with print_step("electromagnet: identify a model from 16 loops at four gaps"):
         identification = identify(read_loops(ELECTROMAGNET / "loops.csv"))
@@ -269,7 +279,7 @@ def compile_and_verify(model: Path, folder: Path) -> ExampleResult:
     )
 
 
-def bearing(output_folder: Path) -> ExampleResult:
+def run_bearing(output_folder: Path) -> ExampleResult:
     """Run steps of the bearing with position feedback and every compensation method."""
     with print_step(f"bearing: simulate steps with {len(BEARING_METHODS)} methods"):
         rig, controller = read_files(EXAMPLES / "bearing" / "rig.toml", None)
@@ -324,14 +334,14 @@ class TrackingResult:
     """A variant on the test set-point: metrics of each noise seed, recording of the first seed."""
 
     measures: list[Measures]
-    shown: Recording
+    shown_run: Recording
 
     def of(self, name: str) -> Interval:
         """Return the mean of a metric over the seeds, with its interval."""
         return mean_interval([getattr(measures, name) for measures in self.measures])
 
 
-def follow(setup: StageSetup) -> TrackingResult:
+def track_test_set_point(setup: StageSetup) -> TrackingResult:
     """Find the feedforward gains on one set-point and follow another set-point with them."""
     table = setup.rig.settings.scan
     gains = find_gains(setup, scan_motion(table, table.train_m_per_s2))
@@ -340,13 +350,13 @@ def follow(setup: StageSetup) -> TrackingResult:
     return TrackingResult([measure(run, motion, table.slit_s) for run in runs], runs[0])
 
 
-def stage(output_folder: Path) -> ExampleResult:
+def run_stage(output_folder: Path) -> ExampleResult:
     """Let a stage with feedforward follow set-points with every compensation method."""
     with print_step(f"stage: simulate set-points with feedforward and {len(STAGE_METHODS)} methods"):
         rig = read_stage(EXAMPLES / "stage" / "rig.toml")
         magnet = identify_magnet(rig.measured_loops.read(), rig.settings.loops)
         setups, _ = make_variants(rig, magnet, STAGE_METHODS)
-        results = dict(zip(setups, map_ordered(follow, list(setups.values())), strict=True))
+        results = dict(zip(setups, map_ordered(track_test_set_point, list(setups.values())), strict=True))
     columns = {"peak, nm": ("peak_m", 1e9), "moving average, nm": ("average_m", 1e9)}
     columns |= {"50 nm, ms": ("settling_50_s", 1e3), "force rms, N": ("force_rms_N", 1.0)}
     write_table(
@@ -354,7 +364,9 @@ def stage(output_folder: Path) -> ExampleResult:
         f"error on the test set-point; {rig.settings.noise_seeds} noise seeds",
         list(columns),
         {
-            name: [interval_text(measures.of(key), factor=unit_factor) for key, unit_factor in columns.values()]
+            name: [
+                interval_text(measures.of(key), factor=unit_factor) for key, unit_factor in columns.values()
+            ]
             for name, measures in results.items()
         },
     )
@@ -374,7 +386,7 @@ def stage(output_folder: Path) -> ExampleResult:
 
     def draw(ax: Axes) -> None:
         for name in ("single-valued", "play", "full"):
-            run = results[name].shown
+            run = results[name].shown_run
             label = "anhyst" if name == "full" else BASELINE_TITLES[name]
             ax.plot(1e3 * run["t_s"], 1e6 * run["error_m"], label=label, **line_style(name))
         title = "stage: feedforward does not correct it"
@@ -393,20 +405,20 @@ def write_table(path: Path, title: str, columns: list[str], rows: Mapping[Method
         Console(file=file, width=110).print(table)
 
 
-def table_of(results: list[ExampleResult]) -> Table:
+def make_results_table(results: list[ExampleResult]) -> Table:
     """Return the table with the rows of all examples."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
     for name in ("error, simulated magnets", "anhyst", "baseline", "", "ratio"):
         is_number = name in {"anhyst", "baseline", "ratio"}
         table.add_column(name, justify="right" if is_number else "left", no_wrap=True)
-    for line in (line for result in results for line in result.lines):
-        table.add_row(line.what, line.own, line.baseline, line.against, line.gain)
+    for line in (line for result in results for line in result.table_lines):
+        table.add_row(line.title, line.anhyst_text, line.baseline_text, line.baseline_name, line.ratio_text)
     return table
 
 
 def draw_picture(results: list[ExampleResult], path: Path) -> None:
     """Draw the panels of all examples side by side."""
-    panels = [result.draw for result in results if result.draw is not None]
+    panels = [result.draw_panel for result in results if result.draw_panel is not None]
     figure = Figure(figsize=(4.6 * len(panels), 4.0), layout="constrained")
     for ax, draw_panel in zip(figure.subplots(1, len(panels)), panels, strict=True):
         draw_panel(ax)
@@ -426,19 +438,21 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
     magnet_folder, bearing_folder, stage_folder = folders
     results = [
-        electromagnet(magnet_folder),
+        run_electromagnet(magnet_folder),
         compile_and_verify(magnet_folder / "model.toml", magnet_folder / "controller"),
     ]
-    results += [bearing(bearing_folder), stage(stage_folder)]
+    results += [run_bearing(bearing_folder), run_stage(stage_folder)]
     draw_picture(results, output_folder / "demo.png")
-    table = table_of(results)
+    table = make_results_table(results)
     with (output_folder / "table.txt").open("w", encoding="utf-8") as file:
         Console(file=file, width=80).print(table)
     console = Console(width=80, highlight=False)
     console.print(table)
     for remark in (result.remark for result in results if result.remark):
         console.print(remark)
-    print(f"picture: {output_folder / 'demo.png'}; report of the electromagnet: {magnet_folder / 'report.html'}")
+    print(
+        f"picture: {output_folder / 'demo.png'}; report of the electromagnet: {magnet_folder / 'report.html'}"
+    )
     print("next: model your magnet (docs/tutorial.md), or operate the bearing in a browser:")
     print("  .venv/bin/anhyst live examples/bearing/rig.toml")
 

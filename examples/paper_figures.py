@@ -59,7 +59,7 @@ TRUTH = Path(__file__).parent / "electromagnet" / "unseen_truth.csv"
 SHOWN_PARAMETERS = ("k", "c_H")
 
 
-def search(loops: Loops, gap_map: str, seed: int) -> IdentifyResult:
+def run_paper_search(loops: Loops, gap_map: str, seed: int) -> IdentifyResult:
     def progress(finished_stages: float, stage_count: float) -> None:
         if sys.stderr.isatty():
             print(f"\r{gap_map}: stage {finished_stages} of {stage_count}", end="", file=sys.stderr)
@@ -126,15 +126,15 @@ def _error_text(error: InputError) -> str:
     return str(error).removeprefix("model parameter ")
 
 
-def by_splines(model: Model) -> OutputFunction:
+def spline_output_function(model: Model) -> OutputFunction:
     return lambda drive, gap: spline_model_at(model, gap).predict(drive).output
 
 
-def by_map(model: Model) -> OutputFunction:
+def map_output_function(model: Model) -> OutputFunction:
     return lambda drive, gap: model.predict(drive, gap).output
 
 
-def report(result: IdentifyResult, title: str, truth: Loops) -> None:
+def print_report(result: IdentifyResult, title: str, truth: Loops) -> None:
     model, fit = result.model, result.model.fit
     assert fit is not None
     print(f"{title}: {result.seconds:.0f} s, gap map {model.gap_map}")
@@ -164,26 +164,26 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     loops, truth = read_loops(LOOPS), read_loops(TRUTH)
-    free_order_result = search(loops, "auto", options.seed)
-    paper_order_result = search(loops, "scaling", options.seed)
+    free_order_result = run_paper_search(loops, "auto", options.seed)
+    paper_order_result = run_paper_search(loops, "scaling", options.seed)
     free_model, reduced_model = free_order_result.per_gap, paper_order_result.model
     assert free_model is not None
     assert free_order_result.splines is not None
     figures = {
         "fig1": figure_parameters(free_model, splines=True),
-        "fig2": figure_loops(free_model, by_splines(free_model), loops),
+        "fig2": figure_loops(free_model, spline_output_function(free_model), loops),
         "fig3": figure_reduction(free_order_result.model.reduction),
         "fig3_c_H": figure_reduction(reduced_model.reduction),
         "fig4": figure_parameters(reduced_model, splines=False),
-        "fig5": figure_loops(reduced_model, by_map(reduced_model), loops),
+        "fig5": figure_loops(reduced_model, map_output_function(reduced_model), loops),
     }
     for name, figure in figures.items():
         write_png(figure, options.out / f"{name}.png")
     print(f"splines through the free sets: {free_order_result.splines.text('A')}")
     failed_count, gap_count = len(free_order_result.splines.failing), free_order_result.splines.gaps.size
     print(f"  they fail at {failed_count} of {gap_count} gaps")
-    report(free_order_result, "order found", truth)
-    report(paper_order_result, "c_H kept to the last", truth)
+    print_report(free_order_result, "order found", truth)
+    print_report(paper_order_result, "c_H kept to the last", truth)
     print(f"figures in {options.out}")
 
 

@@ -167,7 +167,9 @@ def settled_loop(
         magnet.step(high, gap)
     force, late_force = [], []
     for previous_current, sample_current in zip(np.roll(current, 1), current, strict=True):
-        late_force.append(magnet.step(sample_current + delay_samples * (previous_current - sample_current), gap))
+        late_force.append(
+            magnet.step(sample_current + delay_samples * (previous_current - sample_current), gap)
+        )
         force.append(magnet.step(sample_current, gap))
     return current, np.array(force), np.array(late_force)
 

@@ -31,11 +31,11 @@ from anhyst_rigs.rig.parts.magnet import Poles, make_iron_magnet
 
 HERE = Path(__file__).resolve().parent
 SEED = 20261122
-MOVING_TURNS = 40
+MOVING_REVERSALS = 40
 MOVING_PERIOD = 3.1  # period of the gap motion, s
-SMALL_TURNS = 12
+SMALL_REVERSALS = 12
 SMALL_BIASES = (0.3, 0.5, 0.7)  # relative to the largest current
-SMALL_SWING = 0.04  # amplitude, relative to the largest current
+SMALL_AMPLITUDE = 0.04  # amplitude, relative to the largest current
 
 
 def _bundled() -> ModuleType:
@@ -106,7 +106,7 @@ def _truth(name: str, label: str, current: FloatArray, gap: FloatArray, first_co
 def moving(name: str) -> Truth:
     """Return a record of random current reversals while the gap moves over its range."""
     rng = np.random.default_rng([SEED, 1])
-    current = sweeps([0.0, *(LARGEST * rng.random(MOVING_TURNS)).tolist(), 0.0])
+    current = sweeps([0.0, *(LARGEST * rng.random(MOVING_REVERSALS)).tolist(), 0.0])
     gaps = SETTINGS["identification"]["gaps_m"]
     middle_gap, gap_amplitude = 0.5 * (gaps[-1] + gaps[0]), 0.5 * (gaps[-1] - gaps[0])
     gap = middle_gap + gap_amplitude * sine(DRIVE["sample_s"] / MOVING_PERIOD * np.arange(current.size))
@@ -122,7 +122,7 @@ def small_cycles(name: str) -> Iterator[Truth]:
     for gap in SETTINGS["unseen"]["gaps_m"]:
         for bias in SMALL_BIASES:
             for side, approach_points in (("up", [0.0, LARGEST, 0.0]), ("down", [0.0, LARGEST])):
-                swings = SMALL_SWING * (2.0 * rng.random(SMALL_TURNS) - 1.0)
+                swings = SMALL_AMPLITUDE * (2.0 * rng.random(SMALL_REVERSALS) - 1.0)
                 approach = sweeps([*approach_points, LARGEST * bias])
                 cycles = sweeps([LARGEST * bias, *(LARGEST * (bias + swings)).tolist()])[1:]
                 current = np.concatenate([approach, cycles])

@@ -25,20 +25,20 @@ Array = NDArray[np.float64]
 
 HERE = Path(__file__).resolve().parent
 SEED = 20261124
-LOADS = (6.0, 12.0, 18.0)
+PRESTRESSES = (6.0, 12.0, 18.0)
 """Prestresses, MPa."""
-BETWEEN = 9.0
-BIAS = 30e3
+UNSEEN_PRESTRESS = 9.0
+BIAS_FIELD = 30e3
 """Bias field of the magnet, A/m."""
-SWINGS = (28e3, 20e3, 12e3, 6e3)
+AMPLITUDES = (28e3, 20e3, 12e3, 6e3)
 """Amplitudes of the coil's field, A/m."""
 SAMPLES = 200
 """Samples per cycle."""
 SATURATION, LAMBDA, TIP = 1.0, 1.2e-3, -0.12
-NOISE, STEP = 1e-6, 0.5e-6
+NOISE_RMS, RESOLUTION = 1e-6, 0.5e-6
 
 
-def rod(load: float) -> PreisachSteel:
+def make_rod(load: float) -> PreisachSteel:
     """Return the rod under a prestress, MPa."""
     stress_factor = 1.0 + load / 12.0
     return PreisachSteel(
@@ -58,30 +58,32 @@ def rod(load: float) -> PreisachSteel:
 
 def strain(load: float, field: Array) -> Array:
     """Return the strain for a field of the coil, A/m, starting from the demagnetised rod."""
-    total_field = BIAS + field
+    total_field = BIAS_FIELD + field
     initial_ramp = np.linspace(0.0, total_field[0], 400)
-    density = Piece(rod(load).make_steel()).run(np.concatenate([initial_ramp, total_field]))[initial_ramp.size :, 1]
+    density = Piece(make_rod(load).make_steel()).run(np.concatenate([initial_ramp, total_field]))[
+        initial_ramp.size :, 1
+    ]
     s = ((density - MU_0 * total_field) / SATURATION) ** 2
     return LAMBDA * (s + TIP * s**2)
 
 
-def swing(amplitude: float) -> Array:
+def field_cycles(amplitude: float) -> Array:
     """Return three cycles of the coil's field, A/m, from zero; the loop closes in the first."""
     phase = 2.0 * np.pi * np.arange(3 * SAMPLES + 1) / SAMPLES
     return amplitude * np.sin(phase)
 
 
-def write(path: Path, loads: tuple[float, ...], noise: float) -> None:
+def write_loops(path: Path, loads: tuple[float, ...], noise: float) -> None:
     """Write steady-state loops (the last of three cycles), the largest first."""
     generator = np.random.default_rng(SEED)
     rows = []
     for load in loads:
-        field = np.concatenate([swing(amplitude) for amplitude in SWINGS])
+        field = np.concatenate([field_cycles(amplitude) for amplitude in AMPLITUDES])
         strains = strain(load, field)
-        for index, amplitude in enumerate(SWINGS):
+        for index, amplitude in enumerate(AMPLITUDES):
             last_cycle = slice((3 * SAMPLES + 1) * index + 2 * SAMPLES, (3 * SAMPLES + 1) * (index + 1))
             readings = strains[last_cycle] + noise * generator.standard_normal(SAMPLES + 1)
-            readings = np.round(readings / STEP) * STEP if noise else readings
+            readings = np.round(readings / RESOLUTION) * RESOLUTION if noise else readings
             rows += [
                 (f"{amplitude / 1e3:g}", load, h / 1e3, 1e6 * y)
                 for h, y in zip(field[last_cycle].tolist(), readings.tolist(), strict=True)
@@ -96,8 +98,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=HERE)
     folder = parser.parse_args().out
-    write(folder / "loops.csv", LOADS, NOISE)
-    write(folder / "unseen.csv", (BETWEEN,), 0.0)
+    write_loops(folder / "loops.csv", PRESTRESSES, NOISE_RMS)
+    write_loops(folder / "unseen.csv", (UNSEEN_PRESTRESS,), 0.0)
 
 
 if __name__ == "__main__":

@@ -53,8 +53,8 @@ def path() -> tuple[FloatArray, FloatArray]:
 
 def test_two_pieces_of_one_iron_in_series_are_that_iron(irons: ModuleType) -> None:
     core, steel = irons.Core(POLES), STEEL.make_steel()
-    one = irons.PlantIron(steel).answer(core, *path())
-    two = irons.SeriesIron(steel, steel, 0.3, 1.0).answer(core, *path())
+    one = irons.PlantIron(steel).compute_response(core, *path())
+    two = irons.SeriesIron(steel, steel, 0.3, 1.0).compute_response(core, *path())
     assert np.max(np.abs(two.flux - one.flux)) < 1e-6 * np.max(one.flux)
     assert np.max(np.abs(two.linkage - one.linkage)) < 1e-6 * np.max(one.linkage)
 
@@ -66,9 +66,9 @@ def test_irons_that_are_integrated_do_not_depend_on_the_steps(
 ) -> None:
     job = irons.Job(iron(irons, kind), irons.Core(POLES), *path())
     found = []
-    for steps in (irons.FINE, 2 * irons.FINE):
-        monkeypatch.setattr(irons, "FINE", steps)
-        found.append(irons.answers([job])[0].linkage)
+    for steps in (irons.RANGE_STEPS, 2 * irons.RANGE_STEPS):
+        monkeypatch.setattr(irons, "RANGE_STEPS", steps)
+        found.append(irons.compute_responses([job])[0].linkage)
     assert np.max(np.abs(found[1] - found[0])) < 2e-5 * np.max(found[1])
 
 
@@ -76,12 +76,12 @@ def test_irons_that_are_integrated_do_not_depend_on_the_steps(
 def test_a_cycle_of_an_integrated_iron_loses_energy(
     irons: ModuleType, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(irons, "FINE", 300)
+    monkeypatch.setattr(irons, "RANGE_STEPS", 300)
     up = np.linspace(1.0, 3.0, 100)
     cycle = np.concatenate([up, up[::-1]])
     current = np.tile(cycle, 4)
     job = irons.Job(iron(irons, kind), irons.Core(POLES), current, np.full(current.size, 3e-4))
-    linkage = irons.answers([job])[0].linkage[-cycle.size - 1 :]
+    linkage = irons.compute_responses([job])[0].linkage[-cycle.size - 1 :]
     current = current[-cycle.size - 1 :]
     taken = float(np.sum(0.5 * (current[1:] + current[:-1]) * np.diff(linkage)))
     assert taken > 1e-4 * np.ptp(linkage) * np.ptp(current)
