@@ -137,8 +137,8 @@ def measure(loops: Loops, tests: Sequence[drawn.Test]) -> MeasurementResult | No
 
 def _evaluate_rules(fitted: model_selection.Selection, tests: Sequence[drawn.Test]) -> MeasurementResult:
     rms_errors, comparison, loops = {}, fitted.comparison, fitted.loopset
-    for candidate in comparison.eligible:
-        model = make_model(comparison.fits[candidate].reduced, loops)
+    for candidate in comparison.contenders:
+        model = make_model(comparison.fits[candidate].reduced_fit, loops)
         deviations = [deviation(model, test) for test in tests if test.kind in {"other", "unseen"}]
         rms_errors[candidate] = float(np.sqrt(np.mean(np.concatenate(deviations) ** 2))) / largest_output(
             loops
@@ -147,7 +147,7 @@ def _evaluate_rules(fitted: model_selection.Selection, tests: Sequence[drawn.Tes
     for name, settings in RULES.items():
         with mock.patch.multiple(candidates, **settings):
             selection = copy(fitted)
-            selection.comparison = replace(comparison, eligible=list(comparison.eligible))
+            selection.comparison = replace(comparison, contenders=list(comparison.contenders))
             chosen[name] = selection.select()
     return MeasurementResult(
         {

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from anhyst._core import batch_levels
-from anhyst.identification.screening import batch_instruction_set
+from anhyst.identification.screening import read_instruction_set
 
 SOURCE = Path(__file__).with_name("yardstick.c")
 
@@ -76,7 +76,7 @@ def this_machine() -> Machine:
         processor=_processor(),
         cores=os.cpu_count() or 1,
         levels=tuple(batch_levels()),
-        level=batch_instruction_set(),
+        level=read_instruction_set(),
         compiler=version.stdout.splitlines()[0],
         system=f"{platform.system()}, {libc}, Python {platform.python_version()}, NumPy {np.__version__}",
         yardstick=_yardstick(compiler),

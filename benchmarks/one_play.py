@@ -70,7 +70,7 @@ def measure(loops: Loops, force_model: ForceModel) -> tuple[float, dict[str, Cyc
         for gap in test_gaps:
             errors = measure_cycle_errors(compensator.reset_copy(), force_model, gap, max_demand[gap])
             errors_by_method[method] = (
-                errors_by_method[method].join(errors) if method in errors_by_method else errors
+                errors_by_method[method].join_errors(errors) if method in errors_by_method else errors
             )
     return largest, errors_by_method
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import batch_levels
-from anhyst.identification.screening import LEVEL_VARIABLE
+from anhyst.identification.screening import INSTRUCTION_SET_VARIABLE
 from anhyst.model.actuator import read_model
 from anhyst.model.writer import write_model
 from tests.repository import ROOT
@@ -30,7 +30,7 @@ def variables(level: str) -> dict[str, str]:
     found = np.show_config("dicts")["SIMD Extensions"].get("found", [])
     beyond = {"base": found, "avx2": [one for one in found if "512" in one or "V4" in one]}
     chosen = {
-        LEVEL_VARIABLE: level,
+        INSTRUCTION_SET_VARIABLE: level,
         "OPENBLAS_CORETYPE": OPENBLAS[level],
         "NPY_DISABLE_CPU_FEATURES": " ".join(beyond.get(level, [])),
     }

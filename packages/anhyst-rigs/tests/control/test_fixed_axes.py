@@ -14,10 +14,10 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.control.fixed_axes import (
     DriveLayout,
     FixedController,
+    encode_signals,
     make_feedforward_rows,
     make_fixed_allocation,
     make_fixed_controller,
-    signal_codes,
 )
 from anhyst.control.position import Allocation
 from anhyst.support.numeric import FloatArray
@@ -77,7 +77,7 @@ def share(one: DriveLayout, wrench: FloatArray, lost: list[int]) -> list[Shared]
         wide.lose(drive)
     found = []
     for row in wrench:
-        given = signal_codes(row, full).astype(int).tolist()
+        given = encode_signals(row, full).astype(int).tolist()
         force, made = fixed.share(given)
         forces, wide_made = wide.share((np.array(given) / FULL * full).tolist())
         found.append(Shared(np.array(force) / FULL * FORCE, np.array(forces), made, wide_made))
@@ -93,7 +93,7 @@ def test_the_reported_wrench_agrees_with_double_precision() -> None:
     rng, agreed, worst, off = np.random.default_rng(3), 0, 0.0, 0.0
     for body in bodies(200, 11):
         wrench = rng.uniform(0.0, 60.0, (12, len(body.unit_wrench))) @ body.unit_wrench
-        wrench = signal_codes(wrench, 4096.0) / FULL * 4096.0
+        wrench = encode_signals(wrench, 4096.0) / FULL * 4096.0
         for row, shared in zip(wrench, share(body, wrench, []), strict=True):
             alone = [k for k, opponent in enumerate(body.opponents) if k == opponent]
             assert (shared.force[alone] >= LEAST - 2e-7).all()
@@ -225,8 +225,8 @@ def test_the_wrench_of_any_body_is_that_of_double_precision() -> None:
         scales, count = fixed.scales, len(one.unit_wrench)
         gap, read = [0] * count, [0] * count
         for _ in range(25):
-            head = signal_codes(rng.uniform(-1e-8, 1e-8, len(made.rows["at"])), scales.head)
-            forward = signal_codes(0.05 * scales.wrench, scales.wrench)
+            head = encode_signals(rng.uniform(-1e-8, 1e-8, len(made.rows["at"])), scales.head)
+            forward = encode_signals(0.05 * scales.wrench, scales.wrench)
             _, demand, *_ = own.tick(head.astype(int).tolist(), forward.astype(int).tolist(), gap, read)
             _, expected, *_ = wide.tick(
                 (head / FULL * scales.head).tolist(),
@@ -261,7 +261,7 @@ def test_feedforward_is_the_wrench_of_mass_and_weight() -> None:
     mass = np.diag(np.full(axes, 3.0))
     weight = np.arange(axes, dtype=np.float64) - 2.0
     numbers, shifts, carried = make_feedforward_rows(mass, weight, scales)
-    acceleration = signal_codes(np.full(axes, 0.25) * scales.acceleration, scales.acceleration)
+    acceleration = encode_signals(np.full(axes, 0.25) * scales.acceleration, scales.acceleration)
     moved = (numbers @ acceleration) / 2.0 ** shifts[:, 0]
     np.testing.assert_allclose(
         (moved - carried) / FULL * scales.wrench,

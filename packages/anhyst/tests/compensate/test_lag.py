@@ -85,7 +85,7 @@ def test_at_rest_a_lag_changes_no_current() -> None:
 @pytest.mark.slow
 def test_budget_has_a_row_for_the_lag() -> None:
     budget = measure_budget(plan_of(late_magnet(), "q15"))
-    part = budget.part("rate")
+    part = budget.find_part("rate")
     assert part is not None
     assert part.worst is not None
     assert "without eddy currents it would be" in part.note

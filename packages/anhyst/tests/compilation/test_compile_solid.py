@@ -27,7 +27,7 @@ def compiled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 
 def test_the_budget_states_the_error_of_fast_demands(compiled: Compiled) -> None:
-    rate = compiled.budget.part("rate")
+    rate = compiled.budget.find_part("rate")
     assert rate is not None
     assert rate.worst is not None
     assert rate.worst < 3e-3 * TOP
@@ -60,7 +60,7 @@ def test_the_simplified_law_is_quasi_static_and_reports_it(tmp_path: Path) -> No
     found = compile_model(tmp_path / "magnet.toml", tmp_path / "out", request)
     assert len(found.left_out) == 1
     assert "--kind full" in found.left_out[0]
-    assert found.budget.part("rate") is None
+    assert found.budget.find_part("rate") is None
 
 
 def test_a_controller_without_room_for_layers_refuses_their_block(tmp_path: Path) -> None:

@@ -107,7 +107,7 @@ def test_derivatives_agree_with_differences_without_drift(shape: Shape) -> None:
 def test_a_long_record_in_pieces_is_the_record(history: str) -> None:
     space, theta = somewhere(loops_of(cells_magnet(), history, samples=90), "tanh")
     whole = space.records
-    pieces = tuple(piece for loop in whole.loops for piece in loop.pieces(7))
+    pieces = tuple(piece for loop in whole.loops for piece in loop.make_pieces(7))
     assert len(pieces) > 10 * len(whole.loops)
     cut = replace(space, records=replace(whole, loops=pieces))
     for equation, other in zip(

@@ -203,7 +203,7 @@ def test_a_map_that_bends_between_the_gaps_is_not_selected(
         return replace(model, parameters={**model.parameters, "rho": tuple(rho.tolist())})
 
     monkeypatch.setattr(model_selection, "make_model", bent)
-    monkeypatch.setattr(candidates, "is_better", lambda *_: True)  # chance at the withheld gaps
+    monkeypatch.setattr(candidates, "is_more_accurate", lambda *_: True)  # chance at the withheld gaps
     assert identify(loops, law="effective-field").model.gap_map != "circuit"
     monkeypatch.setattr(model_selection, "make_model", make_model)
     assert identify(loops, law="effective-field").model.gap_map == "circuit"
@@ -312,7 +312,7 @@ def test_identify_drops_a_candidate_that_fails_and_names_it(monkeypatch: pytest.
     fit = cell_search.CellSearch._fit_candidate
 
     def break_one(
-        search: cell_search.CellSearch, levels: cell_search._SampleLevels, *others: Any
+        search: cell_search.CellSearch, levels: cell_search._SampleSpaces, *others: Any
     ) -> list[FoundModel]:
         if levels.kernel.shape == "tanh":
             raise NoResponseError("the magnetisation may jump")
@@ -387,9 +387,9 @@ def test_winner_fits_no_several_times_worse_than_one_that_predicts_as_well(
     by: WithheldKind, fits: list[tuple[float, tuple[float, ...]]], chosen: int
 ) -> None:
     contest = contest_of(by, *fits)
-    assert contest.select_best() == contest.eligible[chosen]
-    contest.noise = fits[chosen][0] ** 2  # the residual of the selected fit is only noise
-    assert contest.select_best() == contest.eligible[chosen]
+    assert contest.select_best() == contest.contenders[chosen]
+    contest.noise_cost = fits[chosen][0] ** 2  # the residual of the selected fit is only noise
+    assert contest.select_best() == contest.contenders[chosen]
 
 
 def test_no_two_candidates_carry_the_same_name() -> None:

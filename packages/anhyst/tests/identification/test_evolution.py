@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.identification.paper_parameters import Variables, run_simplex
+from anhyst.identification.paper_parameters import SearchVariables, run_simplex
 from anhyst.identification.paper_search import EvolutionStrategy, reflect_into_bounds
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
@@ -28,9 +28,9 @@ def strategy(size: int, seed: int | list[int] = 1) -> EvolutionStrategy:
     return EvolutionStrategy(np.full(size, -3.0), np.full(size, 4.0), seed)
 
 
-def box(size: int) -> Variables:
+def box(size: int) -> SearchVariables:
     names = tuple(f"x_{place}" for place in range(size))
-    return Variables(names, np.full(size, -3.0), np.full(size, 4.0), dict.fromkeys(names, 1.0))
+    return SearchVariables(names, np.full(size, -3.0), np.full(size, 4.0), dict.fromkeys(names, 1.0))
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -237,7 +237,7 @@ def test_parameters_without_a_solution_cost_more_than_any_fit() -> None:
     with pytest.raises(NoResponseError):
         objective.outputs([jumping])
     impossible = objective.deviations(space.pack([jumping]))
-    assert np.array_equal(impossible, objective.no_answer_deviations)
+    assert np.array_equal(impossible, objective.unsolved_deviations)
     assert float(impossible @ impossible) == pytest.approx(100.0)
 
 

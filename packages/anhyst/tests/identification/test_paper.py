@@ -18,7 +18,7 @@ from anhyst.identification.paper_parameters import (
     SEVEN_NAMES,
     UNSOLVED_COST,
     Criterion,
-    Values,
+    Parameters,
     make_parameter_set,
     make_variables,
     mean_deviation,
@@ -33,7 +33,7 @@ from anhyst.identification.paper_search import (
     search_each_gap,
     spline_model_at,
 )
-from anhyst.identification.paper_sequence import reductions, search_paper
+from anhyst.identification.paper_sequence import reduce_gap_dependence, search_paper
 from anhyst.identification.run import Outcome, SearchRun
 from anhyst.model.actuator import Model
 from tests.identification.truths import GAPS, core, loops_of, magnet
@@ -41,14 +41,14 @@ from tests.refusals import refused
 
 pytestmark = pytest.mark.slow
 
-SHORT = SearchEffort(generations=30, final=40, trial=8)
-LEAST = SearchEffort(generations=5, final=5, trial=2)
+SHORT = SearchEffort(generations=30, final_evaluations=40, trial_evaluations=8)
+LEAST = SearchEffort(generations=5, final_evaluations=5, trial_evaluations=2)
 """Effort for tests that do not depend on the accuracy of the search."""
 
 NO_OFFSETS = frozenset({"in_0", "out_0"})
 THREE = GAPS[:3]
 
-SET: Values = {
+SET: Parameters = {
     "M_s": 5e5,
     "a": 300.0,
     "alpha": -0.03,
@@ -90,13 +90,17 @@ def loops(truth: Model) -> Loops:
 
 @pytest.fixture(scope="module")
 def free(loops: Loops) -> SearchState:
-    return search_each_gap(PaperSearch(run_of(loops), loops, SearchEffort(generations=100, final=150)))
+    return search_each_gap(
+        PaperSearch(run_of(loops), loops, SearchEffort(generations=100, final_evaluations=150))
+    )
 
 
 @pytest.fixture(scope="module")
 def reduced(loops: Loops, free: SearchState) -> list[SearchState]:
-    bench = PaperSearch(run_of(loops), loops, SearchEffort(generations=50, final=120, trial=30))
-    return [free, *(stand for stand, _ in reductions(bench, free))]
+    bench = PaperSearch(
+        run_of(loops), loops, SearchEffort(generations=50, final_evaluations=120, trial_evaluations=30)
+    )
+    return [free, *(stand for stand, _ in reduce_gap_dependence(bench, free))]
 
 
 @pytest.fixture(scope="module")
@@ -211,7 +215,7 @@ def test_a_killed_run_resumes_to_the_same_result(
 
 
 def test_equal_seeds_give_equal_models_and_other_seeds_others(two_gaps: Loops) -> None:
-    def found(seed: int) -> tuple[Values, ...]:
+    def found(seed: int) -> tuple[Parameters, ...]:
         run = run_of(two_gaps)
         run.seed = seed
         return search_each_gap(PaperSearch(run, two_gaps, LEAST)).sets

@@ -65,7 +65,7 @@ def run_of(loops: Loops, checkpoint: Path, **settings: Any) -> SearchRun:
 def is_resumed(loops: Loops, checkpoint: Path, **settings: Any) -> bool:
     """Whether a run finds the stage that an earlier run stored."""
     run = run_of(loops, checkpoint, **settings)
-    run.stage("one", lambda: 1)
+    run.run_stage("one", lambda: 1)
     return run.resumed_stages == 1
 
 
@@ -93,15 +93,15 @@ def test_five_seeds_reach_the_same_optimum(loops: Loops) -> None:
 def test_completed_stages_are_not_repeated(tmp_path: Path, loops: Loops) -> None:
     checkpoint = tmp_path / "run.json"
     first = run_of(loops, checkpoint)
-    made = first.stage("one", lambda: {"x": [0.1, float(np.pi), 1e-300], "n": 3})
+    made = first.run_stage("one", lambda: {"x": [0.1, float(np.pi), 1e-300], "n": 3})
     second = run_of(loops, checkpoint)
-    assert second.stage("one", lambda: pytest.fail("done again")) == made
+    assert second.run_stage("one", lambda: pytest.fail("done again")) == made
     assert second.resumed_stages == 1
-    assert second.stage("two", lambda: 2) == 2
+    assert second.run_stage("two", lambda: 2) == 2
     assert second.resumed_stages == 1
     third = run_of(loops, checkpoint)
-    assert [third.stage(name, lambda: None) for name in ("one", "two")] == [made, 2]
-    second.finish()
+    assert [third.run_stage(name, lambda: None) for name in ("one", "two")] == [made, 2]
+    second.remove_checkpoint()
     assert not checkpoint.exists()
 
 
@@ -117,7 +117,7 @@ def test_completed_stages_are_not_repeated(tmp_path: Path, loops: Loops) -> None
 )
 def test_a_changed_setting_starts_a_new_search(loops: Loops, tmp_path: Path, change: dict[str, Any]) -> None:
     checkpoint = tmp_path / "run.json"
-    run_of(loops, checkpoint).stage("one", lambda: 1)
+    run_of(loops, checkpoint).run_stage("one", lambda: 1)
     assert is_resumed(loops, checkpoint)
     assert not is_resumed(loops, checkpoint, **change)
 
@@ -126,7 +126,7 @@ def test_a_changed_setting_starts_a_new_search(loops: Loops, tmp_path: Path, cha
 def test_changed_data_or_history_start_a_new_search(loops: Loops, tmp_path: Path, history: str) -> None:
     checkpoint = tmp_path / "run.json"
     for others in (noisy(loops, NOISE, 9), loops.at(GAPS[:2]), loops.with_history(history)):
-        run_of(loops, checkpoint).stage("one", lambda: 1)
+        run_of(loops, checkpoint).run_stage("one", lambda: 1)
         assert not is_resumed(others, checkpoint)
 
 

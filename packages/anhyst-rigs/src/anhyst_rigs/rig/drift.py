@@ -213,7 +213,7 @@ def drifted_law(model: Model, drift: Drift) -> Model:
     }
     changed_parameters: dict[str, Parameter] = {}
     for role, factor in factors.items():
-        for parameter_spec in model.operator_law.with_role(role):
+        for parameter_spec in model.operator_law.parameters_with_role(role):
             value = model.parameters[parameter_spec.name]
             changed_parameters[parameter_spec.name] = (
                 tuple(min(factor * coefficient, parameter_spec.high) for coefficient in value)

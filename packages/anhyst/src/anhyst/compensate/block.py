@@ -65,7 +65,7 @@ class Block:
     scales: Scales
     limits: DemandLimits
     tables: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    """First word and number of entries of each table, by the name of the word with its position."""
+    """First word index and entry count of each table, by the name of the word with its position."""
 
     @property
     def is_fixed(self) -> bool:
@@ -118,7 +118,7 @@ class Block:
         return WordUnit(word.factor * scale * 2.0**shift, units.get(unit_name, unit_name))
 
     def table(self, name: str) -> WordArray:
-        """Return the entries of a table, by the name of the word with its position."""
+        """Return the entries of a table, by the name of the word that contains its position."""
         first_index, entries = self.tables[name]
         return self.words[first_index : first_index + entries]
 

@@ -26,7 +26,7 @@ from anhyst.support.numeric import FloatArray, rms
 class Budget:
     """Measured error budget of a compensator."""
 
-    reference_output: float  # output that is 100 %
+    reference_output: float  # output that corresponds to 100 %
     unit: str  # unit of the output
     required: float | None  # requested accuracy, in units of the output; None: none was requested
     parts: tuple[BudgetPart, ...]  # error of each compilation step, measured alone
@@ -36,22 +36,22 @@ class Budget:
     total: BudgetPart
     drift: BudgetPart  # drift of the output at constant demand within `HOLD_TIME_S`
     held_demands: tuple[HeldDemand, ...]  # results for all held demands
-    # runs of the compiled block, and the error along each
+    # runs of the compiled block, and the error along each run
     runs: tuple[tuple[PathRun, FloatArray], ...]
 
-    def part(self, name: str) -> BudgetPart | None:
+    def find_part(self, name: str) -> BudgetPart | None:
         """Return the error contribution with a name, or None."""
         return next((part for part in self.parts if part.name == name), None)
 
 
 def measure_budget(plan: Plan) -> Budget:
     """Measure the error budget of a plan."""
-    fit = _model_fit_part(plan)
-    trial = CompensatorTrial(plan.builder, plan.sizes, plan.block, plan.static_block)
-    compiled = trial.measure_compiled()
-    parts = (fit, *trial.measure_parts(plan.reference_output))
-    other_parts = [part for part in parts if part.name in {"model_fit", "sample_rate", "rate"}]
-    summed_parts = [compiled, *other_parts]
+    fit_part = _model_fit_part(plan)
+    compensator_trial = CompensatorTrial(plan.builder, plan.sizes, plan.block, plan.static_block)
+    compiled = compensator_trial.measure_compiled()
+    error_parts = (fit_part, *compensator_trial.measure_parts(plan.reference_output))
+    further_parts = [part for part in error_parts if part.name in {"model_fit", "sample_rate", "rate"}]
+    summed_parts = [compiled, *further_parts]
     total = BudgetPart(
         "total",
         "total",
@@ -66,12 +66,12 @@ def measure_budget(plan: Plan) -> Budget:
         reference_output=plan.reference_output,
         unit=plan.model.output.unit,
         required=required_error,
-        parts=parts,
+        parts=error_parts,
         compiled=compiled,
         total=total,
         drift=_drift_part(held_demands, plan.model),
         held_demands=held_demands,
-        runs=tuple(trial.compiled_runs[1]),
+        runs=tuple(compensator_trial.compiled_runs[1]),
     )
 
 
@@ -107,7 +107,7 @@ ADVICE = {
 
 def is_within_allowance(plan: Plan, budget: Budget) -> bool:
     """Whether the error of formats and tables is within the allowance on the budget's paths."""
-    tables = budget.part("tables")
+    tables = budget.find_part("tables")
     assert tables is not None
     evaluated_part = budget.compiled if plan.request.kind == "full" else tables
     return evaluated_part.worst is not None and evaluated_part.worst <= plan.allowance
@@ -134,7 +134,7 @@ def explain_drift(plan: Plan, budget: Budget) -> str:
 def _advise_drift(plan: Plan) -> str:
     if plan.request.kind != "full":
         return "this law has no dead band against drift; compile with --kind full"
-    dead_bands = plan.model.operator_law.with_role("dead band")
+    dead_bands = plan.model.operator_law.parameters_with_role("dead band")
     if not dead_bands:
         return "the tables are too coarse; request a smaller --accuracy"
     if not any(np.any(plan.model.parameters[spec.name]) for spec in dead_bands):
@@ -146,7 +146,7 @@ def _advise_drift(plan: Plan) -> str:
 
 
 def drift_error(plan: Plan, budget: Budget) -> NegativeResult:
-    """Return the error for a drift that exceeds the requested accuracy."""
+    """Return the exception for a drift that exceeds the requested accuracy."""
     return NegativeResult(
         f"accuracy: {explain_drift(plan, budget)}; nothing was written", code="model-drifts", key="accuracy"
     )
@@ -164,17 +164,17 @@ def is_accuracy_reached(budget: Budget) -> bool:
 
 
 def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
-    """Return the error for an accuracy that is not reached, with its main cause and a remedy."""
+    """Return the exception for an accuracy that is not reached, with main cause and remedy."""
     assert budget.required is not None
     reached_error, part = budget.compiled.worst or 0.0, largest_part(budget)
     advice = f"compile with {better_options}" if better_options else ADVICE[part.name]
     decade = 10.0 ** np.floor(np.log10(percent(budget, reached_error)))
-    reachable_percent = np.ceil(percent(budget, reached_error) / decade * 10.0) / 10.0 * decade
+    reachable_accuracy_percent = np.ceil(percent(budget, reached_error) / decade * 10.0) / 10.0 * decade
     return NegativeResult(
         f"accuracy: {percent(budget, reached_error):.3g} % of the largest output is reached, "
         f"{percent(budget, budget.required):.3g} % was requested; the largest part is "
         f"{part.title}, {percent(budget, part.worst or 0.0):.3g} %: {advice}, or request "
-        f"{reachable_percent:.3g} %; nothing was written",
+        f"{reachable_accuracy_percent:.3g} %; nothing was written",
         code="accuracy-not-reached",
         key="accuracy",
     )

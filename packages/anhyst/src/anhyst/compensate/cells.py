@@ -117,18 +117,18 @@ def merge_cells(weights: CellWeights, max_cells: int, max_field: float) -> CellW
     """Return at most `max_cells` cells with a threshold above 0, all below the largest field.
 
     Cells beyond the largest field never move and are removed. Neighbours are merged at the mean of
-    their thresholds, weighted by their magnetisation, where this moves the thresholds least.
+    their thresholds, weighted by their magnetisation. Pairs that move least are first.
     """
     sums = weights.weights.sum(axis=1)
     reachable_cells = [i for i in range(1, sums.size) if weights.thresholds[i] < max_field and sums[i] > 0.0]
     merged_cells = [(weights.thresholds[i], weights.weights[i]) for i in reachable_cells]
     while len(merged_cells) > max_cells:
         row_sums = np.array([row.sum() for _, row in merged_cells])
-        levels = np.array([level for level, _ in merged_cells])
-        cost = row_sums[1:] * row_sums[:-1] / (row_sums[1:] + row_sums[:-1]) * np.diff(levels) ** 2
+        cell_thresholds = np.array([merged_threshold for merged_threshold, _ in merged_cells])
+        cost = row_sums[1:] * row_sums[:-1] / (row_sums[1:] + row_sums[:-1]) * np.diff(cell_thresholds) ** 2
         index = int(np.argmin(cost))
         pair = slice(index, index + 2)
-        threshold = float(np.average(levels[pair], weights=row_sums[pair]))
+        threshold = float(np.average(cell_thresholds[pair], weights=row_sums[pair]))
         merged_cells[pair] = [(threshold, merged_cells[index][1] + merged_cells[index + 1][1])]
     return replace(
         weights,

@@ -34,7 +34,7 @@ def saturation_magnetisation(model: Model) -> float:
     iron, law = iron_parameters(model), model.operator_law
     if law.cells is not None:
         return law.cells(iron).saturation
-    return sum(iron[spec.name] for spec in law.with_role("saturation"))
+    return sum(iron[spec.name] for spec in law.parameters_with_role("saturation"))
 
 
 def cell_weights(model: Model) -> CellWeights:

@@ -297,8 +297,8 @@ def measure_half_widths(surface: Surface, loops: Loops) -> FloatArray:
     for gap, gap_loops in loops.by_schedule().items():
         low, high = current_envelope(gap_loops, surface.force)
         half_width = 0.5 * (high - low)
-        is_known = np.isfinite(half_width)
-        filled_half_width = np.interp(surface.force, surface.force[is_known], half_width[is_known])
+        is_measured = np.isfinite(half_width)
+        filled_half_width = np.interp(surface.force, surface.force[is_measured], half_width[is_measured])
         knots.append(gap)
         rows.append(savgol_filter(filled_half_width, SMOOTHING_LEVELS, 2))
     gaps = np.clip(surface.gap, knots[0], knots[-1])
@@ -331,14 +331,14 @@ def fit_radius(surface: Surface, loops: Loops, operating: OperatingRange) -> flo
     measured_force = np.concatenate([loop.output for loop in loops.loops])
     is_within_range = measured_force <= operating.force_max
 
-    def mean_squared_error(log_radius: float) -> float:
-        play = _make_play_map(surface, half_width, full_gap_range, float(np.exp(log_radius)))
-        predicted_force = np.concatenate([predict_forces(play, loop) for loop in loops.loops])
+    def mean_squared_error(log_threshold: float) -> float:
+        play_map = _make_play_map(surface, half_width, full_gap_range, float(np.exp(log_threshold)))
+        predicted_force = np.concatenate([predict_forces(play_map, loop) for loop in loops.loops])
         return float(np.mean((predicted_force - measured_force)[is_within_range] ** 2))
 
-    grid = np.log(np.geomspace(*RADIUS_RANGE, RADIUS_GRID_POINTS) * operating.current_max)
-    best_index = int(np.argmin([mean_squared_error(at) for at in grid.tolist()]))
-    bracket = grid[max(best_index - 1, 0)], grid[min(best_index + 1, RADIUS_GRID_POINTS - 1)]
+    log_grid = np.log(np.geomspace(*RADIUS_RANGE, RADIUS_GRID_POINTS) * operating.current_max)
+    best_index = int(np.argmin([mean_squared_error(log_value) for log_value in log_grid.tolist()]))
+    bracket = log_grid[max(best_index - 1, 0)], log_grid[min(best_index + 1, RADIUS_GRID_POINTS - 1)]
     minimum = minimize_scalar(mean_squared_error, bounds=bracket, method="bounded", options={"xatol": 0.01})
     return float(np.exp(minimum.x))
 
@@ -446,10 +446,10 @@ def fit_single_valued(loops: Loops, force_max: float) -> SingleValued:
     table = []
     for gap, gap_loops in groups.items():
         middle_current = mid_current(gap_loops, levels)
-        is_known = np.isfinite(middle_current)
-        if not is_known[-1]:
+        is_measured = np.isfinite(middle_current)
+        if not is_measured[-1]:
             text = f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
             raise InputError(text, code="force-not-reached", key="loops")
-        filled_middle = np.interp(levels, levels[is_known], middle_current[is_known])
+        filled_middle = np.interp(levels, levels[is_measured], middle_current[is_measured])
         table.append(fit_monotone(filled_middle, np.ones(FORCE_LEVEL_COUNT)))
     return SingleValued(np.array(list(groups), dtype=np.float64), levels, np.array(table))

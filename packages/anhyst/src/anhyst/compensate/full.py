@@ -76,11 +76,13 @@ def find_max_field(law: NormalisedLaw, current: tuple[float, float]) -> float:
         np.tile(coefficient, len(current)) for coefficient in (law.flux_coefficient, law.field_coefficient)
     )
     is_negative = flux_coefficient < 0.0
-    positive, negative = (
+    positive_arguments, negative_arguments = (
         (drive[rows], flux_coefficient[rows], field_coefficient[rows]) for rows in (~is_negative, is_negative)
     )
     return max(
-        law.kappa, _max_field_on_ascending_branch(law, *positive), _max_field_on_anhysteretic(law, *negative)
+        law.kappa,
+        _max_field_on_ascending_branch(law, *positive_arguments),
+        _max_field_on_anhysteretic(law, *negative_arguments),
     )
 
 
@@ -151,8 +153,8 @@ def make_full_tables(law: NormalisedLaw, limits: DemandLimits, sizes: TableSizes
     field = np.linspace(-max_field, max_field, 2 ** (n + 1) + 1)
     positive_field = field[2**n :]
     curve = langevin(positive_field)[0]
-    level = np.linspace(0.0, 1.0, 2**sizes.inverse_segments + 1)
-    inverse = np.interp(level, curve, positive_field)
+    magnetisation = np.linspace(0.0, 1.0, 2**sizes.inverse_segments + 1)
+    inverse = np.interp(magnetisation, curve, positive_field)
     return FullTables(max_field, curve, ascending_branch(law.kappa, field), inverse)
 
 

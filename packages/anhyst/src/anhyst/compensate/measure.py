@@ -73,7 +73,7 @@ def predict_output(model: Model, current: FloatArray, path: DemandPath) -> Float
 def demand_error(run: PathRun, limits: DemandLimits, resolution: float) -> FloatArray:
     """Return output minus demand.
 
-    At a limit of the current, only the error that a current within the limits could reduce counts.
+    At a current limit, only an error that a current within the limits could reduce is counted.
     """
     error = run.output - run.path.demand
     low, high = limits.current
@@ -84,7 +84,7 @@ def demand_error(run: PathRun, limits: DemandLimits, resolution: float) -> Float
 
 
 def summarise_errors(errors: Iterable[tuple[str, FloatArray]]) -> OutputDeviation:
-    """Return worst and root-mean-square error over several paths, given with their names."""
+    """Return worst and root-mean-square error of several paths, given with their names."""
     magnitudes = [(name, np.abs(error)) for name, error in errors]
     worst_path = max(magnitudes, key=lambda item: float(item[1].max()))
     squares = np.concatenate([error for _, error in magnitudes]) ** 2
@@ -299,11 +299,11 @@ class CompensatorTrial:
             deviation = measure_gap_interpolation(model, builder.scales, builder.limits, self.sizes, paths)
             note = "linear interpolation over the gap, everything else exact"
         else:
-            coarse, fine = (
+            coarse_sizes, fine_sizes = (
                 builder.exact_block(replace(FINE_SIZES, gap_segments=n))
                 for n in (self.sizes.gap_segments, FINE_SIZES.gap_segments)
             )
-            deviation = compare_compensators(model, (coarse, "f64"), (fine, "f64"), self.paths)
+            deviation = compare_compensators(model, (coarse_sizes, "f64"), (fine_sizes, "f64"), self.paths)
             note = "selected gap tables compared with those of the fit, with all other tables fine"
         return [BudgetPart("gap_interpolation", "gap interpolation", deviation.worst, deviation.rms, note)]
 
@@ -384,11 +384,11 @@ def _delayed_error(model: Model, demand: FloatArray, gap: FloatArray) -> FloatAr
         drive, _, state, _, _ = iron.inverse(flux[at_tick], circuit.rho[at_tick], no_rate, state)
         # The same current at the later gap, at which the circuit has other values of its current
         # factor and its offset.
-        later_drive = drive * circuit.turns[two_ticks_later] / circuit.turns[at_tick]
-        later_drive = later_drive + circuit.turns[two_ticks_later] * (
+        delayed_drive = drive * circuit.turns[two_ticks_later] / circuit.turns[at_tick]
+        delayed_drive = delayed_drive + circuit.turns[two_ticks_later] * (
             circuit.in_0[at_tick] - circuit.in_0[two_ticks_later]
         )
-        reached_output, *_ = iron.forward(later_drive, circuit.rho[two_ticks_later], no_rate, state)
-        output = circuit.c_out[two_ticks_later] * reached_output**model.power + circuit.out_0[two_ticks_later]
+        reached_flux, *_ = iron.forward(delayed_drive, circuit.rho[two_ticks_later], no_rate, state)
+        output = circuit.c_out[two_ticks_later] * reached_flux**model.power + circuit.out_0[two_ticks_later]
         error[two_ticks_later] = output - demand[two_ticks_later]
     return error

@@ -321,7 +321,7 @@ Role = Literal["baseline", "model", "sensor"]
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One method from force to current."""
+    """One method that calculates a current from a force."""
 
     # ``"model"``: uses a model; ``"sensor"``: uses a Hall probe; ``"baseline"``: uses neither
     role: Role

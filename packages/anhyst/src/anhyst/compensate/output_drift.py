@@ -78,7 +78,7 @@ class HeldDemand:
 
 
 @dataclass(frozen=True, slots=True)
-class _Case:
+class _HoldCase:
     title: str
     movement: Movement
     seconds: float
@@ -90,18 +90,18 @@ def measure_drift(plan: Plan) -> list[HeldDemand]:
     """Hold demands with the compensator of a plan, and measure the drift of the model's output."""
     return [
         _hold_demand(plan, plan.builder.output_range, case, level)
-        for case in _list_cases(plan.model.needs_schedule)
+        for case in _list_hold_cases(plan.model.needs_schedule)
         for level in DEMAND_LEVELS
     ]
 
 
-def _list_cases(has_gap: bool) -> list[_Case]:
-    noise = _Case("the demand is noisy", _sample_noise, NOISE_TIME_S, False)
-    standstill = _Case("nothing moves", lambda _, ticks: (np.zeros(ticks),) * 2, HOLD_TIME_S, True)
+def _list_hold_cases(has_gap: bool) -> list[_HoldCase]:
+    noise = _HoldCase("the demand is noisy", _sample_noise, NOISE_TIME_S, False)
+    standstill = _HoldCase("nothing moves", lambda _, ticks: (np.zeros(ticks),) * 2, HOLD_TIME_S, True)
     if not has_gap:
         return [standstill, noise]
     vibrations = [
-        _Case(
+        _HoldCase(
             f"the gap vibrates by {amplitude:.2g} of its range",
             _make_vibration(amplitude),
             HOLD_TIME_S,
@@ -110,8 +110,8 @@ def _list_cases(has_gap: bool) -> list[_Case]:
         )
         for amplitude in VIBRATION_AMPLITUDES
     ]
-    walk = _Case("the gap walks at random", _sample_walk, NOISE_TIME_S, False, 3.0 * WALK_SPREAD)
-    noise = _Case("demand and gap are noisy", _sample_noise, NOISE_TIME_S, False)
+    walk = _HoldCase("the gap walks at random", _sample_walk, NOISE_TIME_S, False, 3.0 * WALK_SPREAD)
+    noise = _HoldCase("demand and gap are noisy", _sample_noise, NOISE_TIME_S, False)
     return [standstill, *vibrations, walk, noise]
 
 
@@ -136,7 +136,7 @@ def _sample_noise(random: np.random.Generator, ticks: int) -> tuple[FloatArray, 
     return DEMAND_NOISE * demand, GAP_NOISE * gap
 
 
-def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: float) -> HeldDemand:
+def _hold_demand(plan: Plan, output_range: OutputRange, case: _HoldCase, level: float) -> HeldDemand:
     """Hold one demand after an ascending and after a descending ramp; return the larger drift."""
     scales = plan.block.scales
     span, nominal_gap = scales.gap_span, 0.5 * (scales.gap_low + scales.gap_high)
@@ -161,7 +161,7 @@ def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: floa
 
 
 def _max_drift(
-    plan: Plan, nominal_gap: float, case: _Case, approach_path: FloatArray, demand_span: float
+    plan: Plan, nominal_gap: float, case: _HoldCase, approach_path: FloatArray, demand_span: float
 ) -> float:
     """Return the largest change of the output since the first return, in its unit.
 

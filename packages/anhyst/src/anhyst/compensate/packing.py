@@ -162,7 +162,7 @@ class Packer:
         ):
             self.put_single(name, value)
         tables: dict[str, tuple[int, int]] = {}
-        parts = [self._head]
+        block_parts = [self._head]
         end = MIN_BLOCK_WORDS
         for name, values in self._tables.items():
             duplicate_word = next(
@@ -170,7 +170,7 @@ class Packer:
             )
             if duplicate_word is None:
                 tables[name] = (end, values.size)
-                parts.append(values)
+                block_parts.append(values)
                 end += values.size
             else:
                 tables[name] = tables[duplicate_word]
@@ -182,7 +182,7 @@ class Packer:
                 code="block-too-long",
             )
         self._head[WORD_INDEX["LENGTH"]] = end
-        words = np.concatenate(parts)
+        words = np.concatenate(block_parts)
         if self.is_fixed:
             words = (words.astype(np.int64) & 0xFFFF).astype("<u2").view("<i2")
         words = words.astype(DTYPES[self.number_format])

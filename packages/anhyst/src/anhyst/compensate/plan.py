@@ -92,8 +92,8 @@ def difference_after_start_up(model: Model, scales: Scales, limits: DemandLimits
     return largest_difference
 
 
-def _start_histories(high: float) -> list[History]:
-    reversal_texts = (f"conditioned:{level * high!r},0" for level in START_REVERSALS if level)
+def _start_histories(largest_current: float) -> list[History]:
+    reversal_texts = (f"conditioned:{level * largest_current!r},0" for level in START_REVERSALS if level)
     return [History.parse(text) for text in ("demagnetised", *reversal_texts)]
 
 
@@ -237,7 +237,7 @@ def make_plan(
 
 
 def not_computed_error(error: InputError | NegativeResult) -> InputError:
-    """Return the error for a model whose law cannot be calculated within its own limits.
+    """Return the exception for a model whose law cannot be calculated within its own limits.
 
     `error` states where the calculation failed.
     """

@@ -83,11 +83,11 @@ class BlockSearchResult:
     axis_errors: Mapping[str, list[tuple[int, float]]]
 
 
-Runs = list[tuple[PathRun, FloatArray]]
+RunsWithErrors = list[tuple[PathRun, FloatArray]]
 """Runs of a compensator with their errors: one for each path, and one with losses."""
 
 
-def max_errors(runs: Runs) -> list[float]:
+def max_errors(runs: RunsWithErrors) -> list[float]:
     """Return the largest error of each run."""
     return [float(np.abs(error).max()) for _, error in runs]
 
@@ -100,28 +100,28 @@ class BlockSearch:
         self.allowance = allowance
         self.kind = builder.block_kind
         self.paths = builder.output_range.paths(length=SEARCH_PATH_LENGTH)
-        self.root_knee = self._select_root_knee()
+        self.root_knee = self._select_root_exponent()
         self._fine_cache: dict[int, tuple[list[DemandPath], list[FloatArray]]] = {}
 
-    def _select_root_knee(self) -> int:
-        """Return the exponent ``k`` with which the root is flattest at zero and accurate enough.
+    def _select_root_exponent(self) -> int:
+        """Return the exponent ``k`` of the straight line that replaces the square root near zero.
 
-        The error is 2^(-2k)/4 of full scale. A small ``k`` makes the square root flatter at zero.
+        The smallest accurate ``k`` makes the root flattest. The error is 2^(-2k)/4 of full scale.
         """
         full_scale = self.builder.scales.demand
-        knees = range(2, 9)
-        return next((k for k in knees if full_scale * 4.0 ** -(k + 1) <= MAX_KNEE_SHARE * self.allowance), 8)
+        shifts = range(2, 9)
+        return next((k for k in shifts if full_scale * 4.0 ** -(k + 1) <= MAX_KNEE_SHARE * self.allowance), 8)
 
     def run(self) -> BlockSearchResult:
         """Run the search."""
-        size_axes = {"gap_segments": self._gap_axis()}
+        size_axes = {"gap_segments": self._measure_gap_sizes()}
         for name, values in TABLE_SIZES[self.kind].items():
             size_axes[name] = [
                 (value, self._table_error(replace(FINE_SIZES, **{name: value}))) for value in values
             ]
         target = TARGET_ALLOWANCE_RATIO * self.allowance
         best_candidate: tuple[float, TableSizes] | None = None
-        for sizes in self._candidates(size_axes):
+        for sizes in self._list_candidate_sizes(size_axes):
             error = self._total_error(sizes)
             if best_candidate is None or error < best_candidate[0]:
                 best_candidate = error, sizes
@@ -155,7 +155,7 @@ class BlockSearch:
         error = self._excess_error(compare_with_demand(b.model, b(sizes), b.io, self.paths)[1])
         return error if b.kind == "full" else max(error, self._table_error(sizes))
 
-    def _excess_error(self, runs: Runs) -> float:
+    def _excess_error(self, runs: RunsWithErrors) -> float:
         """Return the largest error of the runs that exceeds the error of the law on the same path."""
         return max(
             run_error - law_error
@@ -163,7 +163,7 @@ class BlockSearch:
         )
 
     @cached_property
-    def _fine_runs(self) -> Runs:
+    def _fine_runs(self) -> RunsWithErrors:
         """Runs with the finest tables in double precision."""
         b = self.builder
         return compare_with_demand(b.model, b.exact_block(FINE_SIZES), "f64", self.paths)[1]
@@ -175,7 +175,7 @@ class BlockSearch:
             return [0.0] * (len(self.paths) + 1)
         return max_errors(self._fine_runs)
 
-    def _gap_axis(self) -> list[tuple[int, float]]:
+    def _measure_gap_sizes(self) -> list[tuple[int, float]]:
         b = self.builder
         if not b.model.needs_schedule:
             return [(0, 0.0)]
@@ -215,8 +215,8 @@ class BlockSearch:
             )
         return self._fine_cache[gap_segments]
 
-    def _candidates(self, size_axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
-        """Return promising sizes in the order of their memory; otherwise the most accurate ones."""
+    def _list_candidate_sizes(self, size_axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
+        """Return promising sizes by memory, or the most accurate sizes if none are promising."""
         finest_table_sizes = replace(FINE_SIZES, root_knee=self.root_knee)
         candidate_rows = []
         for choice in product(*size_axes.values()):

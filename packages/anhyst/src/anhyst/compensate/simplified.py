@@ -97,7 +97,7 @@ class _FitTask:
 
 
 def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask]:
-    """Return the response of the full model at one gap, one task for each demand."""
+    """Return one fit task for each demand at one gap, with the response of the full model."""
     circuit = model.circuit(np.array([gap]), np.zeros(1))
     unit = flux_unit(model)
     current = np.array([limits.current[0], limits.current[1]])
@@ -133,23 +133,23 @@ def _apply_offset(model: Model, gap: float, tasks: list[_FitTask], offset: float
     return changed_tasks
 
 
-def state_curve(nu: float, z: FloatArray) -> FloatArray:
+def state_at_distance(nu: float, z: FloatArray) -> FloatArray:
     """Return ``p = 1 - v`` for ``z = -ln v + nu*v - nu``, the closed form of eq. 14."""
     if nu < 1e-9:
         return -np.expm1(-z)
     return np.asarray(1.0 - np.minimum(-lambertw(-nu * np.exp(-nu - z)).real / nu, 1.0))
 
 
-def table_distances(sizes: TableSizes) -> FloatArray:
+def table_distances(table_sizes: TableSizes) -> FloatArray:
     """Return the distances of the table entries: the same number in each octave up to 16.
 
     The range below the first octave, which starts at ``16/2**octaves``, has the same number.
     """
-    n = 2**sizes.octave_segments
-    first_end = 16.0 / 2.0**sizes.octaves
-    ends = [np.arange(n) / n * first_end]
-    ends += [first_end * 2.0**k * (1.0 + np.arange(n) / n) for k in range(sizes.octaves)]
-    return np.append(np.concatenate(ends), 16.0)
+    n = 2**table_sizes.octave_segments
+    first_end = 16.0 / 2.0**table_sizes.octaves
+    distance_parts = [np.arange(n) / n * first_end]
+    distance_parts += [first_end * 2.0**k * (1.0 + np.arange(n) / n) for k in range(table_sizes.octaves)]
+    return np.append(np.concatenate(distance_parts), 16.0)
 
 
 def _dead_band(rate: float, nu: float) -> float:
@@ -157,29 +157,33 @@ def _dead_band(rate: float, nu: float) -> float:
     return min(MAX_DEAD_BAND, MAX_DEAD_BAND_STATE * (1.0 - nu) / rate)
 
 
-def _pack(rate: float, nu: float, dead_band: float, sizes: TableSizes, packer: Packer) -> None:
+def _pack_closed_form(
+    rate: float, nu: float, dead_band: float, table_sizes: TableSizes, packer: Packer
+) -> None:
     dead_band = 0.0 if packer.kind == "euler" else dead_band
     packer.put_weight("SIMPLE_RATE", rate / 8.0, "rate of the simplified law")
     reversal_slope = rate / (1.0 - nu)
     packer.put_weight("SIMPLE_HOLD", reversal_slope, "slope of the simplified law after a reversal")
     packer.put_number("SIMPLE_REST", 1.0 - nu, "1 - nu", min_word=1)
     packer.put_number("SIMPLE_BAND", dead_band, "dead band of the simplified law")
-    packer.put_integer("SIMPLE_ITERATIONS", sizes.iterations)
+    packer.put_integer("SIMPLE_ITERATIONS", table_sizes.iterations)
     if packer.kind == "euler":
-        packer.put_integer("EULER_SUBSTEPS", sizes.substeps)
+        packer.put_integer("EULER_SUBSTEPS", table_sizes.substeps)
         return
-    states = state_curve(nu, table_distances(sizes))
+    states = state_at_distance(nu, table_distances(table_sizes))
     states = np.minimum(states, 32767 / 32768) if packer.is_fixed else states
-    packer.put_integer("SIMPLE_OCTAVES", sizes.octaves)
-    packer.put_integer("SIMPLE_SEGMENTS", sizes.octave_segments)
+    packer.put_integer("SIMPLE_OCTAVES", table_sizes.octaves)
+    packer.put_integer("SIMPLE_SEGMENTS", table_sizes.octave_segments)
     packer.put_table("SIMPLE_CURVE", states, 32768.0)
 
 
-def _simulate_states(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -> list[FloatArray]:
+def _simulate_states(
+    rate: float, nu: float, fluxes: list[FloatArray], table_sizes: TableSizes
+) -> list[FloatArray]:
     """Return the state ``u`` along each row of fluxes, calculated by the C core."""
     packer = Packer("simplified")
     packer.put_integer("POWER", 1)
-    packer.put_integer("ROOT_KNEE", sizes.root_knee)
+    packer.put_integer("ROOT_KNEE", table_sizes.root_knee)
     for name in ("DEMAND", "CURRENT"):
         packer.put_integer(f"{name}_LOW", -32767)
         packer.put_integer(f"{name}_HIGH", 32767)
@@ -191,7 +195,7 @@ def _simulate_states(rate: float, nu: float, fluxes: list[FloatArray], sizes: Ta
         packer.put_table(f"GAP_{name}", value * unit_pair, 65536.0)
     packer.put_table("GAP_FIELD_ARM", 0.25 * unit_pair, 65536.0)
     packer.put_integer("CURRENT_SHIFT", 2)
-    _pack(rate, nu, _dead_band(rate, nu), sizes, packer)
+    _pack_closed_form(rate, nu, _dead_band(rate, nu), table_sizes, packer)
     words = packer.make_block(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words
     law, states = FixedCompensator("simplified", words), []
     initial_memory = law.memory
@@ -222,10 +226,10 @@ def _fit_coefficients(
         residual = np.einsum("ign,gi->gn", design, coefficients) - target
         error = np.abs(residual)
         worst_error = error.max(axis=1, keepdims=True)
-        is_better = worst_error < best_worst
+        has_smaller_error = worst_error < best_worst
         best_coefficients, best_residual = (
-            np.where(is_better, coefficients, best_coefficients),
-            np.where(is_better, residual, best_residual),
+            np.where(has_smaller_error, coefficients, best_coefficients),
+            np.where(has_smaller_error, residual, best_residual),
         )
         best_worst = np.minimum(worst_error, best_worst)
         row_weight *= 0.5 + error / worst_error
@@ -272,7 +276,7 @@ def _fit_offset(
     tasks: list[_FitTask],
     law: tuple[float, float],
     offset_margin: float,
-    sizes: TableSizes,
+    table_sizes: TableSizes,
 ) -> tuple[float, list[_FitTask]]:
     """Return the offset with the smallest error at one gap, and the demands with this offset."""
     model_offset = float(model.interpolate_parameter("out_0", np.array([gap]))[0])
@@ -280,7 +284,7 @@ def _fit_offset(
     def cost(reduction: float) -> float:
         shifted_tasks = _apply_offset(model, gap, tasks, model_offset - reduction)
         error = _fit_coefficients(
-            [shifted_tasks], _simulate_states(*law, [task.flux for task in shifted_tasks], sizes)
+            [shifted_tasks], _simulate_states(*law, [task.flux for task in shifted_tasks], table_sizes)
         )[1]
         return float(np.mean(error**4) ** 0.25 * (1.0 + OFFSET_PENALTY * reduction / offset_margin))
 
@@ -298,11 +302,11 @@ def fit_closed_form(
     model: Model,
     limits: DemandLimits,
     gaps: FloatArray,
-    sizes: TableSizes | None = None,
+    table_sizes: TableSizes | None = None,
     offset_margin: float = 0.0,
 ) -> ClosedForm:
     """Fit the simplified law to the output of a model over its working range."""
-    sizes = sizes or TableSizes()
+    table_sizes = table_sizes or TableSizes()
     unique_gaps = np.unique(gaps)
     groups = [_make_tasks(model, float(gap), limits) for gap in unique_gaps]
     if not all(np.all(np.isfinite(task.weight)) for tasks in groups for task in tasks):
@@ -312,17 +316,17 @@ def fit_closed_form(
             code="flux-not-moved",
             key="valid",
         )
-    rate, nu = _search_rate_and_nu(groups, sizes)
+    rate, nu = _search_rate_and_nu(groups, table_sizes)
     offset: FloatArray | None = None
     if offset_margin > 0.0 and model.power == 2:
         shifted_tasks = [
-            _fit_offset(model, float(gap), tasks, (rate, nu), offset_margin, sizes)
+            _fit_offset(model, float(gap), tasks, (rate, nu), offset_margin, table_sizes)
             for gap, tasks in zip(unique_gaps, groups, strict=True)
         ]
         offset = np.array([offset_of_gap for offset_of_gap, _ in shifted_tasks])
         groups = [tasks for _, tasks in shifted_tasks]
-        rate, nu = _search_rate_and_nu(groups, sizes)
-    coefficients, residual = _fit_at(groups, rate, nu, sizes)
+        rate, nu = _search_rate_and_nu(groups, table_sizes)
+    coefficients, residual = _fit_at(groups, rate, nu, table_sizes)
     errors = np.abs(residual)
     if np.any(coefficients[:, 2] <= 0.0):
         raise InputError(
@@ -346,22 +350,22 @@ def fit_closed_form(
 
 
 def _fit_at(
-    groups: list[list[_FitTask]], rate: float, nu: float, sizes: TableSizes
+    groups: list[list[_FitTask]], rate: float, nu: float, table_sizes: TableSizes
 ) -> tuple[FloatArray, FloatArray]:
     """Return the best coefficients at each gap, and their errors."""
     return _fit_coefficients(
-        groups, _simulate_states(rate, nu, [task.flux for tasks in groups for task in tasks], sizes)
+        groups, _simulate_states(rate, nu, [task.flux for tasks in groups for task in tasks], table_sizes)
     )
 
 
-def _search_rate_and_nu(groups: list[list[_FitTask]], sizes: TableSizes) -> tuple[float, float]:
+def _search_rate_and_nu(groups: list[list[_FitTask]], table_sizes: TableSizes) -> tuple[float, float]:
     """Return the best rate and nu for all gaps."""
 
     def cost(point: FloatArray) -> float:
         rate, nu = float(np.exp(point[0])), float(1.0 / (1.0 + np.exp(-point[1])))
         if not (0.2 < rate < 200.0 and nu < 0.98 and rate / (1.0 - nu) < MAX_REVERSAL_SLOPE):
             return 1e9
-        return float(np.sum(_fit_at(groups, rate, nu, sizes)[1] ** 4) ** 0.25)
+        return float(np.sum(_fit_at(groups, rate, nu, table_sizes)[1] ** 4) ** 0.25)
 
     initial_guesses = [(np.log(rate), logit) for rate in (2.0, 8.0, 30.0) for logit in (0.0, 2.0)]
     initial_guess = min(initial_guesses, key=lambda point: cost(np.array(point)))
@@ -379,5 +383,5 @@ def make_simplified_law(frame: BlockFrame, law: ClosedForm) -> LawTables:
         for coefficient in (law.bias, law.flux_coefficient, law.lag_coefficient)
     )
     bias, flux_coefficient, lag_coefficient = coefficients
-    packer = partial(_pack, law.rate, law.nu, law.dead_band, frame.sizes)
-    return LawTables((bias, flux_coefficient, lag_coefficient), packer, offset)
+    table_packer = partial(_pack_closed_form, law.rate, law.nu, law.dead_band, frame.sizes)
+    return LawTables((bias, flux_coefficient, lag_coefficient), table_packer, offset)

@@ -73,12 +73,12 @@ class _Conversion:
 
 @dataclass
 class _Conversions:
-    """All conversions; equal ones are listed once."""
+    """All conversions; equal conversions are listed once."""
 
     by_content: dict[tuple[str, float, float], _Conversion] = field(default_factory=dict)
 
     def find_or_add(self, unit: str, slope: float, offset: float = 0.0) -> _Conversion:
-        """Return a conversion; new ones are numbered."""
+        """Return a conversion; new conversions are numbered."""
         key = (unit, slope, offset)
         return self.by_content.setdefault(key, _Conversion(f"m{len(self.by_content)}", unit, slope, offset))
 
@@ -104,7 +104,7 @@ def make_a2l(manifest: Mapping[str, Any]) -> str:
         for number, value in enumerate(INPUTS)
         if value.body in ("", controlled_quantity)
     ]
-    words = [*_head_entries(conversions), *_word_entries(manifest, conversions)]
+    words = [*_block_head_entries(conversions), *_word_entries(manifest, conversions)]
     tables = [
         {
             "name": name,
@@ -199,13 +199,13 @@ def _limit_position(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
     return value._replace(low=settings["position_low"], high=settings["position_high"])
 
 
-def _head_entries(conversions: _Conversions) -> Iterator[dict[str, Any]]:
+def _block_head_entries(conversions: _Conversions) -> Iterator[dict[str, Any]]:
     for word in HEAD_WORDS:
         is_double_word = word.size == 2
         yield {
             "name": f"block.{word.name.lower()}",
             "doc": _quotable_text(word.doc),
-            "at": _address(word.index),
+            "at": _address_text(word.index),
             "layout": "as_ULONG" if is_double_word else "as_UWORD",
             "entries": 1,
             "read_only": word.name in _READ_ONLY_WORDS,
@@ -220,7 +220,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
         row = {
             "name": f"block.{word['name'].lower()}",
             "doc": _quotable_text(word["doc"]),
-            "at": _address(word["first"]),
+            "at": _address_text(word["first"]),
             "entries": word["entries"],
             "read_only": False,
         }
@@ -232,7 +232,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
                 | {
                     "layout": "as_FLOAT32",
                     "entries": 1,
-                    "read_only": True,  # a board accepts no other scales
+                    "read_only": True,  # the firmware accepts only the compiled scales
                     "method": conversion.name,
                 }
             )
@@ -245,7 +245,7 @@ def _word_entries(manifest: Mapping[str, Any], conversions: _Conversions) -> Ite
         )
 
 
-def _address(word: int) -> str:
+def _address_text(word: int) -> str:
     return f"0x{AREA_ADDRESSES['block'] + 2 * word:08X}"
 
 

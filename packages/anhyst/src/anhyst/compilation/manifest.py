@@ -75,9 +75,9 @@ def _structure_sizes(*texts: str, **numbers: int) -> dict[str, int]:
     """
     sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2, "ANHYST_REAL": 4}
     for text in texts:
-        uncommented = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
-        sizes |= {name: sizes[source] for source, name in re.findall(r"typedef (\w+) (\w+);", uncommented)}
-        definitions = re.findall(r"typedef (struct|union) (?:\w+ )?\{([^}]*)\} (\w+);", uncommented)
+        code_text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+        sizes |= {name: sizes[source] for source, name in re.findall(r"typedef (\w+) (\w+);", code_text)}
+        definitions = re.findall(r"typedef (struct|union) (?:\w+ )?\{([^}]*)\} (\w+);", code_text)
         for kind, members, name in definitions:
             sizes_of_members = _member_sizes(members, sizes, numbers)
             size = max(sizes_of_members) if kind == "union" else sum(sizes_of_members)
@@ -85,12 +85,12 @@ def _structure_sizes(*texts: str, **numbers: int) -> dict[str, int]:
     return sizes
 
 
-def _member_sizes(text: str, sizes: dict[str, int], numbers: dict[str, int]) -> Iterator[int]:
-    for kind, pointer, count in re.findall(
+def _member_sizes(text: str, sizes: dict[str, int], constants: dict[str, int]) -> Iterator[int]:
+    for kind, pointer, length_text in re.findall(
         r"(?:const )?(\w+)\s+(\*?)\w+(?:\[(?:ANHYST_(?:POSITION_)?)?(\w+)\])?;", text
     ):
-        times = int(count) if count.isdigit() else numbers.get(count, 1)
-        yield (4 if pointer else sizes.get(kind, 0)) * times
+        array_length = int(length_text) if length_text.isdigit() else constants.get(length_text, 1)
+        yield (4 if pointer else sizes.get(kind, 0)) * array_length
 
 
 MANIFEST_VERSION = 2

@@ -190,7 +190,7 @@ def compile_model(
 
 
 def select_compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
-    """Return the model without what cannot be compiled, and a sentence about each omission."""
+    """Return the part of a model that can be compiled, and a sentence about each omission."""
     if model.has_lag or (model.has_layers and request.kind == "full"):
         return model, list_omissions(model, has_layers=True)
     return model.at_rest, list_omissions(model)

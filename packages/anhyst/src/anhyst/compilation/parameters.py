@@ -91,9 +91,9 @@ def comment_line(code: str, text: str) -> str:
     column = len(code) + 4
     if len(line) <= MAX_LINE_WIDTH or column > MAX_LINE_WIDTH // 2:
         return line
-    first_line, *other_lines = wrap(text, MAX_LINE_WIDTH - column - 3)  # " */" fits on each line
+    first_line, *next_lines = wrap(text, MAX_LINE_WIDTH - column - 3)  # " */" fits on each line
     return (
-        "\n".join([f"{code} /* {first_line}", *(" " * column + other_line for other_line in other_lines)])
+        "\n".join([f"{code} /* {first_line}", *(" " * column + next_line for next_line in next_lines)])
         + " */"
     )
 

@@ -75,8 +75,8 @@ class CycleErrors:
     major: FloatArray  # major loop from zero to the largest force and back, after two such loops
     small: FloatArray  # small cycles at levels that were approached from above and from below
 
-    def join(self, other: CycleErrors) -> CycleErrors:
-        """Return the errors of two runs together."""
+    def join_errors(self, other: CycleErrors) -> CycleErrors:
+        """Return the combined errors of this run and of another run."""
         return CycleErrors(
             np.concatenate([self.major, other.major]), np.concatenate([self.small, other.small])
         )
@@ -154,12 +154,12 @@ class CompiledPlay(CompiledFolder):
         rows = ((name, self.manifest["accuracy"][name]) for name in self.errors)
         return rows_to_columns([{"map": name, **accuracy} for name, accuracy in rows])
 
-    def draw(self, ax: Axes) -> None:
+    def draw(self, axes: Axes) -> None:
         """Draw the force error along the major loop, of this map and of the single-valued one."""
         for name, errors in self.errors.items():
-            ax.plot(errors.major, lw=1.0, label=name)
-        ax.set_xlabel("sample of the loop")
-        ax.set_ylabel("force less demand [N]")
+            axes.plot(errors.major, lw=1.0, label=name)
+        axes.set_xlabel("sample of the loop")
+        axes.set_ylabel("force less demand [N]")
 
 
 def compile_play(
@@ -170,7 +170,7 @@ def compile_play(
     if io != "q31":
         text = f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31"
         raise InputError(text, code="option-not-for-this", key="--io")
-    CompileRequest("full", "q31", rate, name=name)  # this checks the rate and the name
+    CompileRequest("full", "q31", rate, name=name)  # checks the rate and the name
     check_folder(out)
     model = read_model(model_path).at_rest
     try:
@@ -208,18 +208,18 @@ def measure_model_errors(model: Model, play: PlayMap, operating: OperatingRange)
     def predict_force(current: FloatArray, gap: float) -> FloatArray:
         return model.predict(current, gap, slow_times(current.size), "demagnetised").output
 
-    low, high = operating.gap_range
-    joined_errors: dict[str, CycleErrors] = {}
+    smallest_gap, largest_gap = operating.gap_range
+    errors_by_map: dict[str, CycleErrors] = {}
     without_play = PlayMap(play.map, np.zeros_like(play.half_width), play.radius)
     for name, compensator in ((PLAY_KIND, play), ("single-valued", without_play)):
-        for gap in np.linspace(low, high, 5).tolist():
+        for gap in np.linspace(smallest_gap, largest_gap, 5).tolist():
             reachable_force = float(predict_force(np.linspace(0.0, operating.current_max, 100), gap)[-1])
             max_force = min(operating.force_max, 0.98 * reachable_force)
             errors = measure_cycle_errors(
                 ForceController(PLAY_KIND, "fixed", compensator), predict_force, gap, max_force
             )
-            joined_errors[name] = joined_errors[name].join(errors) if name in joined_errors else errors
-    return joined_errors
+            errors_by_map[name] = errors_by_map[name].join_errors(errors) if name in errors_by_map else errors
+    return errors_by_map
 
 
 def _make_golden_vectors(play: PlayMap) -> list[VectorRow]:

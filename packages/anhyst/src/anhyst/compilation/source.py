@@ -44,27 +44,27 @@ def make_sources(
         CONTROL_SOURCES if controller else ()
     )
     core_sources += MONITOR_SOURCES_F32 if is_float else MONITOR_SOURCES
-    parts = ("parameters",) if controller is None else ("parameters", "controller")
-    common = dict(values) | {
+    source_stems = ("parameters",) if controller is None else ("parameters", "controller")
+    common_values = dict(values) | {
         "core": sorted(f"{SOURCE_FOLDER}/{name}" for name in core_sources),
-        "own": [f"{plan.name}_{part}.c" for part in parts],
+        "own": [f"{plan.name}_{source_stem}.c" for source_stem in source_stems],
     }
-    parameters = common | _parameter_values(plan, signals)
+    parameters = common_values | _parameter_values(plan, signals)
     files = core_files(core_sources, plan.block.memory_count) | {
         f"{plan.name}_parameters.h": render("parameters.h.j2", parameters),
         f"{plan.name}_parameters.c": render("parameters.c.j2", parameters),
-        "main.c": render("main.c.j2", common),
+        "main.c": render("main.c.j2", common_values),
         "example/interrupt.c": render("interrupt.c.j2", parameters),
-        "anhyst.mk": render("anhyst.mk.j2", common),
-        "anhyst.cmake": render("anhyst.cmake.j2", common),
+        "anhyst.mk": render("anhyst.mk.j2", common_values),
+        "anhyst.cmake": render("anhyst.cmake.j2", common_values),
     }
-    guide = common | _guide_values(plan, signals) | dict(accuracy)
+    guide_values = common_values | _guide_values(plan, signals) | dict(accuracy)
     if controller is not None:
-        files |= _controller_files(common, plan.name, controller)
-        guide |= controller_template_values(controller, plan.name) | {
+        files |= _controller_files(common_values, plan.name, controller)
+        guide_values |= controller_template_values(controller, plan.name) | {
             "controller_bytes": controller_bytes(controller.magnets, controller.block)
         }
-    files["DROP_IN.md"] = render("DROP_IN.md.j2", guide)
+    files["DROP_IN.md"] = render("DROP_IN.md.j2", guide_values)
     return files if is_float else {**files, PORT_HEADER: read_core(PORT_HEADER)}
 
 
@@ -110,9 +110,11 @@ def _init_values(name: str, is_float: bool) -> dict[str, object]:
     }
 
 
-def _controller_files(common: Mapping[str, object], name: str, controller: ControllerPlan) -> dict[str, str]:
+def _controller_files(
+    common_values: Mapping[str, object], name: str, controller: ControllerPlan
+) -> dict[str, str]:
     """Return the files of the position controller; its example replaces that of the compensator."""
-    values = dict(common) | controller_template_values(controller, name)
+    values = dict(common_values) | controller_template_values(controller, name)
     values["controller"] = escape_comment(str(values["controller"]))
     return {
         f"{name}_controller.h": render("controller.h.j2", values),

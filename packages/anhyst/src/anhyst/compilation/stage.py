@@ -97,7 +97,7 @@ class StageController:
         """Magnets with different parameters."""
         magnets: list[ForceController] = []
         for magnet in self.magnets:
-            if not any(magnet.parameters is other.parameters for other in magnets):
+            if not any(magnet.parameters is earlier_magnet.parameters for earlier_magnet in magnets):
                 magnets.append(magnet)
         return magnets
 

@@ -80,8 +80,8 @@ def _make_walk(demand_range: tuple[float, float]) -> tuple[FloatArray, FloatArra
     low, high = demand_range
     walk = np.cumsum(random.normal(0.0, 0.05, VECTOR_ROWS) * 10.0 ** random.uniform(-3.0, 0.0, VECTOR_ROWS))
     demand = low + (high - low) * (0.5 + 0.5 * np.sin(walk * 3.0))
-    is_jump = random.random(VECTOR_ROWS) < 0.05
-    demand[is_jump] = random.choice([low, high], is_jump.sum())
+    is_jump_sample = random.random(VECTOR_ROWS) < 0.05
+    demand[is_jump_sample] = random.choice([low, high], is_jump_sample.sum())
     is_beyond_range = random.random(VECTOR_ROWS) < 0.02
     demand[is_beyond_range] = random.uniform(-1.0, 1.0, is_beyond_range.sum())
     moving_gap = 0.5 - 0.5 * np.cos(np.arange(VECTOR_ROWS) * 2.0 * np.pi / 250.0)
@@ -96,7 +96,7 @@ def write_vectors_csv(columns: Iterable[str], table: Iterable[Sequence[float]]) 
 
 
 def _cell_text(value: float) -> str:
-    """Return a code, or the shortest text of a number in single precision."""
+    """Return the text of a fixed-point code, or the shortest text of a single-precision number."""
     return str(value) if isinstance(value, int) else str(np.float32(value))
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 INPUT_NAMES = ("reference", "position", "load")
 OUTPUT_NAME = "demand"
 
-_RELATIVE_ROUNDING = 1e-12  # relative to the sum of the coefficients of a polynomial
+_RELATIVE_ROUNDING = 1e-12  # error, relative to the sum of the coefficients of a polynomial
 _W = Polynomial([0.0, 1.0])  # z - 1
 
 
@@ -179,8 +179,8 @@ def _filter_coefficients(filters: FloatArray) -> tuple[float, float]:
         if discriminant < -1e-9 * root_sum**2:
             text = "transfer function: has complex poles, which no filter of a PIDD2 has"
             raise InputError(text, code="complex-poles")
-        larger_share = root_sum / 2.0 + math.copysign(math.sqrt(max(0.0, discriminant)), root_sum)
-        shares = (larger_share, root_product / larger_share)
+        larger_coefficient = root_sum / 2.0 + math.copysign(math.sqrt(max(0.0, discriminant)), root_sum)
+        shares = (larger_coefficient, root_product / larger_coefficient)
     if not all(0.0 < share <= 1.0 + _RELATIVE_ROUNDING for share in shares):
         poles = ", ".join(f"{1.0 - share:g}" for share in shares)
         text = f"transfer function: poles at {poles}; those of filters must be within 0..1"
@@ -205,8 +205,8 @@ def _read_weight(transfer: TransferFunction, p: float, k: float) -> float:
     if p == 0.0:
         return 1.0
     weight = float(numerator[order - 1] / p) if len(numerator) == order else 0.0
-    nearest = min(1.0, max(0.0, weight))
-    return nearest if math.isclose(weight, nearest, abs_tol=1e-9) else weight
+    limited_weight = min(1.0, max(0.0, weight))
+    return limited_weight if math.isclose(weight, limited_weight, abs_tol=1e-9) else weight
 
 
 def _read_constant(numerator: FloatArray, denominator: FloatArray) -> float:

@@ -44,21 +44,21 @@ class DriveLayout(NamedTuple):
     allocation: int
     idle_force: float  # idle force of both drives of a pair, N
     force_min: float  # smallest force of a drive without an opponent, N
-    force_max: float  # N
+    force_max: float  # largest force of each drive, N
 
 
 @dataclass(frozen=True)
 class FixedScales:
     """Full scale of each quantity, SI."""
 
-    head: float  # m
-    pose: FloatArray  # m or rad, of each coordinate
-    acceleration: FloatArray  # m/s^2 or rad/s^2
-    wrench: FloatArray  # N or N m
-    force: float  # N
-    current: float  # A
-    gap_low: float  # m
-    gap_high: float  # m
+    head: float  # reading of a head, m
+    pose: FloatArray  # coordinates of the pose, m or rad
+    acceleration: FloatArray  # acceleration of each coordinate, m/s^2 or rad/s^2
+    wrench: FloatArray  # force or torque of each coordinate, N or N m
+    force: float  # force of a drive, N
+    current: float  # current of a drive, A
+    gap_low: float  # gap with the lowest code, m
+    gap_high: float  # gap with the highest code, m
 
     def as_dict(self) -> dict[str, float | list[float]]:
         """Return all full scales, for JSON."""
@@ -67,7 +67,7 @@ class FixedScales:
     def gaps(self, gap: FloatArray) -> FloatArray:
         """Return the codes of gaps."""
         span = self.gap_high - self.gap_low
-        return signal_codes(np.clip(gap - self.gap_low, 0.0, span), span)
+        return encode_signals(np.clip(gap - self.gap_low, 0.0, span), span)
 
 
 @dataclass(frozen=True)
@@ -80,13 +80,13 @@ class FixedController:
     head_rows: FloatArray  # matrix from a pose to the head readings; one row per head
 
     def make_core(self, magnets: Sequence[CoreForceController], flux: float) -> FixedAxes:
-        """Return the core's controller for force controllers; `flux`: full-scale density, T."""
+        """Return the core's stage controller; `flux`: full-scale flux density, T."""
         scales = {key: value for key, value in self.scales.as_dict().items() if key in _CORE_SCALES}
         full_scale = scales | {"at": self.head_rows.ravel().tolist(), "flux": flux}
         return FixedAxes(list(magnets), self.words, self.integers, full_scale)
 
 
-def signal_codes(value: FloatArray, full_scale: float | FloatArray) -> FloatArray:
+def encode_signals(value: FloatArray, full_scale: float | FloatArray) -> FloatArray:
     """Return the nearest codes of signals; NaN becomes the lowest number."""
     saturated = np.clip(np.floor(value / full_scale * _Q31 + 0.5), 1.0 - _Q31, _Q31 - 1.0)
     return np.where(np.isnan(saturated), -_Q31, saturated)
@@ -97,10 +97,10 @@ def make_fixed_allocation(
 ) -> tuple[Words, dict[str, int]]:
     """Return words and integers of the allocation of a wrench, for full scales of wrench and force."""
     opponents = np.array(drives.opponents)
-    is_first = opponents >= np.arange(len(opponents))
+    is_first_of_pair = opponents >= np.arange(len(opponents))
     size = np.sqrt((drives.unit_wrench**2).sum(axis=0))
-    normalised = np.where(is_first[:, None], drives.unit_wrench / size, 0.0).T
-    identity = np.diag(is_first.astype(float))
+    normalised = np.where(is_first_of_pair[:, None], drives.unit_wrench / size, 0.0).T
+    identity = np.diag(is_first_of_pair.astype(float))
     words: Words = {"against": opponents[:, None].astype(float)}
     for name, diagonal_weights in (("whole", 0.0 * size), ("yields", np.array(drives.drop_weights))):
         allocation = np.linalg.solve(normalised @ normalised.T + np.diag(diagonal_weights), normalised).T
@@ -120,7 +120,7 @@ def make_fixed_controller(
     rows: Mapping[str, FloatArray], drives: DriveLayout, settings: Mapping[str, float]
 ) -> FixedController:
     """Return all words of a controller, from its matrices and settings in SI."""
-    scales = _scales(rows, drives, settings)
+    scales = _choose_full_scales(rows, drives, settings)
     pose, wrench = scales.pose, scales.wrench
     words, numbers = make_fixed_allocation(drives, wrench, scales.force)
     heads = len(rows["at"])
@@ -132,7 +132,7 @@ def make_fixed_controller(
     gain = (pose / scales.acceleration).tolist()
     words["pid"] = np.array([_pid_words(*row) for row in zip(rows["pid"].tolist(), gain, strict=True)])
     for name in ("reach", "land", "lift"):
-        words[name] = signal_codes(rows[name], pose[:, None])
+        words[name] = encode_signals(rows[name], pose[:, None])
     if not (words["lift"] > 0.0).all():
         raise _range_error("small", "control.lift_m_per_s")
     ends = ("low", "high", "step")
@@ -152,10 +152,10 @@ def make_feedforward_rows(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return matrix rows from accelerations to a wrench, their shifts, and codes of the weight."""
     words = _scale_rows("mass", mass * scales.acceleration / scales.wrench[:, None])
-    return words["mass"], words["mass_shift"], signal_codes(weight, scales.wrench)
+    return words["mass"], words["mass_shift"], encode_signals(weight, scales.wrench)
 
 
-def _scales(
+def _choose_full_scales(
     rows: Mapping[str, FloatArray], drives: DriveLayout, settings: Mapping[str, float]
 ) -> FixedScales:
     """Return the full scales: powers of two, except for those of the force controllers."""
@@ -203,10 +203,10 @@ def _pid_words(filter_: Sequence[float], gain: float) -> list[float]:
     if abs(1.0 + a1 + pole) > 1e-9 or not -1.0 < pole < 1.0:
         raise ValueError("a PID has a pole at 1 and one within the unit circle")
     c1, c0, decay = b1 - b0 * a1, b2 - b0 * pole, 1.0 - pole
-    parts = [gain * b0, gain * (c1 + c0) / decay, -gain * (c1 * pole + c0) / decay]
-    size = max(abs(parts[0]), abs(parts[1]), abs(parts[2]) / min(decay, 1.0))
+    fractions = [gain * b0, gain * (c1 + c0) / decay, -gain * (c1 * pole + c0) / decay]
+    size = max(abs(fractions[0]), abs(fractions[1]), abs(fractions[2]) / min(decay, 1.0))
     shift = min(math.floor(_PID_BITS - math.log2(size)), _MAX_PID_SHIFT)
-    numbers = [round(part * 2.0**shift) for part in parts]
+    numbers = [round(fraction * 2.0**shift) for fraction in fractions]
     if shift < 0:
         raise _range_error("large", "control.crossover_Hz")
     if abs(numbers[1]) < _MIN_PID_NUMBER:

@@ -31,7 +31,7 @@ from anhyst.support.errors import InputError, NegativeResult, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
 _MAX_OFFSET_SHARE = 0.1  # largest input offset, relative to the largest input
-_MAX_GAIN_RATIO = 1e3  # largest factor between the gain and that of the linear regression
+_MAX_GAIN_RATIO = 1e3  # largest ratio of the fitted gain to the gain of the linear regression
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class _Coordinate:
     high: float
 
     def value(self, position: float) -> float:
-        """Return the value at a position of its range, on a log scale in a positive range."""
+        """Return the parameter value at a position 0..1, on a log scale in a positive range."""
         if self.low > 0.0:
             return float(self.low * (self.high / self.low) ** position)
         return self.low + (self.high - self.low) * position
@@ -64,22 +64,22 @@ class _AnyLawProblem:
     gap_map: GapMap
     loopset: Loops
     records: FitRecords
-    offsets: bool
+    fits_offsets: bool
     evaluations: int = 0
 
     @cached_property
     def entries(self) -> tuple[_Coordinate, ...]:
         """Coordinates of the screening; the final fit also varies gain and offsets."""
-        span = self.records.input_span
+        input_span = self.records.input_span
         ranges = {
-            spec.name: tuple(span * end if spec.unit == "A/m" else end for end in spec.search)
+            spec.name: tuple(input_span * end if spec.unit == "A/m" else end for end in spec.search)
             for spec in self.law.parameters
             if spec.search is not None
         }
         if self.gap_map in {"reluctance", "circuit"}:
             ranges["rho"] = (1e-3, 1e3)
         if output_map(self.loopset.output).is_flux_density and self.loopset.input.name != "field":
-            ranges["c_H"] = (10.0 / span, 1e5 / span)
+            ranges["c_H"] = (10.0 / input_span, 1e5 / input_span)
         elif self.gap_map == "scaling":
             ranges["c_H"] = (0.1, 10.0)
         varying_names: Collection[str] = VARYING_BY_GAP_MAP[self.gap_map] & {"rho", "c_H"}
@@ -142,12 +142,12 @@ class _AnyLawProblem:
         return np.asarray((outputs - self.measured) * self.weights)
 
     def fit_gain(self, modelled_output: FloatArray) -> tuple[float, float, float]:
-        """Return gain and offset of the regression on a modelled output, and its cost."""
-        columns = np.stack([modelled_output, np.ones(modelled_output.size) * self.offsets], axis=1)
+        """Return gain, offset and cost of the linear regression on a modelled output."""
+        columns = np.stack([modelled_output, np.ones(modelled_output.size) * self.fits_offsets], axis=1)
         weighted_columns = columns * self.weights[:, None]
-        target = self.measured * self.weights
-        (gain, offset), *_ = np.linalg.lstsq(weighted_columns, target, rcond=None)
-        residual = weighted_columns @ np.array([gain, offset]) - target
+        weighted_output = self.measured * self.weights
+        (gain, offset), *_ = np.linalg.lstsq(weighted_columns, weighted_output, rcond=None)
+        residual = weighted_columns @ np.array([gain, offset]) - weighted_output
         return float(gain), float(offset), float(residual @ residual) if gain > 0.0 else np.inf
 
     def find_starts(self, seed: int) -> list[tuple[float, tuple[_Coordinate, ...], FloatArray]]:
@@ -173,7 +173,7 @@ class _AnyLawProblem:
         if not output_map(self.loopset.output).is_flux_density:
             entries.append(_Coordinate("c_out", None, gain / _MAX_GAIN_RATIO, gain * _MAX_GAIN_RATIO))
             positions.append(0.5)
-        if self.offsets:
+        if self.fits_offsets:
             for name, span in (
                 ("in_0", _MAX_OFFSET_SHARE * self.records.input_span),
                 ("out_0", max(self.records.output_span, 2.0 * abs(offset))),
@@ -187,16 +187,16 @@ def fit_any_law(
     loopset: Loops, records: FitRecords, law: str, gap_map: str, seed: int, offsets: bool
 ) -> Outcome:
     """Fit a law by simulating its iron model under each possible gap map; return the best fit."""
-    maps: tuple[GapMap, ...] = ("scaling",)
+    gap_maps: tuple[GapMap, ...] = ("scaling",)
     if records.gap_count < 2:
-        maps = ("none",)
+        gap_maps = ("none",)
     elif gap_map != "auto":
-        maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
+        gap_maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
     elif is_scheduled_over_gap(loopset):
-        maps = ("scaling", "reluctance")
-    fits = [_descend(_AnyLawProblem(LAWS[law], name, loopset, records, offsets), seed) for name in maps]
-    _, best = min(fits, key=lambda fit: fit[0])
-    return replace(best, evaluations=sum(outcome.evaluations for _, outcome in fits))
+        gap_maps = ("scaling", "reluctance")
+    fits = [_descend(_AnyLawProblem(LAWS[law], name, loopset, records, offsets), seed) for name in gap_maps]
+    _, best_fit = min(fits, key=lambda fit: fit[0])
+    return replace(best_fit, evaluations=sum(outcome.evaluations for _, outcome in fits))
 
 
 def _descend(problem: _AnyLawProblem, seed: int) -> tuple[float, Outcome]:

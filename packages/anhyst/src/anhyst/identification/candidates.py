@@ -21,7 +21,7 @@ from anhyst.identification.cross_validation import (
     Refit,
     WithheldError,
     WithheldKind,
-    is_better,
+    is_more_accurate,
     mean_error,
     mean_log_ratio,
     mean_square_error,
@@ -64,8 +64,8 @@ class ModelCandidate:
         """Return the name for a report, without the gap map; `law` is the law of the run."""
         if self.cells is None:
             return law
-        count = self.cells.population_count
-        text = f"{LAW_BY_SHAPE[self.cells.shape]}, {count} population{'s' if count > 1 else ''}"
+        population_count = self.cells.population_count
+        text = f"{LAW_BY_SHAPE[self.cells.shape]}, {population_count} population{'s' if population_count > 1 else ''}"
         if "omega" in self.fixed:
             text += ", no interaction"
         return f"{text}, weights fitted" if self.has_fitted_weights else text
@@ -85,9 +85,9 @@ def make_titles(candidates: Sequence[ModelCandidate], law: str) -> list[str]:
     """Return a name for each candidate; candidates with the same gap map get different names."""
     names = [candidate.title(law) for candidate in candidates]
     keys = [(name, entry.file_gap_map) for name, entry in zip(names, candidates, strict=True)]
-    counts = Counter(keys)
+    name_counts = Counter(keys)
     return [
-        ", ".join([key[0], *(candidate.details() if counts[key] > 1 else ())])
+        ", ".join([key[0], *(candidate.details() if name_counts[key] > 1 else ())])
         for key, candidate in zip(keys, candidates, strict=True)
     ]
 
@@ -106,23 +106,23 @@ def require_gaps(records: FitRecords, gap_map: str) -> None:
 def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCandidate]:
     """Return the candidates without play cells, the simplest first.
 
-    A series reluctance applies only to gaps, and not to the law of 1986. The maps ``circuit`` and
+    A series reluctance requires a gap and another law than that of 1986. The maps ``circuit`` and
     ``free`` need three gaps for several variants. Models with ``free`` require a fixed gap, so
-    ``auto`` tries it only if the schedule is not a gap. ``circuit`` needs a request; one variant
-    has sensor offsets that depend on the gap.
+    ``auto`` tries this map only if the schedule is not a gap. ``circuit`` is tried only on request;
+    in one variant, the sensor offsets depend on the gap.
     """
-    gaps, fixed = run.search_records.gap_count, run.fixed
+    gap_count, fixed = run.search_records.gap_count, run.fixed
     if gap_map == "circuit":
-        candidates = [ModelCandidate("leakage", fixed)] if gaps >= 3 else []
+        candidates = [ModelCandidate("leakage", fixed)] if gap_count >= 3 else []
         candidates.append(ModelCandidate("circuit", fixed, OFFSET_NAMES, rank=1))
-        has_offset_variant = gaps >= 3 and not fixed >= OFFSET_NAMES
+        has_offset_variant = gap_count >= 3 and not fixed >= OFFSET_NAMES
         return [*candidates, ModelCandidate("circuit", fixed, rank=2)] if has_offset_variant else candidates
     if gap_map == "free":
         # With all parameters free at each gap, interaction and the shape of the anhysteretic curve
         # are barely separable, and interpolated values may be inconsistent. Without interaction,
         # the fit is slightly worse, but may predict much better. Offsets that differ between gaps
         # have the same disadvantage.
-        if gaps < 3:
+        if gap_count < 3:
             return [ModelCandidate("free", fixed)]
         candidates = [
             ModelCandidate("free", fixed | OFFSET_NAMES),
@@ -139,10 +139,10 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
     candidates = [ModelCandidate("scaling", fixed)]
     if not is_scheduled_over_gap(loopset):
         free_variants = map_candidates(run, loopset, "free")
-        return candidates + [replace(other, rank=other.rank + 1) for other in free_variants]
-    if not run.form.kernel.is_coupled:
+        return candidates + [replace(variant, rank=variant.rank + 1) for variant in free_variants]
+    if not run.form.kernel.includes_interaction:
         candidates.append(ModelCandidate("reluctance", fixed))
-        candidates += [ModelCandidate("leakage", fixed, rank=1)] if gaps >= 3 else []
+        candidates += [ModelCandidate("leakage", fixed, rank=1)] if gap_count >= 3 else []
     return candidates
 
 
@@ -153,9 +153,9 @@ def select_cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> Mod
     return min(circuit_maps, key=lambda candidate: order.index(candidate.gap_map)) if circuit_maps else base
 
 
-def with_gap_map(cells: ModelCandidate, other: ModelCandidate) -> ModelCandidate:
+def with_gap_map(cells: ModelCandidate, target: ModelCandidate) -> ModelCandidate:
     """Return a candidate's play cells under the gap map of another candidate."""
-    return replace(other, cells=cells.cells, rank=cells.rank - cells.rank % _RANK_STEP + other.rank)
+    return replace(target, cells=cells.cells, rank=cells.rank - cells.rank % _RANK_STEP + target.rank)
 
 
 def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[ModelCandidate]:
@@ -189,13 +189,13 @@ _CELL_SIGMAS_FOR_BLOCKS = 2.0
 cells that follow a loop also predict its blocks, so blocks are weaker evidence than loops."""
 
 _CLEAR_SQUARE_RATIO = 1.5
-"""Ratio of mean square errors, at fitted loops and at withheld blocks, above which the more complex
-candidate is selected. The standard error of the few blocks does not count then."""
+"""Ratio of mean square errors of a simpler and a more complex candidate. Above it, at withheld
+blocks and fitted loops, the complex one is selected, whatever the standard error is."""
 
 
 _WORSE_FIT_RATIO = 2.5
 """Ratio of the rms residuals of two laws after subtraction of the noise. Above this ratio, the law
-with the smaller residual is selected if it predicts withheld data as well."""
+with the smaller residual is selected if it predicts withheld data as well as the other."""
 
 _MIN_EXCESS_SHARE = 0.1  # minimum fraction of a cost that is attributed to model errors
 
@@ -205,29 +205,29 @@ FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """Two fits of a candidate: with all offsets, and with only the offsets that data require."""
+    """Two fits of a candidate: with all offsets, and with only the offsets that the data require."""
 
-    full: FoundModel
-    reduced: FoundModel
+    full_fit: FoundModel
+    reduced_fit: FoundModel
 
 
 @dataclass(eq=False)
 class CandidateComparison:
     """Fits of all candidates, and their refits without the withheld data."""
 
-    eligible: list[ModelCandidate]
+    contenders: list[ModelCandidate]
     fits: dict[ModelCandidate, Fits]
     refits: dict[Fold, dict[ModelCandidate, Refit]]
-    withheld: Sequence[int]
+    withheld_ids: Sequence[int]
     withheld_kind: WithheldKind = "gap"
-    noise: float = 0.0  # cost of the sensor noise
-    dropped: dict[ModelCandidate, str] = field(default_factory=dict)  # reason for each failed candidate
+    noise_cost: float = 0.0  # cost of the sensor noise
+    drop_reasons: dict[ModelCandidate, str] = field(default_factory=dict)  # reason for each failed candidate
 
-    def drop(self, candidate: ModelCandidate, error: Exception) -> None:
+    def drop_candidate(self, candidate: ModelCandidate, error: Exception) -> None:
         """Remove a failed candidate from the selection and store the reason."""
-        self.dropped[candidate] = getattr(error, "what", str(error))
-        if candidate in self.eligible:
-            self.eligible.remove(candidate)
+        self.drop_reasons[candidate] = getattr(error, "what", str(error))
+        if candidate in self.contenders:
+            self.contenders.remove(candidate)
 
     def withheld_errors(
         self, candidate: ModelCandidate, outer_fold: Fold = frozenset()
@@ -235,44 +235,42 @@ class CandidateComparison:
         """Return the errors of a candidate at each withheld gap, loop or block."""
         return [
             self.refits[outer_fold | {index}][candidate].errors[index]
-            for index in self.withheld
+            for index in self.withheld_ids
             if index not in outer_fold
         ]
 
     def has_all_refits(self, candidate: ModelCandidate, outer_fold: Fold = frozenset()) -> bool:
         """Whether a candidate was refitted without each withheld gap, loop or block."""
-        return all(candidate in self.refits[outer_fold | {index}] for index in self.withheld)
+        return all(candidate in self.refits[outer_fold | {index}] for index in self.withheld_ids)
 
     def find_rivals(self) -> list[ModelCandidate]:
         """Return the candidates that might be selected if some data had not been measured."""
-        mean_squares = {
-            candidate: mean_square_error(self.withheld_errors(candidate)) for candidate in self.eligible
+        squares = {
+            candidate: mean_square_error(self.withheld_errors(candidate)) for candidate in self.contenders
         }
-        max_square = _MAX_SQUARE_RATIO_OF_RIVALS * min(mean_squares.values())
+        max_square = _MAX_SQUARE_RATIO_OF_RIVALS * min(squares.values())
         return [
-            entry
-            for entry in self.eligible
-            if mean_squares[entry] <= max_square or entry == self.select_best()
+            entry for entry in self.contenders if squares[entry] <= max_square or entry == self.select_best()
         ]
 
     def select_best(self, outer_fold: Fold = frozenset()) -> ModelCandidate:
         """Select the best candidate by its errors at all withheld data outside `outer_fold`."""
         refitted_candidates = [
-            candidate for candidate in self.eligible if self.has_all_refits(candidate, outer_fold)
+            candidate for candidate in self.contenders if self.has_all_refits(candidate, outer_fold)
         ]
         errors = {candidate: self.withheld_errors(candidate, outer_fold) for candidate in refitted_candidates}
         if not any(errors.values()):
             simplest_candidate = min(
-                self.eligible, key=lambda candidate: (candidate.rank, self._cost(candidate, outer_fold))
+                self.contenders, key=lambda candidate: (candidate.rank, self._cost(candidate, outer_fold))
             )
-            return self._replace_by_better_fit(simplest_candidate, self.eligible, outer_fold)
+            return self._replace_by_better_fit(simplest_candidate, self.contenders, outer_fold)
         best = None
         for rank in sorted({candidate.rank for candidate in refitted_candidates}):
             peers = [candidate for candidate in refitted_candidates if candidate.rank == rank]
-            means = {model: mean_square_error(_comparable_errors(errors[model], peers)) for model in peers}
-            max_mean = EQUAL_ERROR_RATIO * min(means.values())
-            simplest_good = next(candidate for candidate, mean in means.items() if mean <= max_mean)
-            if best is None or self._is_better(simplest_good, best, outer_fold):
+            squares = {model: mean_square_error(_comparable_errors(errors[model], peers)) for model in peers}
+            max_square = EQUAL_ERROR_RATIO * min(squares.values())
+            simplest_good = next(candidate for candidate, square in squares.items() if square <= max_square)
+            if best is None or self._predicts_better(simplest_good, best, outer_fold):
                 best = simplest_good
         assert best is not None
         return self._replace_by_better_fit(best, refitted_candidates, outer_fold)
@@ -282,62 +280,66 @@ class CandidateComparison:
     ) -> ModelCandidate:
         """Replace a candidate by a simple one that fits far better and predicts as well."""
         while replacements := [
-            other for other in candidates if self._should_replace(best, other, outer_fold)
+            replacement for replacement in candidates if self._should_replace(best, replacement, outer_fold)
         ]:
             best = min(replacements, key=lambda other: (other.rank, self._cost(other, outer_fold)))
         return best
 
-    def _is_better(self, other: ModelCandidate, baseline: ModelCandidate, outer_fold: Fold) -> bool:
+    def _predicts_better(
+        self, complex_model: ModelCandidate, simple_model: ModelCandidate, outer_fold: Fold
+    ) -> bool:
         """Whether a candidate predicts better than a simpler one by more than the scatter.
 
         If blocks are withheld, clearly smaller mean squares at blocks and fitted data are enough.
         """
-        pair = [baseline, other]
-        is_by_block = self.withheld_kind == "block"
-        sigmas = _CELL_SIGMAS_FOR_BLOCKS if is_by_block and baseline.cells else 1.0
-        simpler_errors, other_errors = (
+        pair = [simple_model, complex_model]
+        uses_blocks = self.withheld_kind == "block"
+        sigmas = _CELL_SIGMAS_FOR_BLOCKS if uses_blocks and simple_model.cells else 1.0
+        simpler_errors, complex_errors = (
             _comparable_errors(self.withheld_errors(candidate, outer_fold), pair) for candidate in pair
         )
-        has_smaller_error = is_better(simpler_errors, other_errors, sigmas)
-        if has_smaller_error or not is_by_block:
-            return has_smaller_error
+        is_clearly_better = is_more_accurate(simpler_errors, complex_errors, sigmas)
+        if is_clearly_better or not uses_blocks:
+            return is_clearly_better
         squares = [mean_square_error(self.withheld_errors(candidate, outer_fold)) for candidate in pair]
         costs = [self._cost(candidate, outer_fold) for candidate in pair]
         return bool(
             squares[0] > _CLEAR_SQUARE_RATIO * squares[1] and costs[0] > _CLEAR_SQUARE_RATIO * costs[1]
         )
 
-    def _should_replace(self, best: ModelCandidate, other: ModelCandidate, outer_fold: Fold) -> bool:
-        """Whether another candidate fits several times better and predicts as well."""
-        if not self.is_several_times_worse(best, other, outer_fold):
+    def _should_replace(self, best: ModelCandidate, replacement: ModelCandidate, outer_fold: Fold) -> bool:
+        """Whether a replacement fits several times better than the best and predicts as well."""
+        if not self.is_several_times_worse(best, replacement, outer_fold):
             return False
-        if not self.withheld:
+        if not self.withheld_ids:
             return True
-        mean, error = mean_log_ratio(
-            self.withheld_errors(best, outer_fold), self.withheld_errors(other, outer_fold)
+        mean_ratio, error = mean_log_ratio(
+            self.withheld_errors(best, outer_fold), self.withheld_errors(replacement, outer_fold)
         )
-        return mean >= -error
+        return mean_ratio >= -error
 
     def is_several_times_worse(
-        self, candidate: ModelCandidate, other: ModelCandidate, outer_fold: Fold = frozenset()
+        self, candidate: ModelCandidate, reference: ModelCandidate, outer_fold: Fold = frozenset()
     ) -> bool:
-        """Whether a candidate's rms residual beyond the noise is several times that of another."""
-        own_excess, other_excess = (
-            self._excess_cost(each_candidate, outer_fold) for each_candidate in (candidate, other)
+        """Whether a candidate's rms residual beyond the noise is several times another's."""
+        candidate_excess, reference_excess = (
+            self._excess_cost(each_candidate, outer_fold) for each_candidate in (candidate, reference)
         )
-        return own_excess > _WORSE_FIT_RATIO**2 * other_excess
+        return candidate_excess > _WORSE_FIT_RATIO**2 * reference_excess
 
     def _excess_cost(self, candidate: ModelCandidate, outer_fold: Fold) -> float:
         """Return the cost of a fit minus the cost of the noise, with a lower limit."""
         cost = self._cost(candidate, outer_fold)
-        return max(cost - self.noise, _MIN_EXCESS_SHARE * cost, NEGLIGIBLE_DEVIATION**2)
+        return max(cost - self.noise_cost, _MIN_EXCESS_SHARE * cost, NEGLIGIBLE_DEVIATION**2)
 
     def _cost(self, candidate: ModelCandidate, outer_fold: Fold) -> float:
-        return self.refits[outer_fold][candidate].cost if outer_fold else self.fits[candidate].reduced.cost
+        return (
+            self.refits[outer_fold][candidate].cost if outer_fold else self.fits[candidate].reduced_fit.cost
+        )
 
     def withheld_error(self, candidate: ModelCandidate) -> float | None:
         """Return the mean cross-validation error of a candidate; None if nothing was withheld."""
-        return mean_error(self.withheld_errors(candidate)) if self.withheld else None
+        return mean_error(self.withheld_errors(candidate)) if self.withheld_ids else None
 
     def finite_withheld_error(self, candidate: ModelCandidate) -> float | None:
         """Return the mean cross-validation error of a candidate; None if it is not finite."""
@@ -347,7 +349,7 @@ class CandidateComparison:
     def errors_by_map(self, law_candidate: ModelCandidate) -> dict[str, float]:
         """Return the error of the best variant of each gap map, for the law of a candidate."""
         errors: dict[str, float] = {}
-        for candidate in self.eligible if self.withheld else ():
+        for candidate in self.contenders if self.withheld_ids else ():
             if (candidate.cells, candidate.has_fitted_weights) == (
                 law_candidate.cells,
                 law_candidate.has_fitted_weights,
@@ -360,12 +362,12 @@ class CandidateComparison:
     def nested_errors(self) -> list[float]:
         """Return the errors at data that were withheld from both the fit and the selection."""
         errors = []
-        for index in self.withheld:
+        for index in self.withheld_ids:
             fold = frozenset({index})
             outer_fold = (
-                fold if len(self.withheld) > 1 else frozenset[int]()
-            )  # with one withheld gap, that gap also decides the selection
-            winner = self.select_best(outer_fold) if len(self.eligible) > 1 else self.eligible[0]
+                fold if len(self.withheld_ids) > 1 else frozenset[int]()
+            )  # if only one gap is withheld, its error decides the selection too
+            winner = self.select_best(outer_fold) if len(self.contenders) > 1 else self.contenders[0]
             errors.append(self.refits[fold][winner].errors[index].mean)
         return errors
 
@@ -373,7 +375,7 @@ class CandidateComparison:
 def _comparable_errors(
     errors: Sequence[WithheldError], candidates: Sequence[ModelCandidate]
 ) -> list[WithheldError]:
-    """Return the errors to compare; without play cells, only withheld gaps are compared."""
+    """Return the errors to compare; without play cells, those at withheld gaps only."""
     if any(candidate.cells for candidate in candidates):
         return list(errors)
     return [replace(error, outer_squares=()) for error in errors]

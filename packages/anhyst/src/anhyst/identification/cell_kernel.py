@@ -35,14 +35,14 @@ EXACT_TABLE_ERROR = 1e-12  # table error of models, relative to the saturation
 
 _MAX_TABLE_SLOPE_RATIO = 1.03
 """Ratio of the largest slope of less accurate tables to the largest slope at their knots. Solutions
-with less accurate tables must also exist with exact ones."""
+with less accurate tables must also exist with exact tables."""
 
 
-_SINGLE_START = np.zeros(1, dtype=np.int64)  # index of the first sample, for a single drive
+_SINGLE_RECORD_START = np.zeros(1, dtype=np.int64)  # index of the first sample, for a single input record
 
 
 class CellPath(NamedTuple):
-    """Effective field and magnetisation along a drive, (n,), and their derivatives, (n, d)."""
+    """Field and magnetisation along an input record, (n,), and their derivatives, (n, d)."""
 
     x: FloatArray
     m: FloatArray
@@ -51,7 +51,7 @@ class CellPath(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class DrivenCells:
+class SimulatedCells:
     """Demagnetised cells, ready for simulation."""
 
     cells: CellWeights  # thresholds, widths, weights
@@ -69,15 +69,15 @@ class DrivenCells:
             raise NoResponseError(str(error)) from error
 
     def follow(
-        self, omega: FloatArray, r: FloatArray, starts: NDArray[np.int64] = _SINGLE_START
+        self, omega: FloatArray, r: FloatArray, starts: NDArray[np.int64] = _SINGLE_RECORD_START
     ) -> tuple[FloatArray, FloatArray]:
         """Return effective field x and magnetisation M from ``x + omega*M(x) = r``, shape (n,).
 
-        Drives are concatenated; the cells are demagnetised at each start.
+        Input records are concatenated; the cells are demagnetised at the start of each record.
         """
         self._require_no_jump(omega)
         x, m, status = self._operator.run(omega, r, starts)
-        require_answer(status)
+        require_solution(status)
         return x, m
 
     def follow_with_derivatives(
@@ -102,7 +102,7 @@ class DrivenCells:
         x, m, x_t, m_t, status = self._operator.sensitivity(
             omega, r, omega_t, r_derivatives, weights_t, widths_t, thresholds_t, starts
         )
-        require_answer(status)
+        require_solution(status)
         return CellPath(x, m, x_t, m_t)
 
     def _require_no_jump(self, omega: FloatArray) -> None:
@@ -113,7 +113,7 @@ class DrivenCells:
             raise NoResponseError("the magnetisation may jump")
 
 
-def require_answer(status: int) -> None:
+def require_solution(status: int) -> None:
     """Raise an error if the core found no solution."""
     if status != 0:
         raise NoResponseError(status_text(status))
@@ -142,8 +142,7 @@ _REVERSIBLE_PARAMETERS = (
 def _population_parameters(index: int) -> tuple[FitParameter, ...]:
     """Return the fit parameters of a population.
 
-    The first population has no such parameters for saturation and width, because these are the
-    units.
+    Saturation and width of the first population are units, so they are not fit parameters.
     """
     parameters = (
         FitParameter(f"share_{index}", f"M_{index}/M_1", 1e-3, 1e2, "log", prior_mean=1.0),
@@ -155,10 +154,10 @@ def _population_parameters(index: int) -> tuple[FitParameter, ...]:
 
 
 class _CellKernelBase:
-    """Common properties of the two parametrisations of play cells."""
+    """Common properties of both parametrisations of play cells: by populations, and by weights."""
 
     has_derivatives = True
-    is_coupled = False
+    includes_interaction = False
 
     def dead_band_parameter(self, iron: Mapping[str, float], ratio: float) -> dict[str, float]:
         """Return an empty mapping, because play cells need no dead band."""
@@ -180,9 +179,9 @@ class CellKernel(_CellKernelBase):
         pinned_parameters = map(_population_parameters, range(1, self.population_count + 1))
         return (*_REVERSIBLE_PARAMETERS, *chain.from_iterable(pinned_parameters))
 
-    def make_driven_cells(self, law: tuple[float, ...]) -> DrivenCells:
+    def make_simulated_cells(self, law: tuple[float, ...]) -> SimulatedCells:
         """Return the cells for given fit parameters, ready for simulation."""
-        return _make_driven_cells(self, law)
+        return _make_simulated_cells(self, law)
 
     def iron_parameters(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
@@ -220,13 +219,13 @@ class CellKernel(_CellKernelBase):
 
 
 @lru_cache(maxsize=8)  # each table needs one or two megabytes
-def _make_driven_cells(kernel: CellKernel, law: tuple[float, ...]) -> DrivenCells:
+def _make_simulated_cells(kernel: CellKernel, law: tuple[float, ...]) -> SimulatedCells:
     """Return cells with their derivatives with respect to the fit parameters."""
     # Columns of M_0, a_0, then M, a, k, s of each population; M_1 and a_1 are the units.
     columns = [0, 1, *range(4, 2 + 4 * kernel.population_count)]
     all_tangents = population_tangents(kernel.pinned_populations(law))
     tangents = Tangents(*(np.ascontiguousarray(tangent[..., columns]) for tangent in all_tangents))
-    return DrivenCells(kernel.make_cells(law), tangents, kernel.table_error)
+    return SimulatedCells(kernel.make_cells(law), tangents, kernel.table_error)
 
 
 @dataclass(frozen=True)
@@ -255,12 +254,14 @@ class WeightKernel(_CellKernelBase):
         cells = self.initial_cells
         return replace(cells, weights=np.reshape(law, cells.weights.shape))
 
-    def make_driven_cells(self, law: tuple[float, ...]) -> DrivenCells:
+    def make_simulated_cells(self, law: tuple[float, ...]) -> SimulatedCells:
         """Return the cells for given weights, ready for simulation."""
-        count, cells = len(law), self.initial_cells
-        weight_tangents = np.eye(count).reshape(*cells.weights.shape, count)
-        zero_tangents = (np.zeros((size, count)) for size in (cells.widths.size, cells.thresholds.size))
-        return DrivenCells(self.make_cells(law), Tangents(weight_tangents, *zero_tangents))
+        weight_count, cells = len(law), self.initial_cells
+        weight_tangents = np.eye(weight_count).reshape(*cells.weights.shape, weight_count)
+        zero_tangents = (
+            np.zeros((size, weight_count)) for size in (cells.widths.size, cells.thresholds.size)
+        )
+        return SimulatedCells(self.make_cells(law), Tangents(weight_tangents, *zero_tangents))
 
     def iron_parameters(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
@@ -286,12 +287,12 @@ class WeightKernel(_CellKernelBase):
 
 def make_weight_kernel(kernel: CellKernel, law: tuple[float, ...]) -> WeightKernel:
     """Return the kernel of individual weights that starts from fitted populations."""
-    start = kernel.make_cells(law)
-    first_width, *other_widths = start.widths[1:].tolist()
+    start_cells = kernel.make_cells(law)
+    first_width, *other_widths = start_cells.widths[1:].tolist()
     added_widths = [ratio * first_width for ratio in ADDED_WIDTH_RATIOS] + [
         FURTHER_WIDTH_RATIO * width for width in other_widths
     ]
-    widths = np.concatenate([start.widths, added_widths])[: max(MAX_WIDTHS, start.widths.size)]
-    weights = np.zeros((start.thresholds.size, widths.size))
-    weights[:, : start.widths.size] = start.weights
-    return WeightKernel(replace(start, widths=widths, weights=weights))
+    widths = np.concatenate([start_cells.widths, added_widths])[: max(MAX_WIDTHS, start_cells.widths.size)]
+    weights = np.zeros((start_cells.thresholds.size, widths.size))
+    weights[:, : start_cells.widths.size] = start_cells.weights
+    return WeightKernel(replace(start_cells, widths=widths, weights=weights))

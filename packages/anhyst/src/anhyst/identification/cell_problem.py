@@ -36,10 +36,10 @@ MAX_LAG_SAMPLES_AT_ONE_RATE = 1.0
 """Largest tried lag if all loops have about the same cycle rate. A lag and a wider loop are then
 barely separable."""
 
-# ratio of the fastest to the slowest cycle rate above which lag and width are separable
+# ratio of the fastest to the slowest cycle rate above which lag and loop width are separable
 MIN_RATE_RATIO = 3.0
-CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # time constants, relative to the longest record
-MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # smallest time constant, in samples
+CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # creep time constants, relative to the longest record
+MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # smallest tried time constant of the creep, in samples
 
 STRAIGHT_SLOPE_SHARE = 0.02
 """Slope of a fixed linear term of every model, relative to the mean slope. Further linear output is
@@ -55,7 +55,7 @@ MAX_OUTLIER_SHARE = 0.02  # maximum fraction of samples that are excluded as out
 MAX_SAMPLES = 20_000  # maximum number of fitted samples
 
 MAX_NOISE_RATIO = 1.1
-"""Ratio of residual to noise up to which noise explains the residual, so that no grid is tried."""
+"""Ratio of rms residual to noise up to which noise explains the residual and no grid is tried."""
 
 MAX_FOLDS = 5
 """Maximum number of folds that are withheld in turn: loops, or blocks if there are few loops."""
@@ -64,16 +64,16 @@ BLOCKS_PER_FOLD = 20
 """Blocks of a record that are withheld together. With fewer blocks, whole branches would be
 withheld. A grid would have to extrapolate, and its error would say nothing about other records."""
 
-MIN_LOOPS_TO_WITHHOLD = 3  # minimum number of loops with which whole loops are withheld
+MIN_LOOPS_TO_WITHHOLD = 3  # minimum number of loops for which whole loops are withheld, not blocks
 MAX_CENTRE_SHARE = 0.1
-"""Largest distance of the mid-range input from zero, in input ranges, for trying an even grid."""
+"""Largest mid-range input, in input ranges, for which an even grid is tried."""
 
 LAW = "play-cells"
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Nonlinear parameters of the least-squares problem, and the solution for their values."""
+    """Nonlinear parameters of the least-squares problem, and the solution for these parameters."""
 
     lag: float  # lag, s
     centre: float  # centre of the curves (``in_0``)
@@ -148,8 +148,8 @@ class CellProblem:
     def __init__(self, loopset: Loops) -> None:
         self.loopset = loopset
         self.solve_count = 0
-        self.low = min(float(loop.input.min()) for loop in loopset.loops)
-        self.span = max(float(loop.input.max()) for loop in loopset.loops) - self.low
+        self.lowest_input = min(float(loop.input.min()) for loop in loopset.loops)
+        self.input_range = max(float(loop.input.max()) for loop in loopset.loops) - self.lowest_input
         self.output_range = max(float(np.ptp(loop.output)) for loop in loopset.loops)
         if any(correlation(loop.input, loop.output) < -0.5 for loop in loopset.loops):
             name, drive = loopset.output.name.replace("_", " "), loopset.input.name
@@ -157,10 +157,10 @@ class CellProblem:
                 f"the {name} falls as the {drive} rises; flip the sign of one of the columns",
                 code="output-falls",
             )
-        self.slope = STRAIGHT_SLOPE_SHARE * self.output_range / self.span
-        self.basis = make_common_basis(self.span)
+        self.straight_slope = STRAIGHT_SLOPE_SHARE * self.output_range / self.input_range
+        self.basis = make_common_basis(self.input_range)
         # tried centres of the curves, in units of the input
-        self.centres = [self.low + position * self.span for position in CENTRE_POSITIONS]
+        self.centres = [self.lowest_input + position * self.input_range for position in CENTRE_POSITIONS]
         self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
         self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
         self.known_masks = [_mask_known_samples(loop) for loop in loopset.loops]
@@ -171,12 +171,12 @@ class CellProblem:
 
         If the input range is almost symmetrical about zero, a problem with an even grid is added.
         """
-        centre = self.low + 0.5 * self.span
+        centre = self.lowest_input + 0.5 * self.input_range
         problems = []
-        for is_even in (True, False) if abs(centre) <= MAX_CENTRE_SHARE * self.span else (False,):
+        for is_even in (True, False) if abs(centre) <= MAX_CENTRE_SHARE * self.input_range else (False,):
             problem = copy(self)
-            problem.basis = make_grid_basis(self.span, is_even=is_even)
-            problem.centres = [centre if is_even else self.low]
+            problem.basis = make_grid_basis(self.input_range, is_even=is_even)
+            problem.centres = [centre if is_even else self.lowest_input]
             problem._plays, problem._columns = {}, None
             problems.append(problem)
         return problems
@@ -184,15 +184,15 @@ class CellProblem:
     def include_initial_curves(self) -> CellProblem:
         """Return the same problem, with initial curves that begin at the centre of the curves.
 
-        Before such a curve, the input never left the centre. A grid has curves for the samples.
+        They are used if the input never left the centre before. The curves of a grid can fit them.
         """
         problem, masks = copy(self), []
         for loop, mask in zip(self.loopset.loops, self.fitted_masks, strict=True):
             input_before = np.append(_input_before(loop.history, loop.input), loop.input[0])
-            starts_at_middle = (
-                np.max(np.abs(input_before - self.centres[0])) <= (1.0 - FAR_END_SHARE) * self.span
+            starts_at_centre = (
+                np.max(np.abs(input_before - self.centres[0])) <= (1.0 - FAR_END_SHARE) * self.input_range
             )
-            masks.append(np.ones_like(mask) if starts_at_middle else mask)
+            masks.append(np.ones_like(mask) if starts_at_centre else mask)
         problem.fitted_masks = masks
         return problem
 
@@ -204,12 +204,12 @@ class CellProblem:
     def remove_outliers(self) -> None:
         """Exclude a few samples that deviate strongly from the best fit without a lag."""
         solutions = [self.solve(Trial(0.0, centre)) for centre in self.centres]
-        best = min(solutions, key=lambda attempt: attempt.rms)
-        assert best.weights is not None
-        offset = float(best.weights[-2] - best.weights[-1])
+        best_trial = min(solutions, key=lambda attempt: attempt.rms)
+        assert best_trial.weights is not None
+        offset = float(best_trial.weights[-2] - best_trial.weights[-1])
         deviations = [
             np.abs(loop.output - output - offset)
-            for loop, (output, _) in zip(self.loopset.loops, self.outputs(best), strict=True)
+            for loop, (output, _) in zip(self.loopset.loops, self.outputs(best_trial), strict=True)
         ]
         median = float(np.median(np.concatenate(deviations)))
         masks = [
@@ -234,7 +234,7 @@ class CellProblem:
         return float(min((np.median(np.diff(clock)) for clock in self.clocks), default=0.0))
 
     @property
-    def rates(self) -> list[float]:
+    def cycle_rates(self) -> list[float]:
         """Cycle rate of each loop, Hz."""
         return [cycle_rate(loop.input, loop.time) for loop in self.loopset.loops]
 
@@ -243,7 +243,7 @@ class CellProblem:
         """Lags that are tried, s."""
         if not self.sample_time:
             return [0.0]
-        has_one_rate = max(self.rates) < MIN_RATE_RATIO * min(self.rates)
+        has_one_rate = max(self.cycle_rates) < MIN_RATE_RATIO * min(self.cycle_rates)
         return [
             lag * self.sample_time
             for lag in LAG_SAMPLES
@@ -256,8 +256,8 @@ class CellProblem:
         if not self.sample_time:
             return ()
         longest_time = max(float(clock[-1] - clock[0]) for clock in self.clocks)
-        times = (share * longest_time for share in CREEP_TIME_SHARES)
-        return tuple(time for time in times if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time)
+        time_constants = (time_ratio * longest_time for time_ratio in CREEP_TIME_SHARES)
+        return tuple(t for t in time_constants if t >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time)
 
     def play_positions(self, lag: float, centre: float) -> list[tuple[FloatArray, FloatArray]]:
         """Return the play positions in each loop and before it, relative to the curve centre."""
@@ -265,27 +265,30 @@ class CellProblem:
             self._plays |= {(lag, tried_centre): [] for tried_centre in self.centres}
             centres, thresholds = np.array(self.centres)[:, None], self.basis.thresholds
             for loop in self.loopset.loops:
-                drive = loop.input
+                inputs = loop.input
                 if lag and loop.time is not None:
-                    drive = Dynamics(lag).delay_record(drive, loop.time)
+                    inputs = Dynamics(lag).delay_record(inputs, loop.time)
                 # All cells start at the centre of the curves.
-                path = _input_before(loop.history, drive) - centres
-                path = np.concatenate([np.zeros_like(centres), path], axis=1)
+                input_path = _input_before(loop.history, inputs) - centres
+                input_path = np.concatenate([np.zeros_like(centres), input_path], axis=1)
                 start = np.zeros((centres.size, thresholds.size))
-                at_rest = move_plays(path, thresholds, start)[-1]
-                positions = move_plays(drive - centres, thresholds, at_rest)
-                for index, tried_middle in enumerate(self.centres):
-                    self._plays[lag, tried_middle].append((positions[:, index], at_rest[index]))
+                rest_positions = move_plays(input_path, thresholds, start)[-1]
+                positions = move_plays(inputs - centres, thresholds, rest_positions)
+                for index, initial_centre in enumerate(self.centres):
+                    self._plays[lag, initial_centre].append((positions[:, index], rest_positions[index]))
         return self._plays[lag, centre]
 
     def outputs(self, attempt: Trial) -> list[tuple[FloatArray, float]]:
         """Return the output of a trial in each loop and before it, without creep and offset."""
         assert attempt.weights is not None
         outputs, plays = [], self.play_positions(attempt.lag, attempt.centre)
-        for columns, (fields, at_rest) in zip(self.columns(attempt), plays, strict=True):
+        for columns, (fields, rest_positions) in zip(self.columns(attempt), plays, strict=True):
             weights = attempt.weights[: columns.shape[1]]
-            rest_output = self.basis.columns(at_rest[None])[0] @ weights + self.slope * at_rest[0]
-            outputs.append((columns @ weights + self.slope * fields[:, 0], float(rest_output)))
+            rest_output = (
+                self.basis.columns(rest_positions[None])[0] @ weights
+                + self.straight_slope * rest_positions[0]
+            )
+            outputs.append((columns @ weights + self.straight_slope * fields[:, 0], float(rest_output)))
         return outputs
 
     def columns(self, attempt: Trial) -> list[FloatArray]:
@@ -325,7 +328,7 @@ class CellProblem:
             creep_columns = [creep_responses[index]] if creep_responses else []
             mask = (self.fitted_masks if masks is None else masks)[index]
             rows.append(weight * np.hstack([columns[index], *creep_columns, unit_column, -unit_column])[mask])
-            straight_part = self.slope * plays[index][0][:, 0]
+            straight_part = self.straight_slope * plays[index][0][:, 0]
             targets.append(weight * (loop.output - straight_part)[mask])
             folds.append(self.fold_numbers[index][mask])
         return System(self.basis, *map(np.concatenate, (rows, targets, folds)))
@@ -344,7 +347,7 @@ class CellProblem:
             end_blocks = 0, MAX_FOLDS * BLOCKS_PER_FOLD - 1
             folds = [np.where(np.isin(block, end_blocks), -1, block % MAX_FOLDS) for block in blocks]
         else:
-            is_largest = [float(np.ptp(loop.input)) >= FAR_END_SHARE * self.span for loop in loops]
+            is_largest = [float(np.ptp(loop.input)) >= FAR_END_SHARE * self.input_range for loop in loops]
             is_never_withheld = [not all(is_largest) and largest for largest in is_largest]
             loop_folds = [
                 -1 if is_never else index % MAX_FOLDS for index, is_never in enumerate(is_never_withheld)
@@ -358,8 +361,8 @@ class CellProblem:
         for loop, (output, rest_output) in zip(self.loopset.loops, self.outputs(attempt), strict=True):
             assert loop.time is not None
             columns = []
-            for time in creep_times:
-                dynamics, start = Dynamics(0.0, (time,), (1.0,)), np.array([rest_output])
+            for time_constant in creep_times:
+                dynamics, start = Dynamics(0.0, (time_constant,), (1.0,)), np.array([rest_output])
                 if loop.history.kind == "settled":
                     start = dynamics.settled_creep(output, loop.time, is_flux_known=True)
                 columns.append(dynamics.apply_creep(output, loop.time, start, is_flux_known=True)[0] - output)
@@ -370,7 +373,7 @@ class CellProblem:
         """Return the model of a solved trial."""
         assert attempt.weights is not None
         cell_weight_count = self.basis.thresholds.size * self.basis.widths.size
-        slope, weights = self.slope, attempt.weights[:cell_weight_count] / self.slope
+        slope, weights = self.straight_slope, attempt.weights[:cell_weight_count] / self.straight_slope
         creep_weights = attempt.weights[cell_weight_count:-2]
         creep_terms = [
             (t, float(w)) for t, w in zip(attempt.creep_times, creep_weights, strict=True) if w > 1e-4
@@ -392,17 +395,17 @@ class CellProblem:
                 attempt.lag,
                 tuple(t for t, _ in creep_terms),
                 tuple(w for _, w in creep_terms),
-                max(self.rates),
+                max(self.cycle_rates),
             ),
         )
 
 
 def thin_loops(loopset: Loops) -> Loops:
     """Reduce long records to every n-th sample."""
-    step = 1 + sum(loop.n for loop in loopset.loops) // MAX_SAMPLES
-    if step == 1:
+    sample_step = 1 + sum(loop.n for loop in loopset.loops) // MAX_SAMPLES
+    if sample_step == 1:
         return loopset
-    samples = slice(None, None, step)
+    samples = slice(None, None, sample_step)
     return loopset.with_loops(
         replace(
             loop,

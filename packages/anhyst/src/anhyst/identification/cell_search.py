@@ -1,12 +1,12 @@
 """Search the parameters of play cells from many start points, with one, two and three populations.
 
 A population is a group of cells with one curve width and a distribution of thresholds. The start
-points cover the normalised parameters of typical loops (:mod:`.screening`). The Jiles-Atherton fit
-adds a few. The costs of all are compared on few samples. The better points are optimised for a few
-steps, the best results for more steps, and the last two until convergence. If the costs of the last
-two differ and exceed the noise, more start points are tried. A population is added where the
-residual of the smaller fit predicts the largest gain. If an added population does not help, the
-first population is split.
+points cover the normalised parameters of typical loops (:mod:`.screening`), and the Jiles-Atherton
+fit adds a few. The costs of all start points are compared on few samples. The better points are
+optimised for a few steps, the best results for more steps, and the two best of these until
+convergence. If the costs of these two fits differ and exceed the noise, more start points are
+tried. A population is added with the parameters for which the residual of the smaller fit predicts
+the largest gain. If an added population does not help, the first population is split.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ steps."""
 
 _DEFAULT_SCHEDULE = ((6, 20), _FINAL_STOP)
 _PATIENT_SCHEDULE = ((15, 40), (1e-7, 200))
-"""Steps of the short and of the long descents, then tolerance and steps of the final ones.
+"""Steps of the short and of the long descents, then tolerance and steps of the final descents.
 
 The patient schedule is used if there are few loops and the residual exceeds the noise.
 """
@@ -60,15 +60,15 @@ _MAX_FEW_LOOPS = 2
 """Number of loops up to which a long flat valley of the cost can look like convergence."""
 
 _PATIENT_COST_RATIO = 0.8
-"""Ratio of the costs of the two schedules below which the result of the patient one is used."""
+"""Largest cost of the patient schedule, relative to the default one, for which it is used."""
 _AGREEMENT_COST_RATIO = 1.1
-"""Ratio of the costs of two final fits below which they agree."""
+"""Two final fits agree if the ratio of the larger to the smaller cost is below this value."""
 
 _EQUAL_START_DISTANCE = 0.02
 """Largest difference of any coordinate at which two descents are treated as the same."""
 
 _HOPELESS_COST_RATIO = 2.0
-"""Multiple of the lowest cost that a descent must be able to reach; otherwise it is abandoned."""
+"""A descent is abandoned if it cannot reach this multiple of the lowest cost."""
 
 _THRESHOLD_TO_PINNING_RATIOS = (1.0, 0.4)
 """Threshold scales of start points, relative to the pinning ``k`` of the Jiles-Atherton fit."""
@@ -88,14 +88,14 @@ _MAX_START_INTERACTION = 0.8
 jumps."""
 
 _ADDED_POPULATION_COST_RATIO = 0.98
-"""Ratio of the costs with and without an added population, above which it is discarded."""
+"""Ratio of the cost with an added population to that without, above which it is discarded."""
 
 _REMOVED_OFFSET_COST_RATIO = 1.2
-"""Ratio of the costs without and with offsets, above which the search without offsets is repeated,
-because another minimum may be better."""
+"""Ratio of the cost without offsets to that with offsets, above which the search without offsets is
+repeated, because another minimum may be better."""
 
 _MAX_CURVE_COST_RATIO = 4.0
-"""Ratio of the costs of two curve forms, above which the worse one gets no further population."""
+"""Largest cost of a curve form, relative to the best one, for which a population is added."""
 
 _ADDED_WIDTH_RATIOS = (0.3, 0.6, 1.0, 2.0, 5.0)
 _ADDED_PINNING_RATIOS = (0.1, 0.3, 1.0, 3.0)
@@ -110,48 +110,48 @@ effect is estimated, and the range at the start of its fit."""
 _MAX_SUGGESTIONS = 8  # maximum number of start points with a new population per smaller fit
 
 _SPLIT_WIDTH_RATIOS = (0.6, 1.0)
-"""Widths of a population that is split off the first one, relative to its width. The split has no
-first-order effect on the cost, so the residual cannot suggest it."""
+"""Widths of a population that is split off the first one, relative to the width of the first one.
+The split has no first-order effect on the cost, so the residual cannot suggest it."""
 
 
 @dataclass(frozen=True, eq=False)
-class _SampleLevels:
+class _SampleSpaces:
     """The same least-squares problem on few, more and all samples of a search."""
 
-    rough: CoordinateSpace
-    coarse: CoordinateSpace
-    fine: CoordinateSpace
+    screening_space: CoordinateSpace
+    coarse_space: CoordinateSpace
+    fine_space: CoordinateSpace
     smoothness: float
 
     @property
     def kernel(self) -> CellKernel:
         """The play cells that are fitted."""
-        kernel = self.fine.form.cells
+        kernel = self.fine_space.form.cells
         assert isinstance(kernel, CellKernel)
         return kernel
 
     def descend(
         self,
         starts: Iterable[FloatArray],
-        max_long: int = _MAX_LONG_DESCENTS,
+        max_long_descents: int = _MAX_LONG_DESCENTS,
         schedule: tuple[tuple[int, int], tuple[float, int]] = _DEFAULT_SCHEDULE,
     ) -> list[FoundModel]:
         """Optimise from ever fewer start points in stages; return the final fits, best first.
 
         A descent ends early if, at its present rate, it cannot come close to the lowest cost.
         """
-        objective = Objective(self.rough, self.smoothness)
-        (short_steps, long_steps), final_stop = schedule
-        costs = [(_cost_at(objective, theta), index, theta) for index, theta in enumerate(starts)]
+        objective = Objective(self.screening_space, self.smoothness)
+        (short_steps, long_steps), final_stopping_rule = schedule
+        costs = [(_compute_cost(objective, theta), index, theta) for index, theta in enumerate(starts)]
         best_starts = [
             theta for cost, _, theta in sorted(costs, key=lambda rated: rated[:2])[:_MAX_SHORT_DESCENTS]
         ]
         evaluations = len(costs)
         fits: list[FoundModel] = []
         for space, keep_count, tolerance, max_steps in (
-            (self.coarse, max_long, 1e-3, short_steps),
-            (self.coarse, _MAX_FINAL_DESCENTS, 1e-4, long_steps),
-            (self.fine, _MAX_FINAL_DESCENTS, *final_stop),
+            (self.coarse_space, max_long_descents, 1e-3, short_steps),
+            (self.coarse_space, _MAX_FINAL_DESCENTS, 1e-4, long_steps),
+            (self.fine_space, _MAX_FINAL_DESCENTS, *final_stopping_rule),
         ):
             fits = []
             for index, theta in enumerate(best_starts):
@@ -163,15 +163,15 @@ class _SampleLevels:
                 if (duplicate_start := next(earlier_starts, None)) is not None:
                     fits.append(fits[duplicate_start])
                     continue
-                goal = _HOPELESS_COST_RATIO * min((fit.cost for fit in fits), default=np.inf)
-                fits.append(descend_from(space, theta, tolerance, max_steps, self.smoothness, goal))
+                goal_cost = _HOPELESS_COST_RATIO * min((fit.cost for fit in fits), default=np.inf)
+                fits.append(descend_from(space, theta, tolerance, max_steps, self.smoothness, goal_cost))
                 evaluations += fits[-1].evaluations
             fits = sorted(fits, key=lambda fit: fit.cost)[:keep_count]
             best_starts = [fit.theta for fit in fits]
         return [replace(fits[0], evaluations=evaluations), *fits[1:]]
 
 
-def _cost_at(objective: Objective, theta: FloatArray) -> float:
+def _compute_cost(objective: Objective, theta: FloatArray) -> float:
     deviation = objective.deviations(theta)
     return float(deviation @ deviation)
 
@@ -180,12 +180,12 @@ def _cost_at(objective: Objective, theta: FloatArray) -> float:
 class CellSearch:
     """Search for play cells of all curve forms and population counts, after a fit without cells."""
 
-    base: FoundModel  # fit of a law without cells
+    base_fit: FoundModel  # fit of a law without cells
     records: FitRecords
     seed: int
     exceeds_noise: Callable[[FoundModel], bool]
     is_usable: Callable[[FoundModel], bool]
-    drop: Callable[[ModelCandidate, Exception], None]
+    drop_candidate: Callable[[ModelCandidate, Exception], None]
 
     def fit_candidates(self, candidates: Sequence[ModelCandidate]) -> dict[ModelCandidate, Fits]:
         """Fit play cells of every curve form; stop adding populations when they do not help."""
@@ -202,15 +202,15 @@ class CellSearch:
                 if shape not in shapes:
                     continue
                 kernel = replace(candidate.cells, table_error=_SEARCH_TABLE_ERROR)
-                form = replace(self.base.space.form, law=LAW_BY_SHAPE[shape], cells=kernel, dead_band=0.0)
+                form = replace(self.base_fit.space.form, law=LAW_BY_SHAPE[shape], cells=kernel, dead_band=0.0)
                 smaller_fits = previous_fits.get(shape, [])
                 try:
-                    fits = self._fit_candidate(self._make_levels(candidate, form), smaller_fits)
+                    fits = self._fit_candidate(self._make_sample_spaces(candidate, form), smaller_fits)
                     if smaller_fits and fits[0].cost > _ADDED_POPULATION_COST_RATIO * smaller_fits[0].cost:
                         continue
                     reduced_fits = self._remove_offsets(candidate, fits)
                 except FAILURES as error:
-                    self.drop(candidate, error)
+                    self.drop_candidate(candidate, error)
                     continue
                 fits_by_shape[shape] = fits
                 fits_by_candidate[candidate] = Fits(fits[0], reduced_fits)
@@ -223,28 +223,30 @@ class CellSearch:
             shapes = set(previous_fits)
         return fits_by_candidate
 
-    def _fit_candidate(self, levels: _SampleLevels, smaller_fits: list[FoundModel]) -> list[FoundModel]:
+    def _fit_candidate(self, spaces: _SampleSpaces, smaller_fits: list[FoundModel]) -> list[FoundModel]:
         """Fit one candidate from smaller fits or, if there are none, from a fit without cells."""
         starts = (
-            _suggest_population_starts(levels, smaller_fits)
+            _suggest_population_starts(spaces, smaller_fits)
             if smaller_fits
-            else _starts_from_jiles_atherton(levels, self.base)
+            else _starts_from_jiles_atherton(spaces, self.base_fit)
         )
-        fits = self._search_starts(levels, starts)
+        fits = self._search_starts(spaces, starts)
         if (
             smaller_fits
             and fits[0].cost > _ADDED_POPULATION_COST_RATIO * smaller_fits[0].cost
             and self.exceeds_noise(fits[0])
         ):
-            objective = Objective(levels.coarse, levels.smoothness)
+            objective = Objective(spaces.coarse_space, spaces.smoothness)
             split_starts = [
                 _rate_added_population(objective, smaller_fits[0], ratios)[1]
                 for ratios in product(_SPLIT_WIDTH_RATIOS, _ADDED_PINNING_RATIOS)
             ]
-            fits = _keep_best([*fits, *levels.descend(split_starts, len(split_starts))])
+            fits = _keep_best_fits([*fits, *spaces.descend(split_starts, len(split_starts))])
         if not smaller_fits and not self.is_usable(fits[0]):
-            # Also descend from the Jiles-Atherton starts: their fits may be usable.
-            own_fits = [descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness) for theta in starts]
+            # Also descend from the Jiles-Atherton starts, because the resulting fits may be usable.
+            own_fits = [
+                descend_from(spaces.fine_space, theta, *_FINAL_STOP, spaces.smoothness) for theta in starts
+            ]
             usable_fits = sorted(filter(self.is_usable, own_fits), key=lambda fit: fit.cost)
             fits = [*usable_fits[:1], *fits][:_MAX_FINAL_DESCENTS]
         return fits
@@ -254,49 +256,49 @@ class CellSearch:
         fit = remove_unneeded_offsets(final_fits[0], *_FINAL_STOP)
         if fit.cost <= _REMOVED_OFFSET_COST_RATIO * final_fits[0].cost:
             return fit
-        levels = self._make_levels(replace(candidate, fixed=fit.space.fixed), final_fits[0].space.form)
-        starts = [levels.coarse.pack(final_fit.parameter_sets) for final_fit in (fit, *final_fits)]
-        found_models, *_ = self._search_starts(levels, starts)
+        spaces = self._make_sample_spaces(replace(candidate, fixed=fit.space.fixed), final_fits[0].space.form)
+        starts = [spaces.coarse_space.pack(final_fit.parameter_sets) for final_fit in (fit, *final_fits)]
+        found_models, *_ = self._search_starts(spaces, starts)
         return min(fit, found_models, key=lambda final_fit: final_fit.cost)
 
-    def _make_levels(self, candidate: ModelCandidate, form: ResponseForm) -> _SampleLevels:
-        rough, coarse, fine = (
+    def _make_sample_spaces(self, candidate: ModelCandidate, form: ResponseForm) -> _SampleSpaces:
+        screening_space, coarse_space, fine_space = (
             CoordinateSpace(candidate.gap_map, records, form, candidate.fixed, candidate.common)
             for records in map(self.records.thinned, (_SCREENING_SAMPLES, COARSE_SAMPLES, FINE_SAMPLES))
         )
-        smoothness = SMOOTHNESS_WEIGHT * self.base.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
-        return _SampleLevels(rough, coarse, fine, smoothness)
+        smoothness = SMOOTHNESS_WEIGHT * self.base_fit.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
+        return _SampleSpaces(screening_space, coarse_space, fine_space, smoothness)
 
-    def _search_starts(self, levels: _SampleLevels, given_starts: list[FloatArray]) -> list[FoundModel]:
+    def _search_starts(self, spaces: _SampleSpaces, given_starts: list[FloatArray]) -> list[FoundModel]:
         """Search from random and given start points until the best fits agree or fit the noise.
 
-        With few loops, agreement is not evidence, because flat valleys are long. If the residual
-        exceeds the noise, the patient schedule is then applied to all start points. A patient
-        result that is only slightly better is ignored: the gain is chance and does not improve
-        predictions.
+        With few loops, agreement of fits is not evidence, because the flat valleys of the cost are
+        long. If the residual of few loops exceeds the noise, the patient schedule is applied to all
+        start points. A patient result that is only slightly better is ignored: the gain is chance
+        and does not improve predictions.
         """
-        kernel, fits, tried_starts = levels.kernel, list[FoundModel](), list[FloatArray]()
+        kernel, fits, tried_starts = spaces.kernel, list[FoundModel](), list[FloatArray]()
         draw_count = _STARTS_PER_ROUND if kernel.population_count < 3 else 0
         for round_index in range(_MAX_ROUNDS):
             cell_starts = sample_cell_starts(
-                kernel, draw_count, self.seed + round_index, levels.fine.gap_map in SERIES_MAPS
+                kernel, draw_count, self.seed + round_index, spaces.fine_space.gap_map in SERIES_MAPS
             )
-            start_sets = (scale_to_loops(levels.coarse, start) for start in cell_starts)
+            start_sets = (scale_to_loops(spaces.coarse_space, start) for start in cell_starts)
             new_starts = [
                 *given_starts,
                 *(
-                    levels.coarse.pack(parameter_sets)
+                    spaces.coarse_space.pack(parameter_sets)
                     for parameter_sets in start_sets
                     if has_valid_scales(parameter_sets)
                 ),
             ]
-            fits = _keep_best([*fits, *levels.descend(new_starts)])
+            fits = _keep_best_fits([*fits, *spaces.descend(new_starts)])
             tried_starts, given_starts = [*tried_starts, *new_starts], []
-            has_agreement = len(fits) > 1 and fits[-1].cost < _AGREEMENT_COST_RATIO * fits[0].cost
-            if not draw_count or has_agreement or not self.exceeds_noise(fits[0]):
+            do_fits_agree = len(fits) > 1 and fits[-1].cost < _AGREEMENT_COST_RATIO * fits[0].cost
+            if not draw_count or do_fits_agree or not self.exceeds_noise(fits[0]):
                 break
-        if len(levels.fine.records.loops) <= _MAX_FEW_LOOPS and self.exceeds_noise(fits[0]):
-            patient_fits = levels.descend(tried_starts, schedule=_PATIENT_SCHEDULE)
+        if len(spaces.fine_space.records.loops) <= _MAX_FEW_LOOPS and self.exceeds_noise(fits[0]):
+            patient_fits = spaces.descend(tried_starts, schedule=_PATIENT_SCHEDULE)
             if patient_fits[0].cost < _PATIENT_COST_RATIO * fits[0].cost:
                 return patient_fits
         return fits
@@ -311,28 +313,31 @@ def use_exact_tables(fit: FoundModel) -> FoundModel:
     return replace(fit, space=replace(fit.space, form=form))
 
 
-def _keep_best(fits: Iterable[FoundModel]) -> list[FoundModel]:
+def _keep_best_fits(fits: Iterable[FoundModel]) -> list[FoundModel]:
     return sorted(fits, key=lambda fit: fit.cost)[:_MAX_FINAL_DESCENTS]
 
 
-def _starts_from_jiles_atherton(levels: _SampleLevels, base: FoundModel) -> list[FloatArray]:
+def _starts_from_jiles_atherton(spaces: _SampleSpaces, base_fit: FoundModel) -> list[FloatArray]:
     """Make several start points of play cells from a Jiles-Atherton fit."""
-    width_ratio, slope = (_WIDTHS_WITH_LANGEVIN_SLOPE[levels.kernel.shape], CURVE_SLOPES[levels.kernel.shape])
-    power = base.space.form.power
+    width_ratio, slope = (_WIDTHS_WITH_LANGEVIN_SLOPE[spaces.kernel.shape], CURVE_SLOPES[spaces.kernel.shape])
+    power = base_fit.space.form.power
     start_sets = [
         [
             _make_cells(parameter_set, power, width_ratio, slope, pinning_ratio, kept_interaction)
-            for parameter_set in base.parameter_sets
+            for parameter_set in base_fit.parameter_sets
         ]
         for pinning_ratio in _THRESHOLD_TO_PINNING_RATIOS
         for kept_interaction in (1.0, 0.0)
-        if kept_interaction or min(parameter_set.omega for parameter_set in base.parameter_sets) < 0.0
+        if kept_interaction or min(parameter_set.omega for parameter_set in base_fit.parameter_sets) < 0.0
     ]
-    if max(parameter_set.kappa for parameter_set in base.parameter_sets) > _MAX_PINNING_TO_WIDTH:
+    if max(parameter_set.kappa for parameter_set in base_fit.parameter_sets) > _MAX_PINNING_TO_WIDTH:
         start_sets.append(
-            [_make_narrow_cells(parameter_set, power, width_ratio) for parameter_set in base.parameter_sets]
+            [
+                _make_narrow_cells(parameter_set, power, width_ratio)
+                for parameter_set in base_fit.parameter_sets
+            ]
         )
-    return [levels.coarse.pack(sets) for sets in start_sets]
+    return [spaces.coarse_space.pack(sets) for sets in start_sets]
 
 
 def _make_narrow_cells(parameter_set: ParameterSet, power: int, width_ratio: float) -> ParameterSet:
@@ -357,7 +362,7 @@ def _make_cells(
 ) -> ParameterSet:
     """Convert a Jiles-Atherton parameter set to cells with the same initial slope.
 
-    Negative interaction makes a curve steeper. It is kept, or a steeper curve replaces it.
+    Negative interaction makes a curve steeper. The cells keep it, or have a steeper curve.
     """
     reversible_share = parameter_set.c + 0.05
     omega = parameter_set.omega / width_ratio
@@ -376,10 +381,10 @@ def _make_cells(
     )
 
 
-def _suggest_population_starts(levels: _SampleLevels, smaller_fits: Sequence[FoundModel]) -> list[FloatArray]:
-    """Make start points with an added population where the residual predicts the largest gains."""
+def _suggest_population_starts(spaces: _SampleSpaces, smaller_fits: Sequence[FoundModel]) -> list[FloatArray]:
+    """Make start points with the added populations that reduce the residual most."""
     suggestions = []
-    objective = Objective(levels.coarse, levels.smoothness)
+    objective = Objective(spaces.coarse_space, spaces.smoothness)
     for fit in dict.fromkeys(smaller_fits):  # some fits may be equal
         rated_starts = [
             _rate_added_population(objective, fit, ratios)
@@ -399,10 +404,10 @@ def _rate_added_population(
     """
     power, space = fit.space.form.power, objective.space
 
-    def make_start(share: float) -> FloatArray:
+    def make_start(saturation_ratio: float) -> FloatArray:
         return space.pack(
             [
-                _add_population(parameter_set, power, (share, *width_and_pinning))
+                _add_population(parameter_set, power, (saturation_ratio, *width_and_pinning))
                 for parameter_set in fit.parameter_sets
             ]
         )
@@ -412,19 +417,19 @@ def _rate_added_population(
         _, gradient, normal = objective.normal_equations(theta)
     except NoResponseError:
         return -np.inf, theta
-    share_name = f"share_{len(fit.parameter_sets[0].law) // 4 + 1}"
+    saturation_name = f"share_{len(fit.parameter_sets[0].law) // 4 + 1}"
     # With the map ``free``, the saturation of the added population has one value per gap. All
     # values change together.
-    is_share = np.array([name.partition("[")[0] == share_name for name in space.names])
-    is_other = ~is_share
-    other_normal = normal[np.ix_(is_other, is_other)]
-    other_normal += 1e-6 * np.diag(np.diag(other_normal)) + 1e-12 * np.trace(other_normal) * np.eye(
-        other_normal.shape[0]
+    is_saturation = np.array([name.partition("[")[0] == saturation_name for name in space.names])
+    is_free = ~is_saturation
+    free_normal = normal[np.ix_(is_free, is_free)]
+    free_normal += 1e-6 * np.diag(np.diag(free_normal)) + 1e-12 * np.trace(free_normal) * np.eye(
+        free_normal.shape[0]
     )
-    coupling = normal[np.ix_(is_share, is_other)].sum(axis=0)
-    absorbed_change = np.linalg.solve(other_normal, np.stack([coupling, gradient[is_other]], axis=1))
-    curvature = normal[np.ix_(is_share, is_share)].sum() - coupling @ absorbed_change[:, 0]
-    reduced_gradient = gradient[is_share].sum() - coupling @ absorbed_change[:, 1]
+    coupling = normal[np.ix_(is_saturation, is_free)].sum(axis=0)
+    absorbed_change = np.linalg.solve(free_normal, np.stack([coupling, gradient[is_free]], axis=1))
+    curvature = normal[np.ix_(is_saturation, is_saturation)].sum() - coupling @ absorbed_change[:, 0]
+    reduced_gradient = gradient[is_saturation].sum() - coupling @ absorbed_change[:, 1]
     step = -reduced_gradient / max(curvature, 1e-30)  # change of the logarithm of the saturation
     gain = max(step, 0.0) * -reduced_gradient
     return gain, make_start(float(np.clip(_PROBE_SATURATION_RATIO * (1.0 + step), *_START_SATURATION_RANGE)))
@@ -434,16 +439,16 @@ def _add_population(
     parameter_set: ParameterSet, power: int, share_width_pinning: tuple[float, float, float]
 ) -> ParameterSet:
     """Return a parameter set with one more population and the same initial slope."""
-    share, width, pinning = share_width_pinning
-    total_slope = 1.0 + share / width
-    share_0, width_0, pinning_1, spread_1, *other_values = parameter_set.law
-    scaled_others = [
-        value / total_slope if index % 4 == 0 else value for index, value in enumerate(other_values)
+    saturation_ratio, width, pinning = share_width_pinning
+    total_slope = 1.0 + saturation_ratio / width
+    reversible_ratio, width_0, pinning_1, spread_1, *further_values = parameter_set.law
+    scaled_values = [
+        value / total_slope if index % 4 == 0 else value for index, value in enumerate(further_values)
     ]
-    added_cells = (share, width, pinning_1 * pinning, spread_1)
+    added_cells = (saturation_ratio, width, pinning_1 * pinning, spread_1)
     return replace(
         parameter_set,
-        law=(share_0 * total_slope, width_0, pinning_1, spread_1, *scaled_others, *added_cells),
+        law=(reversible_ratio * total_slope, width_0, pinning_1, spread_1, *scaled_values, *added_cells),
         omega=parameter_set.omega / total_slope,
         gain=parameter_set.gain / total_slope**power,
     )

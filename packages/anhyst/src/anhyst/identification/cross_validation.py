@@ -19,7 +19,7 @@ from anhyst.data import Loop, Loops
 from anhyst.data.estimates import estimate_noise
 from anhyst.data.verdict import largest_output
 from anhyst.identification.default_search import FoundModel, descend_from
-from anhyst.identification.fit_records import FitRecords, block_numbers_along, relative_times
+from anhyst.identification.fit_records import FitRecords, block_numbers_by_travel, relative_times
 from anhyst.identification.model_building import make_model
 from anhyst.identification.uncertainty import remove_unneeded_offsets
 from anhyst.model.actuator import Model
@@ -40,7 +40,7 @@ _CLEAR_SQUARE_RATIO = 1.0 / 9.0
 
 _MIN_WITHHELD_ITEMS = 4  # minimum number of differences for _CLEAR_SQUARE_RATIO
 EQUAL_ERROR_RATIO = 1.02
-"""Ratio of cross-validation errors within which they count as equal."""
+"""Ratio of two cross-validation errors up to which these errors count as equal."""
 
 _MAX_MEAN_ERROR_RATIO = 1.05
 """Factor by which the mean error may increase if the mean square error of all loops decreases."""
@@ -85,7 +85,7 @@ class WithheldError:
 
 @dataclass(frozen=True, slots=True)
 class Refit:
-    """A fit without some gaps, loops or blocks: its cost, and its error at each of them."""
+    """A fit without some gaps, loops or blocks: its cost, and its error at each withheld item."""
 
     cost: float
     errors: Mapping[int, WithheldError]
@@ -120,9 +120,9 @@ def block_numbers(records: FitRecords) -> tuple[int, ...]:
     return tuple(range(len(records.loops) * blocks_per_loop(records)))
 
 
-def refit(start: FoundModel, loopset: Loops, fold: Fold, withheld_kind: WithheldKind = "gap") -> Refit:
+def refit(start_fit: FoundModel, loopset: Loops, fold: Fold, withheld_kind: WithheldKind = "gap") -> Refit:
     """Fit without some gaps, loops or blocks, select the offsets again, and predict these data."""
-    full_space = start.with_records(start.space.records.thinned(FOLD_SAMPLES)).space
+    full_space = start_fit.with_records(start_fit.space.records.thinned(FOLD_SAMPLES)).space
     groups = list(loopset.by_schedule().values())
     blocks, coordinates = blocks_per_loop(full_space.records), np.arange(full_space.size)
     if withheld_kind == "gap":
@@ -136,17 +136,17 @@ def refit(start: FoundModel, loopset: Loops, fold: Fold, withheld_kind: Withheld
         (_TOLERANCE, _MAX_STEPS) if full_space.form.cells is None else (_CELL_TOLERANCE, _MAX_CELL_STEPS)
     )
     try:
-        fit = descend_from(space, start.theta[coordinates], tolerance, max_steps, start.smoothness)
+        fit = descend_from(space, start_fit.theta[coordinates], tolerance, max_steps, start_fit.smoothness)
         if full_space.form.cells is None:
             fit = remove_unneeded_offsets(fit, tolerance, max_steps)
         model = make_model(fit, loopset)
-        span, clocks = full_space.records.output_span, relative_times(groups)
+        output_span, clocks = full_space.records.output_span, relative_times(groups)
         if withheld_kind == "block":
             loops = [loop for group in groups for loop in group]
-            return Refit(fit.cost, _block_errors(model, span, loops, fold, blocks))
+            return Refit(fit.cost, _block_errors(model, output_span, loops, fold, blocks))
         predicted_gaps = fold | {0, len(groups) - 1} if withheld_kind == "gap" else fold
         residuals = {
-            index: [residual / span for residual in _residuals(model, groups[index])]
+            index: [residual / output_span for residual in _residuals(model, groups[index])]
             for index in predicted_gaps
         }
         mean_squares = {
@@ -167,16 +167,16 @@ def refit(start: FoundModel, loopset: Loops, fold: Fold, withheld_kind: Withheld
 
 
 def _block_errors(
-    model: Model, span: float, loops: Sequence[Loop], fold: Fold, blocks: int
+    model: Model, output_span: float, loops: Sequence[Loop], fold: Fold, blocks: int
 ) -> dict[int, WithheldError]:
     """Return the error in each withheld block."""
     errors, residuals = {}, {}
     for index in fold:
-        loop, number = divmod(index, blocks)
+        loop, block_number = divmod(index, blocks)
         if loop not in residuals:
-            residuals[loop] = _residuals(model, [loops[loop]])[0] / span
-        block_residual = residuals[loop][block_numbers_along(loops[loop].input, blocks) == number]
-        samples = max(block_residual.size, 1)  # no sample lies in a block that is inside a jump
+            residuals[loop] = _residuals(model, [loops[loop]])[0] / output_span
+        block_residual = residuals[loop][block_numbers_by_travel(loops[loop].input, blocks) == block_number]
+        samples = max(block_residual.size, 1)  # a block inside a jump contains no sample
         errors[index] = WithheldError(
             float(np.sum(np.abs(block_residual))) / samples,
             (float(block_residual @ block_residual) / samples,),
@@ -192,8 +192,8 @@ def _mean_squares_without_drift(
     residuals: Sequence[FloatArray], clocks: Sequence[FloatArray]
 ) -> tuple[float, ...]:
     """Return mean squares of the residuals at one gap, without their best linear drift."""
-    times, all_residuals = np.concatenate(clocks), np.concatenate(residuals)
-    slope = float(times @ all_residuals) / max(float(times @ times), 1e-300)
+    sample_times, all_residuals = np.concatenate(clocks), np.concatenate(residuals)
+    slope = float(sample_times @ all_residuals) / max(float(sample_times @ sample_times), 1e-300)
     residuals_without_drift = [
         residual - slope * time for residual, time in zip(residuals, clocks, strict=True)
     ]
@@ -210,29 +210,29 @@ def mean_square_error(errors: Sequence[WithheldError]) -> float:
     return float(np.mean([square for error in errors for square in error.mean_squares + error.outer_squares]))
 
 
-def is_better(
+def is_more_accurate(
     simpler_errors: Sequence[WithheldError], complex_errors: Sequence[WithheldError], sigmas: float = 1.0
 ) -> bool:
     """Whether a complex fit is better by more than a number of standard errors of the difference.
 
-    Differences are taken loop by loop. The standard error is the larger of that over all loops and
-    that over the gaps, because loops of a gap are correlated. A fit that is better only at the
-    fitted gaps, but worse at the withheld ones, is not accepted.
+    Differences are taken loop by loop. The larger standard error is used of those over all loops
+    and over the gaps, because loops of a gap are correlated. A complex fit is not accepted if its
+    mean error at withheld data is clearly larger.
     """
-    pairs = list(zip(simpler_errors, complex_errors, strict=True))
+    error_pairs = list(zip(simpler_errors, complex_errors, strict=True))
     withheld_differences = [
         np.subtract(simpler_error.mean_squares, complex_error.mean_squares)
-        for simpler_error, complex_error in pairs
+        for simpler_error, complex_error in error_pairs
     ]
     outer_differences = [
         np.subtract(simpler_error.outer_squares, complex_error.outer_squares)
-        for simpler_error, complex_error in pairs
+        for simpler_error, complex_error in error_pairs
     ]
     differences = np.concatenate([*withheld_differences, *outer_differences])
     if not np.isfinite(differences).all() or differences.size < 2:
         return not np.isfinite(mean_error(simpler_errors)) and np.isfinite(mean_error(complex_errors))
     standard_error = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)
-    if len(pairs) > 1:
+    if len(error_pairs) > 1:
         gap_means = [
             np.mean([*withheld, *outer])
             for withheld, outer in zip(withheld_differences, outer_differences, strict=True)
@@ -251,7 +251,9 @@ def is_better(
     )
 
 
-def mean_log_ratio(first: Sequence[WithheldError], second: Sequence[WithheldError]) -> tuple[float, float]:
+def mean_log_ratio(
+    first_errors: Sequence[WithheldError], second_errors: Sequence[WithheldError]
+) -> tuple[float, float]:
     """Return the mean logarithm of the ratio of two errors, and its standard error.
 
     The ratio is taken for each withheld item. Otherwise, one item with extrapolation would decide.
@@ -259,10 +261,10 @@ def mean_log_ratio(first: Sequence[WithheldError], second: Sequence[WithheldErro
     ratios = [
         math.log(sum(first_error.mean_squares) + _NEGLIGIBLE_SQUARE)
         - math.log(sum(second_error.mean_squares) + _NEGLIGIBLE_SQUARE)
-        for first_error, second_error in zip(first, second, strict=True)
+        for first_error, second_error in zip(first_errors, second_errors, strict=True)
     ]
     if not np.isfinite(ratios).all():
-        return (math.inf if math.isfinite(mean_error(second)) else -math.inf), 0.0
+        return (math.inf if math.isfinite(mean_error(second_errors)) else -math.inf), 0.0
     logs = 0.5 * np.array(ratios)
     variance = _PRIOR_GAPS * PRIOR_LOG_STD**2 + float(np.sum((logs - logs.mean()) ** 2))
     return float(logs.mean()), math.sqrt(variance / (_PRIOR_GAPS + logs.size - 1.0) / logs.size)
@@ -280,7 +282,7 @@ def noise_by_gap(loopset: Loops) -> list[float]:
 def expected_error(
     errors: Sequence[float], noises: Sequence[float], withheld_kind: Literal["gap", "block"] = "gap"
 ) -> CrossValidation | None:
-    """Estimate the error at a new gap, or at other samples of such loops, from nested errors.
+    """Estimate the error at a new gap, or at other samples of similar loops, from nested errors.
 
     The errors contain one value for each withheld gap or block. The noise is subtracted. The result
     is None if no finite positive error remains.
@@ -293,11 +295,11 @@ def expected_error(
     )
     if not withheld_errors.size or not np.isfinite(withheld_errors).all() or withheld_errors.min() <= 0.0:
         return None
-    logs = np.log(withheld_errors)
-    freedom = _PRIOR_GAPS + withheld_errors.size - 1.0
-    variance = (_PRIOR_GAPS * PRIOR_LOG_STD**2 + float(np.sum((logs - logs.mean()) ** 2))) / freedom
-    half_width = _student_quantile(freedom) * np.sqrt(variance * (1.0 + 1.0 / withheld_errors.size))
-    low, high = np.exp(logs.mean() - half_width), np.exp(logs.mean() + half_width)
+    log_errors = np.log(withheld_errors)
+    dof = _PRIOR_GAPS + withheld_errors.size - 1.0
+    variance = (_PRIOR_GAPS * PRIOR_LOG_STD**2 + float(np.sum((log_errors - log_errors.mean()) ** 2))) / dof
+    half_width = _student_quantile(dof) * np.sqrt(variance * (1.0 + 1.0 / withheld_errors.size))
+    low, high = np.exp(log_errors.mean() - half_width), np.exp(log_errors.mean() + half_width)
     return CrossValidation(
         error=float(withheld_errors.mean()),
         interval=(float(low / (_GAP_SPACING_FACTOR if withheld_kind == "gap" else 1.0)), float(high)),
@@ -306,10 +308,10 @@ def expected_error(
     )
 
 
-def _student_quantile(freedom: float) -> float:
-    """Return the 95 % quantile of Student's t (Cornish-Fisher), to 1 % from 3 degrees on."""
+def _student_quantile(dof: float) -> float:
+    """Return the 95 % quantile of Student's t, to 1 % for 3 or more degrees of freedom."""
     z = 1.644854
     first = (z**3 + z) / 4.0
     second = (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
     correction = (3.0 * z**7 + 19.0 * z**5 + 17.0 * z**3 - 15.0 * z) / 384.0
-    return z + first / freedom + second / freedom**2 + correction / freedom**3
+    return z + first / dof + second / dof**2 + correction / dof**3

@@ -27,36 +27,38 @@ from anhyst.support.numeric import FloatArray
 _MIN_STEPS_TO_EXTRAPOLATE = 5  # steps after which the progress of a descent predicts its result
 
 
-def _damped_step(linear: Linearisation, is_free: NDArray[np.bool_], damping: float) -> FloatArray:
-    """Return the damped Gauss-Newton step in the free coordinates; zero in the fixed ones."""
-    normal = linear.normal[np.ix_(is_free, is_free)]
+def _damped_step(expansion: Linearisation, is_free: NDArray[np.bool_], damping: float) -> FloatArray:
+    """Return the damped Gauss-Newton step of the free coordinates; zero for fixed ones."""
+    normal = expansion.normal[np.ix_(is_free, is_free)]
     diagonal = np.diag(normal)
     normal[np.diag_indices_from(normal)] += damping * np.maximum(diagonal, 1e-9 * diagonal.max())
-    step = np.zeros(linear.gradient.size)
-    step[is_free] = -np.linalg.solve(normal, linear.gradient[is_free])
+    step = np.zeros(expansion.gradient.size)
+    step[is_free] = -np.linalg.solve(normal, expansion.gradient[is_free])
     return step
 
 
-def _weight_step(linear: Linearisation, theta: FloatArray, lower: FloatArray, damping: float) -> FloatArray:
+def _weight_step(
+    expansion: Linearisation, theta: FloatArray, lower: FloatArray, damping: float
+) -> FloatArray:
     """Return the best damped step with all weights above their lower bounds.
 
     Many weights end at their bound at the same time, so bounds cannot be handled one by one.
     """
     from scipy.optimize import nnls
 
-    diagonal = np.diag(linear.normal)
-    normal = linear.normal + np.diag(damping * np.maximum(diagonal, 1e-9 * diagonal.max()))
-    factor = np.linalg.cholesky(normal).T
-    distance, _ = nnls(factor, factor @ (theta - lower) - np.linalg.solve(factor.T, linear.gradient))
+    diagonal = np.diag(expansion.normal)
+    normal = expansion.normal + np.diag(damping * np.maximum(diagonal, 1e-9 * diagonal.max()))
+    cholesky = np.linalg.cholesky(normal).T
+    distance, _ = nnls(cholesky, cholesky @ (theta - lower) - np.linalg.solve(cholesky.T, expansion.gradient))
     return np.asarray(distance + lower - theta)
 
 
 def descend(
-    objective: Objective, theta: FloatArray, tolerance: float, max_steps: int, goal: float = np.inf
+    objective: Objective, theta: FloatArray, tolerance: float, max_steps: int, goal_cost: float = np.inf
 ) -> tuple[FloatArray, float]:
     """Minimise the squared residuals within the bounds of the space; return coordinates and cost.
 
-    A descent ends early if, at its present rate, it cannot go below `goal` in the remaining steps.
+    A descent ends early if, at its present rate, the remaining steps cannot reach `goal_cost`.
 
     The method is Levenberg-Marquardt with Nielsen's damping. Coordinates at a bound with an outward
     gradient stay fixed. Cell weights use the best step within their bounds (SciPy's ``nnls``). A
@@ -65,41 +67,41 @@ def descend(
     """
     lower, upper = objective.space.bounds
     theta = np.clip(theta, lower, upper)
-    linear = objective.linearise(theta)
+    expansion = objective.linearise(theta)
     damping, damping_growth = 1e-3, 2.0
     has_cell_weights = isinstance(objective.space.form.cells, WeightKernel)
     for steps_left in range(max_steps - 1, 0, -1):
-        gradient = linear.gradient
+        gradient = expansion.gradient
         is_free = ~(((theta <= lower) & (gradient > 0.0)) | ((theta >= upper) & (gradient < 0.0)))
-        if not is_free.any() or not np.any(np.diag(linear.normal)[is_free]):
+        if not is_free.any() or not np.any(np.diag(expansion.normal)[is_free]):
             break
         if has_cell_weights:
-            step = _weight_step(linear, theta, lower, damping)
+            step = _weight_step(expansion, theta, lower, damping)
         else:
-            step = _damped_step(linear, is_free, damping)
-        trial = np.clip(theta + step, lower, upper)
-        step = trial - theta
-        predicted_gain = -float(step @ (2.0 * linear.gradient + linear.normal @ step))
-        new_linear = objective.linearise_if_better(trial, linear.cost)
-        if new_linear is not None:
-            gain = linear.cost - new_linear.cost
-            ratio = gain / max(predicted_gain, 1e-300)
-            damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
+            step = _damped_step(expansion, is_free, damping)
+        trial_theta = np.clip(theta + step, lower, upper)
+        step = trial_theta - theta
+        predicted_gain = -float(step @ (2.0 * expansion.gradient + expansion.normal @ step))
+        new_expansion = objective.linearise_if_better(trial_theta, expansion.cost)
+        if new_expansion is not None:
+            gain = expansion.cost - new_expansion.cost
+            gain_ratio = gain / max(predicted_gain, 1e-300)
+            damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(gain_ratio, 1.0) - 1.0) ** 3)
             damping_growth = 2.0
             is_hopeless = (
                 steps_left < max_steps - _MIN_STEPS_TO_EXTRAPOLATE
-                and new_linear.cost - gain * steps_left > goal
+                and new_expansion.cost - gain * steps_left > goal_cost
             )
-            is_finished = is_hopeless or gain <= tolerance * linear.cost
-            theta, linear = trial, new_linear
+            is_finished = is_hopeless or gain <= tolerance * expansion.cost
+            theta, expansion = trial_theta, new_expansion
             if is_finished:
                 break
         else:
             damping *= damping_growth
             damping_growth *= 2.0
-            if abs(predicted_gain) <= tolerance * linear.cost or damping > 1e12:
+            if abs(predicted_gain) <= tolerance * expansion.cost or damping > 1e12:
                 break
-    return theta, linear.cost
+    return theta, expansion.cost
 
 
 SCREENED_SETS = 256
@@ -145,11 +147,11 @@ def descend_from(
     tolerance: float = COMPARISON_STOP[0],
     max_steps: int = COMPARISON_STOP[1],
     smoothness: float = 0.0,
-    goal: float = np.inf,
+    goal_cost: float = np.inf,
 ) -> FoundModel:
     """Minimise the cost from a start point; stop early if the goal is out of reach."""
     objective = Objective(space, smoothness)
-    theta_end, cost = descend(objective, theta, tolerance, max_steps, goal)
+    theta_end, cost = descend(objective, theta, tolerance, max_steps, goal_cost)
     return FoundModel(space, theta_end, cost, objective.evaluations)
 
 
@@ -189,8 +191,8 @@ def search_each_gap(form: ResponseForm, records: FitRecords, seed: int, fixed: f
         descend_from(space, space.pack([fit.parameter_sets[0] for fit in gap_fits]), 1e-6, 60, smoothness)
         for gap_fits in (single_fits, [neighbour_fits[gap] for gap in range(records.gap_count)])
     ]
-    best = min(joint_fits, key=lambda fit: fit.cost)
-    return replace(best, evaluations=sum(fit.evaluations for fit in (*single_fits, *joint_fits)))
+    best_fit = min(joint_fits, key=lambda fit: fit.cost)
+    return replace(best_fit, evaluations=sum(fit.evaluations for fit in (*single_fits, *joint_fits)))
 
 
 def join_gaps(
@@ -199,22 +201,24 @@ def join_gaps(
     """Fit all gaps together under one map, starting from sets of the reference gap."""
     space = CoordinateSpace(gap_map, records, form, fixed)
     reference = records.reference_gap
-    at_gaps = [
+    sets_with_costs = [
         (starts, cost_at_gap(space, gap, starts)) if gap == reference else scan_gap(space, gap, starts)
         for gap in range(records.gap_count)
     ]
-    order = np.argsort(np.sum([cost for _, cost in at_gaps], axis=0))
+    set_order = np.argsort(np.sum([cost for _, cost in sets_with_costs], axis=0))
     return _descend_from_best(
-        space, [[gap_sets[index] for gap_sets, _ in at_gaps] for index in order[:MAX_STARTS]]
+        space, [[gap_sets[index] for gap_sets, _ in sets_with_costs] for index in set_order[:MAX_STARTS]]
     )
 
 
 def join_circuit(
-    reluctance_fit: FoundModel, gap_map: str, common: frozenset[str] = frozenset()
+    reluctance_fit: FoundModel, gap_map: str, common_parameters: frozenset[str] = frozenset()
 ) -> FoundModel:
     """Fit all gaps together under a map with leakage or with a free gain at each gap."""
     space_before = reluctance_fit.space
-    space = CoordinateSpace(gap_map, space_before.records, space_before.form, space_before.fixed, common)
+    space = CoordinateSpace(
+        gap_map, space_before.records, space_before.form, space_before.fixed, common_parameters
+    )
     fit = descend_from(
         space,
         space.pack(reluctance_fit.parameter_sets),

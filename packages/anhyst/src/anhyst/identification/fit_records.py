@@ -27,8 +27,7 @@ _REST_BAND = 0.005
 # a drive rests if this fraction of its samples is within a band above the lowest sample
 _MIN_REST_SHARE = 0.08
 _ROUND_REVERSAL_RATIO = 1.2
-"""Reversals are round if one curve across them has at most this multiple of the residual of two
-curves."""
+"""Largest residual of one curve across a round reversal, relative to that of two curves."""
 _BRANCH_PARTS_PER_TIP = 12  # the curves at a reversal use 1/12 of a branch
 _OFFSET_SIGMAS = 3.0  # number of standard errors above which an offset is used
 
@@ -157,7 +156,7 @@ class FitRecord:
     # time since the first sample at the same gap, relative to the longest such time; zero if the
     # order of the loops is unknown
     clock: FloatArray
-    # samples that are excluded from the fit but not from the drive; None: none
+    # samples that are excluded from the fit but not from the input; None: no samples
     is_withheld: NDArray[np.bool_] | None = None
     # number of measured samples that each sample represents, relative to the mean; None: all equal
     sample_shares: FloatArray | None = None
@@ -174,9 +173,9 @@ class FitRecord:
     def remembered_history(self) -> InputHistory:
         """The part of the earlier drive that later reversals have not wiped out."""
         earlier_drive = self.history.extended_by(self.input, self.gap) if self.is_cycle else self.history
-        return earlier_drive.remembered()
+        return earlier_drive.remembered_part()
 
-    def pieces(self, max_samples: int) -> Iterator[FitRecord]:
+    def make_pieces(self, max_samples: int) -> Iterator[FitRecord]:
         """Split the record for iron with the wiping-out property; each piece has its history."""
         if self.input.size <= max_samples:
             yield self
@@ -194,7 +193,7 @@ class FitRecord:
                 is_withheld=None if self.is_withheld is None else self.is_withheld[piece],
                 sample_shares=None if self.sample_shares is None else self.sample_shares[piece],
             )
-            lead_history = lead_history.extended_by(self.input[piece], self.gap).remembered()
+            lead_history = lead_history.extended_by(self.input[piece], self.gap).remembered_part()
 
     def thinned(self, max_samples: int) -> FitRecord:
         """Return at most about `max_samples` samples, plus more in steep parts of the loop.
@@ -226,7 +225,7 @@ class FitRecords:
     nodes: FloatArray  # scheduling values, ascending; empty without a scheduling variable
     input_span: float  # largest absolute input, SI
     output_span: float  # largest absolute output, SI
-    rest: RestReadings = field(default_factory=RestReadings)  # readings at rest, taken from every loop
+    rest_readings: RestReadings = field(default_factory=RestReadings)  # taken from every loop
 
     @property
     def gap_count(self) -> int:
@@ -236,10 +235,10 @@ class FitRecords:
     @property
     def reference_gap(self) -> int:
         """Index of the gap with the largest output, at which the iron is driven furthest."""
-        sizes = np.zeros(self.gap_count)
+        peak_outputs = np.zeros(self.gap_count)
         for record in self.loops:
-            sizes[record.gap] = max(sizes[record.gap], float(np.max(np.abs(record.output))))
-        return int(np.argmax(sizes))
+            peak_outputs[record.gap] = max(peak_outputs[record.gap], float(np.max(np.abs(record.output))))
+        return int(np.argmax(peak_outputs))
 
     def at_gap(self, gap: int) -> FitRecords:
         """Return only the loops of one gap, with the same scales."""
@@ -262,17 +261,17 @@ class FitRecords:
         return replace(self, loops=loops, nodes=self.nodes[kept_gaps])
 
     def without_loops(self, withheld: Collection[int]) -> FitRecords:
-        """Return all loops except those with some indices."""
+        """Return all loops except the loops with the given indices."""
         records = tuple(record for index, record in enumerate(self.loops) if index not in withheld)
         return replace(self, loops=records)
 
     def without_blocks(self, withheld: Collection[int], blocks_per_loop: int) -> FitRecords:
-        """Exclude blocks of samples from the fit, but not from the drive.
+        """Exclude blocks of samples from the fit, but not from the input of the model.
 
-        Each record has `blocks_per_loop` blocks of equal travel, numbered on from record to record.
+        Each record has `blocks_per_loop` blocks of equal travel, numbered over all records.
         """
         numbers = (
-            i * blocks_per_loop + block_numbers_along(each_record.input, blocks_per_loop)
+            i * blocks_per_loop + block_numbers_by_travel(each_record.input, blocks_per_loop)
             for i, each_record in enumerate(self.loops)
         )
         loops = tuple(
@@ -290,9 +289,9 @@ class FitRecords:
         return replace(self, loops=tuple(record.thinned(max_samples) for record in self.loops))
 
 
-def block_numbers_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:
-    """Return the block of each sample, for blocks of equal travel of the drive."""
-    travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+def block_numbers_by_travel(inputs: FloatArray, blocks: int) -> NDArray[np.intp]:
+    """Return the block of each sample, for blocks of equal travel of the input."""
+    travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(inputs)))])
     return np.asarray(np.minimum(travel / travel[-1] * blocks, blocks - 1), dtype=np.intp)
 
 
@@ -300,29 +299,29 @@ def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
     """Return the time since the first sample at each gap, relative to the longest such time."""
     clocks = []
     for group in groups:
-        times = [loop.time for loop in group if loop.time is not None]
-        order = sorted(times, key=lambda time: float(time[0]))
-        if len(times) < len(group) or not all(
-            earlier_clock[-1] <= later_clock[0] for earlier_clock, later_clock in pairwise(order)
+        loop_times = [loop.time for loop in group if loop.time is not None]
+        ordered_times = sorted(loop_times, key=lambda time: float(time[0]))
+        if len(loop_times) < len(group) or not all(
+            earlier_clock[-1] <= later_clock[0] for earlier_clock, later_clock in pairwise(ordered_times)
         ):
             return [[np.zeros(loop.n) for loop in group] for group in groups]
-        clocks.append([time - order[0][0] for time in times])
+        clocks.append([time - ordered_times[0][0] for time in loop_times])
     longest_time = max(float(clock[-1]) for group in clocks for clock in group)
     return [[clock / longest_time for clock in group] for group in clocks]
 
 
 def _sample_weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
     """Return weights with which residuals of full scale at all samples have a square sum of 1."""
-    total = sum(loop.n for loop in loops)
+    sample_count = sum(loop.n for loop in loops)
     if weighting == "points":
-        return [1.0 / (span * np.sqrt(total))] * len(loops)
+        return [1.0 / (span * np.sqrt(sample_count))] * len(loops)
     base_weights = [1.0 / np.sqrt(loop.n * len(loops)) for loop in loops]
     if weighting == "loops":
         return [weight / span for weight in base_weights]
-    sizes = [float(np.max(np.abs(loop.output))) for loop in loops]
-    if min(sizes) == 0.0:
+    peak_outputs = [float(np.max(np.abs(loop.output))) for loop in loops]
+    if min(peak_outputs) == 0.0:
         raise InputError("a loop has zero output; use weights 'loops' or remove the loop", code="no-output")
-    return [weight / size for weight, size in zip(base_weights, sizes, strict=True)]
+    return [weight / peak for weight, peak in zip(base_weights, peak_outputs, strict=True)]
 
 
 def make_fit_records(
@@ -381,53 +380,53 @@ def _input_history(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> In
 class InputHistory:
     """Input reversals in their order, with the gap of each."""
 
-    drive: FloatArray  # SI; shape (n,)
+    inputs: FloatArray  # SI; shape (n,)
     # index of the gap of each reversal, with fractions between two gaps; shape (n,)
     gap_position: FloatArray
 
     @classmethod
-    def at_one_gap(cls, drive: FloatArray, gap: int) -> InputHistory:
+    def at_one_gap(cls, inputs: FloatArray, gap: int) -> InputHistory:
         """Return a history at one gap."""
-        return cls(drive, np.full(drive.size, float(gap)))
+        return cls(inputs, np.full(inputs.size, float(gap)))
 
-    def extended_by(self, drive: FloatArray, gap: int) -> InputHistory:
+    def extended_by(self, inputs: FloatArray, gap: int) -> InputHistory:
         """Return the history followed by a drive at a gap."""
-        gaps = np.full(drive.size, float(gap))
-        return InputHistory(np.concatenate([self.drive, drive]), np.concatenate([self.gap_position, gaps]))
+        gaps = np.full(inputs.size, float(gap))
+        return InputHistory(np.concatenate([self.inputs, inputs]), np.concatenate([self.gap_position, gaps]))
 
     def reversals_at_gap(self, gap: int) -> InputHistory:
         """Return only the reversals at one gap."""
         is_at_gap = self.gap_position == gap
-        return InputHistory.at_one_gap(self.drive[is_at_gap], 0)
+        return InputHistory.at_one_gap(self.inputs[is_at_gap], 0)
 
     def with_renumbered_gaps(self, kept_gaps: list[int]) -> InputHistory:
         """Renumber the gaps if only some are kept; positions between gaps stay between them."""
-        return InputHistory(self.drive, np.interp(self.gap_position, kept_gaps, np.arange(len(kept_gaps))))
+        return InputHistory(self.inputs, np.interp(self.gap_position, kept_gaps, np.arange(len(kept_gaps))))
 
-    def remembered(self) -> InputHistory:
+    def remembered_part(self) -> InputHistory:
         """Return the reversals that play cells can remember, without closed cycles at one gap."""
-        if not self.drive.size:
+        if not self.inputs.size:
             return self
         edges = np.flatnonzero(np.diff(self.gap_position)) + 1
-        reversals_by_part = [remembered_reversals(drive) for drive in np.split(self.drive, edges)]
+        reversals_by_part = [remembered_reversals(drive) for drive in np.split(self.inputs, edges)]
         gaps = self.gap_position[np.concatenate([[0], edges])]
         return InputHistory(
             np.concatenate(reversals_by_part), np.repeat(gaps, [points.size for points in reversals_by_part])
         )
 
 
-def remembered_reversals(drive: FloatArray) -> FloatArray:
+def remembered_reversals(inputs: FloatArray) -> FloatArray:
     """Return the ends and reversals of a drive that play cells can remember, without closed cycles.
 
     A cycle is closed if both neighbouring reversals exceed it. The test does not depend on the zero
     of the drive, which the sensor offset changes. Therefore, reversals that only a demagnetised
     start would wipe out are kept.
     """
-    direction = np.sign(np.diff(drive))
+    direction = np.sign(np.diff(inputs))
     moving_rows = np.flatnonzero(direction)
     reversal_rows = moving_rows[1:][direction[moving_rows[1:]] != direction[moving_rows[:-1]]]
-    points = [float(drive[0])]
-    for point in [*drive[reversal_rows].tolist(), float(drive[-1])]:
+    points = [float(inputs[0])]
+    for point in [*inputs[reversal_rows].tolist(), float(inputs[-1])]:
         points.append(point)
         while len(points) > 3:
             change_before, cycle, change_after = np.abs(np.diff(points[-4:])).tolist()

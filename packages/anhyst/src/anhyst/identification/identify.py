@@ -92,8 +92,8 @@ def identify(
         readings_at_rest = read_rest_offsets(static_loops) if offsets and search == "default" else None
         run = SearchRun(
             form=make_response_form(static_loops.input, static_loops.output, law_name),
-            cells=cells,
-            only_cells=law != AUTO,
+            shapes=cells,
+            needs_cells=law != AUTO,
             records=make_fit_records(static_loops, weights, readings_at_rest),
             seed=seed,
             fixed=frozenset() if offsets else frozenset({"in_0", "out_0"}),
@@ -131,14 +131,14 @@ def identify(
         **({"rate": outcome.rate_reason} if outcome.rate_reason else {}),
     }
     histories = (SETTLED if loop.history.kind == "settled" else loop.history for loop in loops.loops)
-    common = {
+    common_records = {
         "name": _model_name(loops),
         "history": Counter(histories).most_common(1)[0][0],
         "valid": valid_range(loops),
         "provenance": Provenance(running_version(), seed, loops.sources, settings),
     }
-    model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
-    per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
+    model = replace(outcome.model, **common_records, reduction=outcome.steps)  # type: ignore[arg-type]
+    per_gap = outcome.per_gap and replace(outcome.per_gap, **common_records)  # type: ignore[arg-type]
     acceptance = model.acceptance()
     fitted = tuple(map(model.predict_loop, loops.loops))
     metrics = fit_figures(
@@ -182,9 +182,9 @@ def check_options(law: str, gap_map: str, search: str) -> None:
                 key=option,
             )
     kernel = LAWS[DEFAULT_LAW if law == AUTO else law].kernel
-    if kernel is not None and kernel.is_coupled and gap_map in SERIES_MAPS:
+    if kernel is not None and kernel.includes_interaction and gap_map in SERIES_MAPS:
         # In this law, alpha acts only on the irreversible magnetisation, but a reluctance acts on
-        # all of it. One fitted parameter would have to represent alpha and reluctance.
+        # the whole magnetisation. One parameter would have to represent alpha and reluctance.
         raise InputError(
             f"gap map '{gap_map}' cannot be used with law {law}; use --law {DEFAULT_LAW}, or "
             "--gap-map scaling",
@@ -253,14 +253,14 @@ def _run_search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outc
     if search == "paper":
         outcome = search_paper(run, loops, gap_map)
         if not outcome.is_interrupted:
-            run.finish()
+            run.remove_checkpoint()
         return outcome
     try:
         return select_model(run, loops, gap_map)
     except KeyboardInterrupt:
-        if run.best is None:
+        if run.best_fit is None:
             raise
-    best_fit = run.best.with_records(run.records)  # the search may have used thinned records
+    best_fit = run.best_fit.with_records(run.records)  # the search may have used thinned records
     reason = "the search was interrupted: this is the best model so far"
     return make_outcome(best_fit, loops, reason, interrupted=True)
 
@@ -282,8 +282,8 @@ def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
     if loops.schedule is not None and gaps == 1:
         warnings.append(f"loops at only one {loops.schedule.name}: the model is valid only there")
     if len(loops) == 1:
-        size = f"{100.0 * outcome.ambiguity:.2g} % of the largest output"
-        ambiguity_text = f"laws that fit this loop equally well differ by {size} inside it, and "
+        difference_text = f"{100.0 * outcome.ambiguity:.2g} % of the largest output"
+        ambiguity_text = f"laws that fit this loop equally well differ by {difference_text} inside it, and "
         guess_text = "inner loops are only predicted by the law; measure smaller loops too"
         warnings.append("only one loop: " + (ambiguity_text if outcome.ambiguity else "") + guess_text)
     samples = sum(loop.n for loop in loops.loops)

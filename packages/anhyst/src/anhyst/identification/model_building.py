@@ -138,7 +138,10 @@ def make_model(fit: FoundModel, loopset: Loops) -> Model:
     nodes = tuple(positions.tolist())
     gap_map, gaps = space.file_gap_map, nodes if is_scheduled_over_gap(loopset) else ()
     parameters = physical_parameters(space.form, sets, gap_map, loopset.input, loopset.output, gaps)
-    for name, reading in (("in_0", space.records.rest.input), ("out_0", space.records.rest.output)):
+    for name, reading in (
+        ("in_0", space.records.rest_readings.input),
+        ("out_0", space.records.rest_readings.output),
+    ):
         parameters[name] = (np.asarray(parameters[name]) + reading.offset).tolist()
     cells = None
     if isinstance(space.form.cells, WeightKernel):
@@ -158,10 +161,10 @@ def make_model(fit: FoundModel, loopset: Loops) -> Model:
 
 
 def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
-    """Return the nodes of a model and the sets there; with leakage, also between the gaps.
+    """Return the nodes of a model and their parameter sets; with leakage, also between the gaps.
 
     The reluctance of the gap itself is interpolated, because the iron sees a curved reluctance if
-    there is leakage. The nodes are so dense that the curves between them do not matter.
+    there is leakage. The nodes are so dense that the interpolation between them does not matter.
     """
     space, sets = fit.space, fit.parameter_sets
     nodes = space.records.nodes
@@ -219,7 +222,7 @@ def add_dead_band(fit: FoundModel, is_acceptable: Callable[[FoundModel], bool]) 
     for ratio in DEAD_BAND_RATIOS:
         space = replace(fit.space, form=replace(form, dead_band=ratio))
         fit_with_band = descend_from(
-            space, fit.theta, _DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS, fit.smoothness, goal=max_cost
+            space, fit.theta, _DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS, fit.smoothness, goal_cost=max_cost
         )
         if fit_with_band.cost <= max_cost and is_acceptable(fit_with_band):
             return replace(fit_with_band, evaluations=fit.evaluations + fit_with_band.evaluations)

@@ -95,8 +95,7 @@ _MAX_ERROR_RATIO = 5.0
 passing the acceptance test."""
 
 CARRIED_STARTS = 24
-"""Screened parameter sets of the reference gap that are tried at the other gaps in addition to its
-optimum."""
+"""Screened sets of the reference gap that the other gaps try in addition to its optimum."""
 
 
 def make_outcome(fit: FoundModel, loopset: Loops, reason: str, *, interrupted: bool = False) -> Outcome:
@@ -110,33 +109,33 @@ def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
     gaps = run.search_records.gap_count
     require_gaps(run.records, gap_map)
     map_list = map_candidates(run, loopset, gap_map) if gaps > 1 else []
-    run.total_stages = 2 + len(map_list) + bool(inner_gaps(gaps)) + run.dead_band + (4 if run.cells else 0)
+    run.total_stages = 2 + len(map_list) + bool(inner_gaps(gaps)) + run.dead_band + (4 if run.shapes else 0)
     choice = Selection(run, loopset, map_list)
     comparison = choice.comparison
     best = choice.select()
-    rejected_candidates = [candidate for candidate in map_list if candidate not in comparison.eligible]
+    rejected_candidates = [candidate for candidate in map_list if candidate not in comparison.contenders]
     map_reason = explain_gap_map(comparison, best, gap_map, loopset, rejected_candidates)
     candidates: tuple[CandidateFit, ...] = ()
     law_reason, ambiguity = "", 0.0
-    base, base_fit = best, comparison.fits[best].reduced
+    base, base_fit = best, comparison.fits[best].reduced_fit
     is_sufficient = choice.is_usable(base_fit) and not choice.exceeds_noise(base_fit)
     maps = comparison.errors_by_map(best)
-    are_laws_compared = bool(run.cells) and (run.only_cells or not is_sufficient)
+    are_laws_compared = bool(run.shapes) and (run.needs_cells or not is_sufficient)
     if are_laws_compared:
         best = choice.compare_play_cells(best)
     else:
-        run.total_stages -= 4 if run.cells else 0
+        run.total_stages -= 4 if run.shapes else 0
     try:
         best, fit, dead_band = choice.finish_best(best)
     except FAILURES:
-        if are_laws_compared or not run.cells:
+        if are_laws_compared or not run.shapes:
             raise
         are_laws_compared = True
         best, fit, dead_band = choice.finish_best(choice.compare_play_cells(best))
     if best.file_gap_map != base.file_gap_map:  # the law of play cells may need another map
         map_reason = explain_gap_map(comparison, best, gap_map, loopset, rejected_candidates)
         maps = comparison.errors_by_map(best) if comparison.withheld_kind == "gap" else maps
-    if are_laws_compared or comparison.dropped:
+    if are_laws_compared or comparison.drop_reasons:
         candidates = list_candidates(comparison, best, run.form.law)
         law_reason = explain_law(comparison, best, run.form.law, loopset)
         ambiguity = choice.ambiguity_within_one_loop(best)
@@ -164,7 +163,7 @@ class Selection:
         else:
             only_candidate = ModelCandidate("none", run.fixed)
             self.comparison = CandidateComparison(
-                [only_candidate], {only_candidate: fits}, {}, (), noise=self._noise_cost(fits.full)
+                [only_candidate], {only_candidate: fits}, {}, (), noise_cost=self._noise_cost(fits.full_fit)
             )
 
     def _fit_reference_gap(self) -> tuple[Fits, list[ParameterSet]]:
@@ -176,13 +175,13 @@ class Selection:
             full_search = search_one_gap(run.form, reference_records, run.seed, run.fixed)
             return Fits(full_search, full_search if self.maps else remove_unneeded_offsets(full_search))
 
-        fits = run.step("one gap", search)
+        fits = run.run_step("one gap", search)
         if not self.maps:
-            run.best = fits.reduced
-            return fits, fits.reduced.parameter_sets
+            run.best_fit = fits.reduced_fit
+            return fits, fits.reduced_fit.parameter_sets
         return fits, [
-            *fits.full.parameter_sets,
-            *screen_starts(fits.full.space, SCREENED_SETS, CARRIED_STARTS, run.seed),
+            *fits.full_fit.parameter_sets,
+            *screen_starts(fits.full_fit.space, SCREENED_SETS, CARRIED_STARTS, run.seed),
         ]
 
     def _compare_maps(self, starts: list[ParameterSet]) -> None:
@@ -192,17 +191,17 @@ class Selection:
             try:
                 fits = self._fit_gap_map(candidate, starts, reluctance_fit)
             except FAILURES as error:
-                comparison.drop(candidate, error)
+                comparison.drop_candidate(candidate, error)
                 self.run.total_stages -= 1
                 if candidate is self.maps[-1] and not comparison.fits:
                     raise
             else:
                 comparison.fits[candidate] = fits
-                reluctance_fit = fits.full if candidate.gap_map == "reluctance" else reluctance_fit
-        comparison.noise = self._noise_cost(next(iter(comparison.fits.values())).full)
-        comparison.eligible[:] = self._filter_eligible(list(comparison.fits))
-        if comparison.withheld:
-            self.run.step("left out", partial(self._refit_folds, comparison.eligible))
+                reluctance_fit = fits.full_fit if candidate.gap_map == "reluctance" else reluctance_fit
+        comparison.noise_cost = self._noise_cost(next(iter(comparison.fits.values())).full_fit)
+        comparison.contenders[:] = self._filter_eligible(list(comparison.fits))
+        if comparison.withheld_ids:
+            self.run.run_step("left out", partial(self._refit_folds, comparison.contenders))
 
     def _fit_gap_map(
         self, candidate: ModelCandidate, starts: list[ParameterSet], reluctance_fit: FoundModel | None
@@ -221,56 +220,61 @@ class Selection:
                 full_search = join_gaps(run.form, run.search_records, gap_map, starts, fixed)
             return Fits(full_search, remove_unneeded_offsets(full_search))
 
-        fits = run.step("gap maps", search)
-        if run.best is None or (candidate.rank == 0 and fits.reduced.cost < run.best.cost):
-            run.best = fits.reduced
+        fits = run.run_step("gap maps", search)
+        if run.best_fit is None or (candidate.rank == 0 and fits.reduced_fit.cost < run.best_fit.cost):
+            run.best_fit = fits.reduced_fit
         return fits
 
     def compare_play_cells(self, base: ModelCandidate) -> ModelCandidate:
-        """Fit play cells under the most flexible gap map, then the best under others, and select.
+        """Fit play cells under the most flexible map, then the best under other maps, and select.
 
-        With fewer than three gaps, inner loops are withheld; with fewer than two of these, blocks
-        of samples.
+        With fewer than three gaps, inner loops are withheld. With fewer than two inner loops,
+        blocks of samples are withheld.
         """
         run, comparison = self.run, self.comparison
-        if not comparison.withheld:
-            comparison.withheld_kind, comparison.withheld = "loop", inner_loops(run.search_records)
-            if len(comparison.withheld) < 2:
-                comparison.withheld_kind, comparison.withheld = ("block", block_numbers(run.search_records))
-            comparison.eligible[:] = [base]
+        if not comparison.withheld_ids:
+            comparison.withheld_kind, comparison.withheld_ids = "loop", inner_loops(run.search_records)
+            if len(comparison.withheld_ids) < 2:
+                comparison.withheld_kind, comparison.withheld_ids = (
+                    "block",
+                    block_numbers(run.search_records),
+                )
+            comparison.contenders[:] = [base]
             run.measure_time("left out", partial(self._refit_folds, [base]))
         cell_entries = self._search_cells(base)
         if not cell_entries:
             return self.select()
-        run.step("left out", partial(self._refit_folds, cell_entries))
-        best = replace(comparison, eligible=cell_entries).select_best()
-        other_maps = [other for other in self.maps if other.gap_map != best.gap_map]
-        free_maps = [other for other in other_maps if other.gap_map == "free"]
-        map_variants = [with_gap_map(best, other) for other in other_maps if other.gap_map != "free"]
-        if free_maps and self.exceeds_noise(comparison.fits[best].reduced):
+        run.run_step("left out", partial(self._refit_folds, cell_entries))
+        best = replace(comparison, contenders=cell_entries).select_best()
+        further_maps = [map_candidate for map_candidate in self.maps if map_candidate.gap_map != best.gap_map]
+        free_maps = [item for item in further_maps if item.gap_map == "free"]
+        map_variants = [with_gap_map(best, item) for item in further_maps if item.gap_map != "free"]
+        if free_maps and self.exceeds_noise(comparison.fits[best].reduced_fit):
             map_variants.append(with_gap_map(best, free_maps[0]))
         for candidate in map_variants:
-            refit_cells = partial(fit_under_map, comparison.fits[best].full, candidate, run.search_records)
+            refit_cells = partial(
+                fit_under_map, comparison.fits[best].full_fit, candidate, run.search_records
+            )
             run.measure_time("play cells", partial(self._try_fit, candidate, refit_cells))
         map_variants = [candidate for candidate in map_variants if candidate in comparison.fits]
         run.measure_time("left out", partial(self._refit_folds, map_variants))
         cell_entries += map_variants
-        if base.gap_map != "free" and _has_samples_for_weights(comparison.fits[best].reduced):
+        if base.gap_map != "free" and _has_samples_for_weights(comparison.fits[best].reduced_fit):
             best = min(cell_entries, key=lambda candidate: comparison.withheld_error(candidate) or 0.0)
             refined_candidate = with_fitted_weights(best)
-            fit_weights = partial(fit_cell_weights, comparison.fits[best].reduced, run.search_records)
-            run.step("play cells", partial(self._try_fit, refined_candidate, fit_weights))
+            fit_weights = partial(fit_cell_weights, comparison.fits[best].reduced_fit, run.search_records)
+            run.run_step("play cells", partial(self._try_fit, refined_candidate, fit_weights))
             refined_entries = [refined_candidate] if refined_candidate in comparison.fits else []
-            run.step("left out", partial(self._refit_folds, refined_entries))
+            run.run_step("left out", partial(self._refit_folds, refined_entries))
             cell_entries += refined_entries
         else:
             run.total_stages -= 2
         candidates = (
             cell_entries
-            if run.only_cells or base in comparison.dropped
-            else [*comparison.eligible, *cell_entries]
+            if run.needs_cells or base in comparison.drop_reasons
+            else [*comparison.contenders, *cell_entries]
         )
-        comparison.eligible[:] = self._filter_eligible(candidates)
+        comparison.contenders[:] = self._filter_eligible(candidates)
         return self.select()
 
     def _search_cells(self, base: ModelCandidate) -> list[ModelCandidate]:
@@ -280,24 +284,24 @@ class Selection:
         without interaction are fitted first.
         """
         run, comparison = self.run, self.comparison
-        coupled_candidates = cell_candidates(select_cell_map(base, self.maps), run.cells)
+        coupled_candidates = cell_candidates(select_cell_map(base, self.maps), run.shapes)
         is_single_loop = len(run.search_records.loops) == 1 and base.gap_map == "none"
         uncoupled_candidates = [without_interaction(candidate) for candidate in coupled_candidates]
         if not is_single_loop or run.form.power != 1 or "omega" in base.fixed:
             uncoupled_candidates = []
-        base_fit, exceeds_noise = comparison.fits[base].full, self.exceeds_noise
+        base_fit, exceeds_noise = comparison.fits[base].full_fit, self.exceeds_noise
         search = CellSearch(
-            base_fit, run.search_records, run.seed, exceeds_noise, self.is_usable, comparison.drop
+            base_fit, run.search_records, run.seed, exceeds_noise, self.is_usable, comparison.drop_candidate
         )
 
         def work() -> dict[ModelCandidate, Fits]:
             fits_by_candidate: dict[ModelCandidate, Fits] = {}
             for candidates in filter(None, (uncoupled_candidates, coupled_candidates)):
-                if all(exceeds_noise(fits.reduced) for fits in fits_by_candidate.values()):
+                if all(exceeds_noise(fits.reduced_fit) for fits in fits_by_candidate.values()):
                     fits_by_candidate |= search.fit_candidates(candidates)
             return fits_by_candidate
 
-        comparison.fits.update(run.step("play cells", work))
+        comparison.fits.update(run.run_step("play cells", work))
         return [
             candidate
             for candidate in (*uncoupled_candidates, *coupled_candidates)
@@ -309,7 +313,7 @@ class Selection:
         try:
             self.comparison.fits[candidate] = fit()
         except FAILURES as error:
-            self.comparison.drop(candidate, error)
+            self.comparison.drop_candidate(candidate, error)
 
     def estimate_unseen_error(self) -> CrossValidation | None:
         """Estimate the error at new gaps by nested cross-validation.
@@ -318,25 +322,25 @@ class Selection:
         other gaps.
         """
         comparison = self.comparison
-        if comparison.withheld_kind == "loop" or not comparison.withheld:
+        if comparison.withheld_kind == "loop" or not comparison.withheld_ids:
             return None
-        if len(comparison.eligible) > 1:
+        if len(comparison.contenders) > 1:
             self._refit_folds(comparison.find_rivals(), fold_size=2)
         noises = noise_by_gap(self.loopset)
         if comparison.withheld_kind == "block":
             return expected_error(
-                comparison.nested_errors(), [float(np.mean(noises))] * len(comparison.withheld), "block"
+                comparison.nested_errors(), [float(np.mean(noises))] * len(comparison.withheld_ids), "block"
             )
         return expected_error(comparison.nested_errors(), noises[1:-1])
 
     def _refit_folds(self, candidates: Sequence[ModelCandidate], fold_size: int = 1) -> None:
         """Fit some candidates again without each withheld item, or without each pair of items."""
         comparison = self.comparison
-        for fold in map(frozenset, combinations(comparison.withheld, fold_size)):
+        for fold in map(frozenset, combinations(comparison.withheld_ids, fold_size)):
             refits = comparison.refits.setdefault(fold, {})
             for candidate in candidates:
                 fits = comparison.fits[candidate]
-                start = fits.reduced if candidate.cells else fits.full
+                start = fits.reduced_fit if candidate.cells else fits.full_fit
                 refits[candidate] = refit(start, self.loopset, fold, comparison.withheld_kind)
 
     def exceeds_noise(self, fit: FoundModel) -> bool:
@@ -357,14 +361,14 @@ class Selection:
         )
 
     def _filter_eligible(self, candidates: list[ModelCandidate]) -> list[ModelCandidate]:
-        """Return the candidates that may be selected: the usable ones, or all if none is usable.
+        """Return the usable candidates, or all candidates if none is usable.
 
         If the schedule is not a gap, the map ``free`` may be selected although it cannot be
         compiled, if it fits several times better than any usable candidate.
         """
         comparison = self.comparison
         usable_candidates = [
-            candidate for candidate in candidates if self.is_usable(comparison.fits[candidate].reduced)
+            candidate for candidate in candidates if self.is_usable(comparison.fits[candidate].reduced_fit)
         ]
         if not usable_candidates or is_scheduled_over_gap(self.loopset):
             return usable_candidates or candidates
@@ -373,28 +377,28 @@ class Selection:
             for candidate in candidates
             if candidate.gap_map == "free"
             and candidate not in usable_candidates
-            and all(comparison.is_several_times_worse(other, candidate) for other in usable_candidates)
+            and all(comparison.is_several_times_worse(usable, candidate) for usable in usable_candidates)
         ]
 
     def select(self) -> ModelCandidate:
         """Return the best candidate that passes the acceptance test and is not overfitted.
 
-        The tests are ignored if the error would otherwise be much larger than the smallest one.
+        The tests are ignored if the error would otherwise greatly exceed the smallest error.
         """
         comparison = self.comparison
-        candidates = list(comparison.eligible)
+        candidates = list(comparison.contenders)
         max_error = _MAX_ERROR_RATIO * min(
             comparison.withheld_error(candidate) or 0.0 for candidate in candidates
         )
-        while comparison.eligible:
+        while comparison.contenders:
             best = comparison.select_best()
-            passing_candidates = _passes_acceptance(comparison.fits[best].reduced, self.loopset)
+            passing_candidates = _passes_acceptance(comparison.fits[best].reduced_fit, self.loopset)
             if len(candidates) == 1 or (passing_candidates and not self._is_overfitted_between_gaps(best)):
                 if (comparison.withheld_error(best) or 0.0) <= max_error:
                     return best
                 break
-            comparison.eligible.remove(best)
-        comparison.eligible[:] = candidates
+            comparison.contenders.remove(best)
+        comparison.contenders[:] = candidates
         return comparison.select_best()
 
     def _is_overfitted_between_gaps(self, candidate: ModelCandidate) -> bool:
@@ -404,31 +408,31 @@ class Selection:
         if comparison.withheld_kind != "gap" or not error or loopset.schedule is None:
             return False
         simpler_models = [
-            (make_model(comparison.fits[other].reduced, loopset), other_error)
+            (make_model(comparison.fits[other].reduced_fit, loopset), simpler_error)
             for other in comparison.fits
             if other.gap_map != candidate.gap_map
             and other.cells == candidate.cells
             and other.rank < candidate.rank
             and comparison.has_all_refits(other)
-            and (other_error := comparison.finite_withheld_error(other)) is not None
+            and (simpler_error := comparison.finite_withheld_error(other)) is not None
         ]
         return is_overfitted_between_gaps(
-            make_model(comparison.fits[candidate].reduced, loopset), error, simpler_models, loopset
+            make_model(comparison.fits[candidate].reduced_fit, loopset), error, simpler_models, loopset
         )
 
     def finish_best(self, best: ModelCandidate) -> tuple[ModelCandidate, FoundModel, str]:
-        """Finish the best candidate or, if that fails, the next; raise the last failure."""
+        """Finish the best candidate or, if it fails, the next one; raise the last failure."""
         comparison = self.comparison
         while True:
             try:
-                fit, dead_band = _finish_fit(self.run, self.loopset, comparison.fits[best].reduced)
+                fit, dead_band = _finish_fit(self.run, self.loopset, comparison.fits[best].reduced_fit)
                 if (
-                    len(comparison.eligible) > 1
+                    len(comparison.contenders) > 1
                 ):  # with a single remaining candidate, only the deviation is reported
                     _require_no_drift(fit, self.loopset)
             except FAILURES as error:
-                comparison.drop(best, error)
-                if not comparison.eligible:
+                comparison.drop_candidate(best, error)
+                if not comparison.contenders:
                     raise
                 best = self.select()
             else:
@@ -438,11 +442,11 @@ class Selection:
         """Return how much equally good candidates differ inside the only loop."""
         if len(self.loopset) > 1:
             return 0.0
-        chosen = self.comparison.fits[best].reduced
+        chosen = self.comparison.fits[best].reduced_fit
         models = [
-            make_model(fits.reduced, self.loopset)
+            make_model(fits.reduced_fit, self.loopset)
             for fits in self.comparison.fits.values()
-            if fits.reduced.cost <= EQUAL_FIT_RATIO**2 * chosen.cost
+            if fits.reduced_fit.cost <= EQUAL_FIT_RATIO**2 * chosen.cost
         ]
         return ambiguity_within_loop(make_model(chosen, self.loopset), models, self.loopset)
 
@@ -495,7 +499,7 @@ def _finish_fit(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundM
     descend = partial(
         descend_from, start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness
     )
-    final_fit = run.step("last steps", descend)
+    final_fit = run.run_step("last steps", descend)
     # The last steps gain little, and are discarded if they make a usable model unusable.
     became_unusable = _is_usable(start, loopset) and not _is_usable(final_fit, loopset)
     return start.with_records(run.records) if became_unusable else final_fit, dead_band
@@ -509,5 +513,5 @@ def _add_dead_band(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[Fou
         is_initial_fit_deployable = is_deployable(fit)
         return add_dead_band(fit, lambda candidate: not is_initial_fit_deployable or is_deployable(candidate))
 
-    with_dead_band = run.step("dead band", work)
+    with_dead_band = run.run_step("dead band", work)
     return with_dead_band, explain_dead_band(fit, with_dead_band)

@@ -15,7 +15,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.identification.cell_kernel import CellPath, DrivenCells
+from anhyst.identification.cell_kernel import CellPath, SimulatedCells
 from anhyst.identification.fit_records import FitRecord
 from anhyst.identification.response import (
     ParameterSet,
@@ -34,21 +34,21 @@ _MAX_SAMPLES_PER_CALL = 20_000
 
 
 class CellResponder:
-    """Simulator of drives from the demagnetised state, with a cache of how drives are grouped."""
+    """Simulator of input records from the demagnetised state, with a cache of their groups."""
 
     def __init__(self) -> None:
-        self._groups: dict[tuple[int, ...], list[_DriveGroup]] = {}
+        self._groups: dict[tuple[int, ...], list[_RecordGroup]] = {}
         self._grouped: Sequence[FitRecord] = ()
 
     def outputs(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
-        """Return the output of every drive, SI."""
+        """Return the output of every record, SI."""
         outputs = []
-        for cells, drives in self._group_cells(form, sets, records):
-            omega, r, _ = drives.cell_inputs(sets)
-            x, m = cells.follow(omega, r, drives.starts)
-            for record, samples in zip(drives.records, drives.record_slices, strict=True):
+        for cells, group in self._group_cells(form, sets, records):
+            omega, r, _ = group.cell_inputs(sets)
+            x, m = cells.follow(omega, r, group.record_starts)
+            for record, samples in zip(group.records, group.record_slices, strict=True):
                 parameter_set = sets[record.gap]
                 b = m[samples] + parameter_set.h * x[samples]
                 outputs.append(parameter_set.gain * b**form.power + parameter_set.out_0)
@@ -57,25 +57,25 @@ class CellResponder:
     def derivatives(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-        """Yield gap, output and derivatives, shape (n, parameters), of all drives."""
-        for cells, drives in self._group_cells(form, sets, records):
-            omega, r, scale = drives.cell_inputs(sets)
+        """Yield gap, output and derivatives, shape (n, parameters), of every record."""
+        for cells, group in self._group_cells(form, sets, records):
+            omega, r, scale = group.cell_inputs(sets)
             # The dependence of the history on the circuit at other gaps is neglected.
-            r_t = np.stack([-r * drives.is_own_gap / scale, -drives.is_own_gap / scale], axis=1)
-            path = cells.follow_with_derivatives(omega, r, drives.is_own_gap, r_t, drives.starts)
-            path = CellPath(*(values[drives.sample_indices] for values in path))
-            output, local_derivatives = output_derivatives(form, sets, drives.gaps, path)
-            for gap, samples in drives.gap_slices:
+            r_t = np.stack([-r * group.is_record_gap / scale, -group.is_record_gap / scale], axis=1)
+            path = cells.follow_with_derivatives(omega, r, group.is_record_gap, r_t, group.record_starts)
+            path = CellPath(*(values[group.sample_indices] for values in path))
+            output, local_derivatives = output_derivatives(form, sets, group.gaps, path)
+            for gap, samples in group.gap_slices:
                 yield gap, output[samples], local_derivatives[samples]
 
     def _group_cells(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
-    ) -> Iterator[tuple[DrivenCells, _DriveGroup]]:
-        """Yield the cells of each group of drives that share them."""
+    ) -> Iterator[tuple[SimulatedCells, _RecordGroup]]:
+        """Yield each group of records with the cells that its records share."""
         assert form.cells is not None
         require_steepness(sets)
         try:
-            cells = [form.cells.make_driven_cells(parameter_set.law) for parameter_set in sets]
+            cells = [form.cells.make_simulated_cells(parameter_set.law) for parameter_set in sets]
         except ValueError as error:
             raise NoResponseError(str(error)) from error
         if records is not self._grouped:
@@ -84,20 +84,20 @@ class CellResponder:
             next(i for i, weights in enumerate(cells) if weights is gap_cells) for gap_cells in cells
         )
         if cell_indices not in self._groups:
-            self._groups[cell_indices] = list(_group_drives(records, cell_indices))
-        for drives in self._groups[cell_indices]:
-            yield cells[drives.records[0].gap], drives
+            self._groups[cell_indices] = list(_group_records(records, cell_indices))
+        for group in self._groups[cell_indices]:
+            yield cells[group.records[0].gap], group
 
 
 @dataclass(frozen=True, eq=False)
-class _DriveGroup:
-    """Concatenated drives, each preceded by its history."""
+class _RecordGroup:
+    """Concatenated input records, each preceded by its history."""
 
     records: Sequence[FitRecord]
-    drive: FloatArray  # SI; shape (n,)
+    inputs: FloatArray  # SI; shape (n,)
     gap_position: FloatArray  # index of the gap of each sample; shape (n,)
-    is_own_gap: FloatArray  # 1 at the gap of the record, else 0; shape (n,)
-    starts: NDArray[np.int64]  # first sample of each drive
+    is_record_gap: FloatArray  # 1 at the gap of the record, else 0; shape (n,)
+    record_starts: NDArray[np.int64]  # index of the first sample of each record with its history
     record_slices: Sequence[slice]  # samples of each record
 
     @cached_property
@@ -118,41 +118,41 @@ class _DriveGroup:
     @cached_property
     def gaps(self) -> NDArray[np.intp]:
         """Gap of each sample of a record."""
-        sizes = [record.input.size for record in self.records]
-        return np.repeat([record.gap for record in self.records], sizes)
+        record_sizes = [record.input.size for record in self.records]
+        return np.repeat([record.gap for record in self.records], record_sizes)
 
     def cell_inputs(self, sets: Sequence[ParameterSet]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return omega, the right side of the cell equation, and the input scale of each sample."""
         omega, scale, in_0 = interpolate_over_gaps(sets, self.gap_position)
-        return omega, (self.drive - in_0) / scale, scale
+        return omega, (self.inputs - in_0) / scale, scale
 
 
-def _group_drives(records: Sequence[FitRecord], cell_key: Sequence[int]) -> Iterator[_DriveGroup]:
-    """Group successive drives that share cells, about 20,000 samples per group."""
+def _group_records(records: Sequence[FitRecord], cell_key: Sequence[int]) -> Iterator[_RecordGroup]:
+    """Group successive records whose gaps use the same cells, about 20,000 samples per group."""
     for _, gap_records in groupby(records, lambda record: cell_key[record.gap]):
         group: list[FitRecord] = []
         for record in gap_records:
             group.append(record)
             if sum(record.input.size for record in group) > _MAX_SAMPLES_PER_CALL:
-                yield _join_drives(group)
+                yield _join_records(group)
                 group = []
         if group:
-            yield _join_drives(group)
+            yield _join_records(group)
 
 
-def _join_drives(records: Sequence[FitRecord]) -> _DriveGroup:
-    drives, gap_columns, own_gap_parts, starts, record_slices = [], [], [], [], []
+def _join_records(records: Sequence[FitRecord]) -> _RecordGroup:
+    input_parts, gap_columns, gap_parts, starts, record_slices = [], [], [], [], []
     end = 0
     for record in records:
         history, n = record.remembered_history, record.input.size
-        drives += [history.drive, record.input]
+        input_parts += [history.inputs, record.input]
         gap_columns += [history.gap_position, np.full(n, float(record.gap))]
-        own_gap_parts += [(history.gap_position == record.gap).astype(np.float64), np.ones(n)]
+        gap_parts += [(history.gap_position == record.gap).astype(np.float64), np.ones(n)]
         starts.append(end)
-        end += history.drive.size + n
+        end += history.inputs.size + n
         record_slices.append(slice(end - n, end))
-    drive, gaps, is_own_gap = (np.concatenate(values) for values in (drives, gap_columns, own_gap_parts))
-    return _DriveGroup(
+    drive, gaps, is_own_gap = (np.concatenate(values) for values in (input_parts, gap_columns, gap_parts))
+    return _RecordGroup(
         tuple(records), drive, gaps, is_own_gap, np.array(starts, dtype=np.int64), record_slices
     )
 
@@ -213,7 +213,7 @@ class Objective:
         self._responder: Responder | CellResponder = Responder()
         if self.space.form.cells:
             self._responder = CellResponder()
-            loops = tuple(piece for record in loops for piece in record.pieces(_MAX_PIECE_SAMPLES))
+            loops = tuple(piece for record in loops for piece in record.make_pieces(_MAX_PIECE_SAMPLES))
         self._loops = loops
         self.measured = np.concatenate([record.output for record in loops])
         self.weights = np.concatenate([record.weights for record in loops])
@@ -226,7 +226,7 @@ class Objective:
         self._drift = _Drift(self.space.records.output_span * clocks * self.weights)
 
     @property
-    def no_answer_deviations(self) -> FloatArray:
+    def unsolved_deviations(self) -> FloatArray:
         """Residuals for parameters without a solution."""
         large_residual = UNSOLVED_DEVIATION * self.space.records.output_span * self.weights
         return np.concatenate(
@@ -243,7 +243,7 @@ class Objective:
         try:
             outputs = self.outputs([parameter_set for parameter_set, _ in self.space.unpack(theta)])
         except NoResponseError:
-            return self.no_answer_deviations
+            return self.unsolved_deviations
         residual = (outputs - self.measured) * self.weights
         residual, cost = self._drift.subtract_from(residual)
         return np.concatenate(
@@ -253,8 +253,8 @@ class Objective:
     def normal_equations(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return residuals, gradient of half their sum of squares, and normal matrix.
 
-        The matrices are summed gap by gap. Parameters of one gap then need no computation at other
-        gaps, and no product is so large that a library would use several threads.
+        The matrices are summed gap by gap. Therefore, parameters of one gap need no computation at
+        other gaps, and no product is so large that a library would use several threads.
         """
         self.evaluations += 1
         sets = self.space.unpack(theta)
@@ -262,8 +262,8 @@ class Objective:
         gap_normals = np.zeros((len(sets), numbers, numbers))
         gap_gradients = np.zeros((len(sets), numbers))
         values, gap_drifts = [], np.zeros((len(sets), numbers))
-        start, at_gaps = 0, [parameter_set for parameter_set, _ in sets]
-        responses = self._responder.derivatives(self.space.form, at_gaps, self._loops)
+        start, sets_by_gap = 0, [parameter_set for parameter_set, _ in sets]
+        responses = self._responder.derivatives(self.space.form, sets_by_gap, self._loops)
         for gap, output, derivatives in responses:
             samples = slice(start, start + output.size)
             weights = self.weights[samples]
@@ -273,8 +273,8 @@ class Objective:
             )
             gap_normals[gap] += weighted_derivatives.T @ weighted_derivatives
             gap_gradients[gap] += value @ weighted_derivatives
-            if self._drift.is_present:
-                gap_drifts[gap] += self._drift.direction[samples] @ weighted_derivatives
+            if self._drift.has_drift:
+                gap_drifts[gap] += self._drift.drift_direction[samples] @ weighted_derivatives
             start = samples.stop
             values.append(value)
         residual = np.concatenate(values)
@@ -290,7 +290,7 @@ class Objective:
         for (_, coordinate_derivatives), square, slope in zip(sets, gap_normals, gap_gradients, strict=True):
             gradient = gradient + slope @ coordinate_derivatives
             matrix = matrix + coordinate_derivatives.T @ square @ coordinate_derivatives
-        if self._drift.is_present:
+        if self._drift.has_drift:
             drift_derivatives = np.einsum(
                 "gn,gnk->k",
                 gap_drifts,
@@ -313,16 +313,16 @@ class Objective:
             return Linearisation(*self.normal_equations(theta))
         except NoResponseError:
             zero_jacobian = np.zeros((theta.size, theta.size))
-            return Linearisation(self.no_answer_deviations, zero_jacobian[0], zero_jacobian)
+            return Linearisation(self.unsolved_deviations, zero_jacobian[0], zero_jacobian)
 
     def linearise_if_better(self, theta: FloatArray, cost: float) -> Linearisation | None:
-        """Linearise if the cost is below a limit, else return None; slow without derivatives."""
+        """Linearise if the cost is below a limit, else return None."""
         if not self.space.form.kernel.has_derivatives:
             deviations = self.deviations(theta)
             if float(deviations @ deviations) >= cost:
                 return None
-        linear = self.linearise(theta)
-        return linear if linear.cost < cost else None
+        expansion = self.linearise(theta)
+        return expansion if expansion.cost < cost else None
 
     def numerical_jacobian(self, theta: FloatArray) -> FloatArray:
         """Return central differences, one-sided at the bounds."""
@@ -342,26 +342,26 @@ class _Drift:
     """A linear drift of the residuals, and the residuals without it."""
 
     def __init__(self, drift: FloatArray) -> None:
-        self.direction = drift
+        self.drift_direction = drift
         self._prior_weight = np.sqrt(PRIOR_COST) / DRIFT_STD
         self.squared_norm = float(drift @ drift) + self._prior_weight**2
-        self.is_present = bool(np.any(drift))
+        self.has_drift = bool(np.any(drift))
 
     def slope(self, deviation: FloatArray) -> float:
         """Return the slope with the lowest cost."""
-        return float(self.direction @ deviation / self.squared_norm)
+        return float(self.drift_direction @ deviation / self.squared_norm)
 
     def subtract_from(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals without the drift, and the cost of the drift as a residual."""
         slope = self.slope(deviation)
-        return deviation - self.direction * slope, np.array([self._prior_weight * slope])
+        return deviation - self.drift_direction * slope, np.array([self._prior_weight * slope])
 
 
 def _make_smoothness_rows(space: CoordinateSpace) -> FloatArray:
-    """Return matrix rows for the coordinate differences of neighbouring gaps, except offsets."""
-    column_of = {entry: index for index, entry in enumerate(space.entries)}
+    """Return matrix rows for the coordinate differences of neighbouring gaps, without offsets."""
+    column_indices = {entry: index for index, entry in enumerate(space.entries)}
     pairs = [
-        (column_of[name, gap], column_of[name, gap + 1])
+        (column_indices[name, gap], column_indices[name, gap + 1])
         for name, gap in space.entries
         if gap is not None and gap + 1 < space.records.gap_count and name not in {"in_0", "out_0"}
     ]
@@ -375,9 +375,9 @@ def _make_prior_rows(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
     """Return matrix rows that divide coordinates by their prior deviation, and the prior means."""
     rows, targets = [], []
     for row, (name, _) in zip(np.eye(space.size), space.entries, strict=True):
-        number = space.fit_parameters[name]
-        if number.prior_mean is not None:
-            weight = np.sqrt(PRIOR_COST) / number.prior_std
+        fit_parameter = space.fit_parameters[name]
+        if fit_parameter.prior_mean is not None:
+            weight = np.sqrt(PRIOR_COST) / fit_parameter.prior_std
             rows.append(weight * row)
-            targets.append(weight * space.to_coordinate(name, number.prior_mean))
+            targets.append(weight * space.to_coordinate(name, fit_parameter.prior_mean))
     return np.array(rows).reshape(-1, space.size), np.array(targets)

@@ -27,7 +27,7 @@ from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, Quantity
 
-Values = dict[str, float]
+Parameters = dict[str, float]
 """Physical parameters at one gap, SI, with the names of :class:`anhyst.model.actuator.Model`."""
 
 SEVEN_NAMES = ("M_s", "a", "alpha", "k", "c", "c_H", "c_out")
@@ -53,7 +53,7 @@ _MAX_OFFSET_SHARE = 0.1  # offset bounds, relative to the input or output range
 
 
 @dataclass(frozen=True, eq=False)
-class Variables:
+class SearchVariables:
     """Named coordinates within bounds."""
 
     names: tuple[str, ...]  # names of the parameters that vary
@@ -67,11 +67,11 @@ class Variables:
         """Number of coordinates."""
         return len(self.names)
 
-    def restrict_to(self, names: Sequence[str]) -> Variables:
+    def restrict_to(self, names: Sequence[str]) -> SearchVariables:
         """Return only some of the variables, in their present order."""
         indices = [index for index, name in enumerate(self.names) if name in names]
         kept_names = tuple(self.names[index] for index in indices)
-        return Variables(kept_names, self.low[indices], self.high[indices], self.spans)
+        return SearchVariables(kept_names, self.low[indices], self.high[indices], self.spans)
 
     def to_coordinates(self, values: Mapping[str, float]) -> FloatArray:
         """Return the coordinates of parameters, shape (n,), clipped to the bounds."""
@@ -100,7 +100,7 @@ def _to_coordinate(name: str, value: float, spans: Mapping[str, float]) -> float
 
 def make_variables(
     records: FitRecords, drive: Quantity, output_quantity: Quantity, fixed: frozenset[str]
-) -> tuple[Variables, Values]:
+) -> tuple[SearchVariables, Parameters]:
     """Return the search variables with their bounds, and the parameters with known values."""
     spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
     fixed_values = dict.fromkeys(fixed & set(OFFSET_NAMES), 0.0)
@@ -127,9 +127,9 @@ def make_variables(
         "out_0": (-_MAX_OFFSET_SHARE * records.output_span, _MAX_OFFSET_SHARE * records.output_span),
     }
     names = tuple(name for name in (*SEVEN_NAMES, *OFFSET_NAMES) if name not in fixed_values)
-    bound_pairs = [[_to_coordinate(name, end, spans) for end in bounds[name]] for name in names]
+    bound_pairs = [[_to_coordinate(name, range_end, spans) for range_end in bounds[name]] for name in names]
     low, high = np.array(bound_pairs).T
-    return Variables(names, low, high, spans), fixed_values
+    return SearchVariables(names, low, high, spans), fixed_values
 
 
 def to_gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, FloatArray]:
@@ -166,13 +166,15 @@ def mean_over_gaps(name: str, values: Sequence[float]) -> float:
     return float(np.mean(values))
 
 
-def names_set_by_gauge(searched_names: Sequence[str]) -> tuple[str, ...]:
+def find_gauge_parameters(searched_names: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters that :func:`move_to_one_gauge` makes equal at all gaps."""
     partner_names = {"M_s": "c_out", "a": "c_H"}
     return tuple(name for name, redundant_name in partner_names.items() if redundant_name in searched_names)
 
 
-def move_to_one_gauge(sets: Sequence[Values], searched_names: Sequence[str], power: int) -> list[Values]:
+def move_to_one_gauge(
+    sets: Sequence[Parameters], searched_names: Sequence[str], power: int
+) -> list[Parameters]:
     """Move the sets of all gaps along the redundancies to a common ``M_s`` and a common ``a``.
 
     Without a common gauge, a mean over gaps has no meaning. ``M_s`` becomes its geometric mean,
@@ -182,7 +184,7 @@ def move_to_one_gauge(sets: Sequence[Values], searched_names: Sequence[str], pow
     gauge-free form. If field (``c_H = 1``) or flux density (``c_out = 1``) is measured, ``a`` or
     ``M_s`` is determined.
     """
-    names = names_set_by_gauge(searched_names)
+    names = find_gauge_parameters(searched_names)
     saturation = mean_over_gaps("M_s", [values["M_s"] for values in sets])
     moved_sets = []
     for values in sets:
@@ -226,7 +228,7 @@ class Criterion:
             key = (
                 parameter_set.kappa,
                 parameter_set.c,
-                parameter_set.omega if self._form.kernel.is_coupled else 0.0,
+                parameter_set.omega if self._form.kernel.includes_interaction else 0.0,
             )
             if self._built is None or self._built[0] != key:
                 self._built = (key, self._form.make_operator(parameter_set))
@@ -276,9 +278,9 @@ def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
 
 
 def run_simplex(
-    cost: Callable[[FloatArray], float], variables: Variables, start: FloatArray, max_evaluations: int
+    cost: Callable[[FloatArray], float], variables: SearchVariables, start: FloatArray, max_evaluations: int
 ) -> tuple[FloatArray, float]:
-    """Run a Nelder-Mead simplex search; restart it at its result until this gains little."""
+    """Run a Nelder-Mead simplex search; restart it at its result until a restart gains little."""
     # Imported here, because importing SciPy takes longer than the default search, which does not
     # need it.
     from scipy.optimize import minimize
@@ -286,10 +288,10 @@ def run_simplex(
     best_theta, best_cost, step = start, cost(start), 0.05
     span = variables.high - variables.low
     while max_evaluations > variables.size + 1:
-        corners = np.tile(best_theta, (variables.size + 1, 1))
+        simplex_vertices = np.tile(best_theta, (variables.size + 1, 1))
         axes = np.arange(variables.size)
         steps = np.where(best_theta + step * span > variables.high, -step, step)
-        corners[axes + 1, axes] += steps * span
+        simplex_vertices[axes + 1, axes] += steps * span
         minimum = minimize(
             cost,
             best_theta,
@@ -297,7 +299,7 @@ def run_simplex(
             bounds=list(zip(variables.low, variables.high, strict=True)),
             options={
                 "adaptive": variables.size > 1,
-                "initial_simplex": corners,
+                "initial_simplex": simplex_vertices,
                 "maxfev": max_evaluations,
                 "maxiter": max_evaluations,
                 "xatol": 1e-5,

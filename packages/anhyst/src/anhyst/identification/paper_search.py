@@ -26,7 +26,7 @@ from anhyst.data import Loops
 from anhyst.identification.paper_parameters import (
     OFFSET_NAMES,
     Criterion,
-    Values,
+    Parameters,
     make_variables,
     mean_over_gaps,
     run_simplex,
@@ -38,8 +38,8 @@ from anhyst.model.parameters import VARYING_BY_GAP_MAP, Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-PARENTS = 15
-CHILDREN = 105  # seven children per parent, as Schwefel recommends for self-adaptation
+PARENT_COUNT = 15
+CHILD_COUNT = 105  # seven children per parent, as Schwefel recommends for self-adaptation
 _FIRST_STEP = 0.2  # first step size, relative to the range of a variable
 _MIN_STEP = 1e-9  # smallest step size, relative to the range
 
@@ -75,8 +75,8 @@ class EvolutionStrategy:
         low: FloatArray,
         high: FloatArray,
         seed: int | list[int],
-        parents: int = PARENTS,
-        children: int = CHILDREN,
+        parents: int = PARENT_COUNT,
+        children: int = CHILD_COUNT,
     ) -> None:
         if not np.all(low < high):
             raise InputError(
@@ -100,7 +100,7 @@ class EvolutionStrategy:
         self.best_cost = np.inf
 
     def ask(self) -> FloatArray:
-        """Return the individuals of the generation, shape (children, n)."""
+        """Return the individuals of the present generation, shape (children, n)."""
         return self._x.copy()
 
     def tell(self, costs: FloatArray) -> None:
@@ -138,19 +138,19 @@ _SIMPLEX_SAMPLES = 128
 class SearchEffort:
     """Effort of a search: generations, and evaluations of the simplex per variable.
 
-    ``trial`` is used to rank the candidates of a round, ``final`` for the selected one.
+    ``trial_evaluations`` rank the candidates of a round, ``final_evaluations`` refine the selected one.
     """
 
     generations: int = 400
-    final: int = 250
-    trial: int = 40
+    final_evaluations: int = 250
+    trial_evaluations: int = 40
 
 
 @dataclass(frozen=True)
 class SearchState:
     """State of a search: parameters at each gap, gap-dependent parameters, and the cost."""
 
-    sets: tuple[Values, ...]
+    sets: tuple[Parameters, ...]
     varying: tuple[str, ...]
     cost: float
     evaluations: int = 0
@@ -165,7 +165,7 @@ class SearchState:
 class PaperSearch:
     """Loops of every gap, prepared for searches over any of the parameters."""
 
-    run: SearchRun  # settings and stages
+    run: SearchRun  # settings and stages of the identification
     loopset: Loops  # measured loops, for their quantities
     effort: SearchEffort = field(default_factory=SearchEffort)  # effort of the search
 
@@ -185,25 +185,25 @@ class PaperSearch:
         """Number of gaps."""
         return self.run.records.gap_count
 
-    def cost(self, sets: Sequence[Values]) -> float:
+    def cost(self, sets: Sequence[Parameters]) -> float:
         """Return the criterion of eq. 16 over all samples of all gaps."""
-        costs = [self.cost_at(gap, values) for gap, values in enumerate(sets)]
+        costs = [self.cost_at_gap(gap, values) for gap, values in enumerate(sets)]
         return float(np.dot(self._shares, costs))
 
-    def cost_at(self, gap: int, values: Values) -> float:
+    def cost_at_gap(self, gap: int, values: Parameters) -> float:
         """Return the criterion of eq. 16 at one gap."""
         return Criterion(self.run.form, self._records[gap]).cost_of_set(values)
 
     def _criterion(self, gap: int, samples: int) -> Criterion:
         return Criterion(self.run.form, self._records[gap].thinned(samples))
 
-    def make_state(self, sets: Sequence[Values], varying: Sequence[str], evaluations: int) -> SearchState:
+    def make_state(self, sets: Sequence[Parameters], varying: Sequence[str], evaluations: int) -> SearchState:
         """Return the state of a search with given parameter sets."""
         return SearchState(tuple(sets), tuple(varying), self.cost(sets), evaluations)
 
-    def refine(
-        self, gap: int, values: Values, names: Sequence[str], evaluations_per_variable: int
-    ) -> tuple[Values, int]:
+    def refine_set(
+        self, gap: int, values: Parameters, names: Sequence[str], evaluations_per_variable: int
+    ) -> tuple[Parameters, int]:
         """Run the simplex search at one gap from given values; also return its evaluations."""
         variables = self.variables.restrict_to(names)
         criterion = self._criterion(gap, _SIMPLEX_SAMPLES)
@@ -216,7 +216,7 @@ class PaperSearch:
         )
         return values | _to_floats(variables.to_parameters(best_values)), criterion.evaluations
 
-    def evolve(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
+    def evolve_set(self, gap: int, values: Parameters, names: Sequence[str]) -> tuple[Parameters, int]:
         """Run the evolution strategy at one gap over the whole range of the named parameters."""
         variables = self.variables.restrict_to(names)
         criterion = self._criterion(gap, _EVOLUTION_SAMPLES)
@@ -229,30 +229,30 @@ class PaperSearch:
             strategy.tell(criterion.costs_of_sets(fixed | variables.to_parameters(strategy.ask())))
         return values | _to_floats(variables.to_parameters(strategy.best)), criterion.evaluations
 
-    def search_gap(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
+    def search_gap(self, gap: int, values: Parameters, names: Sequence[str]) -> tuple[Parameters, int]:
         """Search one gap in full: evolution, then simplex from its result or from the given values.
 
         The given values are a start only if they contain every named parameter.
         """
-        evolved_values, evaluations = self.evolve(gap, values, names)
+        evolved_values, evaluations = self.evolve_set(gap, values, names)
         starts = [values, evolved_values] if set(names) <= values.keys() else [evolved_values]
         criterion = self._criterion(gap, _SIMPLEX_SAMPLES)
         best = min(starts, key=criterion.cost_of_set)
-        refined_set, simplex_evaluations = self.refine(gap, best, names, self.effort.final)
+        refined_set, simplex_evaluations = self.refine_set(gap, best, names, self.effort.final_evaluations)
         return refined_set, evaluations + simplex_evaluations
 
     def search_gaps(
-        self, stage: str, sets: Sequence[Values], names: Sequence[str]
-    ) -> tuple[list[Values], int]:
+        self, stage: str, sets: Sequence[Parameters], names: Sequence[str]
+    ) -> tuple[list[Parameters], int]:
         """Search every gap in full, each as one stage; return the sets and the evaluations."""
         results = [
-            self.run.stage(stage.format(gap), partial(self.search_gap, gap, values, names))
+            self.run.run_stage(stage.format(gap), partial(self.search_gap, gap, values, names))
             for gap, values in enumerate(sets)
         ]
         return [values for values, _ in results], sum(evaluations for _, evaluations in results)
 
 
-def _to_floats(arrays: Mapping[str, FloatArray]) -> Values:
+def _to_floats(arrays: Mapping[str, FloatArray]) -> Parameters:
     return {name: float(value) for name, value in arrays.items()}
 
 

@@ -24,12 +24,12 @@ from anhyst.identification.objective import Objective
 from anhyst.identification.paper_parameters import (
     OFFSET_NAMES,
     POSITIVE_NAMES,
-    Values,
+    Parameters,
+    find_gauge_parameters,
     make_parameter_set,
     mean_deviation,
     mean_over_gaps,
     move_to_one_gauge,
-    names_set_by_gauge,
 )
 from anhyst.identification.paper_search import (
     PaperSearch,
@@ -56,7 +56,7 @@ _NEGLIGIBLE_COST = 1e-5
 
 
 def count_stages(search: PaperSearch, last_name: str | None) -> int:
-    """Return the number of stages of :func:`reductions`."""
+    """Return the number of stages of :func:`reduce_gap_dependence`."""
     gaps, names = search.gap_count, len(search.searched_names)
     fixed_last = 0 if last_name is None else 1
     return gaps + sum(varying_count - fixed_last + gaps for varying_count in range(2, names + 1))
@@ -73,11 +73,11 @@ def move_to_common_gauge(search: PaperSearch, free_state: SearchState) -> Search
     """
     moved_sets = move_to_one_gauge(free_state.sets, search.searched_names, search.run.form.power)
     reference = search.run.records.reference_gap
-    sets: dict[int, Values] = {}
+    sets: dict[int, Parameters] = {}
     evaluations = free_state.evaluations
     for gap in [reference, *range(reference + 1, search.gap_count), *range(reference - 1, -1, -1)]:
         neighbour = sets.get(gap - 1 if gap > reference else gap + 1)
-        sets[gap], gap_evaluations = search.run.stage(
+        sets[gap], gap_evaluations = search.run.run_stage(
             f"gap {gap} in one gauge",
             partial(_search_from_neighbour, search, gap, moved_sets[gap], neighbour),
         )
@@ -86,24 +86,28 @@ def move_to_common_gauge(search: PaperSearch, free_state: SearchState) -> Search
 
 
 def _search_from_neighbour(
-    search: PaperSearch, gap: int, own_values: Values, neighbour_values: Values | None
-) -> tuple[Values, int]:
-    """Search one gap from its own set and from its neighbour's; prefer the neighbour's result."""
-    names = [name for name in search.searched_names if name not in names_set_by_gauge(search.searched_names)]
+    search: PaperSearch, gap: int, own_values: Parameters, neighbour_values: Parameters | None
+) -> tuple[Parameters, int]:
+    """Search one gap from its own set and its neighbour's set; prefer the neighbour's result."""
+    names = [
+        name for name in search.searched_names if name not in find_gauge_parameters(search.searched_names)
+    ]
     starts = [own_values] if neighbour_values is None else [neighbour_values, own_values]
-    results = [search.refine(gap, start, names, search.effort.final) for start in starts]
-    costs = [search.cost_at(gap, values) for values, _ in results]
+    results = [search.refine_set(gap, start, names, search.effort.final_evaluations) for start in starts]
+    costs = [search.cost_at_gap(gap, values) for values, _ in results]
     best = 0 if costs[0] <= _max_equal_cost(min(costs)) else 1
     return results[best][0], sum(evaluations for _, evaluations in results)
 
 
-def reductions(
+def reduce_gap_dependence(
     search: PaperSearch, free_state: SearchState, last_name: str | None = None
 ) -> Iterator[tuple[SearchState, ReductionStep]]:
     """Make one parameter after another equal at all gaps until one varies; yield each step."""
     state = move_to_common_gauge(search, free_state)
     while len(state.varying) > 1:
-        trials = {name: _try_freezing(search, state, name) for name in state.varying if name != last_name}
+        trials = {
+            name: _try_fixing_parameter(search, state, name) for name in state.varying if name != last_name
+        }
         costs = {name: trial.cost for name, trial in trials.items()}
         fixed_name, previous_state = _select_cheapest(state, costs), state
         evaluations = previous_state.evaluations + sum(trial.evaluations for trial in trials.values())
@@ -115,20 +119,20 @@ def reductions(
         yield state, ReductionStep(fixed_name, previous_state.cost, state.cost, costs)
 
 
-def _try_freezing(search: PaperSearch, state: SearchState, name: str) -> SearchState:
-    """Replace one parameter by its mean, and search the others briefly at every gap."""
-    other_names = [other_name for other_name in state.varying if other_name != name]
+def _try_fixing_parameter(search: PaperSearch, state: SearchState, name: str) -> SearchState:
+    """Replace one parameter by its mean, and search the other parameters briefly at every gap."""
+    free_names = [free_name for free_name in state.varying if free_name != name]
     mean = mean_over_gaps(name, [values[name] for values in state.sets])
 
     def work() -> dict[str, object]:
         results = [
-            search.refine(gap, values | {name: mean}, other_names, search.effort.trial)
+            search.refine_set(gap, values | {name: mean}, free_names, search.effort.trial_evaluations)
             for gap, values in enumerate(state.sets)
         ]
         evaluations = sum(result[1] for result in results)
-        return asdict(search.make_state([result[0] for result in results], other_names, evaluations))
+        return asdict(search.make_state([result[0] for result in results], free_names, evaluations))
 
-    return SearchState.from_plain(search.run.stage(_stage_name(state.varying, f"without {name}"), work))
+    return SearchState.from_plain(search.run.run_stage(_stage_name(state.varying, f"without {name}"), work))
 
 
 def _stage_name(varying: Sequence[str], description: str) -> str:
@@ -166,7 +170,7 @@ def search_paper(run: SearchRun, loopset: Loops, gap_map: str, effort: SearchEff
     """Perform the paper's search."""
     require_gaps(run.records, gap_map)
     search = PaperSearch(run, loopset, effort or SearchEffort())
-    last_name = _last_varying(search, gap_map)
+    last_name = _find_last_varying_name(search, gap_map)
     is_reducing = search.gap_count > 1 and gap_map != "free"
     has_common_offsets = search.gap_count > 1 and not set(OFFSET_NAMES) <= run.fixed
     run.total_stages = search.gap_count * (2 if has_common_offsets else 1)
@@ -176,7 +180,7 @@ def search_paper(run: SearchRun, loopset: Loops, gap_map: str, effort: SearchEff
     interrupted = False
     try:
         free_state = state = search_each_gap(search)
-        for next_state, step in reductions(search, free_state, last_name) if is_reducing else ():
+        for next_state, step in reduce_gap_dependence(search, free_state, last_name) if is_reducing else ():
             state = next_state
             steps.append(step)
     except KeyboardInterrupt:
@@ -198,7 +202,7 @@ def search_paper(run: SearchRun, loopset: Loops, gap_map: str, effort: SearchEff
     )
 
 
-def _last_varying(search: PaperSearch, gap_map: str) -> str | None:
+def _find_last_varying_name(search: PaperSearch, gap_map: str) -> str | None:
     name = LAST_VARYING.get(gap_map)
     if name is not None and name not in search.searched_names:
         quantity = search.loopset.input.name
@@ -217,7 +221,7 @@ def _make_model(search: PaperSearch, state: SearchState, gap_map: str) -> tuple[
     h = float(np.mean([parameter_set.h for parameter_set in sets]))
     # A gap-dependent alpha can be a reluctance, for a gap and not in the law of 1986.
     is_over_gap = gap_map == "reluctance" or is_scheduled_over_gap(search.loopset)
-    can_be_circuit = "c_H" in search.searched_names and not search.run.form.kernel.is_coupled
+    can_be_circuit = "c_H" in search.searched_names and not search.run.form.kernel.includes_interaction
     if state.varying == ("alpha",) and is_over_gap and can_be_circuit and search.gap_count > 1:
         fit = _make_fit(search, state, "reluctance", _as_series_reluctance(sets, h), h)
         outputs = Objective(fit.space).outputs(fit.parameter_sets)

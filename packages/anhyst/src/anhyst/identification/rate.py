@@ -27,15 +27,15 @@ from anhyst.support.numeric import FloatArray
 LAYER_COUNTS = (1, 2, 3, 4)  # numbers of layers that are tried; 1 is a lag of the flux
 
 MAX_ERROR_RATIO = 0.9
-"""Largest error, relative to the static model or to fewer layers, with which layers are accepted.
-"""
+"""Largest error with layers for which they are accepted, relative to the error of the static model
+or of fewer layers."""
 
 MAX_SAMPLES_PER_LOOP = 120  # maximum number of fitted samples per loop
 
 CYCLE_TOLERANCE = 1e-6
 MAX_CYCLES = 40
-"""Maximum number of cycles until a steady-state loop closes, and its tolerance relative to the
-field scale of the law."""
+"""Maximum number of cycles until a steady-state loop closes, and the tolerance of the closing,
+relative to the field scale of the law."""
 
 GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)
 """Initial values of ``gamma``, relative to the value whose eddy-current field at the fastest rate
@@ -55,7 +55,7 @@ class RateFit:
     """Result of fitting the rate dependence to fast loops."""
 
     model: Model  # the model with layers or a lag; unchanged if they do not help
-    reason: str  # reason, as a sentence
+    reason: str  # reason why the rate dependence was accepted or rejected, as a sentence
     log_gamma_std: float = 0.0  # standard deviation of ln(gamma)
     error: float = (
         np.inf
@@ -85,7 +85,7 @@ class RateFit:
 class _RateParameters:
     """The fitted parameters of the rate dependence, and the number of layers."""
 
-    count: int  # number of layers
+    layer_count: int  # number of layers
     theta: tuple[float, ...]  # ``ln(gamma)`` and, with several layers, the logits of both fractions
 
     @property
@@ -96,7 +96,7 @@ class _RateParameters:
     @property
     def shares(self) -> tuple[float, float]:
         """Fraction of the section in the surface layer, and laminated fraction of the path."""
-        if self.count == 1:
+        if self.layer_count == 1:
             return 1.0, 0.0
         surface, laminated = 0.5 + 0.5 * np.tanh(0.5 * np.array(self.theta[1:]))
         return float(surface), float(laminated)
@@ -125,9 +125,9 @@ class _LoopPath:
 
     def relative_residual(self, rate: _RateParameters) -> FloatArray:
         """Return modelled minus measured output, relative to the largest output of all loops."""
-        self.iron.make_solid(rate.count, *rate.shares)
+        self.iron.make_solid(rate.layer_count, *rate.shares)
         eddy = rate.gamma * self.rate
-        state = np.tile(self.state, rate.count + 1 if rate.count > 1 else 1)
+        state = np.tile(self.state, rate.layer_count + 1 if rate.layer_count > 1 else 1)
         circuit_inputs = self.drive, self.circuit.rho, eddy
         if self.is_cycle:
             state = self.iron.settle(*circuit_inputs, state, False, MAX_CYCLES, CYCLE_TOLERANCE)[0]
@@ -155,7 +155,7 @@ class _RateProblem:
             return _LoopPath(model, loop, irons[gap], largest_output)
 
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
-        self.slow = [path(loop) for loop in speeds.slow.loops]
+        self.slow_paths = [path(loop) for loop in speeds.slow.loops]
         fastest_paths = self.groups[-1]
         density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in fastest_paths)
         drive = max(float(np.ptp(path.drive)) for path in fastest_paths)
@@ -173,28 +173,28 @@ class _RateProblem:
             return [(self.groups, self.groups)]
         return [
             (
-                [group for other in all_groups if other is not withheld_groups for group in other],
+                [group for groups in all_groups if groups is not withheld_groups for group in groups],
                 withheld_groups,
             )
             for withheld_groups in all_groups
         ]
 
     def fit(
-        self, groups: Sequence[Sequence[_LoopPath]], count: int, start: _RateParameters | None = None
+        self, groups: Sequence[Sequence[_LoopPath]], layer_count: int, start: _RateParameters | None = None
     ) -> tuple[_RateParameters, float]:
         """Fit the rate parameters to some loops; also return the std of ``ln(gamma)``."""
         from scipy.optimize import least_squares
 
         if start is None:
-            shares = () if count == 1 else (_logit(1.0 / count), _logit(START_LAMINATED_SHARE))
+            shares = () if layer_count == 1 else (_logit(1.0 / layer_count), _logit(START_LAMINATED_SHARE))
             starts = [
-                _RateParameters(count, (float(np.log(gamma_ratio * self.gamma_scale)), *shares))
+                _RateParameters(layer_count, (float(np.log(gamma_ratio * self.gamma_scale)), *shares))
                 for gamma_ratio in GAMMA_START_RATIOS
             ]
             start = min(starts, key=lambda rate: mean_error(groups, rate))
 
         def residuals(theta: FloatArray) -> FloatArray:
-            rate = _RateParameters(count, tuple(theta.tolist()))
+            rate = _RateParameters(layer_count, tuple(theta.tolist()))
             rows = [
                 path.relative_residual(rate) / np.sqrt(path.measured.size * len(group))
                 for group in groups
@@ -212,7 +212,7 @@ class _RateProblem:
         degrees_of_freedom = max(1, result.fun.size - result.x.size)
         covariance = np.linalg.pinv(result.jac.T @ result.jac)
         std = float(np.sqrt(2.0 * result.cost / degrees_of_freedom * covariance[0, 0]))
-        return _RateParameters(count, tuple(result.x.tolist())), std
+        return _RateParameters(layer_count, tuple(result.x.tolist())), std
 
 
 def _logit(share: float) -> float:
@@ -229,21 +229,23 @@ def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> 
 
 def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = LAYER_COUNTS[0]) -> RateFit:
     """Fit eddy currents to fast loops, with a fixed static model and a minimum number of layers."""
-    static, model = model, _with_series_reluctance(model)
+    static_model, model = model, _with_series_reluctance(model)
     problem = _RateProblem(model, speeds, largest_output(loops))
     folds = problem.make_folds()
     static_rate = _RateParameters(1, (-np.inf,))
     static_error = _geometric_mean(mean_error(withheld_paths, static_rate) for _, withheld_paths in folds)
-    chosen: tuple[_RateParameters, float] | None = None
+    chosen_fit: tuple[_RateParameters, float] | None = None
     best_error = withheld_error = np.inf
-    for count in LAYER_COUNTS[LAYER_COUNTS.index(min_layers) :]:
-        rate, std = problem.fit(problem.groups, count)
+    for layer_count in LAYER_COUNTS[LAYER_COUNTS.index(min_layers) :]:
+        rate, std = problem.fit(problem.groups, layer_count)
         error = mean_error(problem.groups, rate)
-        if chosen is None:
+        if chosen_fit is None:
             withheld_error = _geometric_mean(
                 mean_error(
                     withheld_paths,
-                    problem.fit(fitted_paths, count, rate)[0] if fitted_paths is not problem.groups else rate,
+                    problem.fit(fitted_paths, layer_count, rate)[0]
+                    if fitted_paths is not problem.groups
+                    else rate,
                 )
                 for fitted_paths, withheld_paths in folds
             )
@@ -251,30 +253,32 @@ def fit_rate(model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = 
         else:
             is_better = error < MAX_ERROR_RATIO * best_error
         if is_better:
-            best_error, chosen = error, (rate, std)
-        elif chosen is not None and count > 2:
+            best_error, chosen_fit = error, (rate, std)
+        elif chosen_fit is not None and layer_count > 2:
             break  # more layers would only be a finer discretisation
     static_text = f"{100.0 * static_error:.2g} % of the largest output"
-    if chosen is None:
+    if chosen_fit is None:
         return RateFit(
-            static,
+            static_model,
             f"layers do not improve the fit of fast loops: the error of the static model is {static_text}",
         )
-    rate, std = chosen
+    rate, std = chosen_fit
     rate_model = replace(
         model,
         parameters={**model.parameters, "gamma": rate.gamma},
-        layers=Layers(rate.count, *rate.shares) if rate.count > 1 else None,
+        layers=Layers(rate.layer_count, *rate.shares) if rate.layer_count > 1 else None,
         dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest_rate),
     )
     layers_text = (
-        "a lag of the flux has an error of" if rate.count == 1 else f"{rate.count} layers have an error of"
+        "a lag of the flux has an error of"
+        if rate.layer_count == 1
+        else f"{rate.layer_count} layers have an error of"
     )
     reason = (
         f"{layers_text} {100.0 * best_error:.2g} % of full scale at the fast loops; its error at withheld loops is "
         f"{100.0 * withheld_error:.2g} %, that of the static model {static_text}"
     )
-    return RateFit(rate_model, reason, std, mean_error([*problem.groups, problem.slow], rate))
+    return RateFit(rate_model, reason, std, mean_error([*problem.groups, problem.slow_paths], rate))
 
 
 def _geometric_mean(values: Iterable[float]) -> float:
@@ -285,9 +289,9 @@ def _with_series_reluctance(model: Model) -> Model:
     """Return a play-cell model whose coupling is converted to a series reluctance.
 
     Static behaviour does not change. With layers, a reluctance acts on the flux of all layers
-    together, and a coupling on the flux of each. A negative coupling is a gap, and is converted. A
-    positive coupling is a property of the iron and is not converted. If the iron would jump without
-    a gap, a positive coupling is converted as far as the reluctance stays positive.
+    together, and a coupling on the flux of each layer. A negative coupling represents a gap, and is
+    converted. A positive coupling is a property of the iron and is not converted. If the iron would
+    jump without a gap, a positive coupling is converted as far as the reluctance stays positive.
     """
     law, alpha = model.operator_law, model.parameters["alpha"]
     if law.cells is None or isinstance(alpha, tuple) or not alpha or model.needs_fixed_gap:
@@ -297,18 +301,18 @@ def _with_series_reluctance(model: Model) -> Model:
     total = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
     new_alpha = max(0.0, 1.0 - float(total.min()))
     factor = (1.0 - alpha) / (1.0 - new_alpha)
-    specs = (*law.with_role("saturation"), *law.with_role("reversible"))
+    specs = (*law.parameters_with_role("saturation"), *law.parameters_with_role("reversible"))
     scaled_names = (*(spec.name for spec in specs), "c_H")
     parameters = {name: (factor * np.array(model.parameters[name])).tolist() for name in scaled_names}
     circuit = {"alpha": new_alpha, "rho": np.maximum(total / (1.0 - new_alpha) - 1.0, 0.0).tolist()}
     return replace(model, parameters={**model.parameters, **parameters, **circuit})
 
 
-def remove_rate_effect(model: Model, static: Model, slow_loops: Loops) -> Loops | None:
+def remove_rate_effect(model: Model, static_model: Model, slow_loops: Loops) -> Loops | None:
     """Subtract the rate effect from slow loops; return None if it is negligible."""
     static_squares, rate_squares, corrected_loops = [], [], []
     for loop in slow_loops.loops:
-        static_output = static.predict_loop(loop)
+        static_output = static_model.predict_loop(loop)
         rate_effect = model.predict_loop(loop) - static_output
         static_squares.append(np.mean((loop.output - static_output) ** 2))
         rate_squares.append(np.mean(rate_effect**2))

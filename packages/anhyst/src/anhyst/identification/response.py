@@ -1,4 +1,4 @@
-"""Simulate a Jiles-Atherton law along one drive, with derivatives, in the gauge-free form.
+"""Simulate a Jiles-Atherton law along one input record, with derivatives, in the gauge-free form.
 
 The equations at one gap, in units of the law (docs/theory.md), are::
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import Operator, demagnetised, langevin
-from anhyst.identification.cell_kernel import CellKernel, CellPath, WeightKernel, require_answer
+from anhyst.identification.cell_kernel import CellKernel, CellPath, WeightKernel, require_solution
 from anhyst.identification.fit_records import FitRecord, InputHistory
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.law import Kernel
@@ -66,7 +66,7 @@ class ParameterSet:
 
 @dataclass(frozen=True, slots=True)
 class ResponseForm:
-    """Form of the equations for the measured quantities: power of the output, rule for h, law."""
+    """Exponent of the output, hysteresis law, and rule for the slope ``h`` of the air core."""
 
     power: int  # 2 for a force, else 1
     law: str = DEFAULT_LAW  # name of a law with a kernel, or of play cells
@@ -98,7 +98,7 @@ class ResponseForm:
         return dict(zip(self.names, (*parameter_set.law, *circuit_values), strict=True))
 
     def make_set(self, values: Sequence[float]) -> ParameterSet:
-        """Return a parameter set from values in the order of the names, with h by its rule."""
+        """Return a parameter set from values in the order of the names; ``h`` follows from them."""
         *law, omega, scale, gain, in_0, out_0 = values
         h = self.permeability * scale / gain if self.permeability > 0.0 else self.h
         return ParameterSet(tuple(law), omega, scale, gain, in_0, out_0, h)
@@ -122,7 +122,7 @@ def require_steepness(sets: Sequence[ParameterSet]) -> None:
 
 
 class Responder:
-    """Simulator of drives; it starts steady-state cycles from their last known start state."""
+    """Simulator of records; it starts steady-state cycles from their last known start state."""
 
     def __init__(self) -> None:
         self._starts: dict[int, FloatArray] = {}
@@ -130,17 +130,17 @@ class Responder:
     def outputs(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
-        """Return the output of every drive, SI."""
-        laws = _make_operators(form, sets)
-        return [self.output(form, sets[d.gap], laws[d.gap], d, sets) for d in records]
+        """Return the output of every record, SI."""
+        operators = _make_operators(form, sets)
+        return [self.output(form, sets[d.gap], operators[d.gap], d, sets) for d in records]
 
     def derivatives(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-        """Yield gap, output and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of every drive."""
-        laws = _make_operators(form, sets)
+        """Yield gap, output and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of every record."""
+        operators = _make_operators(form, sets)
         for record in records:
-            yield record.gap, *self.with_derivatives(form, sets, laws[record.gap], record)
+            yield record.gap, *self.with_derivatives(form, sets, operators[record.gap], record)
 
     def output(
         self,
@@ -150,21 +150,21 @@ class Responder:
         record: FitRecord,
         sets: Sequence[ParameterSet] = (),
     ) -> FloatArray:
-        """Return the output of one drive, shape (n,), SI, without derivatives.
+        """Return the output of one record, shape (n,), SI, without derivatives.
 
-        Without the sets of all gaps, the history counts as if it had happened at this gap.
+        Without the sets of all gaps, the history counts as if it had happened at the record's gap.
         """
         r = (record.input - parameter_set.in_0) / parameter_set.scale
         omega = np.full(r.size, parameter_set.omega)
         state = demagnetised()
-        if record.history.drive.size and not record.is_cycle:
+        if record.history.inputs.size and not record.is_cycle:
             omega_before, r_before = history_inputs(sets or (parameter_set,), record.history)
             _, _, state, status, _ = operator.run(omega_before, r_before, state)
-            require_answer(status)
+            require_solution(status)
         elif record.is_cycle and id(record) in self._starts:
-            state = _make_admissible(self._starts[id(record)], form, parameter_set, float(r[-1]))
+            state = _make_valid_state(self._starts[id(record)], form, parameter_set, float(r[-1]))
         x, m, final_state, status, _ = operator.run(omega, r, state)
-        require_answer(status)
+        require_solution(status)
         cycle_ends = [float(state[1])]
         while (
             record.is_cycle
@@ -174,11 +174,11 @@ class Responder:
             cycle_ends.append(float(final_state[1]))
             state = final_state
             if len(cycle_ends) % _PASSES_PER_EXTRAPOLATION == 0:
-                state = _make_admissible(
+                state = _make_valid_state(
                     _extrapolate_cycle(final_state, cycle_ends), form, parameter_set, float(r[-1])
                 )
             x, m, final_state, status, _ = operator.run(omega, r, state)
-            require_answer(status)
+            require_solution(status)
         if record.is_cycle:
             self._starts[id(record)] = final_state
         return np.asarray(parameter_set.gain * (m + parameter_set.h * x) ** form.power + parameter_set.out_0)
@@ -186,7 +186,7 @@ class Responder:
     def with_derivatives(
         self, form: ResponseForm, sets: Sequence[ParameterSet], operator: Operator, record: FitRecord
     ) -> tuple[FloatArray, FloatArray]:
-        """Return output, (n,), and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of a drive."""
+        """Return output, (n,), and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of a record."""
         parameter_set = sets[record.gap]
         if record.is_cycle:
             path = self._follow_cycle(form, parameter_set, operator, record)
@@ -197,25 +197,25 @@ class Responder:
     def _follow_cycle(
         self, form: ResponseForm, parameter_set: ParameterSet, operator: Operator, record: FitRecord
     ) -> CellPath:
-        """Close the cycle by Newton's method on one unknown: y before the first sample."""
+        """Close the cycle by Newton's method on the state y before the first sample."""
         terms = _SolverInputs(form, parameter_set, record.input, _DERIVATIVE_COUNT + 1)
         state = self._starts.get(id(record))
         if state is None:
             _, _, state, status, _ = operator.run(terms.omega, terms.r, demagnetised())
-            require_answer(status)
-        state = _make_admissible(state, form, parameter_set, float(terms.r[-1]))
+            require_solution(status)
+        state = _make_valid_state(state, form, parameter_set, float(terms.r[-1]))
         for _ in range(_MAX_PASSES):
             tangents = _start_derivatives(form, parameter_set, terms, state)
             x, m, x_t, m_t, final_state, tangents_after, status, _ = operator.sensitivity(
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, tangents
             )
-            require_answer(status)
+            require_solution(status)
             remaining_share = min(float(tangents_after[_START_DERIVATIVE, 1]), 0.999)
             mismatch = (final_state[1] - state[1]) / (1.0 - remaining_share)
             if abs(mismatch) < _NEARLY_CLOSED_TOLERANCE:
                 break
             start = final_state + remaining_share * mismatch * tangents[_START_DERIVATIVE]
-            state = _make_admissible(start, form, parameter_set, float(terms.r[-1]))
+            state = _make_valid_state(start, form, parameter_set, float(terms.r[-1]))
         # The remaining mismatch is so small that the derivatives correct it without another pass.
         x += mismatch * x_t[:, _START_DERIVATIVE]
         m += mismatch * m_t[:, _START_DERIVATIVE]
@@ -258,7 +258,11 @@ def _make_operators(form: ResponseForm, sets: Sequence[ParameterSet]) -> list[Op
     operators_by_key: dict[tuple[float, ...], Operator] = {}
     operators = []
     for parameter_set in sets:
-        key = (*parameter_set.law, parameter_set.omega) if form.kernel.is_coupled else parameter_set.law
+        key = (
+            (*parameter_set.law, parameter_set.omega)
+            if form.kernel.includes_interaction
+            else parameter_set.law
+        )
         if key not in operators_by_key:
             operators_by_key[key] = form.make_operator(parameter_set)
         operators.append(operators_by_key[key])
@@ -280,17 +284,17 @@ def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tupl
 def history_inputs(sets: Sequence[ParameterSet], history: InputHistory) -> tuple[FloatArray, FloatArray]:
     """Return omega and right side of the equation for a history, at its gaps."""
     omega, scale, in_0 = interpolate_over_gaps(sets, history.gap_position)
-    return omega, (history.drive - in_0) / scale
+    return omega, (history.inputs - in_0) / scale
 
 
 class _SolverInputs:
-    """Solver inputs for a drive, with derivatives with respect to kappa, c, omega, scale, in_0."""
+    """Solver inputs for a record, and their derivatives by kappa, c, omega, scale, in_0."""
 
     def __init__(
-        self, form: ResponseForm, parameter_set: ParameterSet, drive: FloatArray, directions: int
+        self, form: ResponseForm, parameter_set: ParameterSet, inputs: FloatArray, directions: int
     ) -> None:
-        n = drive.size
-        self.r = (drive - parameter_set.in_0) / parameter_set.scale
+        n = inputs.size
+        self.r = (inputs - parameter_set.in_0) / parameter_set.scale
         self.omega = np.full(n, parameter_set.omega)
         self.omega_t = np.zeros((n, directions))
         self.omega_t[:, 2] = 1.0
@@ -306,17 +310,17 @@ class _SolverInputs:
 def _follow_record(
     form: ResponseForm, sets: Sequence[ParameterSet], operator: Operator, record: FitRecord
 ) -> CellPath:
-    skipped_samples = record.history.drive.size
-    drive = np.concatenate([record.history.drive, record.input])
-    terms = _SolverInputs(form, sets[record.gap], drive, _DERIVATIVE_COUNT)
+    skipped_samples = record.history.inputs.size
+    input_values = np.concatenate([record.history.inputs, record.input])
+    terms = _SolverInputs(form, sets[record.gap], input_values, _DERIVATIVE_COUNT)
     terms.omega[:skipped_samples], terms.r[:skipped_samples] = history_inputs(sets, record.history)
     # The effect of the circuit at other gaps through the history is neglected in the derivatives.
-    at_other_gaps = np.flatnonzero(record.history.gap_position != record.gap)
-    terms.omega_t[at_other_gaps] = terms.r_t[at_other_gaps] = 0.0
+    is_at_other_gap = np.flatnonzero(record.history.gap_position != record.gap)
+    terms.omega_t[is_at_other_gap] = terms.r_t[is_at_other_gap] = 0.0
     inputs = terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t
     tangents = np.zeros((_DERIVATIVE_COUNT, 3))
     *path, _, _, status, _ = operator.sensitivity(*inputs, demagnetised(), tangents)
-    require_answer(status)
+    require_solution(status)
     return CellPath(*(values[skipped_samples:] for values in path))
 
 
@@ -347,12 +351,12 @@ def _langevin(x: float) -> tuple[float, float]:
     return value.item(), slope.item()
 
 
-def _make_admissible(
+def _make_valid_state(
     state: FloatArray, form: ResponseForm, parameter_set: ParameterSet, r: float
 ) -> FloatArray:
-    """Convert a state of other parameters to one before the first sample, with y within its limits.
+    """Convert a state of other parameters to a valid state before the first sample.
 
-    For constant y, the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
+    y is limited. For constant y, ``x + omega*((1-c)*y + c*L(x)) = r`` is smooth in x.
     """
     x, y, p = state.tolist()
     kappa, c = parameter_set.law
@@ -375,7 +379,7 @@ def _make_admissible(
 
 
 def _extrapolate_cycle(state: FloatArray, cycle_ends: list[float]) -> FloatArray:
-    """Extrapolate the states after the last three passes: small loops need hundreds of passes."""
+    """Extrapolate the states after the last three passes; small loops need hundreds of passes."""
     first_step, second_step = cycle_ends[-2] - cycle_ends[-3], cycle_ends[-1] - cycle_ends[-2]
     if abs(second_step) >= abs(first_step):
         return state

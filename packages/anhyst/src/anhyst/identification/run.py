@@ -54,8 +54,8 @@ class SearchRun:
     records: FitRecords  # the loops, prepared for fitting
     seed: int  # seed of all random numbers
     fixed: frozenset[str]  # parameters fixed at zero
-    cells: tuple[Shape, ...] = ()  # curves of play cells that are compared with the law of the form
-    only_cells: bool = False  # whether only play cells may be selected
+    shapes: tuple[Shape, ...] = ()  # curves of the play cells that are compared with the law
+    needs_cells: bool = False  # whether only play cells may be selected
     dead_band: bool = True  # whether a dead band is fitted
     total_stages: int = 1  # expected number of stages
     progress: Progress | None = None  # gets the number of finished stages and the total
@@ -64,7 +64,7 @@ class SearchRun:
     resumed_stages: int = 0  # number of stages taken from the checkpoint
     # processor time of each kind of stage, s; shared by the runs of one identification
     cpu_times: dict[str, float] = field(default_factory=dict)
-    best: FoundModel | None = None  # best complete fit so far, for interrupted runs
+    best_fit: FoundModel | None = None  # best complete fit so far, for interrupted runs
     _key: str = ""
     _done_stages: int = 0
     _stored_stages: dict[str, Any] = field(default_factory=dict)
@@ -85,7 +85,7 @@ class SearchRun:
         """The records for the search, with long loops thinned (the exact step allows thinning)."""
         return self.records.thinned(MAX_SEARCH_SAMPLES)
 
-    def stage(self, name: str, work: Callable[[], Stage]) -> Stage:
+    def run_stage(self, name: str, work: Callable[[], Stage]) -> Stage:
         """Return the result of a stage from the checkpoint, or perform and store the stage."""
         if name in self._stored_stages:
             self.resumed_stages += 1
@@ -94,7 +94,7 @@ class SearchRun:
             if self.checkpoint is not None:
                 with atomic_writer(self.checkpoint) as file:
                     json.dump({"key": self._key, "stages": self._stored_stages}, file)
-        return self.step("search", lambda: cast("Stage", self._stored_stages[name]))
+        return self.run_step("search", lambda: cast("Stage", self._stored_stages[name]))
 
     def measure_time(self, kind: str, work: Callable[[], Stage]) -> Stage:
         """Perform one part of a stage, and add its processor time to the total of its kind."""
@@ -103,7 +103,7 @@ class SearchRun:
         self.cpu_times[kind] = self.cpu_times.get(kind, 0.0) + time.process_time() - start
         return result
 
-    def step(self, kind: str, work: Callable[[], Stage]) -> Stage:
+    def run_step(self, kind: str, work: Callable[[], Stage]) -> Stage:
         """Perform a stage without storing its result, and report the progress."""
         result = self.measure_time(kind, work)
         self._done_stages += 1
@@ -111,7 +111,7 @@ class SearchRun:
             self.progress(self._done_stages, max(self.total_stages, self._done_stages))
         return result
 
-    def finish(self) -> None:
+    def remove_checkpoint(self) -> None:
         """Remove the checkpoint after a complete run."""
         if self.checkpoint is not None:
             self.checkpoint.unlink(missing_ok=True)
@@ -128,8 +128,8 @@ class Outcome:
     map_reason: str  # reason for the gap map, or result of the reduction, as a sentence
     is_interrupted: bool = False  # whether the search was stopped before its end
     dead_band: str = "none"  # width of the dead band of the law, and the reason
-    # cross-validation error of each tried map, relative to the largest output; empty below three
-    # gaps, and without maps that have no solution at a withheld gap
+    # cross-validation error of each map that has a solution at all withheld gaps, relative to the
+    # largest output; empty below three gaps
     withheld_errors: dict[str, float] = field(default_factory=dict)
     # expected error of the selected model at new gaps; None below three gaps
     expected_error: CrossValidation | None = None
@@ -153,7 +153,7 @@ def _checkpoint_key(run: SearchRun) -> str:
     digest.update(f"{running_version()} {run.form} {run.seed} {sorted(run.fixed)}".encode())
     for record in run.records.loops:
         digest.update(f"{record.label} {record.gap} {record.is_cycle} {record.weight!r}".encode())
-        for values in (record.history.drive, record.history.gap_position, record.input, record.output):
+        for values in (record.history.inputs, record.history.gap_position, record.input, record.output):
             digest.update(np.ascontiguousarray(values).tobytes())
     digest.update(run.records.nodes.tobytes())
     return digest.hexdigest()

@@ -30,7 +30,7 @@ from anhyst.support.errors import InputError, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
 # environment variable that selects the instruction set of the batch
-LEVEL_VARIABLE = "ANHYST_DISPATCH"
+INSTRUCTION_SET_VARIABLE = "ANHYST_DISPATCH"
 # for omega <= -3, the magnetisation may jump; the batch does not support this
 JUMP_INTERACTION = 3.0
 
@@ -46,20 +46,20 @@ _MIN_SIDE_RATIO = 0.3
 _SCREENING_SAMPLES = 64  # maximum number of samples per loop in the screening
 
 
-def batch_instruction_set() -> str:
-    """Return the instruction set of the batch: the best, or that of the environment variable."""
-    levels = batch_levels()
-    level = os.environ.get(LEVEL_VARIABLE)
-    if level is None:
-        return levels[-1]
-    if level not in levels:
+def read_instruction_set() -> str:
+    """Return the best instruction set of the batch, or that of the environment variable."""
+    instruction_sets = batch_levels()
+    instruction_set = os.environ.get(INSTRUCTION_SET_VARIABLE)
+    if instruction_set is None:
+        return instruction_sets[-1]
+    if instruction_set not in instruction_sets:
         raise InputError(
-            f"{LEVEL_VARIABLE}: there is no level {level!r} on this processor; set one of "
-            f"{', '.join(levels)}, or unset it for the best",
+            f"{INSTRUCTION_SET_VARIABLE}: there is no level {instruction_set!r} on this processor; set one of "
+            f"{', '.join(instruction_sets)}, or unset it for the best",
             code="unknown-level",
-            key=LEVEL_VARIABLE,
+            key=INSTRUCTION_SET_VARIABLE,
         )
-    return level
+    return instruction_set
 
 
 def sample_unit_cube(dimensions: int, count: int, seed: int) -> FloatArray:
@@ -89,47 +89,49 @@ def sample_sets(
     """
     draws = sample_unit_cube(5 if is_biased else 4, count, seed)
     max_field = 0.3 * 100.0 ** draws[0]
-    kappa = np.clip(max_field * 0.01 * 300.0 ** draws[1], 5e-3, 2e2)
+    pinning_ratio = np.clip(max_field * 0.01 * 300.0 ** draws[1], 5e-3, 2e2)
     c = 0.95 * draws[2]
     omega = 0.1 * 3000.0 ** draws[3] - JUMP_INTERACTION if is_interacting else np.zeros(count)
     langevin_at_max = 1.0 / np.tanh(max_field) - 1.0 / max_field
     drive = np.maximum(max_field + omega * langevin_at_max, 0.1 * max_field)
     largest_input = max(float(np.max(np.abs(record.input))) for record in records.loops)
     in_0 = _MAX_BIAS_RATIO * largest_input * (2.0 * draws[4] - 1.0) ** 3 if is_biased else np.zeros(count)
-    return np.stack([kappa, c, omega, largest_input / drive, in_0])
+    return np.stack([pinning_ratio, c, omega, largest_input / drive, in_0])
 
 
 def screen_sets(
     form: ResponseForm, records: FitRecords, sets: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the cost of many sets at one gap, with the best gain and offset of each."""
-    moments, total = _moments(form, records, sets[:4], sets[4])
+    moments, total = _regression_moments(form, records, sets[:4], sets[4])
     weight_sum, sum_b, sum_bb, sum_y, sum_by = moments
     determinant = weight_sum * sum_bb - sum_b**2
     gain = (weight_sum * sum_by - sum_b * sum_y) / np.where(determinant > 0.0, determinant, np.inf)
     out_0 = (sum_y - gain * sum_b) / weight_sum
-    return np.where(gain > 0.0, _cost(moments, total, gain, out_0), np.inf), gain, out_0
+    return np.where(gain > 0.0, _regression_cost(moments, total, gain, out_0), np.inf), gain, out_0
 
 
 def follow_sets(
     record: FitRecord, sample_indices: NDArray[np.intp], sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Simulate one drive with many parameter sets at the same time."""
-    kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
+    """Simulate one record with many parameter sets at the same time."""
+    pinning_ratio, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
-    x, y = np.zeros(kappa.size), np.zeros(kappa.size)
-    drive = np.ascontiguousarray(record.input[sample_indices])
+    x, y = np.zeros(pinning_ratio.size), np.zeros(pinning_ratio.size)
+    inputs = np.ascontiguousarray(record.input[sample_indices])
     # The path to the first sample uses small steps, because long linear steps are not exact.
-    initial_path = np.concatenate([np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, drive[0])])
-    follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_instruction_set())
-    follow(drive=initial_path, keep=False)
+    initial_path = np.concatenate(
+        [np.linspace(0.0, next_input, 16)[1:] for next_input in (*record.history.inputs, inputs[0])]
+    )
+    simulate = partial(batch, pinning_ratio, c, omega, scale, offset, x=x, y=y, level=read_instruction_set())
+    simulate(drive=initial_path, keep=False)
     for _ in range(_WARM_UP_CYCLES if record.is_cycle else 0):
-        follow(drive=drive, keep=False)
-    m, xi = follow(drive=drive)
+        simulate(drive=inputs, keep=False)
+    m, xi = simulate(drive=inputs)
     return m, xi
 
 
-def _moments(
+def _regression_moments(
     form: ResponseForm, records: FitRecords, sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, float]:
     """Return weighted sums over all samples, from which the cost of any gain and offset follows.
@@ -154,7 +156,7 @@ def _moments(
     return moments, total
 
 
-def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray) -> FloatArray:
+def _regression_cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray) -> FloatArray:
     weight_sum, sum_b, sum_bb, sum_y, sum_by = moments
     square = total + gain**2 * sum_bb + out_0**2 * weight_sum
     return np.asarray(square + 2.0 * (gain * out_0 * sum_b - gain * sum_by - out_0 * sum_y))
@@ -184,19 +186,19 @@ def _select_best_sets(space: CoordinateSpace, sets: FloatArray, max_starts: int)
     for index in np.argsort(cost):
         if not np.isfinite(cost[index]) or len(chosen) == max_starts:
             break
-        if all(np.linalg.norm(features[:, index] - features[:, other]) > 0.7 for other in chosen):
+        if all(np.linalg.norm(features[:, index] - features[:, earlier]) > 0.7 for earlier in chosen):
             chosen.append(int(index))
     if "out_0" in space.fixed:
         out_0 = np.zeros(out_0.size)
-    kappa, c, omega, scale, in_0 = sets
-    best_sets = np.stack([kappa, c, omega, scale, gain, in_0, out_0], axis=1)[chosen]
+    pinning_ratio, c, omega, scale, in_0 = sets
+    best_sets = np.stack([pinning_ratio, c, omega, scale, gain, in_0, out_0], axis=1)[chosen]
     return [space.form.make_set(values) for values in best_sets.tolist()]
 
 
 def scan_gap(
     space: CoordinateSpace, gap: int, start_sets: list[ParameterSet]
 ) -> tuple[list[ParameterSet], FloatArray]:
-    """Find the best value of the gap-dependent parameter at one gap, with all others fixed."""
+    """Find the best gap-dependent parameter at one gap, with all other parameters fixed."""
     count = len(start_sets)
     table = np.repeat(_parameter_table(start_sets), _SCAN_VALUES, axis=1)
     if space.gap_map in SERIES_MAPS:
@@ -217,7 +219,7 @@ def scan_gap(
 
 
 def cost_at_gap(space: CoordinateSpace, gap: int, sets: list[ParameterSet]) -> FloatArray:
-    """Return the costs of unchanged sets at one gap, shape (len(sets),)."""
+    """Return the cost of each set at one gap, without fitting it, shape (len(sets),)."""
     return _table_cost(space, gap, _parameter_table(sets))
 
 
@@ -227,16 +229,16 @@ def _parameter_table(sets: list[ParameterSet]) -> FloatArray:
 
 
 def _table_cost(space: CoordinateSpace, gap: int, table: FloatArray) -> FloatArray:
-    kappa, c, omega, scale, gain, in_0, out_0 = table
-    sets = np.stack([kappa, c, np.maximum(omega, _MIN_OMEGA), scale])
-    moments, total = _moments(space.form, space.records.at_gap(gap), sets, in_0)
-    return _cost(moments, total, gain, out_0)
+    pinning_ratio, c, omega, scale, gain, in_0, out_0 = table
+    sets = np.stack([pinning_ratio, c, np.maximum(omega, _MIN_OMEGA), scale])
+    moments, total = _regression_moments(space.form, space.records.at_gap(gap), sets, in_0)
+    return _regression_cost(moments, total, gain, out_0)
 
 
 CURVE_SLOPES: dict[Shape, float] = {"tanh": 1.0, "langevin": 1.0 / 3.0}
 """Slope of each curve at its middle."""
 
-_FIELD_RANGE = (0.4, 8.0)
+_LARGEST_FIELD_RANGE = (0.4, 8.0)
 """Largest effective field, relative to the width of the first population divided by the initial
 slope of its curve."""
 
@@ -246,16 +248,16 @@ _SPREAD_RANGE = (0.7, 5.0)
 _REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # reversible saturation, relative to the first population
 
 _REVERSIBLE_WIDTH_RANGE = (0.3, 6.0)
-_SHARE_RANGE = (0.1, 1.5)
-_WIDTH_RANGE = (0.2, 8.0)
-"""Ranges of saturation and width of a further population, relative to the first."""
+_FURTHER_SATURATION_RANGE = (0.1, 1.5)
+_FURTHER_WIDTH_RANGE = (0.2, 8.0)
+"""Ranges of saturation and width of a further population, relative to the first population."""
 
 _IRON_DRIVE_SHARE_WITH_GAP = (0.02, 0.9)
 _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.3, 4.0)
 """Ranges of the fraction of the drive across the iron, with a gap and without one. Without a gap,
 interaction may increase the field."""
 
-_MAX_INTERACTION = 0.8  # largest interaction, relative to the value at which M jumps
+_MAX_INTERACTION_RATIO = 0.8  # largest interaction, relative to the value at which M jumps
 
 _CURVE_SAMPLES = 200
 
@@ -271,12 +273,12 @@ class CellStart(NamedTuple):
 def sample_cell_starts(kernel: CellKernel, count: int, seed: int, has_gap: bool) -> list[CellStart]:
     """Sample starts evenly over the logarithms of their ranges."""
     first_ranges = [_REVERSIBLE_SHARE_RANGE, _REVERSIBLE_WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
-    other_ranges = [_SHARE_RANGE, _WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
+    further_ranges = [_FURTHER_SATURATION_RANGE, _FURTHER_WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
     ranges = [
-        _FIELD_RANGE,
+        _LARGEST_FIELD_RANGE,
         _IRON_DRIVE_SHARE_WITH_GAP if has_gap else _IRON_DRIVE_SHARE_WITHOUT_GAP,
         *first_ranges,
-        *other_ranges * (kernel.population_count - 1),
+        *further_ranges * (kernel.population_count - 1),
     ]
     low, high = np.log(np.array(ranges)).T[:, :, None]
     samples = low + (high - low) * sample_unit_cube(len(ranges), count, seed)
@@ -293,23 +295,23 @@ def scale_to_loops(space: CoordinateSpace, start: CellStart) -> list[ParameterSe
     form = space.form
     field = np.linspace(0.0, 3.0 * start.max_field, _CURVE_SAMPLES)
     assert space.form.cells is not None
-    field, curve = space.form.cells.make_driven_cells(start.law).follow(np.zeros(field.size), field)
-    drives, outputs = _largest_by_gap(space)
+    field, curve = space.form.cells.make_simulated_cells(start.law).follow(np.zeros(field.size), field)
+    largest_inputs, outputs = _largest_by_gap(space)
     reference = space.records.reference_gap
     max_magnetisation = float(np.interp(start.max_field, field, curve))
     omega = start.max_field * (1.0 / start.iron_drive_share - 1.0) / max_magnetisation
-    omega = max(omega, -_MAX_INTERACTION / float(np.max(np.diff(curve) / np.diff(field))))
-    scale = drives[reference] / (start.max_field + omega * max_magnetisation)
+    omega = max(omega, -_MAX_INTERACTION_RATIO / float(np.max(np.diff(curve) / np.diff(field))))
+    scale = largest_inputs[reference] / (start.max_field + omega * max_magnetisation)
     gain = outputs[reference] / max_magnetisation**form.power
     sets = []
-    for drive, output in zip(drives, outputs, strict=True):
+    for largest_input, output in zip(largest_inputs, outputs, strict=True):
         m = (output / gain) ** (1.0 / form.power)
         x = float(np.interp(m, curve, field))
         omega_and_scale = (omega, scale)
         if space.gap_map in SERIES_MAPS:
-            omega_and_scale = (max((drive / scale - x) / m, 0.0), scale)
-        elif len(drives) > 1:
-            omega_and_scale = (omega, drive / (x + omega * m))
+            omega_and_scale = (max((largest_input / scale - x) / m, 0.0), scale)
+        elif len(largest_inputs) > 1:
+            omega_and_scale = (omega, largest_input / (x + omega * m))
         sets.append(form.make_set([*start.law, *omega_and_scale, gain, 0.0, 0.0]))
     return sets
 
@@ -325,7 +327,7 @@ def has_valid_scales(sets: Sequence[ParameterSet]) -> bool:
 
 
 def _largest_by_gap(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
-    """Return drive and output at the largest output of each gap, as absolute values."""
+    """Return input and output at the largest output of each gap, as absolute values."""
     drives, outputs = np.zeros(space.records.gap_count), np.zeros(space.records.gap_count)
     for record in space.records.loops:
         row = int(np.argmax(np.abs(record.output)))

@@ -62,8 +62,8 @@ CIRCUIT_PARAMETERS = (
     FitParameter("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
     FitParameter("scale", "a/c_H", 1e-5, 1e2, "log", "input"),
     FitParameter("gain", "output at saturation", 1e-3, 1e4, "log", "output"),
-    FitParameter("in_0", "input offset", -2.0, 2.0, unit_of="input"),
-    FitParameter("out_0", "output offset", -2.0, 2.0, unit_of="output"),
+    FitParameter("in_0", "input offset", -2.0, 2.0, unit_signal="input"),
+    FitParameter("out_0", "output offset", -2.0, 2.0, unit_signal="output"),
 )
 """Fit parameters of the circuit around the law."""
 
@@ -118,7 +118,7 @@ class CoordinateSpace:
 
     @cached_property
     def _coordinate_kinds(self) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-        """Indices of logarithmic and of inverse hyperbolic sine coordinates; units of all."""
+        """Indices of logarithmic and inverse hyperbolic sine coordinates; units of all."""
         kinds = np.array([self.fit_parameters[name].coordinate for name, _ in self.entries])
         units = np.array([self.unit(name) for name, _ in self.entries])
         return np.flatnonzero(kinds == "log"), np.flatnonzero(kinds == "asinh"), units
@@ -166,7 +166,7 @@ class CoordinateSpace:
     def unit(self, name: str) -> float:
         """Return the unit of a parameter in SI: range of the input or output, or 1."""
         spans = {"input": self.records.input_span, "output": self.records.output_span}
-        return spans.get(self.fit_parameters[name].unit_of, 1.0)
+        return spans.get(self.fit_parameters[name].unit_signal, 1.0)
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -204,12 +204,12 @@ class CoordinateSpace:
         return closed_gap_root**self.form.power, -slope / closed_gap_root * max(sets[-1].omega, _MIN_OMEGA)
 
     def without_gaps(self, withheld: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
-        """Return the space without some gaps, and the indices of its coordinates in this one."""
+        """Return the space without some gaps, and the indices of its coordinates in this space."""
         indices = [index for index, (_, gap) in enumerate(self.entries) if gap not in withheld]
         return replace(self, records=self.records.without_gaps(withheld)), np.array(indices)
 
     def with_fixed(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
-        """Return the space with more parameters fixed at zero, and its coordinate indices here."""
+        """Return the space with more parameters fixed at zero, and its coordinate indices."""
         indices = [index for index, (name, _) in enumerate(self.entries) if name not in names]
         return replace(self, fixed=self.fixed | names), np.array(indices)
 

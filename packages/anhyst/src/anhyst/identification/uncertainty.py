@@ -35,7 +35,7 @@ from anhyst.support.units import MU_0
 _MAX_RELATIVE_STD = 0.2
 
 _MAX_NAMED_PARAMETERS = 6
-"""Maximum number of uncertain parameters that are named. Many are meaningful only as a set."""
+"""Maximum number of named uncertain parameters. More are meaningful only as a set."""
 
 _MAX_SEPARABLE_CORRELATION = 0.95
 """Correlation above which two parameters are not separable."""
@@ -67,15 +67,13 @@ def _split_by_record(space: CoordinateSpace, deviation: FloatArray) -> list[Floa
 def _covariance(fit: FoundModel) -> FloatArray:
     linearisation = Objective(fit.space).linearise(fit.theta)
     normal, residuals = linearisation.normal, _split_by_record(fit.space, linearisation.deviation)
-    freedom = max(1, linearisation.deviation.size - fit.theta.size)
+    dof = max(1, linearisation.deviation.size - fit.theta.size)
     variance = (
-        linearisation.cost
-        / freedom
-        * float(np.mean([correlation_length(residual) for residual in residuals]))
+        linearisation.cost / dof * float(np.mean([correlation_length(residual) for residual in residuals]))
     )
     # A coordinate without sensitivity gets a large, finite variance.
-    floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
-    return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
+    diagonal_shift = 1e-14 * max(float(np.trace(normal)), 1e-300)
+    return np.asarray(variance * np.linalg.inv(normal + diagonal_shift * np.eye(normal.shape[0])))
 
 
 def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
@@ -85,13 +83,13 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     all_stds = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(all_stds, all_stds)
     units = {"input": loopset.input.unit, "output": loopset.output.unit}
-    readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
+    readings = {"in_0": space.records.rest_readings.input, "out_0": space.records.rest_readings.output}
     names, values, stds = [], [], []
-    at_gaps = [space.form.named_values(parameter_set) for parameter_set in fit.parameter_sets]
+    values_by_gap = [space.form.named_values(parameter_set) for parameter_set in fit.parameter_sets]
     for (name, gap), coordinate_value, slope, std in zip(
         space.entries, *(column.tolist() for column in space.to_parameters(fit.theta)), all_stds, strict=True
     ):
-        value = at_gaps[gap or 0].get(name, coordinate_value)
+        value = values_by_gap[gap or 0].get(name, coordinate_value)
         number = space.fit_parameters[name]
         label = _full_name(number, units)
         if gap is not None and loopset.schedule is not None:
@@ -117,8 +115,12 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     )
 
 
-def _full_name(number: FitParameter, units: Mapping[str, str]) -> str:
-    return f"{number.meaning} ({units[number.unit_of]})" if number.unit_of else number.meaning
+def _full_name(parameter: FitParameter, units: Mapping[str, str]) -> str:
+    return (
+        f"{parameter.meaning} ({units[parameter.unit_signal]})"
+        if parameter.unit_signal
+        else parameter.meaning
+    )
 
 
 def describe_uncertainty(
@@ -142,7 +144,7 @@ def describe_uncertainty(
     sentences.extend(
         f"{', '.join(names[index] for index in group)}: not separable (correlations above "
         f"{_MAX_SEPARABLE_CORRELATION:g}); single values are not meaningful"
-        for group in _group_correlated(correlation)
+        for group in _group_correlated_parameters(correlation)
     )
     return sentences
 
@@ -164,7 +166,7 @@ def _describe_gauge(fit: FoundModel) -> list[str]:
     return sentences
 
 
-def _group_correlated(correlation: FloatArray) -> list[list[int]]:
+def _group_correlated_parameters(correlation: FloatArray) -> list[list[int]]:
     """Group parameters that are connected by strong correlations."""
     groups: list[list[int]] = []
     for index in range(correlation.shape[0]):
@@ -238,7 +240,7 @@ def remove_unneeded_offsets(
         attempts[names] = score(cost, space, theta[coordinates]), space, theta[coordinates]
     _, space, start = min(attempts.values(), key=lambda attempt: attempt[0])
     full_score = score(fit.cost, fit.space, fit.theta)
-    # For any values of the remaining offsets, a reduced fit with a higher cost is rejected.
+    # A reduced fit with a higher cost is rejected for any values of the remaining offsets.
     remaining_offsets = sum(name in OFFSET_NAMES for name, _ in space.entries)
     goal_cost = math.exp(
         full_score / independent_samples
@@ -258,7 +260,7 @@ def remove_unneeded_offsets(
 
 def _find_contradicted_offsets(fit: FoundModel) -> frozenset[str]:
     """Return the free input offsets that contradict an offset read at rest."""
-    reading, span = fit.space.records.rest.input, fit.space.records.input_span
+    reading, span = fit.space.records.rest_readings.input, fit.space.records.input_span
     if reading.std is None or reading.offset == 0.0:
         return frozenset()
     max_offset = _CONTRADICTION_SIGMAS * max(reading.std / span, MIN_REST_READING_STD)
@@ -268,29 +270,29 @@ def _find_contradicted_offsets(fit: FoundModel) -> frozenset[str]:
 
 
 def _neighbour_correlation(deviation: FloatArray) -> float:
-    """Return the correlation of residuals with those of the next sample, 0 if it is negative."""
+    """Return the correlation of successive residuals, 0 if it is negative."""
     centred = deviation - deviation.mean()
     sum_of_squares = float(centred @ centred)
     return max(0.0, float(centred[1:] @ centred[:-1]) / sum_of_squares) if sum_of_squares > 0.0 else 0.0
 
 
 def _predict_without_offsets(
-    fit: FoundModel, linear: Linearisation, names: frozenset[str]
+    fit: FoundModel, expansion: Linearisation, names: frozenset[str]
 ) -> tuple[float, FloatArray]:
     """Predict, to second order, cost and coordinates of the best fit with some offsets zero."""
     is_removed = np.array([name in names for name, _ in fit.space.entries])
     theta = np.where(is_removed, 0.0, fit.theta)
-    normal = linear.normal + 1e-12 * np.trace(linear.normal) * np.eye(is_removed.size)
+    normal = expansion.normal + 1e-12 * np.trace(expansion.normal) * np.eye(is_removed.size)
     rhs = normal[np.ix_(~is_removed, is_removed)] @ fit.theta[is_removed]
     theta[~is_removed] += np.linalg.solve(normal[np.ix_(~is_removed, ~is_removed)], rhs)
     theta = np.clip(theta, *fit.space.bounds)
     step = theta - fit.theta
-    return fit.cost + float(step @ linear.normal @ step), theta
+    return fit.cost + float(step @ expansion.normal @ step), theta
 
 
 def _offset_penalty(space: CoordinateSpace, theta: FloatArray, independent_samples: float) -> float:
     """Return the penalty of the free offsets of a space, as twice the logarithm of the odds."""
-    readings_at_rest = space.records.rest
+    readings_at_rest = space.records.rest_readings
     readings = {
         "in_0": (readings_at_rest.input, space.records.input_span),
         "out_0": (readings_at_rest.output, space.records.output_span),
@@ -340,12 +342,12 @@ _MAX_DEVIATION_RATIO = 2.0
 """Largest allowed deviation between two maps midway between gaps, relative to the sum of their
 errors at withheld gaps."""
 _MAX_SIMPLER_ERROR_RATIO = 3.0
-"""Largest cross-validation error of a simpler map, relative to that of another map, with which the
-simpler map is evidence against the other."""
+"""Largest cross-validation error of a simpler map that is evidence against another map, relative to
+the error of the other map."""
 
 
 def deviation_between_gaps(model: Model, rival_model: Model, loopset: Loops) -> float:
-    """Return the largest mean deviation of two models midway between gaps, in full scales."""
+    """Return the largest mean deviation midway between gaps, relative to full scale."""
     groups = loopset.by_schedule()
     deviations = []
     for low, high in pairwise(sorted(groups)):
@@ -366,14 +368,14 @@ def is_overfitted_between_gaps(
 ) -> bool:
     """Whether a model deviates between gaps from all simpler maps by more than their errors.
 
-    Models for fixed gaps only have no behaviour between gaps and are never overfitted there.
+    Models for fixed gaps have no behaviour between gaps and are never overfitted between gaps.
     """
     if model.needs_fixed_gap:
         return False
     comparable_models = [
-        (other, other_error)
-        for other, other_error in simpler_models
-        if other_error <= _MAX_SIMPLER_ERROR_RATIO * error
+        (simpler_model, simpler_error)
+        for simpler_model, simpler_error in simpler_models
+        if simpler_error <= _MAX_SIMPLER_ERROR_RATIO * error
     ]
     return bool(comparable_models) and all(
         deviation_between_gaps(model, other, loops) > _MAX_DEVIATION_RATIO * (error + other_error)

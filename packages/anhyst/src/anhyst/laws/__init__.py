@@ -1,4 +1,4 @@
-"""Register the hysteresis laws by name; an installed package can add one as an entry point."""
+"""Register the hysteresis laws by name; an installed package can add a law as an entry point."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ def get_law(name: str, cells: CellWeights | None = None) -> Law:
     law = LAWS[name]
     if cells is None:
         return law
-    if law.of_cells is None:
+    if law.make_with_cells is None:
         raise ValueError(f"law {name!r} has no cells; leave them out or write another law")
-    return law.of_cells(cells)
+    return law.make_with_cells(cells)
 
 
 DEFAULT_LAW = EFFECTIVE_FIELD.name

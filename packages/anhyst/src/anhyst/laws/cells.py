@@ -161,20 +161,20 @@ class _Discretisation(NamedTuple):
     log_derivatives: FloatArray
 
 
-@lru_cache(maxsize=4)  # weights and their derivatives are computed one after the other
-def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
-    scales = np.array([[cell.scale] for cell in pinned])
+@lru_cache(maxsize=4)  # the weights and their derivatives need the same result
+def _discretise_thresholds(pinned: tuple[Population, ...]) -> _Discretisation:
+    scales = np.array([[population.scale] for population in pinned])
     spreads = np.array([[cell.spread] for cell in pinned])
-    low, high = MIN_THRESHOLD_RATIO * float(scales.min()), MAX_THRESHOLD_RATIO * float(scales.max())
-    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would take as long as all else
-    log_low, log_high = np.log10(low), np.log10(high)
-    levels[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((log_high - log_low) / (PINNED_CELLS - 1)) + log_low)
-    levels[1], levels[-1] = low, high
-    log_limits = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
-    u = np.exp(np.minimum(spreads * log_limits, np.log(700.0)))  # exp(-u) is zero beyond 700
+    lowest, highest = (MIN_THRESHOLD_RATIO * float(scales.min()), MAX_THRESHOLD_RATIO * float(scales.max()))
+    thresholds = np.zeros(PINNED_CELLS + 1)  # np.geomspace would double the time here
+    log_low, log_high = np.log10(lowest), np.log10(highest)
+    thresholds[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((log_high - log_low) / (PINNED_CELLS - 1)) + log_low)
+    thresholds[1], thresholds[-1] = lowest, highest
+    log_limits = np.log(np.sqrt(thresholds[1:-1] * thresholds[2:]) / scales)
+    exponent = np.exp(np.minimum(spreads * log_limits, np.log(700.0)))  # exp(-exponent) is zero beyond 700
     tails = np.zeros((len(pinned), PINNED_CELLS + 1))
-    tails[:, 0], tails[:, 1:-1] = 1.0, np.exp(-u)
-    return _Discretisation(levels, log_limits, tails[:, :-1] - tails[:, 1:], -u * tails[:, 1:-1])
+    tails[:, 0], tails[:, 1:-1] = 1.0, np.exp(-exponent)
+    return _Discretisation(thresholds, log_limits, tails[:, :-1] - tails[:, 1:], -exponent * tails[:, 1:-1])
 
 
 def discretise_populations(
@@ -187,7 +187,7 @@ def discretise_populations(
     for population in populations:
         if not all(np.isfinite(population)) or min(population) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
-    discretisation = _discretise(tuple(populations))
+    discretisation = _discretise_thresholds(tuple(populations))
     weights = np.zeros((discretisation.thresholds.size, 1 + len(populations)))
     weights[0, 0], width = reversible
     weights[1:, 1:] = (
@@ -210,7 +210,7 @@ class Tangents(NamedTuple):
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
     """Return the derivatives of all cell data with respect to the ``d = 2 + 4 J`` parameters."""
     magnetisation, _, scales, spreads = np.array(pinned).T
-    levels, log_limits, shares, log_derivatives = _discretise(tuple(pinned))
+    all_thresholds, log_limits, shares, log_derivatives = _discretise_thresholds(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
     log_thresholds = np.zeros((PINNED_CELLS, directions))  # derivatives of the logarithms of the thresholds
     position = np.linspace(0.0, 1.0, PINNED_CELLS)
@@ -218,22 +218,22 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
         log_thresholds[:, 4 * population + 4] += weight / scales[population]
     index, column = np.arange(count), 4 * np.arange(count) + 2
     tails = np.zeros((count, PINNED_CELLS + 1, directions))  # derivatives of the fractions
-    inner_remaining = tails[:, 1:-1]
-    inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
-    inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]
-    inner_remaining *= (spreads[:, None] * log_derivatives)[:, :, None]
-    inner_remaining[index, :, column + 3] = log_derivatives * log_limits
-    weights = np.zeros((levels.size, 1 + count, directions))
+    inner_tails = tails[:, 1:-1]
+    inner_tails[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
+    inner_tails[index, :, column + 2] -= 1.0 / scales[:, None]
+    inner_tails *= (spreads[:, None] * log_derivatives)[:, :, None]
+    inner_tails[index, :, column + 3] = log_derivatives * log_limits
+    weights = np.zeros((all_thresholds.size, 1 + count, directions))
     weights[1:, 1:] = (magnetisation[:, None, None] * (tails[:, :-1] - tails[:, 1:])).swapaxes(0, 1)
     weights[1:, 1 + index, column] = shares.T
     widths = np.zeros((1 + count, directions))
     weights[0, 0, 0] = widths[0, 1] = widths[1 + index, column + 1] = 1.0
-    thresholds = np.zeros((levels.size, directions))
-    thresholds[1:] = levels[1:, None] * log_thresholds
+    thresholds = np.zeros((all_thresholds.size, directions))
+    thresholds[1:] = all_thresholds[1:, None] * log_thresholds
     return Tangents(weights, widths, thresholds)
 
 
-FIELD_SAMPLES = 2001  # number of fields in the search for the largest slope
+SLOPE_FIELD_COUNT = 2001  # number of fields in the search for the largest slope
 
 
 def curve_value(shape: Shape, position: FloatArray) -> FloatArray:
@@ -258,6 +258,6 @@ def curve_slope(shape: Shape, position: FloatArray) -> FloatArray:
 def steepest_slope(cells: CellWeights) -> float:
     """Return the largest slope dM/dx of the magnetisation that any path can have."""
     span = float((cells.curve_centres + 3.0 * cells.widths).max())
-    plays = np.linspace(-span, cells.thresholds[-1] + span, FIELD_SAMPLES) - cells.thresholds[:, None]
-    slope = cells.curves(plays, curve_slope)
+    positions = np.linspace(-span, cells.thresholds[-1] + span, SLOPE_FIELD_COUNT) - cells.thresholds[:, None]
+    slope = cells.curves(positions, curve_slope)
     return float(np.einsum("ij,ijm->m", cells.weights / cells.widths, slope).max())

@@ -1,8 +1,8 @@
 """Define the interface of a hysteresis law: its parameters, its simulation and its fit.
 
 A :class:`Law` describes its parameters and makes an iron object, which simulates whole records. A
-law with a :class:`Kernel` has a fast fit in gauge-free (not redundant) parameters; others are
-fitted through their iron.
+law with a :class:`Kernel` has a fast fit in gauge-free (not redundant) parameters. A law without a
+kernel is fitted by simulating its iron object.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class ParameterSpec:
     name: str  # name in a model file, without its unit
     meaning: str  # meaning of the parameter in a few words
     unit: str = "1"  # SI unit; "1" for a pure number
-    low: float = -math.inf  # range; ``closed`` states whether it includes its ends
+    low: float = -math.inf  # range; ``includes_bounds`` states whether it includes its ends
     high: float = math.inf
-    closed: bool = False
+    includes_bounds: bool = False
     default: float | None = None  # default of a missing value; None: a value is required
     coordinate: Coordinate = "plain"  # coordinate for interpolation over the scheduling variable
     # search range for laws without a kernel, in ``A/m`` relative to the largest applied field;
@@ -45,14 +45,14 @@ class ParameterSpec:
         """Return the fault of a parameter value, or None."""
         if not math.isfinite(value):
             return "is not a finite number"
-        is_in_range = self.low <= value <= self.high if self.closed else self.low < value < self.high
+        is_in_range = self.low <= value <= self.high if self.includes_bounds else self.low < value < self.high
         if is_in_range:
             return None
         if math.isfinite(self.low) and math.isfinite(self.high):
             return f"must lie within {self.low:g} and {self.high:g}, is {value:g}"
         if math.isfinite(self.high):
             return f"must be below {self.high:g}, is {value:g}"
-        if self.closed:
+        if self.includes_bounds:
             return f"must not be negative, is {value:g}"
         return f"must be above {self.low:g}, is {value:g}"
 
@@ -95,12 +95,12 @@ class FitParameter:
 
     name: str  # name, and meaning in symbols of a model file or in words
     meaning: str
-    low: float  # bounds of a search, in the unit of ``unit_of``
+    low: float  # bounds of a search, in the unit of the parameter
     high: float
     # coordinate: logarithm, inverse hyperbolic sine, or value relative to its unit
     coordinate: Literal["log", "asinh", "plain"] = "plain"
-    # unit: range of the measured input or output; empty for a pure number
-    unit_of: Literal["input", "output", ""] = ""
+    # signal whose measured range is the unit of the parameter; empty for a pure number
+    unit_signal: Literal["input", "output", ""] = ""
     # prior mean, if loops do not determine the value; None: no prior
     prior_mean: float | None = None
     prior_std: float = 1.5  # prior standard deviation of the coordinate
@@ -116,14 +116,14 @@ class Kernel:
     has_derivatives: bool  # whether the core computes derivatives; otherwise, finite differences are used
     # whether the interaction enters the law itself; a series reluctance is then not equivalent to
     # less interaction
-    is_coupled: bool
+    includes_interaction: bool
 
     def iron_parameters(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
     ) -> dict[str, float]:
         """Return the physical parameters of the iron, from its scales and the fitted parameters."""
-        kappa, c = law
-        return {"M_s": saturation, "a": width, "k": kappa * width, "c": c, "alpha": alpha}
+        pinning_ratio, c = law
+        return {"M_s": saturation, "a": width, "k": pinning_ratio * width, "c": c, "alpha": alpha}
 
     def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
         """Scale the internal field of an iron without interaction by adding interaction."""
@@ -146,22 +146,22 @@ class Law:
     # function that makes the iron from parameters in that order; ValueError if they are invalid
     iron: Callable[..., IronOperator]
     states: int = 3  # number of states; all are zero in the demagnetised state
-    # kernel of the fast fit; None: fitted through the iron, with finite differences
+    # kernel of the fast fit; None: the fit simulates the iron object and uses finite differences
     kernel: Kernel | None = None
-    # smallest slope of the drive over the field, relative to that without iron, from the parameters
-    # of the iron and the reluctance ratios of the gap; None: the law has no compensator
+    # smallest slope of the applied drive (A/m) over the field, relative to that without iron, for
+    # iron parameters and reluctance ratios of the gap; None: the law has no compensator
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
     # reason for the missing compensator, to complete the sentence "cannot be compiled: ..."
-    obstacle: str = "there is no compensator for it"
-    # function that returns the law with given cells instead of parameters, or raises ValueError if
+    no_compensator_reason: str = "there is no compensator for it"
+    # function that makes the law with given cells instead of parameters, or raises ValueError if
     # they do not fit the law; None for a law without cells
-    of_cells: Callable[[CellWeights], Law] | None = None
+    make_with_cells: Callable[[CellWeights], Law] | None = None
     # function that returns the cells for given parameters; None for a law without cells
     cells: Callable[[Mapping[str, float]], CellWeights] | None = None
     # whether large reversals remain in memory after any number of smaller cycles (return-point
     # memory)
-    remembers: bool = False
+    has_return_point_memory: bool = False
 
-    def with_role(self, role: Role) -> tuple[ParameterSpec, ...]:
+    def parameters_with_role(self, role: Role) -> tuple[ParameterSpec, ...]:
         """Return the parameters with a role."""
         return tuple(spec for spec in self.parameters if spec.role == role)

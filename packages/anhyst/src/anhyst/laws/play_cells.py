@@ -35,18 +35,18 @@ _POPULATION_PARAMETERS: tuple[tuple[str, str, str, float, tuple[float, float], R
 """Symbol, meaning, unit, default, search range and role."""
 
 
-def _population_specs(number: int) -> Iterator[ParameterSpec]:
+def _population_specs(population_number: int) -> Iterator[ParameterSpec]:
     """Yield the parameters of a population; only the first population is required."""
-    is_first = number == 1
-    ordinal = ("first", "second", "third")[number - 1]
+    is_first = population_number == 1
+    ordinal = ("first", "second", "third")[population_number - 1]
     for symbol, meaning, unit, default, search, role in _POPULATION_PARAMETERS:
         may_vanish = symbol == "M" and not is_first
         yield ParameterSpec(
-            f"{symbol}_{number}",
+            f"{symbol}_{population_number}",
             f"{ordinal} population: {meaning}",
             unit,
             low=0.0,
-            closed=may_vanish,
+            includes_bounds=may_vanish,
             coordinate="plain" if may_vanish else "log",
             default=None if is_first else default,
             search=search if is_first else None,
@@ -62,7 +62,7 @@ PARAMETERS = (
         "saturation of the reversible part",
         "A/m",
         low=0.0,
-        closed=True,
+        includes_bounds=True,
         default=0.0,
         search=(1.0, 1e5),
         role="reversible",
@@ -81,12 +81,14 @@ PARAMETERS = (
 )
 
 
-def make_cells(shape: Shape, *numbers: float) -> CellWeights:
+def make_cells(shape: Shape, *parameter_values: float) -> CellWeights:
     """Return the cells for all parameters except ``alpha``, in the order of the file."""
     from anhyst.laws.cells import Population, discretise_populations
 
-    pinned = [Population(*numbers[index : index + 4]) for index in range(2, len(numbers), 4)]
-    return discretise_populations((numbers[0], numbers[1]), pinned, shape)
+    pinned = [
+        Population(*parameter_values[index : index + 4]) for index in range(2, len(parameter_values), 4)
+    ]
+    return discretise_populations((parameter_values[0], parameter_values[1]), pinned, shape)
 
 
 def make_iron(cells: CellWeights, alpha: float) -> CellIron:
@@ -96,7 +98,7 @@ def make_iron(cells: CellWeights, alpha: float) -> CellIron:
     return CellIron(cells.thresholds, cells.widths, cells.weights, cells.shape, alpha, cells.centres)
 
 
-def _cells_of_parameters(shape: Shape, iron: Mapping[str, float]) -> CellWeights:
+def _make_cells_from_parameters(shape: Shape, iron: Mapping[str, float]) -> CellWeights:
     return make_cells(shape, *(iron[spec.name] for spec in PARAMETERS if spec is not ALPHA))
 
 
@@ -109,16 +111,16 @@ def _least_slope(
     return 1.0 + (rho / (1.0 + rho) - iron["alpha"]) * steepest_slope(cells(iron))
 
 
-def _iron(shape: Shape, *numbers: float) -> CellIron:
-    *cells, alpha = numbers
-    return make_iron(make_cells(shape, *cells), alpha)
+def _make_iron_from_values(shape: Shape, *parameter_values: float) -> CellIron:
+    *cell_values, alpha = parameter_values
+    return make_iron(make_cells(shape, *cell_values), alpha)
 
 
-def _with_cells(name: str, cells: CellWeights) -> Law:
+def _make_law_with_cells(name: str, cells: CellWeights) -> Law:
     shape = _SHAPES[name]
     if cells.shape != shape:
-        other_law = next(law_name for law_name, curve in _SHAPES.items() if curve == cells.shape)
-        raise ValueError(f"shape is {cells.shape!r}, that of law {other_law!r}; {name!r} has {shape!r}")
+        law_of_shape = next(law_name for law_name, curve in _SHAPES.items() if curve == cells.shape)
+        raise ValueError(f"shape is {cells.shape!r}, that of law {law_of_shape!r}; {name!r} has {shape!r}")
 
     def replacement_cells(_: Mapping[str, float]) -> CellWeights:
         return cells
@@ -134,17 +136,17 @@ def _with_cells(name: str, cells: CellWeights) -> Law:
 
 
 def _make_law(name: str, title: str) -> Law:
-    cells = partial(_cells_of_parameters, _SHAPES[name])
+    cells = partial(_make_cells_from_parameters, _SHAPES[name])
     return Law(
         name=name,
         title=title,
         parameters=PARAMETERS,
-        iron=partial(_iron, _SHAPES[name]),
+        iron=partial(_make_iron_from_values, _SHAPES[name]),
         states=STATE_COUNT,
         least_slope=partial(_least_slope, cells),
-        of_cells=partial(_with_cells, name),
+        make_with_cells=partial(_make_law_with_cells, name),
         cells=cells,
-        remembers=True,
+        has_return_point_memory=True,
     )
 
 

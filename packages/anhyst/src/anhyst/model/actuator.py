@@ -269,7 +269,9 @@ def find_compile_obstacle(model: Model) -> str | None:
     law = model.operator_law
     if law.least_slope is None:
         alternatives = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
-        return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {alternatives}"
+        return (
+            f"law {model.law!r} cannot be compiled: {law.no_compensator_reason}; identify with {alternatives}"
+        )
     if model.needs_fixed_gap:
         schedule_name = model.schedule.name if model.schedule else "gap"
         alternatives = "scaling or reluctance" if schedule_name == "gap" else "scaling"

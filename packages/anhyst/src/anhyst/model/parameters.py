@@ -30,8 +30,8 @@ GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "circuit", "fre
 CIRCUIT_SPECS = (
     ParameterSpec("c_H", "drive of the iron per unit of input", low=0.0, coordinate="reciprocal"),
     ParameterSpec("rho", "reluctance of the gap, relative to that of an air-filled iron path", low=0.0,
-                  closed=True, default=0.0),
-    ParameterSpec("gamma", "eddy currents, 0 for none", low=0.0, closed=True, default=0.0),
+                  includes_bounds=True, default=0.0),
+    ParameterSpec("gamma", "eddy currents, 0 for none", low=0.0, includes_bounds=True, default=0.0),
     ParameterSpec("c_out", "output per unit of flux density (squared for a force)", low=0.0,
                   coordinate="log"),
     ParameterSpec("in_0", "offset of the input", default=0.0),

@@ -246,7 +246,7 @@ def initial_state(
 ) -> FloatArray:
     """Return the state of the iron before the first sample."""
     state = np.zeros(model.states)
-    is_remembered = history.kind == "conditioned" or model.operator_law.remembers
+    is_remembered = history.kind == "conditioned" or model.operator_law.has_return_point_memory
     if not history.turning_points or not is_remembered:
         return state
     # The exact step does not depend on the sampling, so reversals are enough.

@@ -55,7 +55,7 @@ class HarnessProgram(Protocol):
     """Linked test program that answers requests, starting from reset."""
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer one request after the other."""
+        """Reset the program once, and then answer all requests in their order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ class BuildFolder:
             "harness.c",
             f"run_{self.subject}.c",
             *(f"{name}.c" for name in ports),
-            *sorted({*sources, *PIDD2_PATHS}),
+            *sorted({*sources, *PIDD2_SOURCE_PATHS}),
         ]
         return toolchain.Build(
             tuple(target / name for name in names),
@@ -142,7 +142,7 @@ class BuildFolder:
         return {"HARNESS_IO": IO_BITS[self.bundle.io], **play, **toolchain.actuator_defines(name)}
 
 
-PIDD2_PATHS = tuple(f"{toolchain.SOURCE_FOLDER}/{name}" for name in toolchain.PIDD2_SOURCES)
+PIDD2_SOURCE_PATHS = tuple(f"{toolchain.SOURCE_FOLDER}/{name}" for name in toolchain.PIDD2_SOURCES)
 
 
 STACK_STEPS = 500
@@ -252,12 +252,15 @@ def _locate_difference(
     first_step, last_step = 0, steps
     stride = _checkpoint_stride(steps)
     while True:
-        marks = list(range(first_step, last_step, stride))
-        hashes = (reply.checkpoints[: len(marks)] for reply in replies)
+        checkpoint_steps = list(range(first_step, last_step, stride))
+        hashes = (reply.checkpoints[: len(checkpoint_steps)] for reply in replies)
         mismatches = np.flatnonzero(np.not_equal(*hashes))
-        mismatch = int(mismatches[0]) if len(mismatches) else len(marks)
+        mismatch = int(mismatches[0]) if len(mismatches) else len(checkpoint_steps)
         # The hash that is stored before a step covers all earlier steps.
-        first_step, last_step = marks[mismatch - 1], marks[mismatch] if mismatch < len(marks) else last_step
+        first_step, last_step = (
+            checkpoint_steps[mismatch - 1],
+            checkpoint_steps[mismatch] if mismatch < len(checkpoint_steps) else last_step,
+        )
         stride = _checkpoint_stride(last_step - first_step)
         # Run both programs up to the last step. Store a hash at the first step and after every
         # stride.
@@ -287,11 +290,11 @@ def _find_mismatch(host: Words, target: Words) -> tuple[int, int] | None:
 
 
 def _make_difference(
-    layout: RecordLayout, part: str, first_step: int, index: tuple[int, int], host: Words, target: Words
+    layout: RecordLayout, test_part: str, first_step: int, index: tuple[int, int], host: Words, target: Words
 ) -> Difference:
     row, word = index
     return Difference(
-        part, first_step + row, layout.record[word], _signed(host[row, word]), _signed(target[row, word])
+        test_part, first_step + row, layout.record[word], _signed(host[row, word]), _signed(target[row, word])
     )
 
 

@@ -58,14 +58,14 @@ class Image:
 
         The linker marks these ranges with symbols called ``$t`` and ``$d``.
         """
-        marks = sorted(
+        markers = sorted(
             (symbol.address & ~1, symbol.name[:2])
             for symbol in self.symbols
             if symbol.name[:2] in {"$t", "$d"} and symbol.section == ".text"
         )
-        ends = [address for address, _ in marks[1:]]
+        ends = [address for address, _ in markers[1:]]
         ends.append(max((f.address & ~1) + f.size for f in self.functions()))
-        return [(at, end) for (at, name), end in zip(marks, ends, strict=True) if name == "$t"]
+        return [(begin, end) for (begin, name), end in zip(markers, ends, strict=True) if name == "$t"]
 
     def functions(self) -> list[Symbol]:
         """Return the functions, sorted by address."""
@@ -121,10 +121,10 @@ def measure_sizes(
 ) -> ProgramSizes:
     """Add up the sizes of all symbols of the compensator."""
     parameters = f"{actuator}_parameters"
-    prefixes = ("anhyst_", parameters, f"{actuator}_controller")
+    symbol_prefixes = ("anhyst_", parameters, f"{actuator}_controller")
     code = control = tables = parameters_bytes = variables = 0
     for symbol in image.symbols:
-        is_counted = symbol.name.startswith(prefixes) or symbol.source in sources
+        is_counted = symbol.name.startswith(symbol_prefixes) or symbol.source in sources
         if symbol.kind == "STT_FUNC" and is_counted:
             if symbol.name.startswith("anhyst_pidd2") or symbol.source in CONTROL_FILES:
                 control += symbol.size
@@ -198,7 +198,9 @@ def _find_function_pointers(image: Image, functions: dict[int, Symbol]) -> defau
     Addresses that are stored outside constants have the offset UNKNOWN_OFFSET.
     """
     objects = (symbol for symbol in image.symbols if symbol.kind == "STT_OBJECT")
-    offset_by_address = {item.address + at: at for item in objects for at in range(0, item.size, WORD_BYTES)}
+    offset_by_address = {
+        item.address + offset: offset for item in objects for offset in range(0, item.size, WORD_BYTES)
+    }
     callees: defaultdict[int, set[int]] = defaultdict(set)
     for address, content in image.segments:
         for at in range(0, len(content) - WORD_BYTES + 1, WORD_BYTES):

@@ -28,7 +28,7 @@ from anhyst.verification.protocol import (
 )
 
 TIME_LIMIT_S = 60.0  # time limit of an answer
-TIME_PER_STEP_S = 0.02  # addition for each step; solid iron takes 1 ms
+TIME_PER_STEP_S = 0.02  # additional time limit for each step; solid iron takes 1 ms
 FLASH_BYTES = 256 * 1024
 RAM_ADDRESS = 0x20000000
 RAM_BYTES = 64 * 1024
@@ -61,13 +61,13 @@ def build_counter(harness: Path, folder: Path, target: str) -> Path:
 def count_instructions(image: Image, code: bytes) -> Prefix:
     """Return the number of instructions before each half-word, as prefix sums."""
     halfwords = np.frombuffer(code, dtype="<u2")
-    begins = np.zeros(len(halfwords), dtype=np.uint32)
+    instruction_starts = np.zeros(len(halfwords), dtype=np.uint32)
     for begin, stop in image.thumb_ranges():
-        at, end = (begin - FLASH_ADDRESS) // 2, (stop - FLASH_ADDRESS) // 2
-        while at < end:
-            begins[at] = 1
-            at += 2 if halfwords[at] >= 0xE800 else 1  # Thumb instruction of 32 or 16 bits
-    return np.concatenate(([np.uint32(0)], np.cumsum(begins, dtype=np.uint32)))
+        index, end = (begin - FLASH_ADDRESS) // 2, (stop - FLASH_ADDRESS) // 2
+        while index < end:
+            instruction_starts[index] = 1
+            index += 2 if halfwords[index] >= 0xE800 else 1  # Thumb instruction of 32 or 16 bits
+    return np.concatenate(([np.uint32(0)], np.cumsum(instruction_starts, dtype=np.uint32)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class CortexProgram:
     costs: CostFunction = count_instructions
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer all requests in order, from reset; after a time limit, repeat once.
+        """Reset the program once, and then answer all requests; repeat once after a time limit.
 
         A run is repeated because the emulator has hung in the past.
         """
@@ -152,8 +152,8 @@ class _Machine:
         try:
             self._uc.emu_start(address | 1, self._wait)
         except self._error as error:
-            at = self._uc.reg_read(self._registers.UC_ARM_REG_PC)
-            raise target_failed_error(self._name, f"{error} at {at:#010x}") from None
+            program_counter = self._uc.reg_read(self._registers.UC_ARM_REG_PC)
+            raise target_failed_error(self._name, f"{error} at {program_counter:#010x}") from None
         finally:
             watchdog.cancel()
         if self._uc.reg_read(self._registers.UC_ARM_REG_PC) != self._wait:
@@ -180,7 +180,7 @@ class Msp430Program:
     image: Image  # content of the linked program
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer one request after the other, from reset."""
+        """Reset the program once, and then answer all requests in their order."""
         script = self.path.with_suffix(".script")
         script.write_text("\n".join(self._simulator_commands(requests)) + "\n", encoding="ascii")
         command = ["mspdebug", "-q", "sim", f"read {script.name}"]
@@ -196,18 +196,21 @@ class Msp430Program:
             )
         except subprocess.TimeoutExpired:
             raise time_limit_error("msp430", SIMULATOR_TIME_LIMIT_S) from None
-        dump = bytes(
+        mailbox_bytes = bytes(
             int(byte, 16)
             for line in process.stdout.splitlines()
             if (match := DUMP_LINE.match(line))
             for byte in match[1].split()
         )
-        if process.returncode or len(dump) != len(requests) * BOX_BYTES:
+        if process.returncode or len(mailbox_bytes) != len(requests) * BOX_BYTES:
             output_lines = (
                 process.stderr.strip() or process.stdout.strip() or "no reason given"
             ).splitlines()
             raise target_failed_error("msp430", f"mspdebug ended early: {output_lines[-1]}")
-        return [Reply.unpack(dump[at : at + BOX_BYTES]) for at in range(0, len(dump), BOX_BYTES)]
+        return [
+            Reply.unpack(mailbox_bytes[offset : offset + BOX_BYTES])
+            for offset in range(0, len(mailbox_bytes), BOX_BYTES)
+        ]
 
     def _simulator_commands(self, requests: Sequence[Request]) -> list[str]:
         """Return the simulator's commands.
@@ -236,6 +239,7 @@ class Msp430Program:
 
 def _write_commands(address: int, content: bytes) -> list[str]:
     return [
-        f"mw {address + at:#x} " + " ".join(f"{byte:#04x}" for byte in content[at : at + BYTES_PER_LINE])
-        for at in range(0, len(content), BYTES_PER_LINE)
+        f"mw {address + offset:#x} "
+        + " ".join(f"{byte:#04x}" for byte in content[offset : offset + BYTES_PER_LINE])
+        for offset in range(0, len(content), BYTES_PER_LINE)
     ]

@@ -199,10 +199,10 @@ class Reply:
 
 
 def target_failed_error(target: str, reason: str) -> NegativeResult:
-    """Return the error for a target without an answer."""
+    """Return the exception for a target without an answer."""
     return NegativeResult(f"target {target}: {reason}", code="target-failed", key=target)
 
 
 def time_limit_error(target: str, limit: float) -> NegativeResult:
-    """Return the error for a target that exceeded a time limit, s."""
+    """Return the exception for a target that exceeded a time limit, s."""
     return NegativeResult(f"target {target}: did not end within {limit:.0f} s", code="time-limit", key=target)

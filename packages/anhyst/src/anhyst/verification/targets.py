@@ -44,7 +44,7 @@ class ProcessProgram:
     command: tuple[str, ...]  # command of the process
 
     def run(self, requests: Sequence[protocol.Request]) -> list[protocol.Reply]:
-        """Answer one request after the other, from reset."""
+        """Reset the program once, and then answer all requests in their order."""
         requests_bytes = b"".join(request.pack() + request.pack_rows() for request in requests)
         try:
             process = subprocess.run(
@@ -104,7 +104,7 @@ class CortexProcessor:
     model: str
     # compiler option for the floating-point unit; empty without one
     float_unit: str = ""
-    has_port: bool = False  # whether it has the DSP instructions of the port header
+    has_port: bool = False  # whether the processor has the DSP instructions of the port header
 
 
 CORTEX_PROCESSORS = {
@@ -181,8 +181,8 @@ def find_cortex_m_builds(name: str, build_folder: BuildFolder) -> TargetBuilds:
     """List the builds for a Cortex-M: portable, and with optional instructions of the processor.
 
     Optional instructions are those of the port header in fixed point, and those of the
-    floating-point unit in floating point. If the processor has a floating-point unit, a stage in
-    floating point runs only with it, and only with the port header if there is one.
+    floating-point unit in floating point. On a processor with this unit, a stage in floating point
+    has a single build: with the unit, and with the port header if it exists.
     """
     if missing_tools := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
         return TargetBuilds(missing=missing_tools)

@@ -32,7 +32,7 @@ from anhyst.verification.bundle import (
     read_vectors,
 )
 from anhyst.verification.compare import (
-    PIDD2_PATHS,
+    PIDD2_SOURCE_PATHS,
     Answers,
     BuildFolder,
     Subject,
@@ -194,7 +194,7 @@ class _VerificationJob:
             return TargetResult(*identity, 0, 0, failure=str(error))
         is_counted, sizes, bundle = bool(variant.unit), None, self.build_folder.bundle
         if variant.image is not None:
-            sources = {Path(path).name for path in (*bundle.c_files, *PIDD2_PATHS)}
+            sources = {Path(path).name for path in (*bundle.c_files, *PIDD2_SOURCE_PATHS)}
             sizes = elf.measure_sizes(variant.image, bundle.name, sources, target == "avr")
         return TargetResult(
             *identity,

@@ -143,7 +143,7 @@ def identify_force_model(rig: ForceControlRig, loops: Loops, progress: Progress 
 def _with_min_dead_band(model: Model, min_half_width: float) -> Model:
     """Return a model whose dead band, if any, has at least a given half-width, A/m."""
     new_parameters: dict[str, Parameter] = {}
-    for parameter_spec in model.operator_law.with_role("dead band"):
+    for parameter_spec in model.operator_law.parameters_with_role("dead band"):
         new_parameters[parameter_spec.name] = map_parameter(
             model.parameters[parameter_spec.name], lambda value: max(value, min_half_width)
         )

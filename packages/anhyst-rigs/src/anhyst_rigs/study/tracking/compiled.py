@@ -19,7 +19,7 @@ from anhyst.compilation.compiled_stage import CompiledStage, StageRequest
 from anhyst.compilation.manifest import MANIFEST_FILE, MANIFEST_VERSION, check_folder, write_folder
 from anhyst.compilation.stage import LOST_MAGNET_ROWS, StageController, make_stage_sources
 from anhyst.compilation.vectors import write_vectors_csv
-from anhyst.control.fixed_axes import signal_codes
+from anhyst.control.fixed_axes import encode_signals
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike
 from anhyst.support.cache import c_name, check_c_name
@@ -184,10 +184,10 @@ def _encode_inputs(setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_r
         return inputs.astype(np.float32)
     scales = make_fixed_stage_controller(setup).scales
     magnets = len(setup.rig.settings.body_magnets)
-    head_codes, forward = signal_codes(inputs[:wrench_row], scales.head), inputs[wrench_row:gap_row]
+    head_codes, forward = encode_signals(inputs[:wrench_row], scales.head), inputs[wrench_row:gap_row]
     gaps, currents = inputs[gap_row : gap_row + magnets], inputs[gap_row + magnets :]
-    rows = [head_codes, signal_codes(forward, scales.wrench[:, None]), scales.gaps(gaps)]
-    return np.vstack([*rows, signal_codes(currents, scales.current)]).astype(np.int32)
+    rows = [head_codes, encode_signals(forward, scales.wrench[:, None]), scales.gaps(gaps)]
+    return np.vstack([*rows, encode_signals(currents, scales.current)]).astype(np.int32)
 
 
 def _simulate_inputs(setup: StageSetup) -> FloatArray:

@@ -14,7 +14,7 @@
 #include "avr_mcu_section.h"
 
 /* Data addresses of GPIOR0, GPIOR1, GPIOR2 in the ATmega family. */
-#define WAIT 0x3E
+#define WAIT_REGISTER 0x3E
 #define CLOCK_START 0x4A
 #define CLOCK_STOP 0x4B
 
@@ -71,7 +71,7 @@ int main(int argc, char **argv)
   }
   avr_init(avr);
   avr_load_firmware(avr, &firmware);
-  avr_register_io_write(avr, WAIT, on_wait, NULL);
+  avr_register_io_write(avr, WAIT_REGISTER, on_wait, NULL);
   avr_register_io_write(avr, CLOCK_START, on_start, NULL);
   avr_register_io_write(avr, CLOCK_STOP, on_stop, NULL);
   for (int served = 0;; served = 1) {
