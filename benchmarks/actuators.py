@@ -166,21 +166,21 @@ def _measure_compiled_inverse(rate: float, loops: Loops, demand: FloatArray) -> 
         codes = np.zeros((demand_path.size, len(COMPENSATOR_RECORD.input_positions)), dtype="<u4")
         codes[:, 0] = np.round(2**15 * demand_path)
         codes[:, COMPENSATOR_RECORD.inputs.index("how")] = ON_GRID
-        max_cost, mean = ported_costs(folder, codes)
-    worst = compiled.manifest["accuracy"]["worst_percent"]
+        max_cost, mean_costs = ported_costs(folder, codes)
+    worst_error = compiled.manifest["accuracy"]["worst_percent"]
     return [
         Row(
             "compiled piezo inverse against double precision, with jumps and lost drives",
             "<= 0.1 % of the stroke",
-            f"{worst:.3f} %; bit for bit on host and Cortex-M4: {checked.passed}",
-            worst <= 0.1 and checked.passed,
+            f"{worst_error:.3f} %; bit for bit on host and Cortex-M4: {checked.passed}",
+            worst_error <= 0.1 and checked.passed,
         ),
         Row(
             "compiled piezo inverse on a Cortex-M4 during the triangle: solve and commit, mean tick",
             "<= 600 instructions",
-            f"{mean[0] + mean[1]:.0f}: solve {mean[0]:.0f}, commit {mean[1]:.0f}; worst at reversals "
+            f"{mean_costs[0] + mean_costs[1]:.0f}: solve {mean_costs[0]:.0f}, commit {mean_costs[1]:.0f}; worst at reversals "
             f"of the triangle {max_cost[0]:.0f} and {max_cost[1]:.0f}",
-            bool(mean[0] + mean[1] <= 600),
+            bool(mean_costs[0] + mean_costs[1] <= 600),
         ),
     ]
 
@@ -194,13 +194,13 @@ def rod() -> Row:
         model.predict(loop.input, loop.schedule, None, loop.history).output - loop.output
         for loop in withheld_loop.loops
     ])  # fmt: skip
-    largest = max(float(loop.output.max()) for loop in withheld_loop.loops)
-    mean = 100.0 * float(np.mean(np.abs(residuals))) / largest
+    largest_strain = max(float(loop.output.max()) for loop in withheld_loop.loops)
+    mean_error = 100.0 * float(np.mean(np.abs(residuals))) / largest_strain
     return Row(
         "virtual magnetostrictive rod, withheld prestress: mean error",
         "<= 1 % of the largest strain",
-        f"{mean:.2f} %, worst {100 * float(np.max(np.abs(residuals))) / largest:.2f} %",
-        mean <= 1.0,
+        f"{mean_error:.2f} %, worst {100 * float(np.max(np.abs(residuals))) / largest_strain:.2f} %",
+        mean_error <= 1.0,
     )
 
 

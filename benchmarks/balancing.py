@@ -134,8 +134,8 @@ def measure_both_directions(bench_and_plant: tuple[Bench, int]) -> list[list[flo
 
 def make_method_rows(method: str, results: Sequence[PlantResult]) -> list[Row]:
     """Return the rows of one method: 50th and 95th percentiles over the plants."""
-    values = np.array([result.metrics for result in results])
-    medians, percentiles_95 = np.percentile(values, [50.0, 95.0], axis=0)
+    all_metrics = np.array([result.metrics for result in results])
+    medians, percentiles_95 = np.percentile(all_metrics, [50.0, 95.0], axis=0)
     count = (
         f"applied {sum(result.is_applied for result in results)}, "
         f"fits {sum(result.model_fits for result in results)}"
@@ -148,7 +148,7 @@ def make_method_rows(method: str, results: Sequence[PlantResult]) -> list[Row]:
         if method == "full" and name == "average":
             target, is_met = "<= 60 nm (95 %)", bool(percentiles_95[-1, metric_index] <= 60.0)
         if name == "rz":
-            ratios = values[:, -1, metric_index] / values[:, 0, metric_index]
+            ratios = all_metrics[:, -1, metric_index] / all_metrics[:, 0, metric_index]
             text += f"; ratio after / before {np.median(ratios):.2g}, worst {ratios.max():.2g}"
             if method == "full":
                 target, is_met = "ratio <= 0.15 (50 %)", bool(np.median(ratios) <= 0.15)

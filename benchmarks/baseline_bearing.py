@@ -97,29 +97,29 @@ class LevitationRun:
 
 
 @njit(error_model="numpy")
-def _controller(c: Control, memory: Array, target: float, gap_reading: float) -> float:
+def _controller(c: Control, memory: Array, set_point: float, gap_reading: float) -> float:
     """Return the current of this tick; `memory` contains position, velocity and integral."""
-    wanted_position, position = c.gap_middle - target, c.gap_middle - gap_reading
+    wanted_position, position = c.gap_middle - set_point, c.gap_middle - gap_reading
     first_gap = c.smoothing * (position - memory[0])
-    second = c.smoothing_2 * (first_gap - memory[1])
+    second_difference = c.smoothing_2 * (first_gap - memory[1])
     demand = (
         c.proportional * (c.set_point_weight * wanted_position - position)
         + memory[2]
         - c.derivative * first_gap
-        - c.acceleration_gain * second
+        - c.acceleration_gain * second_difference
     )
     force = min(max(demand, c.demand_low), c.demand_high)
     memory[0] += first_gap
-    memory[1] += second
+    memory[1] += second_difference
     memory[2] += c.integral * (wanted_position - position) + c.anti_windup_gain * (force - demand)
     gaps, forces = c.currents.shape
     gap_index = min(max((gap_reading - c.gap_low) / (c.gap_high - c.gap_low), 0.0), 1.0) * (gaps - 1)
     force_index = min(max(force / c.force_high, 0.0), 1.0) * (forces - 1)
     i, j = min(int(gap_index), gaps - 2), min(int(force_index), forces - 2)
-    y, x = gap_index - i, force_index - j
-    nearer_current = c.currents[i, j] + x * (c.currents[i, j + 1] - c.currents[i, j])
-    farther_current = c.currents[i + 1, j] + x * (c.currents[i + 1, j + 1] - c.currents[i + 1, j])
-    current = min(max(nearer_current + y * (farther_current - nearer_current), 0.0), c.current_high)
+    row_part, column_part = gap_index - i, force_index - j
+    nearer_current = c.currents[i, j] + column_part * (c.currents[i, j + 1] - c.currents[i, j])
+    farther_current = c.currents[i + 1, j] + column_part * (c.currents[i + 1, j + 1] - c.currents[i + 1, j])
+    current = min(max(nearer_current + row_part * (farther_current - nearer_current), 0.0), c.current_high)
     return float(math.floor(current / c.current_step + 0.5) * c.current_step)
 
 
@@ -185,15 +185,15 @@ class ByScipy:
         self._move_cells(self._field_for_density(density))
         return gap, self._magnet_force(density, gap)
 
-    def run(self, control: Control, memory: Array, target: Array, load: Array, noise: Array) -> LevitationRun:
+    def run(self, control: Control, memory: Array, set_point: Array, load: Array, noise: Array) -> LevitationRun:
         """Run the closed loop."""
-        p, ticks = self.plant, target.size
+        p, ticks = self.plant, set_point.size
         run = LevitationRun(np.empty(ticks), np.empty(ticks))
         for tick in range(ticks):
             gap_reading = float(self._state[5]) + float(noise[tick])
-            steps = math.floor((gap_reading - p.sensor_low) / p.sensor_step + 0.5)
-            gap_reading = p.sensor_low + steps * p.sensor_step
-            command = _controller(control, memory, float(target[tick]), gap_reading)
+            step_count = math.floor((gap_reading - p.sensor_low) / p.sensor_step + 0.5)
+            gap_reading = p.sensor_low + step_count * p.sensor_step
+            command = _controller(control, memory, float(set_point[tick]), gap_reading)
             run.gap[tick], run.force[tick] = self.advance(command, float(load[tick]))
         return run
 
@@ -305,13 +305,13 @@ TOLERANCE = 1e-7  # of the flux density, T
 
 
 @njit(error_model="numpy")
-def _polarisation(p: Plant, h: float) -> tuple[float, float]:
-    inverse_root = 1.0 / math.sqrt(h * h + p.knee_sharp * p.knee_sharp)
-    ratio = h / p.knee_slow
+def _polarisation(p: Plant, field: float) -> tuple[float, float]:
+    inverse_root = 1.0 / math.sqrt(field * field + p.knee_sharp * p.knee_sharp)
+    ratio = field / p.knee_slow
     slow_factor = 2.0 / math.pi * p.slow_saturation
     slope = p.sharp_saturation * p.knee_sharp * p.knee_sharp * inverse_root * inverse_root * inverse_root
     slope += slow_factor / (p.knee_slow * (1.0 + ratio * ratio))
-    return p.sharp_saturation * h * inverse_root + slow_factor * math.atan(ratio), slope
+    return p.sharp_saturation * field * inverse_root + slow_factor * math.atan(ratio), slope
 
 
 @njit(error_model="numpy")
@@ -384,20 +384,20 @@ def _gap_circuit(p: Plant, gap: float) -> tuple[float, float, float, float]:
 
 
 @njit(error_model="numpy")
-def _advance_winding(p: Plant, s: Array, plays: Array, cell_sums: Array, h: float) -> None:
-    half, error = 0.5 * h, s[COMMAND_INDEX] - s[CURRENT_INDEX]
+def _advance_winding(p: Plant, s: Array, plays: Array, cell_sums: Array, time_step: float) -> None:
+    half_step, error = 0.5 * time_step, s[COMMAND_INDEX] - s[CURRENT_INDEX]
     voltage = p.current_gain * error + s[INTEGRAL_INDEX]
     is_saturated = abs(voltage) > p.supply_voltage
     if is_saturated:
         voltage = math.copysign(p.supply_voltage, voltage)
-    explicit_linkage = s[LINKAGE_INDEX] + half * (voltage - p.resistance * s[CURRENT_INDEX])
-    gain = p.current_gain + half * p.current_integral_gain
-    voltage_offset = gain * s[COMMAND_INDEX] + s[INTEGRAL_INDEX] + half * p.current_integral_gain * error
+    explicit_linkage = s[LINKAGE_INDEX] + half_step * (voltage - p.resistance * s[CURRENT_INDEX])
+    total_gain = p.current_gain + half_step * p.current_integral_gain
+    voltage_offset = total_gain * s[COMMAND_INDEX] + s[INTEGRAL_INDEX] + half_step * p.current_integral_gain * error
     outer_reluctance, gap_fraction, area, fringe_factor = _gap_circuit(p, s[GAP_INDEX])
     weight, per_field = p.turns * p.area, p.length / p.turns
     per_density = outer_reluctance * p.area / p.turns
     for _ in range(2):
-        current_factor = half * (gain + p.resistance)
+        current_factor = half_step * (total_gain + p.resistance)
         field, density = _solve_field(
             p,
             plays,
@@ -405,17 +405,17 @@ def _advance_winding(p: Plant, s: Array, plays: Array, cell_sums: Array, h: floa
             s[FIELD_INDEX] + s[FIELD_STEP_INDEX],
             current_factor * per_field,
             weight + current_factor * per_density,
-            explicit_linkage + half * voltage_offset,
+            explicit_linkage + half_step * voltage_offset,
             weight * TOLERANCE,
         )
         current = per_field * field + per_density * density
-        voltage = voltage_offset - gain * current
+        voltage = voltage_offset - total_gain * current
         if abs(voltage) <= p.supply_voltage:
             break
-        is_saturated, gain, voltage_offset = True, 0.0, math.copysign(p.supply_voltage, voltage)
-    s[LINKAGE_INDEX] = explicit_linkage + half * (voltage - p.resistance * current)
+        is_saturated, total_gain, voltage_offset = True, 0.0, math.copysign(p.supply_voltage, voltage)
+    s[LINKAGE_INDEX] = explicit_linkage + half_step * (voltage - p.resistance * current)
     if not is_saturated:
-        s[INTEGRAL_INDEX] += half * p.current_integral_gain * (error + s[COMMAND_INDEX] - current)
+        s[INTEGRAL_INDEX] += half_step * p.current_integral_gain * (error + s[COMMAND_INDEX] - current)
     s[CURRENT_INDEX], s[FIELD_STEP_INDEX], s[FIELD_INDEX] = current, field - s[FIELD_INDEX], field
     _move_cells(p, plays, cell_sums, field)
     flux = (MU_0 * field + cell_sums[0]) * p.area * gap_fraction
@@ -433,17 +433,17 @@ def _net_force(p: Plant, s: Array) -> tuple[float, float]:
 def _advance_tick(
     p: Plant, s: Array, plays: Array, cell_sums: Array, substeps: int, command: float, load: float
 ) -> None:
-    h = p.tick / substeps
-    velocity_per_force = 0.5 * h / p.mass
-    load_factor = -math.expm1(-p.load_corner * h)
-    sensor_factor = -math.expm1(-p.sensor_corner * h)
+    time_step = p.tick / substeps
+    velocity_per_force = 0.5 * time_step / p.mass
+    load_factor = -math.expm1(-p.load_corner * time_step)
+    sensor_factor = -math.expm1(-p.sensor_corner * time_step)
     s[COMMAND_INDEX], s[NEXT_COMMAND_INDEX] = s[NEXT_COMMAND_INDEX], command
     for _ in range(substeps):
         previous_gap = s[GAP_INDEX]
         force, damping = _net_force(p, s)
         s[VELOCITY_INDEX] += velocity_per_force * (force - damping * s[VELOCITY_INDEX])
-        s[GAP_INDEX] += h * s[VELOCITY_INDEX]
-        _advance_winding(p, s, plays, cell_sums, h)
+        s[GAP_INDEX] += time_step * s[VELOCITY_INDEX]
+        _advance_winding(p, s, plays, cell_sums, time_step)
         s[LOAD_INDEX] += load_factor * (load - s[LOAD_INDEX])
         force, damping = _net_force(p, s)
         s[VELOCITY_INDEX] = (s[VELOCITY_INDEX] + velocity_per_force * force) / (
@@ -461,19 +461,19 @@ def _run_ticks(
     cell_sums: Array,
     memory: Array,
     substeps: int,
-    target: Array,
+    set_point: Array,
     load: Array,
     noise: Array,
-    record: Array,
+    gap_and_force: Array,
 ) -> None:
-    for tick in range(target.size):
+    for tick in range(set_point.size):
         gap_reading = s[SENSOR_INDEX] + noise[tick]
         gap_reading = (
             p.sensor_low + math.floor((gap_reading - p.sensor_low) / p.sensor_step + 0.5) * p.sensor_step
         )
-        command = _controller(c, memory, target[tick], gap_reading)
+        command = _controller(c, memory, set_point[tick], gap_reading)
         _advance_tick(p, s, plays, cell_sums, substeps, command, load[tick])
-        record[tick, 0], record[tick, 1] = s[GAP_INDEX], s[FORCE_INDEX]
+        gap_and_force[tick, 0], gap_and_force[tick, 1] = s[GAP_INDEX], s[FORCE_INDEX]
 
 
 class ByNumba:
@@ -530,9 +530,9 @@ class ByNumba:
         _advance_tick(self.plant, s, self._plays, self._cell_sums, self._substeps, command, load)
         return float(s[GAP_INDEX]), float(s[FORCE_INDEX])
 
-    def run(self, control: Control, memory: Array, target: Array, load: Array, noise: Array) -> LevitationRun:
+    def run(self, control: Control, memory: Array, set_point: Array, load: Array, noise: Array) -> LevitationRun:
         """Run the closed loop."""
-        record = np.empty((target.size, 2))
+        gap_and_force = np.empty((set_point.size, 2))
         _run_ticks(
             self.plant,
             control,
@@ -541,9 +541,9 @@ class ByNumba:
             self._cell_sums,
             memory,
             self._substeps,
-            target,
+            set_point,
             load,
             noise,
-            record,
+            gap_and_force,
         )
-        return LevitationRun(record[:, 0].copy(), record[:, 1].copy())
+        return LevitationRun(gap_and_force[:, 0].copy(), gap_and_force[:, 1].copy())

@@ -145,15 +145,15 @@ def run(
     field, flux_density, starts = load_loops(folder)
     misfit(np.array([0.0, 0.5, 1.0, 1.0, 0.0]), field, flux_density, starts, substeps)  # compile
     history: list[tuple[float, float]] = []
-    best = math.inf
+    lowest_error = math.inf
     evaluations = 0
 
     def objective(parameters: Array) -> float:
-        nonlocal best, evaluations
+        nonlocal lowest_error, evaluations
         evaluations += 1
         error = misfit(parameters, field, flux_density, starts, substeps)
-        if error < best:
-            best = error
+        if error < lowest_error:
+            lowest_error = error
             history.append((time.process_time() - start_time, error))
         return error
 
@@ -193,12 +193,12 @@ def main() -> None:
     reach_seconds = []
     for seed in range(parser.parse_args().seeds):
         result = run(seed)
-        best = result["sum_of_squares"]
-        reach_seconds.append([seconds_to_reach(result, error) for error in (0.0227, 1.001 * best)])
+        lowest_sum = result["sum_of_squares"]
+        reach_seconds.append([seconds_to_reach(result, error) for error in (0.0227, 1.001 * lowest_sum)])
         parameters = np.array([*result["parameters"].values()])
         fine_error = misfit(parameters, field, flux_density, starts, 16 * SUBSTEPS)
         print(
-            f"{seed:4d}  {best:.6f}    {fine_error:.6f}  {result['rms_percent']:.3f} %"
+            f"{seed:4d}  {lowest_sum:.6f}    {fine_error:.6f}  {result['rms_percent']:.3f} %"
             f"  {reach_seconds[-1][0]:9.3f}  {reach_seconds[-1][1]:15.3f}"
             f"  {result['cpu_seconds']:9.3f}  {result['evaluations']:11d}"
         )

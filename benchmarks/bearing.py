@@ -188,7 +188,7 @@ def _overshoot_rows(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]
     for iron, cells in zip(irons, results, strict=True):
         full_overshoots = mean_overshoots(cells, "full")
         overshoots_by_variant = {name: mean_overshoots(cells, name) for name in VARIANTS}
-        ratios = [a / b for a, b in zip(full_overshoots, overshoots_by_variant["ratio"], strict=True)]
+        ratios = [full_overshoot / ratio_overshoot for full_overshoot, ratio_overshoot in zip(full_overshoots, overshoots_by_variant["ratio"], strict=True)]
         result_rows.append(
             Row(
                 f"bearing, same gains, iron {iron.title}: overshoot of full relative to the method ratio",
@@ -236,15 +236,15 @@ def _format_rows(iron: Iron, controller: ControllerFile) -> list[Row]:
     variants: tuple[MethodName, ...] = ("single-valued", "simplified", "full")
     formats: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
     gap, load = iron.rig.settings.gap_m, iron.rig.settings.load.force_N
-    worst, result_texts = 0.0, []
+    worst_ratio, result_texts = 0.0, []
     for variant in variants:
         setups = {name: make_setup_in_format(iron, controller, variant, name) for name in formats}
         seeds = default_seeds(iron.rig)
         cells = compare_steps(list(setups.values()), [gap], HEIGHTS, [load], seeds)
         cells_by_format = [cells[4 * index : 4 * index + 4] for index in range(len(formats))]
         overshoot_difference = max(
-            abs(a.interval("overshoot_percent").mean - b.interval("overshoot_percent").mean)
-            for a, b in zip(cells_by_format[0], cells_by_format[2], strict=True)
+            abs(double_cell.interval("overshoot_percent").mean - fixed_cell.interval("overshoot_percent").mean)
+            for double_cell, fixed_cell in zip(cells_by_format[0], cells_by_format[2], strict=True)
         )
         standstill_rms = [
             experiments.run_variants(experiments.run_standstill, {variant: setup}, seeds, None)[variant]
@@ -252,7 +252,7 @@ def _format_rows(iron: Iron, controller: ControllerFile) -> list[Row]:
             .mean
             for setup in (setups["f64"], setups["fixed"])
         ]
-        worst = max(worst, overshoot_difference / 0.5, abs(standstill_rms[1] / standstill_rms[0] - 1.0) / 0.1)
+        worst_ratio = max(worst_ratio, overshoot_difference / 0.5, abs(standstill_rms[1] / standstill_rms[0] - 1.0) / 0.1)
         result_texts.append(
             f"{variant}: {overshoot_difference:.3f} points, "
             f"standstill {1e9 * standstill_rms[0]:.1f} and {1e9 * standstill_rms[1]:.1f} nm"
@@ -262,7 +262,7 @@ def _format_rows(iron: Iron, controller: ControllerFile) -> list[Row]:
             "bearing, fixed point against f64 in the same loop",
             "overshoot within 0.5 points, standstill within 10 %",
             "; ".join(result_texts),
-            worst <= 1.0,
+            worst_ratio <= 1.0,
         )
     ]
 
@@ -272,9 +272,9 @@ def _event_rows(iron: Iron) -> list[Row]:
     for event in experiments.EVENTS:
         seeds = default_seeds(iron.rig)
         results = experiments.run_variants(experiments.run_event, iron.setups, seeds, event)
-        key = "recovery_s" if event == "overload" else "excess_s"
+        metric_name = "recovery_s" if event == "overload" else "excess_s"
         metrics_text = ", ".join(
-            f"{name} {_mean_text(metrics, key, 1e3, '.1f', 'ms')}" for name, metrics in results.items()
+            f"{name} {_mean_text(metrics, metric_name, 1e3, '.1f', 'ms')}" for name, metrics in results.items()
         )
         title_part = "back within 1 um after" if event == "overload" else "shows for"
         result_rows.append(

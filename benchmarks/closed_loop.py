@@ -92,8 +92,8 @@ def plant_of(rig: BodyRig) -> Plant:
     magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
     steel, sensor = rig.settings.steel, rig.settings.gap_sensor
-    gain, reset = current_controller_gains(rig)
-    stop = 2.0 * math.pi * STOP_RESONANCE_HZ
+    current_gain, integral_gain = current_controller_gains(rig)
+    stop_rad_per_s = 2.0 * math.pi * STOP_RESONANCE_HZ
     assert isinstance(steel, CellSteel)
     return Plant(
         thresholds=steel.thresholds,
@@ -110,13 +110,13 @@ def plant_of(rig: BodyRig) -> Plant:
         depth=poles.depth,
         leakage=poles.leakage,
         supply_voltage=rig.settings.amplifier.supply,
-        current_gain=gain,
-        current_integral_gain=reset,
+        current_gain=current_gain,
+        current_integral_gain=integral_gain,
         mass=mechanics.mass_kg,
         stop_low=mechanics.stop_low_m,
         stop_high=mechanics.stop_high_m,
-        stop_stiffness=mechanics.mass_kg * stop * stop,
-        stop_damping=mechanics.mass_kg * stop,
+        stop_stiffness=mechanics.mass_kg * stop_rad_per_s * stop_rad_per_s,
+        stop_damping=mechanics.mass_kg * stop_rad_per_s,
         load_corner=2.0 * math.pi * rig.settings.load.bandwidth_Hz,
         sensor_corner=2.0 * math.pi * sensor.bandwidth_Hz,
         sensor_low=sensor.low_m,
@@ -194,8 +194,8 @@ def overshoot(case: Case, gap: Array) -> float:
     largest_index = int(np.argmax(HEIGHTS))
     ticks = round(HOLD_S / case.rig.dt)
     _, upper = step_ends(case.rig.settings.gap_m, HEIGHTS[largest_index])
-    step = gap[(2 * largest_index + 1) * ticks : (2 * largest_index + 2) * ticks]
-    return float(100.0 * (upper - np.min(step)) / HEIGHTS[largest_index])
+    step_gaps = gap[(2 * largest_index + 1) * ticks : (2 * largest_index + 2) * ticks]
+    return float(100.0 * (upper - np.min(step_gaps)) / HEIGHTS[largest_index])
 
 
 def measure_project(case: Case, variant: MethodName, number_format: NumberFormat) -> SpeedResult:

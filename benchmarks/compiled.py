@@ -59,12 +59,12 @@ def measure_loops_to_c(folder: Path) -> tuple[Path, list[Row]]:
     verification = verify(folder / "full", "host,cortex-m4")
     wall_seconds, time_text, seconds = watch.wall, str(watch), watch.processor
     accuracy = compiled.manifest["accuracy"]
-    steps = sum(result.steps for result in verification.results)
+    step_count = sum(result.steps for result in verification.results)
     return model, [
         Row(
             "bundled loops to verified C on host and Cortex-M4",
             "<= 60 s wall",
-            f"{time_text}; {steps} steps compared, all identical: {verification.passed}",
+            f"{time_text}; {step_count} steps compared, all identical: {verification.passed}",
             wall_seconds <= 60.0 and verification.passed,
             seconds,
         ),
@@ -164,8 +164,8 @@ def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, F
             if build.name == "port header"
         )
         requests = [Request(START, seed=1)]
-        for first in range(0, len(codes), WINDOW_RECORDS):
-            rows = codes[first : first + WINDOW_RECORDS]
+        for first_row in range(0, len(codes), WINDOW_RECORDS):
+            rows = codes[first_row : first_row + WINDOW_RECORDS]
             vectors = Request(
                 VECTORS, steps=len(rows), rows=rows, input_positions=COMPENSATOR_RECORD.input_positions
             )
@@ -201,7 +201,7 @@ def make_cost_rows(models: Mapping[str, Path], folder: Path) -> list[Row]:
         rows.append(
             Row(f"'{kind}' on a 60 MHz DSC, solve, estimated (docs/verify.md)", "reported", result_text, None)
         )
-        result = next(r for r in verification.results if r.target == "cortex-m4")
+        result = next(target_result for target_result in verification.results if target_result.target == "cortex-m4")
         tables = compiled.manifest["memory"]["parameters_bytes"]
         rows.append(
             Row(
@@ -277,12 +277,12 @@ def rows() -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as name:
         folder = Path(name)
         model_file, path_rows = measure_loops_to_c(folder)
-        iron, cells = folder / "iron.toml", folder / "cells.toml"
+        iron_model, cell_model = folder / "iron.toml", folder / "cells.toml"
         loops = read_loops(LOOPS)
-        write_model(identify(loops, law="effective-field").model, iron)
-        write_model(identify(loops, law="play-cells").model, cells)
+        write_model(identify(loops, law="effective-field").model, iron_model)
+        write_model(identify(loops, law="play-cells").model, cell_model)
         return [
             *path_rows,
-            *make_cost_rows({"full": iron, "cells": cells, "simplified": iron}, folder),
+            *make_cost_rows({"full": iron_model, "cells": cell_model, "simplified": iron_model}, folder),
             *compare_closed_form_with_euler(read_model(model_file), model_file, folder),
         ]

@@ -153,11 +153,11 @@ def _gaps(magnet: dict[str, Any], smallest_gap: float) -> FloatArray:
     return np.asarray(smallest_gap * magnet["gap_range"] ** exponents)
 
 
-def _sweep_samples(reversal_points: list[float], step: float) -> FloatArray:
+def _sweep_samples(reversal_points: list[float], sample_step: float) -> FloatArray:
     """Return straight ramps between points, evenly sampled."""
     ramp_samples = [np.array(reversal_points[:1])]
     for start, end in pairwise(reversal_points):
-        count = max(6, round(abs(end - start) / step))
+        count = max(6, round(abs(end - start) / sample_step))
         ramp_samples.append(np.linspace(start, end, count + 1)[1:])
     return np.concatenate(ramp_samples)
 
@@ -176,8 +176,8 @@ def _sample_loop_limits(
                 (loop_limits["biased_low"] * largest_input, loop_limits["biased_high"] * largest_input)
             )
         else:
-            size = loop_limits["inner_size"] * largest_input
-            limits_list.append((-size if is_bipolar else 0.0, size))
+            amplitude = loop_limits["inner_size"] * largest_input
+            limits_list.append((-amplitude if is_bipolar else 0.0, amplitude))
     return limits_list
 
 
@@ -185,36 +185,36 @@ def _measured_records(
     drive: dict[str, Any], ranges: list[tuple[float, float]], gap: float, rng: np.random.Generator
 ) -> list[_Record]:
     """Return the records of all loops at a gap."""
-    start, largest_range = drive["start"], ranges[0]
-    step = (largest_range[1] - largest_range[0]) / drive["samples"]
+    initial_state, largest_range = drive["start"], ranges[0]
+    current_step = (largest_range[1] - largest_range[0]) / drive["samples"]
     conditioning_points = (
         (*CYCLES * largest_range, largest_range[0])
         if largest_range[0] < 0.0
         else (0.0, *CYCLES * (largest_range[1], 0.0))
     )
     loop_records = []
-    for number, (low, high) in enumerate(ranges, start=1):
+    for loop_number, (low, high) in enumerate(ranges, start=1):
         history_points: tuple[float, ...] = ()
-        if start.startswith("settled"):
-            history_points = (0.0, largest_range[1], 0.0) if start == "settled-after-max" else ()
-            cycle = _sweep_samples([low, high, low], step)
+        if initial_state.startswith("settled"):
+            history_points = (0.0, largest_range[1], 0.0) if initial_state == "settled-after-max" else ()
+            cycle = _sweep_samples([low, high, low], current_step)
             reversal = int(rng.random() * (cycle.size - 1))
             lead_points = (*history_points, *CYCLES * (low, high), low)
             lead_points += (
                 (high, float(cycle[reversal])) if cycle.size <= 2 * reversal else (float(cycle[reversal]),)
             )
             current = np.concatenate([cycle[reversal:], cycle[1 : reversal + 1]])
-        elif start == "demagnetised":
-            lead_points, current = (), _sweep_samples([low, high, low, high, low], step)
+        elif initial_state == "demagnetised":
+            lead_points, current = (), _sweep_samples([low, high, low, high, low], current_step)
         else:
             lead_points, history_points = conditioning_points, conditioning_points
-            current = _sweep_samples([low, high, low], step)
+            current = _sweep_samples([low, high, low], current_step)
         loop_records.append(
             _Record(
                 "",
-                str(number),
+                str(loop_number),
                 lead_points,
-                start.split("-")[0],
+                initial_state.split("-")[0],
                 history_points,
                 current,
                 np.full(current.size, gap),
@@ -230,7 +230,7 @@ def _test_records(
     """Return the test records; each starts after cycles of the whole range."""
     drive, ranges = plan
     tests, (low_limit, high_limit) = SETTINGS["tests"], ranges[0]
-    step = (high_limit - low_limit) / tests["samples"]
+    current_step = (high_limit - low_limit) / tests["samples"]
     lead_points = (
         (*CYCLES * (low_limit, high_limit), low_limit)
         if low_limit < 0.0
@@ -244,7 +244,7 @@ def _test_records(
     )
 
     def make_record(kind: str, reversal_points: list[float], gap: float, first_evaluated: int = 0) -> _Record:
-        current = _sweep_samples([lead_points[-1], *reversal_points], step)
+        current = _sweep_samples([lead_points[-1], *reversal_points], current_step)
         return _Record(kind, f"{kind}-{gap:.6g}", lead_points, "conditioned", lead_points, current,
                        np.full(current.size, gap), first_evaluated)  # fmt: skip
 
@@ -258,7 +258,7 @@ def _test_records(
     amplitude = 0.5 * tests["small"] * largest_current
     for bias in tests["biases"]:
         bias_current, gap = bias * largest_current, float((tested_gaps or gaps)[-1])
-        approach_count = _sweep_samples([lead_points[-1], bias_current - amplitude], step).size
+        approach_count = _sweep_samples([lead_points[-1], bias_current - amplitude], current_step).size
         cycle_points = [
             bias_current - amplitude,
             *tests["small_cycles"] * [bias_current + amplitude, bias_current - amplitude],
@@ -331,17 +331,17 @@ def apply_sensors(plan: _Plan, responses: Sequence[Response], rng: np.random.Gen
         output = linkage if ring else plan.core.magnet_force(flux, record.gap)
         outputs.append(output / (poles.turns * poles.area) if is_field_loop else output)
         spans.append(float(np.max(np.abs(outputs[-1]))) if not record.kind else 0.0)
-    span, largest_input = max(spans), input_per_ampere * magnet["current_A"]
-    zeros = (sensors["current_offset"] * largest_input * sensors["offsets"],
-             sensors["output_offset"] * span * sensors["offsets"])  # fmt: skip
-    noise = (sensors["current_noise"] * largest_input, sensors["noise"] * span)
+    output_span, largest_input = max(spans), input_per_ampere * magnet["current_A"]
+    offsets = (sensors["current_offset"] * largest_input * sensors["offsets"],
+             sensors["output_offset"] * output_span * sensors["offsets"])  # fmt: skip
+    noise = (sensors["current_noise"] * largest_input, sensors["noise"] * output_span)
     if sensors["noiseless"]:
         noise = (0.0, 0.0)
-    loops, tests, clock = [], [], 0.0
+    loops, tests, start_time = [], [], 0.0
     for record, output in zip(plan.records, outputs, strict=True):
-        true_input, output_reading = input_per_ampere * record.current + zeros[0], output + zeros[1]
+        true_input, output_reading = input_per_ampere * record.current + offsets[0], output + offsets[1]
         history = History(
-            record.history, tuple(input_per_ampere * point + zeros[0] for point in record.history_points)
+            record.history, tuple(input_per_ampere * point + offsets[0] for point in record.history_points)
         )  # type: ignore[arg-type]
         gap = None if ring else record.gap
         if record.kind:
@@ -354,13 +354,13 @@ def apply_sensors(plan: _Plan, responses: Sequence[Response], rng: np.random.Gen
         input_readings = true_input + rng.normal(0.0, 1.0, output_reading.size) * noise[0]
         output_reading = output_reading + rng.normal(0.0, 1.0, output_reading.size) * noise[1]
         if sensors["bits"]:
-            step = 1.2 * largest_input * (2.0 if plan.true_parameters["drive"]["bipolar"] or ring else 1.0)
-            step /= 2.0 ** sensors["bits"]
-            input_readings = step * np.round(input_readings / step)
+            converter_step = 1.2 * largest_input * (2.0 if plan.true_parameters["drive"]["bipolar"] or ring else 1.0)
+            converter_step /= 2.0 ** sensors["bits"]
+            input_readings = converter_step * np.round(input_readings / converter_step)
         time = (
-            clock + 0.01 * np.arange(output_reading.size) if plan.true_parameters["drive"]["clock"] else None
+            start_time + 0.01 * np.arange(output_reading.size) if plan.true_parameters["drive"]["clock"] else None
         )
-        clock += 0.01 * output_reading.size + 1.0
+        start_time += 0.01 * output_reading.size + 1.0
         loops.append(Loop(record.label, input_readings, output_reading, gap, time, history))
     names = ("field", "flux_density") if is_field_loop else ("current", "flux_linkage" if ring else "force")
     quantities = [QUANTITIES[name] for name in names]

@@ -276,16 +276,16 @@ Iron = PlantIron | SeriesIron | TellinenIron | LangevinIron
 def compute_responses(jobs: Sequence[Job]) -> list[Response]:
     """Compute the responses to all paths, for irons of all families."""
     responses: dict[int, Response] = {}
-    kinds: tuple[tuple[type, Callable[[FloatArray], Material]], ...] = (
+    integrated_classes: tuple[tuple[type, Callable[[FloatArray], Material]], ...] = (
         (TellinenIron, _Tellinen),
         (LangevinIron, _Langevin),
     )
-    for kind, material in kinds:
-        indices = [index for index, job in enumerate(jobs) if isinstance(job.iron, kind)]
+    for iron_class, material_class in integrated_classes:
+        indices = [index for index, job in enumerate(jobs) if isinstance(job.iron, iron_class)]
         indices.sort(key=lambda index: _refine_path(jobs[index])[0].size)
-        for first in range(0, len(indices), _COLUMNS):
-            batch = indices[first : first + _COLUMNS]
-            batch_responses = _integrate_paths(material, [jobs[index] for index in batch])
+        for first_index in range(0, len(indices), _COLUMNS):
+            batch = indices[first_index : first_index + _COLUMNS]
+            batch_responses = _integrate_paths(material_class, [jobs[index] for index in batch])
             responses |= dict(zip(batch, batch_responses, strict=True))
     for index, job in enumerate(jobs):
         if isinstance(job.iron, PlantIron | SeriesIron):
@@ -296,9 +296,9 @@ def compute_responses(jobs: Sequence[Job]) -> list[Response]:
 def _refine_path(job: Job) -> tuple[FloatArray, FloatArray]:
     """Return sample positions of a path in fine steps from zero, and the samples' indices."""
     input_range = float(np.ptp(np.concatenate([[0.0], job.current])))
-    steps = np.abs(np.diff(job.current, prepend=0.0))
-    counts = np.maximum(1, np.ceil(steps / input_range * RANGE_STEPS)).astype(int)
-    sample_indices = np.cumsum(counts)
+    current_steps = np.abs(np.diff(job.current, prepend=0.0))
+    step_counts = np.maximum(1, np.ceil(current_steps / input_range * RANGE_STEPS)).astype(int)
+    sample_indices = np.cumsum(step_counts)
     positions = np.interp(np.arange(sample_indices[-1] + 1), np.concatenate([[0], sample_indices]),
                    np.arange(job.current.size + 1))  # fmt: skip
     return positions, sample_indices

@@ -158,7 +158,7 @@ def measure_held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float
     output_range = plan.builder.output_range
     largest_demand = float(output_range.demand(np.ones(2), np.array([gap_low, gap_low + gap_span])).min())
     ticks = round(SECONDS * RATE)
-    worst = [0.0, 0.0]
+    worst_drifts = [0.0, 0.0]
     for force_level in FORCE_LEVELS:
         generator = np.random.default_rng(5)
         demand_rise = np.concatenate([np.linspace(0.05, 0.95, 2000), np.linspace(0.95, force_level, 2000)])
@@ -174,8 +174,8 @@ def measure_held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float
         second_ticks = round(RATE)
         for index, force in enumerate(forces):
             drift = abs(float(np.mean(force[-second_ticks:]) - np.mean(force[:second_ticks])))
-            worst[index] = max(worst[index], 100.0 * drift / plan.reference_output)
-    return worst[0], worst[1]
+            worst_drifts[index] = max(worst_drifts[index], 100.0 * drift / plan.reference_output)
+    return worst_drifts[0], worst_drifts[1]
 
 
 def measure(name: str, rig: BodyRig, controller: ControllerFile) -> IronResult:
@@ -227,9 +227,9 @@ def _overshoot_excess(result: IronResult, variant: str) -> list[float]:
             cell.interval("standstill_rms_m").mean for cell in (cell_of_variant, best_baseline)
         )
         noise_floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * standstill_rms / height
-        a, b = (cell.interval("overshoot_percent") for cell in (cell_of_variant, best_baseline))
-        significant_excess = a.mean - b.mean - float(np.hypot(a.half_width, b.half_width))
-        is_within_noise = max(a.mean, b.mean) < noise_floor
+        variant_interval, baseline_interval = (cell.interval("overshoot_percent") for cell in (cell_of_variant, best_baseline))
+        significant_excess = variant_interval.mean - baseline_interval.mean - float(np.hypot(variant_interval.half_width, baseline_interval.half_width))
+        is_within_noise = max(variant_interval.mean, baseline_interval.mean) < noise_floor
         excesses.append(0.0 if is_within_noise else max(significant_excess, 0.0))
     return excesses
 
@@ -308,10 +308,10 @@ def rows() -> list[Row]:
     watch = Stopwatch()
     rig, controller = read_example()
     results = [measure(name, rig_of_iron, controller) for name, rig_of_iron in make_rigs().items()]
-    lines = [line(result) for line in (_steps_row, _triangle_row, _drift_row) for result in results]
-    lines.append(map_row(map_bearing_benefit(rig, controller)))
+    result_rows = [make_row(result) for make_row in (_steps_row, _triangle_row, _drift_row) for result in results]
+    result_rows.append(map_row(map_bearing_benefit(rig, controller)))
     return [
-        *lines,
+        *result_rows,
         Row("bearing, irons of all families: computing time", "minutes", str(watch), None, watch.processor),
     ]
 

@@ -17,17 +17,17 @@ def _run_bundled_solenoid(rig: Path) -> dict[str, Any]:
         return force_control(rig, Path(folder_name) / "run").figures
 
 
-def _format_errors(stage: dict[str, Any]) -> str:
-    error_texts = [f"{name} {errors['worst_percent']:.2f} %" for name, errors in stage.items()]
+def _format_errors(stage_errors: dict[str, Any]) -> str:
+    error_texts = [f"{name} {errors['worst_percent']:.2f} %" for name, errors in stage_errors.items()]
     return ", ".join(error_texts)
 
 
 def rows() -> list[Row]:
     """Return the worst errors at rest, in motion and with the first solenoid, and the time."""
     watch = Stopwatch()
-    figures = _run_bundled_solenoid(FOLDER / "rig.toml")
+    run_metrics = _run_bundled_solenoid(FOLDER / "rig.toml")
     wall_seconds, time_text, seconds = watch.wall, str(watch), watch.processor
-    error_summary = figures["summary"]
+    error_summary = run_metrics["summary"]
     errors_at_rest = error_summary["positions"]
     full_at_rest, simplified_at_rest, full_in_motion = (
         errors_at_rest["full"],
@@ -35,7 +35,7 @@ def rows() -> list[Row]:
         error_summary["moving"]["full"],
     )
     first_version = _run_bundled_solenoid(FOLDER / "drawn" / "rig.toml")["summary"]
-    differing_count, ticks = figures["ticks_that_differ"], figures["firmware_ticks"]
+    differing_count, ticks = run_metrics["ticks_that_differ"], run_metrics["firmware_ticks"]
     return [
         Row(
             "force control, fixed positions: worst error, full",

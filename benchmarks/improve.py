@@ -57,8 +57,8 @@ def scale_pinning(prepared_bench: PreparedForce, factor: float) -> PreparedForce
     """Return the same controller on an iron whose pinning is multiplied by a factor."""
     file = prepared_bench.complete_rig.solenoid_file
     assert file is not None
-    scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
-    iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
+    pinning_scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
+    iron = file.iron.model_copy(update={"pinning_scale_A_per_m": pinning_scale})
     changed_file = file.model_copy(update={"iron": iron})
     return replace(
         prepared_bench, complete_rig=replace(prepared_bench.complete_rig, solenoid_file=changed_file)
@@ -159,11 +159,11 @@ def run_cycles(prepared_bench: PreparedForce, cycles: int) -> FloatArray:
     bench.advance(50)
     bench.command(Command.DEMAGNETISED)
     bench.command(Command.RUN)
-    low, high, half_period = 5.0, 35.0, round(0.5 * bench.rate)
-    bench.apply({"demand_slew": 2.4 * (high - low)})
+    low_force, high_force, half_period = 5.0, 35.0, round(0.5 * bench.rate)
+    bench.apply({"demand_slew": 2.4 * (high_force - low_force)})
     chunks = []
     for _ in range(cycles):
-        for force in (high, low):
+        for force in (high_force, low_force):
             bench.demand(force)
             chunks.append(bench.advance(half_period))
     bench.close()
@@ -206,17 +206,17 @@ def measure_false_alarms(prepared_bench: PreparedForce) -> Row:
     rate = prepared_bench.complete_rig.settings.timing.rate_Hz
     step_ticks = round(rate / MONITOR_RATE_HZ)
     second_ticks = round(rate)
-    cycle = run_cycles(prepared_bench, 6)[-second_ticks::step_ticks]
+    cycle_rows = run_cycles(prepared_bench, 6)[-second_ticks::step_ticks]
     signal_index = [signal.name for signal in ForceBench.signals].index
-    true_values = [cycle[:, 1 + signal_index(name)] for name in ("current", "gap", "force")]
+    true_values = [cycle_rows[:, 1 + signal_index(name)] for name in ("current", "gap", "force")]
     sensors = read_rig(prepared_bench.rig).make_sensors([9], step_ticks / rate)
     read_sensors = [sensors[name] for name in ("current", "gap", "force")]
     read_columns = [1 + signal_index(name) for name in ("current_read", "gap_read", "force_read")]
     monitor = BenchMonitor(prepared_bench.model, ForceBench.signals, rate)
     alarm = ""
-    for second in range(HOUR):
-        table = cycle.copy()
-        table[:, 0] = second * second_ticks + step_ticks * np.arange(1, len(cycle) + 1)
+    for elapsed_s in range(HOUR):
+        table = cycle_rows.copy()
+        table[:, 0] = elapsed_s * second_ticks + step_ticks * np.arange(1, len(cycle_rows) + 1)
         for column, sensor, values in zip(read_columns, read_sensors, true_values, strict=True):
             table[:, column] = sensor.read(values)
         monitor.add_rows(table)

@@ -150,9 +150,9 @@ class Scan:
             unit_output = unit_gain_output(self.response_form, local, self.records)
             if unit_output is None:
                 continue
-            weighted, target = unit_output * self.weights, self.output * self.weights
-            set_gain = gain or float(weighted @ target) / max(float(weighted @ weighted), 1e-300)
-            cost = float(np.sum((set_gain * weighted - target) ** 2))
+            weighted_response, weighted_output = unit_output * self.weights, self.output * self.weights
+            set_gain = gain or float(weighted_response @ weighted_output) / max(float(weighted_response @ weighted_response), 1e-300)
+            cost = float(np.sum((set_gain * weighted_response - weighted_output) ** 2))
             if set_gain > 0.0 and (best_set is None or cost < best_set[1]):
                 best_set = replace(local, gain=set_gain), cost
         return best_set
@@ -236,7 +236,7 @@ def _sets_at_another_gap(
     return candidates, None if space.gap_map == "circuit" else reference_set.gain
 
 
-def find_best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | None]:
+def find_best_known(target: Target, loops: Loops, draw_number: int) -> dict[str, Known | None]:
     """Fit a law and map from random starts, then without offsets; None if there is no solution."""
     records = make_fit_records(loops, "loops", read_rest_offsets(loops))
     common = OFFSET_NAMES if target.gap_map == "circuit" else frozenset()
@@ -245,7 +245,7 @@ def find_best_known(target: Target, loops: Loops, number: int) -> dict[str, Know
         replace(full_records, records=records.thinned(max_samples))
         for max_samples in (COARSE_SAMPLES, FINE_SAMPLES)
     )
-    rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
+    rng = np.random.default_rng([SETTINGS["seed"], draw_number, zlib.crc32(target.name.encode())])
     starts = [random_start(coarse, rng) for _ in range(START_COUNT)]
     first_fits = [descend_from(coarse, start, 1e-4, _FIRST_STEPS) for start in starts if start is not None]
     if not first_fits:
@@ -281,8 +281,8 @@ def find_best_fit(fits: Sequence[FoundModel], loops: Loops, near_count: int) -> 
         ranked_fits.append((not is_usable(fit, loops), rms, fit.theta.size))
     if not ranked_fits:
         return None
-    is_unusable, rms, numbers = min(ranked_fits)
-    return {"numbers": numbers, "rms": float(f"{rms:.5g}"), "near": near_count, "usable": not is_unusable}
+    is_unusable, rms, parameter_count = min(ranked_fits)
+    return {"numbers": parameter_count, "rms": float(f"{rms:.5g}"), "near": near_count, "usable": not is_unusable}
 
 
 def is_usable(fit: FoundModel, loops: Loops) -> bool:

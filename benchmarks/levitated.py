@@ -59,10 +59,10 @@ def evaluate_controller(setup: BearingSetup, drift: Drift) -> BearingMetrics:
     scenario, begin_tick = plan_trajectory(setup, setup.rig.settings.trajectories[0])
     metrics = []
     for noise in NOISES:
-        steps = run_bearing({setup.method: setup}, setup.method, drift, noise)
+        step_results = run_bearing({setup.method: setup}, setup.method, drift, noise)
         plant = drifted_plant(setup.rig, drift, noise)
         run = SimulatedLoop(setup, plant=plant).run(scenario).slice_ticks(begin_tick, scenario.ticks)
-        metrics.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
+        metrics.append((step_results["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
     overshoot, force = np.mean(metrics, axis=0).tolist()
     return overshoot, force
 
@@ -129,11 +129,11 @@ def make_table_row(
         f"{known_drift_metrics[metric_index]:.3g} with known drift"
         for metric_index, (metric_name, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
     )
-    numbers = ", ".join(f"{parameter.name} {parameter.value:.3g}" for parameter in method.parameter)
+    parameter_text = ", ".join(f"{parameter.name} {parameter.value:.3g}" for parameter in method.parameter)
     return Row(
         f"bearing, pinning +20 %, gap zero +10 um: {method.name}",
         f"calibrated <= {MAX_RATIO:g} times nominal",
-        f"{metrics_text}; {method.summary}; {numbers}",
+        f"{metrics_text}; {method.summary}; {parameter_text}",
         all(
             value <= MAX_RATIO * calibrated_value
             for value, calibrated_value in zip(calibrated_metrics, nominal_metrics, strict=True)
@@ -206,15 +206,15 @@ def rows() -> list[Row]:
     outcomes = dict(
         zip(all_outcomes, map_ordered(partial(calibrate_plant, inputs), all_outcomes), strict=True)
     )
-    lines = []
-    for method, line in zip(METHODS, map_ordered(partial(make_method_row, inputs), METHODS), strict=True):
+    method_rows = []
+    for method, method_row in zip(METHODS, map_ordered(partial(make_method_row, inputs), METHODS), strict=True):
         setup = make_setup(inputs.rig, inputs.controller.settings, inputs.identify_magnet(), method, "fixed")
         before_and_after = [outcomes[method, drift][1:] for drift in random_drifts]
         forces = [
             (drifted_metrics[1], calibrated_metrics[1])
             for drifted_metrics, calibrated_metrics in before_and_after
         ]
-        lines += [line, make_random_plants_row(method, evaluate_controller(setup, NO_DRIFT), forces)]
-    return lines + [
+        method_rows += [method_row, make_random_plants_row(method, evaluate_controller(setup, NO_DRIFT), forces)]
+    return method_rows + [
         make_iron_row(inputs, name, drift) for name in OTHER_IRONS for drift in (NO_DRIFT, TABLE_DRIFT)
     ]

@@ -69,13 +69,13 @@ def measure_speed(core_text: str, setup: BearingSetup, firmware: Path) -> Row:
         bench.advance(200)
     wall_seconds = time.perf_counter() - start_time
     bench.close()
-    factor = RUN_S / wall_seconds
+    real_time_factor = RUN_S / wall_seconds
     return Row(
         f"virtual bearing, {bench.rate:g} Hz, independent iron, full, 4 sub-steps, {core_text}",
         ">= 1 times real time",
-        f"{factor:.2f} times real time, {1e6 * wall_seconds / ticks:.1f} us per tick, "
+        f"{real_time_factor:.2f} times real time, {1e6 * wall_seconds / ticks:.1f} us per tick, "
         f"{1e6 * watch.processor / bench.tick:.1f} us of processor time of plant and firmware",
-        factor >= 1.0,
+        real_time_factor >= 1.0,
         watch.processor,
     )
 
@@ -92,14 +92,14 @@ def measure_pacing(setup: BearingSetup, firmware: Path) -> Row:
     """Levitate in real time while a recorder and a viewer receive the signals."""
     bench = BearingBench(setup, firmware)
     lift_off(bench)
-    first = bench.tick + 1
+    first_tick = bench.tick + 1
     pacer = PacedBench(bench, is_paused=True)
-    recorder, numbers = pacer.subscribe("recorder", needs_every_tick=True), []
+    recorder, row_blocks = pacer.subscribe("recorder", needs_every_tick=True), []
     pacer.subscribe("viewer", max_chunks=3)
 
     def record() -> None:
         while (chunk := recorder.get()) is not None:
-            numbers.append(chunk[:, 0])
+            row_blocks.append(chunk[:, 0])
 
     thread = threading.Thread(target=record)
     thread.start()
@@ -113,17 +113,17 @@ def measure_pacing(setup: BearingSetup, firmware: Path) -> Row:
     pacer.close()
     thread.join()
     bench.close()
-    row = np.concatenate(numbers)
-    is_complete = bool((row == np.arange(first, first + row.size)).all())
-    worst = max(pacing.max_lateness for pacing in pacings)
-    factor = tick_count / bench.rate / elapsed
+    tick_numbers = np.concatenate(row_blocks)
+    is_complete = bool((tick_numbers == np.arange(first_tick, first_tick + tick_numbers.size)).all())
+    max_lateness = max(pacing.max_lateness for pacing in pacings)
+    real_time_factor = tick_count / bench.rate / elapsed
     return Row(
         f"virtual bearing, paced in real time for {PACED_S:g} s, recorded",
         f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms, no tick lost",
-        f"{factor:.3f} times, lateness {1e3 * float(np.mean([pacing.mean_lateness for pacing in pacings])):.1f} ms "
-        f"mean, {1e3 * worst:.1f} ms at most, {pacings[-1].slip_count} pacing slips, "
+        f"{real_time_factor:.3f} times, lateness {1e3 * float(np.mean([pacing.mean_lateness for pacing in pacings])):.1f} ms "
+        f"mean, {1e3 * max_lateness:.1f} ms at most, {pacings[-1].slip_count} pacing slips, "
         f"{'none' if is_complete else 'some'} lost",
-        is_complete and worst <= LATE_S and factor >= 0.99,
+        is_complete and max_lateness <= LATE_S and real_time_factor >= 0.99,
     )
 
 

@@ -185,22 +185,22 @@ def measure_delay(page: Page) -> Row:
 def measure_long_run(session: LiveSession, seconds: float, load_text: str) -> Row:
     """Levitate for a long time with recording; measure lateness and memory growth."""
     start_time, first_tick = time.monotonic(), session.bench.tick
-    slips, worst = session.pacer.pacing().slip_count, 0.0
+    slips, max_lateness = session.pacer.pacing().slip_count, 0.0
     memory_sizes = []
     while (elapsed := time.monotonic() - start_time) < seconds:
         time.sleep(0.5)
-        worst = max(worst, session.pacer.pacing().max_lateness)
+        max_lateness = max(max_lateness, session.pacer.pacing().max_lateness)
         if elapsed > 0.1 * seconds:  # buffers are full from here on
             memory_sizes.append(resident_memory())
     pace = session.pacer.pacing()
-    factor = (pace.tick - first_tick) / session.bench.rate / (time.monotonic() - start_time)
+    real_time_factor = (pace.tick - first_tick) / session.bench.rate / (time.monotonic() - start_time)
     memory_growth = statistics.median(memory_sizes[-10:]) / statistics.median(memory_sizes[:10]) - 1.0
     return Row(
         f"levitates for {seconds:g} s, recorded, {load_text}",
         f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
-        f"{factor:.4f} times, lateness {1e3 * worst:.1f} ms at most, {pace.slip_count - slips} "
+        f"{real_time_factor:.4f} times, lateness {1e3 * max_lateness:.1f} ms at most, {pace.slip_count - slips} "
         f"pacing slips; memory {100 * memory_growth:+.1f} % of {memory_sizes[0]:.0f} MB",
-        factor >= 0.999 and worst <= LATE_S and abs(memory_growth) <= 0.05,
+        real_time_factor >= 0.999 and max_lateness <= LATE_S and abs(memory_growth) <= 0.05,
     )
 
 

@@ -179,8 +179,8 @@ def _near_best_text(draw_results: Sequence[DrawResult]) -> str:
 def _error_text(kind: str) -> Callable[[Sequence[DrawResult]], str]:
     def metric_text(draw_results: Sequence[DrawResult]) -> str:
         kind_errors = [draw_result[kind] for draw_result in draw_results if kind in draw_result]
-        mean, worst = ([draw_result[name] for draw_result in kind_errors] for name in ("mean", "worst"))
-        return f"{_median(mean, 100.0)}/{_median(worst, 100.0)} %"
+        mean_errors, worst_errors = ([draw_result[name] for draw_result in kind_errors] for name in ("mean", "worst"))
+        return f"{_median(mean_errors, 100.0)}/{_median(worst_errors, 100.0)} %"
 
     return metric_text
 

@@ -164,12 +164,12 @@ def demand_deviation(model: Model) -> tuple[Deviation, Deviation, float]:
         that gap, N.
     """
     force, current = single_valued_inverse(DEMAND_GAP_M)
-    largest = float(force[-1])
-    demand = triangle(0.05 * largest, 0.95 * largest)
+    largest_force = float(force[-1])
+    demand = triangle(0.05 * largest_force, 0.95 * largest_force)
     inverse = model.invert(demand, DEMAND_GAP_M, history="settled")
     model_error = run_magnet(inverse.drive, DEMAND_GAP_M) - demand
     curve_error = run_magnet(np.interp(demand, force, current), DEMAND_GAP_M) - demand
-    return Deviation.of([model_error]), Deviation.of([curve_error]), largest
+    return Deviation.of([model_error]), Deviation.of([curve_error]), largest_force
 
 
 @dataclass(frozen=True)
@@ -287,8 +287,8 @@ def run_bearing(output_folder: Path) -> ExampleResult:
         rig, settings = inputs.rig, inputs.rig.settings
         setups = make_setups(rig, controller, inputs.identify_magnet(), BEARING_METHODS)
         load = rig.settings.load.force_N
-        seeds = default_seeds(rig)
-        cells = compare_steps(list(setups.values()), [settings.gap_m], settings.step.heights_m, [load], seeds)
+        noise_seeds = default_seeds(rig)
+        cells = compare_steps(list(setups.values()), [settings.gap_m], settings.step.heights_m, [load], noise_seeds)
     steps = group_by_step(cells)
     last_step = steps[-1]
     overshoot = last_step.figure("overshoot_percent")
@@ -296,7 +296,7 @@ def run_bearing(output_folder: Path) -> ExampleResult:
     assert baseline_name is not None
     write_table(
         output_folder / "table.txt",
-        f"overshoot, % of the step; {len(seeds)} noise seeds",
+        f"overshoot, % of the step; {len(noise_seeds)} noise seeds",
         [f"{1e6 * cell.height:g} um" for cell in steps],
         {name: [interval_text(cell.figure("overshoot_percent")[name]) for cell in steps] for name in setups},
     )

@@ -24,9 +24,9 @@ NOTES = """\
 """
 
 
-def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
+def files(rig_path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Return the text of every generated file of the example, by name."""
-    return loop_file_texts(measure_loops(read_bearing(path)), NOTES)
+    return loop_file_texts(measure_loops(read_bearing(rig_path)), NOTES)
 
 
 def main() -> None:

@@ -76,9 +76,9 @@ class Steppable(Protocol):
 class Magnet:
     """Iron and circuit with the hysteresis state of the iron; initially demagnetised."""
 
-    def __init__(self, steel: CellSteel, length: float, circuit: Circuit) -> None:
+    def __init__(self, steel: CellSteel, path_length: float, circuit: Circuit) -> None:
         self.steel, self.iron = steel, Piece(steel.make_steel())
-        self.length = length  # length of the flux path, m
+        self.length = path_length  # length of the flux path, m
         self.circuit = circuit
 
     @property
@@ -98,14 +98,14 @@ class Magnet:
         """
         outer_factor = self.circuit.iron_area * self.circuit.outer_reluctance(gap)
 
-        def excess(field: float) -> float:
+        def excess_ampere_turns(field: float) -> float:
             used_ampere_turns = self.length * field + outer_factor * self.iron.flux_density(field)[0]
             return self.circuit.turns * current - used_ampere_turns
 
         # B never decreases as H rises, so that this field is a bound: it brackets the root.
-        bound = self.field + excess(self.field) / self.length
+        bound = self.field + excess_ampere_turns(self.field) / self.length
         if bound != self.field:
-            self.iron.commit(float(brentq(excess, self.field, bound, xtol=1e-11)))
+            self.iron.commit(float(brentq(excess_ampere_turns, self.field, bound, xtol=1e-11)))
         return self.circuit.force(self.flux_density * self.circuit.iron_area, gap)
 
 

@@ -121,12 +121,12 @@ def small_cycles(name: str) -> Iterator[Truth]:
     rng = np.random.default_rng([SEED, 2])
     for gap in SETTINGS["unseen"]["gaps_m"]:
         for bias in SMALL_BIASES:
-            for side, approach_points in (("up", [0.0, LARGEST, 0.0]), ("down", [0.0, LARGEST])):
+            for branch, approach_points in (("up", [0.0, LARGEST, 0.0]), ("down", [0.0, LARGEST])):
                 swings = SMALL_AMPLITUDE * (2.0 * rng.random(SMALL_REVERSALS) - 1.0)
                 approach = sweeps([*approach_points, LARGEST * bias])
                 cycles = sweeps([LARGEST * bias, *(LARGEST * (bias + swings)).tolist()])[1:]
                 current = np.concatenate([approach, cycles])
-                label = f"{gap * 1e3:.2f}mm-{bias:g}-{side}"
+                label = f"{gap * 1e3:.2f}mm-{bias:g}-{branch}"
                 yield _truth(name, label, current, np.full(current.size, gap), approach.size)
 
 
@@ -168,9 +168,9 @@ def files(name: str) -> dict[str, str]:
         "small_truth": (truth + demagnetised_note, rows(list(small_cycles(name)), offset), "demagnetised"),
     }
     file_texts = {}
-    for stem, (notes, lines, history) in texts.items():
-        file_texts[f"{stem}.csv"] = bundled.csv_text(notes, lines)
-        file_texts[f"{stem}.toml"] = f'history = "{history}"\n'
+    for file_stem, (note, data_rows, history) in texts.items():
+        file_texts[f"{file_stem}.csv"] = bundled.csv_text(note, data_rows)
+        file_texts[f"{file_stem}.toml"] = f'history = "{history}"\n'
     return file_texts
 
 

@@ -38,9 +38,9 @@ SATURATION, LAMBDA, TIP = 1.0, 1.2e-3, -0.12
 NOISE_RMS, RESOLUTION = 1e-6, 0.5e-6
 
 
-def make_rod(load: float) -> PreisachSteel:
+def make_rod(prestress: float) -> PreisachSteel:
     """Return the rod under a prestress, MPa."""
-    stress_factor = 1.0 + load / 12.0
+    stress_factor = 1.0 + prestress / 12.0
     return PreisachSteel(
         family="preisach",
         saturation_T=0.85 * SATURATION,
@@ -56,11 +56,11 @@ def make_rod(load: float) -> PreisachSteel:
     )
 
 
-def strain(load: float, field: Array) -> Array:
+def strain(prestress: float, field: Array) -> Array:
     """Return the strain for a field of the coil, A/m, starting from the demagnetised rod."""
     total_field = BIAS_FIELD + field
     initial_ramp = np.linspace(0.0, total_field[0], 400)
-    density = Piece(make_rod(load).make_steel()).run(np.concatenate([initial_ramp, total_field]))[
+    density = Piece(make_rod(prestress).make_steel()).run(np.concatenate([initial_ramp, total_field]))[
         initial_ramp.size :, 1
     ]
     s = ((density - MU_0 * total_field) / SATURATION) ** 2
@@ -73,23 +73,23 @@ def field_cycles(amplitude: float) -> Array:
     return amplitude * np.sin(phase)
 
 
-def write_loops(path: Path, loads: tuple[float, ...], noise: float) -> None:
+def write_loops(path: Path, prestresses: tuple[float, ...], noise: float) -> None:
     """Write steady-state loops (the last of three cycles), the largest first."""
     generator = np.random.default_rng(SEED)
     rows = []
-    for load in loads:
+    for prestress in prestresses:
         field = np.concatenate([field_cycles(amplitude) for amplitude in AMPLITUDES])
-        strains = strain(load, field)
+        strains = strain(prestress, field)
         for index, amplitude in enumerate(AMPLITUDES):
             last_cycle = slice((3 * SAMPLES + 1) * index + 2 * SAMPLES, (3 * SAMPLES + 1) * (index + 1))
             readings = strains[last_cycle] + noise * generator.standard_normal(SAMPLES + 1)
             readings = np.round(readings / RESOLUTION) * RESOLUTION if noise else readings
             rows += [
-                (f"{amplitude / 1e3:g}", load, h / 1e3, 1e6 * y)
-                for h, y in zip(field[last_cycle].tolist(), readings.tolist(), strict=True)
+                (f"{amplitude / 1e3:g}", prestress, field_sample / 1e3, 1e6 * reading)
+                for field_sample, reading in zip(field[last_cycle].tolist(), readings.tolist(), strict=True)
             ]
     lines = ["loop,sigma_MPa,H_kA_per_m,eps_ppm"]
-    lines += [f"{label},{load:g},{h:.5f},{y:.3f}" for label, load, h, y in rows]
+    lines += [f"{label},{prestress:g},{field_sample:.5f},{reading:.3f}" for label, prestress, field_sample, reading in rows]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

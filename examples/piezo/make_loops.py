@@ -41,8 +41,8 @@ def ramps(points: FloatArray, rate: float, dt: float) -> FloatArray:
 def loop_drive() -> FloatArray:
     """Return the drive of the loops, V."""
     points = [0.0]
-    for low, high in CYCLE_LIMITS:
-        points += [low, high, low, high, low]
+    for low_voltage, high_voltage in CYCLE_LIMITS:
+        points += [low_voltage, high_voltage, low_voltage, high_voltage, low_voltage]
     return ramps(np.array(points), DRIVE_RATE, TIME_STEP)
 
 
@@ -99,8 +99,8 @@ def write_frequency_cycles(rig: PiezoRig, path: Path) -> None:
         drive, dt = full_cycles(frequency)
         displacement = run(rig, drive, dt)
         lines += [
-            f"{frequency:g}Hz,{REST_S * index + dt * i:.7f},{u:.4f},{1e6 * x:.4f}"
-            for i, (u, x) in enumerate(zip(drive.tolist(), displacement.tolist(), strict=True))
+            f"{frequency:g}Hz,{REST_S * index + dt * i:.7f},{voltage:.4f},{1e6 * position:.4f}"
+            for i, (voltage, position) in enumerate(zip(drive.tolist(), displacement.tolist(), strict=True))
         ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

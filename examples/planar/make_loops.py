@@ -23,9 +23,9 @@ NOTES = """\
 """
 
 
-def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
+def files(rig_path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Return the text of every generated file of the example, by name."""
-    return loop_file_texts(measure_loops(read_stage(path)), NOTES)
+    return loop_file_texts(measure_loops(read_stage(rig_path)), NOTES)
 
 
 def main() -> None:
