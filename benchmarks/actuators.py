@@ -178,8 +178,8 @@ def _measure_compiled_inverse(rate: float, loops: Loops, demand: FloatArray) -> 
         Row(
             "compiled piezo inverse on a Cortex-M4 during the triangle: solve and commit, mean tick",
             "<= 600 instructions",
-            f"{mean_costs[0] + mean_costs[1]:.0f}: solve {mean_costs[0]:.0f}, commit {mean_costs[1]:.0f}; worst at reversals "
-            f"of the triangle {max_cost[0]:.0f} and {max_cost[1]:.0f}",
+            f"{mean_costs[0] + mean_costs[1]:.0f}: solve {mean_costs[0]:.0f}, commit {mean_costs[1]:.0f}; "
+            f"worst at reversals of the triangle {max_cost[0]:.0f} and {max_cost[1]:.0f}",
             bool(mean_costs[0] + mean_costs[1] <= 600),
         ),
     ]

@@ -50,11 +50,11 @@ class Plant(NamedTuple):
     area: float  # m^2
     width: float  # width of a pole, m
     depth: float
-    leakage: float  # H
+    leakage_permeance: float  # H
     supply_voltage: float  # V
     current_gain: float  # V/A
     current_integral_gain: float  # integral gain, V/(A s)
-    mass: float
+    mass_kg: float
     stop_low: float  # m
     stop_high: float
     stop_stiffness: float  # N/m
@@ -185,7 +185,9 @@ class ByScipy:
         self._move_cells(self._field_for_density(density))
         return gap, self._magnet_force(density, gap)
 
-    def run(self, control: Control, memory: Array, set_point: Array, load: Array, noise: Array) -> LevitationRun:
+    def run(
+        self, control: Control, memory: Array, set_point: Array, load: Array, noise: Array
+    ) -> LevitationRun:
         """Run the closed loop."""
         p, ticks = self.plant, set_point.size
         run = LevitationRun(np.empty(ticks), np.empty(ticks))
@@ -218,7 +220,7 @@ class ByScipy:
             p.current_integral_gain * error if is_within_supply else 0.0,
             p.load_corner * (load_command - load),
             velocity,
-            net_force / p.mass,
+            net_force / p.mass_kg,
             p.sensor_corner * (gap - sensor),
         ]
 
@@ -227,7 +229,7 @@ class ByScipy:
         p = self.plant
         area = (p.width + gap) * (p.depth + gap)
         gaps = MU_0 * area / (2.0 * gap)
-        return 1.0 / (gaps + p.leakage), gaps / (gaps + p.leakage), area
+        return 1.0 / (gaps + p.leakage_permeance), gaps / (gaps + p.leakage_permeance), area
 
     def _magnet_force(self, density: float, gap: float) -> float:
         p = self.plant
@@ -374,7 +376,7 @@ def _solve_field(
 def _gap_circuit(p: Plant, gap: float) -> tuple[float, float, float, float]:
     area = (p.width + gap) * (p.depth + gap)
     gap_permeance = MU_0 * area / (2.0 * gap)
-    outer_reluctance = 1.0 / (gap_permeance + p.leakage)
+    outer_reluctance = 1.0 / (gap_permeance + p.leakage_permeance)
     return (
         outer_reluctance,
         gap_permeance * outer_reluctance,
@@ -392,7 +394,9 @@ def _advance_winding(p: Plant, s: Array, plays: Array, cell_sums: Array, time_st
         voltage = math.copysign(p.supply_voltage, voltage)
     explicit_linkage = s[LINKAGE_INDEX] + half_step * (voltage - p.resistance * s[CURRENT_INDEX])
     total_gain = p.current_gain + half_step * p.current_integral_gain
-    voltage_offset = total_gain * s[COMMAND_INDEX] + s[INTEGRAL_INDEX] + half_step * p.current_integral_gain * error
+    voltage_offset = (
+        total_gain * s[COMMAND_INDEX] + s[INTEGRAL_INDEX] + half_step * p.current_integral_gain * error
+    )
     outer_reluctance, gap_fraction, area, fringe_factor = _gap_circuit(p, s[GAP_INDEX])
     weight, per_field = p.turns * p.area, p.length / p.turns
     per_density = outer_reluctance * p.area / p.turns
@@ -434,7 +438,7 @@ def _advance_tick(
     p: Plant, s: Array, plays: Array, cell_sums: Array, substeps: int, command: float, load: float
 ) -> None:
     time_step = p.tick / substeps
-    velocity_per_force = 0.5 * time_step / p.mass
+    velocity_per_force = 0.5 * time_step / p.mass_kg
     load_factor = -math.expm1(-p.load_corner * time_step)
     sensor_factor = -math.expm1(-p.sensor_corner * time_step)
     s[COMMAND_INDEX], s[NEXT_COMMAND_INDEX] = s[NEXT_COMMAND_INDEX], command
@@ -530,7 +534,9 @@ class ByNumba:
         _advance_tick(self.plant, s, self._plays, self._cell_sums, self._substeps, command, load)
         return float(s[GAP_INDEX]), float(s[FORCE_INDEX])
 
-    def run(self, control: Control, memory: Array, set_point: Array, load: Array, noise: Array) -> LevitationRun:
+    def run(
+        self, control: Control, memory: Array, set_point: Array, load: Array, noise: Array
+    ) -> LevitationRun:
         """Run the closed loop."""
         gap_and_force = np.empty((set_point.size, 2))
         _run_ticks(

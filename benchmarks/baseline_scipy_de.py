@@ -44,7 +44,7 @@ WARM_UP_CYCLES = 2
 FAILED = 1e3  # T^2, cost of a parameter set whose curve has no finite slope
 
 # M_s, a, k, c and alpha without redundancy; logarithms of the scale parameters k, a and M_s.
-BOUNDS: Mapping[str, tuple[float, float]] = {
+PARAMETER_BOUNDS: Mapping[str, tuple[float, float]] = {
     "log10 kappa = k/a": (-2.0, 1.0),
     "c": (0.0, 1.0),
     "alpha*M_s/a": (0.0, 3.0),  # at c = 3, the anhysteretic curve becomes vertical
@@ -129,7 +129,7 @@ def load_loops(folder: Path | None = None) -> tuple[Array, Array, NDArray[np.int
 def run(
     seed: int,
     maxiter: int = 1000,
-    bounds: Mapping[str, tuple[float, float]] = BOUNDS,
+    bounds: Mapping[str, tuple[float, float]] = PARAMETER_BOUNDS,
     substeps: int = SUBSTEPS,
     folder: Path | None = None,
 ) -> dict[str, Any]:
@@ -139,7 +139,7 @@ def run(
     -------
     dict
         ``sum_of_squares`` (T^2), ``rms_percent`` (of the largest B), ``cpu_seconds``,
-        ``evaluations``, ``parameters`` (in the order of `BOUNDS`), ``history``: a list of
+        ``evaluations``, ``parameters`` (in the order of `PARAMETER_BOUNDS`), ``history``: a list of
         ``(cpu_seconds, sum_of_squares)``, one entry for each new best.
     """
     field, flux_density, starts = load_loops(folder)

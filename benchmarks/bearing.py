@@ -188,7 +188,12 @@ def _overshoot_rows(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]
     for iron, cells in zip(irons, results, strict=True):
         full_overshoots = mean_overshoots(cells, "full")
         overshoots_by_variant = {name: mean_overshoots(cells, name) for name in VARIANTS}
-        ratios = [full_overshoot / ratio_overshoot for full_overshoot, ratio_overshoot in zip(full_overshoots, overshoots_by_variant["ratio"], strict=True)]
+        ratios = [
+            full_overshoot / ratio_overshoot
+            for full_overshoot, ratio_overshoot in zip(
+                full_overshoots, overshoots_by_variant["ratio"], strict=True
+            )
+        ]
         result_rows.append(
             Row(
                 f"bearing, same gains, iron {iron.title}: overshoot of full relative to the method ratio",
@@ -243,7 +248,9 @@ def _format_rows(iron: Iron, controller: ControllerFile) -> list[Row]:
         cells = compare_steps(list(setups.values()), [gap], HEIGHTS, [load], seeds)
         cells_by_format = [cells[4 * index : 4 * index + 4] for index in range(len(formats))]
         overshoot_difference = max(
-            abs(double_cell.interval("overshoot_percent").mean - fixed_cell.interval("overshoot_percent").mean)
+            abs(
+                double_cell.interval("overshoot_percent").mean - fixed_cell.interval("overshoot_percent").mean
+            )
             for double_cell, fixed_cell in zip(cells_by_format[0], cells_by_format[2], strict=True)
         )
         standstill_rms = [
@@ -252,7 +259,9 @@ def _format_rows(iron: Iron, controller: ControllerFile) -> list[Row]:
             .mean
             for setup in (setups["f64"], setups["fixed"])
         ]
-        worst_ratio = max(worst_ratio, overshoot_difference / 0.5, abs(standstill_rms[1] / standstill_rms[0] - 1.0) / 0.1)
+        worst_ratio = max(
+            worst_ratio, overshoot_difference / 0.5, abs(standstill_rms[1] / standstill_rms[0] - 1.0) / 0.1
+        )
         result_texts.append(
             f"{variant}: {overshoot_difference:.3f} points, "
             f"standstill {1e9 * standstill_rms[0]:.1f} and {1e9 * standstill_rms[1]:.1f} nm"
@@ -274,7 +283,8 @@ def _event_rows(iron: Iron) -> list[Row]:
         results = experiments.run_variants(experiments.run_event, iron.setups, seeds, event)
         metric_name = "recovery_s" if event == "overload" else "excess_s"
         metrics_text = ", ".join(
-            f"{name} {_mean_text(metrics, metric_name, 1e3, '.1f', 'ms')}" for name, metrics in results.items()
+            f"{name} {_mean_text(metrics, metric_name, 1e3, '.1f', 'ms')}"
+            for name, metrics in results.items()
         )
         title_part = "back within 1 um after" if event == "overload" else "shows for"
         result_rows.append(

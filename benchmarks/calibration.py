@@ -101,7 +101,10 @@ class CaseResult:
         """Return the 50th and 95th percentiles over the plants, before and after the scans."""
         factor = {metric: unit_factor for metric, _, unit_factor in METRICS}[name]
         all_values = np.array(
-            [[getattr(measures, name) for measures in plant_metrics] for plant_metrics, _ in self.plant_results]
+            [
+                [getattr(measures, name) for measures in plant_metrics]
+                for plant_metrics, _ in self.plant_results
+            ]
         )
         medians, percentiles_95 = factor * np.percentile(all_values, [50.0, 95.0], axis=0)
         return list(zip(medians.tolist(), percentiles_95.tolist(), strict=True))
@@ -239,7 +242,10 @@ def make_iron_row(iron: str, method: str, result: CaseResult) -> Row:
         target, is_met = f"{median:g} / {percentile_95:g}", is_within(average[-1], PROBE_TARGETS)
     elif iron == FORGETTING_IRON and method == METHODS[0]:
         target = "not worse than before"
-        is_met = all(plant_metrics[-1].average_m <= plant_metrics[0].average_m for plant_metrics, _ in result.plant_results)
+        is_met = all(
+            plant_metrics[-1].average_m <= plant_metrics[0].average_m
+            for plant_metrics, _ in result.plant_results
+        )
     elif iron != FORGETTING_IRON and method in AIMS:
         median, percentile_95 = AIMS[method].last_scan_target
         target, is_met = f"{median:g} / {percentile_95:g}", is_within(average[-1], (median, percentile_95))

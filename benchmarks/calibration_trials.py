@@ -62,9 +62,9 @@ class UnmodelledEffects:
     def law(self, bench: Bench) -> StageLaw:
         """Return the law of a method, from a cache in this process."""
         key = bench.iron, bench.method, *self.rig_changes
-        if key not in _laws:
-            _laws[key] = StageLaw(change_rig(bench.rig, self.rig_changes), bench.magnet, bench.method)
-        return _laws[key]
+        if key not in _law_cache:
+            _law_cache[key] = StageLaw(change_rig(bench.rig, self.rig_changes), bench.magnet, bench.method)
+        return _law_cache[key]
 
     def track_motion(
         self, setup: StageSetup, drift: Drift, motion: SetPoint, gains: Feedforward, noise: int
@@ -116,7 +116,7 @@ class Bench:
     calibration_motion: SetPoint  # motion for the calibration
 
 
-_laws: dict[tuple[str, ...], StageLaw] = {}
+_law_cache: dict[tuple[str, ...], StageLaw] = {}
 
 
 def make_bench(case: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:

@@ -108,11 +108,11 @@ def plant_of(rig: BodyRig) -> Plant:
         area=poles.area,
         width=poles.width,
         depth=poles.depth,
-        leakage=poles.leakage,
+        leakage_permeance=poles.leakage,
         supply_voltage=rig.settings.amplifier.supply,
         current_gain=current_gain,
         current_integral_gain=integral_gain,
-        mass=mechanics.mass_kg,
+        mass_kg=mechanics.mass_kg,
         stop_low=mechanics.stop_low_m,
         stop_high=mechanics.stop_high_m,
         stop_stiffness=mechanics.mass_kg * stop_rad_per_s * stop_rad_per_s,
@@ -183,7 +183,7 @@ class SpeedResult:
     """One simulator in the same loop."""
 
     name: str
-    factor: float
+    real_time_factor: float
     """Ratio of simulated time to processor time."""
     overshoot: float
     """Overshoot of the largest upward step, % of its height."""
@@ -346,11 +346,12 @@ def rows() -> list[Row]:
             "closed loop, 20 kHz, 4 sub-steps, 24 cells, `full` in fixed point: "
             "simulated time / processor time",
             ">= 25 (goal 50), with baselines",
-            f"{full_result.factor:.1f}; with a map as the baselines {map_result.factor:.1f}, "
-            f"numba {numba.factor:.1f}, SciPy ({selected_setting.method}, {selected_setting.tolerance:g}) "
-            f"{scipy.factor:.3f}; `full` against numba {full_result.factor / numba.factor:.2f}, "
-            f"against SciPy {full_result.factor / scipy.factor:.0f}",
-            full_result.factor >= 25.0,
+            f"{full_result.real_time_factor:.1f}; with a map as the baselines {map_result.real_time_factor:.1f}, "
+            f"numba {numba.real_time_factor:.1f}, SciPy ({selected_setting.method}, {selected_setting.tolerance:g}) "
+            f"{scipy.real_time_factor:.3f}; "
+            f"`full` against numba {full_result.real_time_factor / numba.real_time_factor:.2f}, "
+            f"against SciPy {full_result.real_time_factor / scipy.real_time_factor:.0f}",
+            full_result.real_time_factor >= 25.0,
         ),
         Row(
             "open-loop force error against 64 sub-steps",
@@ -375,6 +376,6 @@ if __name__ == "__main__":
         print(f"error of {name}: {100 * value:.5f} %")
     for simulator in measured:
         print(
-            f"{simulator.name:28s} {simulator.factor:8.3f} times real time, overshoot "
+            f"{simulator.name:28s} {simulator.real_time_factor:8.3f} times real time, overshoot "
             f"{simulator.overshoot:.2f} %"
         )

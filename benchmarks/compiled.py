@@ -201,7 +201,9 @@ def make_cost_rows(models: Mapping[str, Path], folder: Path) -> list[Row]:
         rows.append(
             Row(f"'{kind}' on a 60 MHz DSC, solve, estimated (docs/verify.md)", "reported", result_text, None)
         )
-        result = next(target_result for target_result in verification.results if target_result.target == "cortex-m4")
+        result = next(
+            target_result for target_result in verification.results if target_result.target == "cortex-m4"
+        )
         tables = compiled.manifest["memory"]["parameters_bytes"]
         rows.append(
             Row(

@@ -27,9 +27,9 @@ from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
 from drawn_irons import Core, Iron, Job, Response, compute_responses
 from rows import ROOT
 
-COUNT: int = SETTINGS["count"]
+DRAW_COUNT: int = SETTINGS["count"]
 
-CYCLES = 3
+CYCLE_COUNT = 3
 """Number of cycles before a record, of the whole range or of the recorded loop."""
 
 _MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py")
@@ -188,9 +188,9 @@ def _measured_records(
     initial_state, largest_range = drive["start"], ranges[0]
     current_step = (largest_range[1] - largest_range[0]) / drive["samples"]
     conditioning_points = (
-        (*CYCLES * largest_range, largest_range[0])
+        (*CYCLE_COUNT * largest_range, largest_range[0])
         if largest_range[0] < 0.0
-        else (0.0, *CYCLES * (largest_range[1], 0.0))
+        else (0.0, *CYCLE_COUNT * (largest_range[1], 0.0))
     )
     loop_records = []
     for loop_number, (low, high) in enumerate(ranges, start=1):
@@ -199,7 +199,7 @@ def _measured_records(
             history_points = (0.0, largest_range[1], 0.0) if initial_state == "settled-after-max" else ()
             cycle = _sweep_samples([low, high, low], current_step)
             reversal = int(rng.random() * (cycle.size - 1))
-            lead_points = (*history_points, *CYCLES * (low, high), low)
+            lead_points = (*history_points, *CYCLE_COUNT * (low, high), low)
             lead_points += (
                 (high, float(cycle[reversal])) if cycle.size <= 2 * reversal else (float(cycle[reversal]),)
             )
@@ -232,9 +232,9 @@ def _test_records(
     tests, (low_limit, high_limit) = SETTINGS["tests"], ranges[0]
     current_step = (high_limit - low_limit) / tests["samples"]
     lead_points = (
-        (*CYCLES * (low_limit, high_limit), low_limit)
+        (*CYCLE_COUNT * (low_limit, high_limit), low_limit)
         if low_limit < 0.0
-        else (0.0, *CYCLES * (high_limit, 0.0))
+        else (0.0, *CYCLE_COUNT * (high_limit, 0.0))
     )
     intermediate_gaps = [
         float(np.sqrt(smaller_gap * larger_gap)) for smaller_gap, larger_gap in pairwise(gaps)
@@ -297,7 +297,7 @@ def _hash() -> str:
 @cache
 def _compute_responses() -> tuple[list[_Plan], list[list[Response]]]:
     """Return all plans and the responses of their records, cached in ``build/``."""
-    plans = [_sample_plan(number) for number in range(COUNT)]
+    plans = [_sample_plan(number) for number in range(DRAW_COUNT)]
     sample_counts = [job.current.size for plan in plans for job in plan.jobs()]
     cache_file = ROOT / "build" / f"drawn-{_hash()}.npy"
     if cache_file.exists():
@@ -312,7 +312,7 @@ def _compute_responses() -> tuple[list[_Plan], list[list[Response]]]:
 
 
 def draw(number: int) -> Draw:
-    """Return a virtual measurement by its number, 0 to :data:`COUNT` - 1."""
+    """Return a virtual measurement by its number, 0 to :data:`DRAW_COUNT` - 1."""
     plans, responses_by_plan = _compute_responses()
     return apply_sensors(
         plans[number], responses_by_plan[number], np.random.default_rng([SETTINGS["seed"], number, 1])
@@ -354,11 +354,15 @@ def apply_sensors(plan: _Plan, responses: Sequence[Response], rng: np.random.Gen
         input_readings = true_input + rng.normal(0.0, 1.0, output_reading.size) * noise[0]
         output_reading = output_reading + rng.normal(0.0, 1.0, output_reading.size) * noise[1]
         if sensors["bits"]:
-            converter_step = 1.2 * largest_input * (2.0 if plan.true_parameters["drive"]["bipolar"] or ring else 1.0)
+            converter_step = (
+                1.2 * largest_input * (2.0 if plan.true_parameters["drive"]["bipolar"] or ring else 1.0)
+            )
             converter_step /= 2.0 ** sensors["bits"]
             input_readings = converter_step * np.round(input_readings / converter_step)
         time = (
-            start_time + 0.01 * np.arange(output_reading.size) if plan.true_parameters["drive"]["clock"] else None
+            start_time + 0.01 * np.arange(output_reading.size)
+            if plan.true_parameters["drive"]["clock"]
+            else None
         )
         start_time += 0.01 * output_reading.size + 1.0
         loops.append(Loop(record.label, input_readings, output_reading, gap, time, history))
@@ -369,7 +373,7 @@ def apply_sensors(plan: _Plan, responses: Sequence[Response], rng: np.random.Gen
 
 
 if __name__ == "__main__":
-    for place in range(0, COUNT, 2):
+    for place in range(0, DRAW_COUNT, 2):
         shown = draw(place)
         facts = "; ".join(f"{name} {text}" for name, text in shown.loops.facts().items())
         start = shown.true_parameters["drive"]["start"]

@@ -47,7 +47,7 @@ def _curve(rng: np.random.Generator) -> Numbers:
     }
 
 
-def _keys(curve: Numbers) -> dict[str, Any]:
+def _rig_file_keys(curve: Numbers) -> dict[str, Any]:
     """Return the parameters of a curve with the keys of a rig file."""
     return {
         f"{name}_{'T' if name.startswith('saturation') else 'A_per_m'}": value
@@ -65,16 +65,22 @@ def _cells(rng: np.random.Generator) -> tuple[Steel, Numbers]:
         reversible_fraction=free,
         pinning_scale_A_per_m=pinning,
         pinning_shape=pinning_shape,
-        **_keys(curve),
+        **_rig_file_keys(curve),
     )
     second_pinning = {"pinning_scale_A_per_m": pinning * cell_values["further_by_first"]}
     two_populations = one_population.model_copy(update=second_pinning)
     thresholds = np.concatenate([one_population.thresholds, two_populations.thresholds[1:]])
     weights = np.concatenate(
-        [one_population.weights[:1], (1.0 - second_fraction) * one_population.weights[1:], second_fraction * two_populations.weights[1:]]
+        [
+            one_population.weights[:1],
+            (1.0 - second_fraction) * one_population.weights[1:],
+            second_fraction * two_populations.weights[1:],
+        ]
     )
     threshold_order = np.argsort(thresholds)
-    return Steel(one_population.plant_parameters(), thresholds[threshold_order], weights[threshold_order]), curve | cell_values
+    return Steel(
+        one_population.plant_parameters(), thresholds[threshold_order], weights[threshold_order]
+    ), curve | cell_values
 
 
 def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
@@ -123,7 +129,7 @@ def _duhem(rng: np.random.Generator) -> tuple[Steel, Numbers]:
             coercivity_A_per_m=coercivity,
             turning_T=duhem_values["turning"],
             fading=duhem_values["fading"],
-            **_keys(curve),
+            **_rig_file_keys(curve),
         )
         if _is_valid(steel):
             return steel.make_steel(), curve | duhem_values

@@ -97,15 +97,15 @@ class SeriesIron:
 
     core_steel: Steel
     armature_steel: Steel
-    length_part: float
-    area_ratio: float
+    armature_length_fraction: float
+    armature_area_ratio: float
 
     def compute_response(self, core: Core, current: FloatArray, gap: FloatArray) -> Response:
         """Compute the fluxes along a path; solve for the armature's field at each sample."""
         poles = core.poles
-        area = self.area_ratio * poles.area
-        lengths = ((1.0 - self.length_part) * poles.iron_length,
-                   self.length_part * poles.iron_length)  # fmt: skip
+        area = self.armature_area_ratio * poles.area
+        lengths = ((1.0 - self.armature_length_fraction) * poles.iron_length,
+                   self.armature_length_fraction * poles.iron_length)  # fmt: skip
         leakage = 0.0 if core.is_ring else poles.leakage
         outer_reluctances = (
             0.0 * gap if core.is_ring else core.gap_reluctance(gap) + poles.joints / (MU_0 * area)

@@ -227,8 +227,14 @@ def _overshoot_excess(result: IronResult, variant: str) -> list[float]:
             cell.interval("standstill_rms_m").mean for cell in (cell_of_variant, best_baseline)
         )
         noise_floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * standstill_rms / height
-        variant_interval, baseline_interval = (cell.interval("overshoot_percent") for cell in (cell_of_variant, best_baseline))
-        significant_excess = variant_interval.mean - baseline_interval.mean - float(np.hypot(variant_interval.half_width, baseline_interval.half_width))
+        variant_interval, baseline_interval = (
+            cell.interval("overshoot_percent") for cell in (cell_of_variant, best_baseline)
+        )
+        significant_excess = (
+            variant_interval.mean
+            - baseline_interval.mean
+            - float(np.hypot(variant_interval.half_width, baseline_interval.half_width))
+        )
         is_within_noise = max(variant_interval.mean, baseline_interval.mean) < noise_floor
         excesses.append(0.0 if is_within_noise else max(significant_excess, 0.0))
     return excesses
@@ -308,7 +314,9 @@ def rows() -> list[Row]:
     watch = Stopwatch()
     rig, controller = read_example()
     results = [measure(name, rig_of_iron, controller) for name, rig_of_iron in make_rigs().items()]
-    result_rows = [make_row(result) for make_row in (_steps_row, _triangle_row, _drift_row) for result in results]
+    result_rows = [
+        make_row(result) for make_row in (_steps_row, _triangle_row, _drift_row) for result in results
+    ]
     result_rows.append(map_row(map_bearing_benefit(rig, controller)))
     return [
         *result_rows,

@@ -35,10 +35,10 @@ from tests.oracles.explicit import ExplicitForm
 Array = FloatArray
 
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
-SAMPLES = 200
+SAMPLES_PER_CYCLE = 200
 """Samples per cycle of the demand."""
 
-CYCLES = 12
+CYCLE_COUNT = 12
 
 TOLERANCES = (0.01, 0.002)
 """Tolerances relative to the largest force: a small error, and an error of the size of rounding."""
@@ -118,7 +118,7 @@ def make_actuator(model: Model, gaps: tuple[float, float], gap: float, current: 
     # Twice the current, so that histories beyond the working range are within the number range.
     scales = Scales(1.2 * largest_force, 2.1 * current, *gaps)
     limits = DemandLimits((0.0, largest_force), (-0.2 * current, current))
-    conditioning_plan = Conditioning(cycles=2, ramp_ticks=SAMPLES)
+    conditioning_plan = Conditioning(cycles=2, ramp_ticks=SAMPLES_PER_CYCLE)
     wide_limits = DemandLimits(limits.demand, (-2.0 * current, 2.0 * current))
     law = fit_closed_form(model, limits, np.linspace(*gaps, 5))
     table_sizes = TableSizes(iterations=8, octave_segments=4, curve_segments=8)
@@ -136,14 +136,14 @@ def make_actuator(model: Model, gaps: tuple[float, float], gap: float, current: 
 
 def triangle_demand(low: float, high: float) -> Array:
     """Return the demand relative to the largest force."""
-    phase = np.arange(SAMPLES * CYCLES) % SAMPLES / SAMPLES
+    phase = np.arange(SAMPLES_PER_CYCLE * CYCLE_COUNT) % SAMPLES_PER_CYCLE / SAMPLES_PER_CYCLE
     return np.asarray(low + (high - low) * (1.0 - np.abs(2.0 * phase - 1.0)))
 
 
 def conditioning_currents(actuator: Actuator, cycles: int) -> Array:
     """Return triangles over the whole current range, as a controller runs them at start-up."""
     turning_currents = [-0.2 * actuator.current, actuator.current] * cycles + [0.0]
-    ramps = [np.linspace(a, b, SAMPLES + 1)[1:] for a, b in pairwise(turning_currents)]
+    ramps = [np.linspace(a, b, SAMPLES_PER_CYCLE + 1)[1:] for a, b in pairwise(turning_currents)]
     return np.concatenate(ramps)
 
 
@@ -236,7 +236,7 @@ def study(
         samples.append([samples_until_near(force_errors, tolerance) for tolerance in TOLERANCES])
         largest = max(largest, float(np.abs(force_errors).max()))
     settled_errors = [
-        np.abs(force - demanded_force)[-SAMPLES:].max() / actuator.force for force in right_forces
+        np.abs(force - demanded_force)[-SAMPLES_PER_CYCLE:].max() / actuator.force for force in right_forces
     ]
     return Outcome(np.array(samples), largest, float(max(settled_errors)))
 
@@ -277,8 +277,8 @@ def outcome_text(outcome: Outcome) -> str:
     return (
         f"up to {100 * outcome.largest_error:.2g} % of F_max error; within {100 * TOLERANCES[0]:g} % after "
         f"{np.median(first_samples):.0f} samples (median), {first_samples.max()} (largest, "
-        f"{first_samples.max() / SAMPLES:.2f} cycles); within {100 * TOLERANCES[1]:g} % after "
-        f"{second_samples.max() / SAMPLES:.2f} cycles"
+        f"{first_samples.max() / SAMPLES_PER_CYCLE:.2f} cycles); within {100 * TOLERANCES[1]:g} % after "
+        f"{second_samples.max() / SAMPLES_PER_CYCLE:.2f} cycles"
     )
 
 

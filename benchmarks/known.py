@@ -151,7 +151,9 @@ class Scan:
             if unit_output is None:
                 continue
             weighted_response, weighted_output = unit_output * self.weights, self.output * self.weights
-            set_gain = gain or float(weighted_response @ weighted_output) / max(float(weighted_response @ weighted_response), 1e-300)
+            set_gain = gain or float(weighted_response @ weighted_output) / max(
+                float(weighted_response @ weighted_response), 1e-300
+            )
             cost = float(np.sum((set_gain * weighted_response - weighted_output) ** 2))
             if set_gain > 0.0 and (best_set is None or cost < best_set[1]):
                 best_set = replace(local, gain=set_gain), cost
@@ -282,7 +284,12 @@ def find_best_fit(fits: Sequence[FoundModel], loops: Loops, near_count: int) -> 
     if not ranked_fits:
         return None
     is_unusable, rms, parameter_count = min(ranked_fits)
-    return {"numbers": parameter_count, "rms": float(f"{rms:.5g}"), "near": near_count, "usable": not is_unusable}
+    return {
+        "numbers": parameter_count,
+        "rms": float(f"{rms:.5g}"),
+        "near": near_count,
+        "usable": not is_unusable,
+    }
 
 
 def is_usable(fit: FoundModel, loops: Loops) -> bool:

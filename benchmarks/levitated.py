@@ -207,14 +207,19 @@ def rows() -> list[Row]:
         zip(all_outcomes, map_ordered(partial(calibrate_plant, inputs), all_outcomes), strict=True)
     )
     method_rows = []
-    for method, method_row in zip(METHODS, map_ordered(partial(make_method_row, inputs), METHODS), strict=True):
+    for method, method_row in zip(
+        METHODS, map_ordered(partial(make_method_row, inputs), METHODS), strict=True
+    ):
         setup = make_setup(inputs.rig, inputs.controller.settings, inputs.identify_magnet(), method, "fixed")
         before_and_after = [outcomes[method, drift][1:] for drift in random_drifts]
         forces = [
             (drifted_metrics[1], calibrated_metrics[1])
             for drifted_metrics, calibrated_metrics in before_and_after
         ]
-        method_rows += [method_row, make_random_plants_row(method, evaluate_controller(setup, NO_DRIFT), forces)]
+        method_rows += [
+            method_row,
+            make_random_plants_row(method, evaluate_controller(setup, NO_DRIFT), forces),
+        ]
     return method_rows + [
         make_iron_row(inputs, name, drift) for name in OTHER_IRONS for drift in (NO_DRIFT, TABLE_DRIFT)
     ]

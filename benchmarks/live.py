@@ -120,7 +120,8 @@ def measure_pacing(setup: BearingSetup, firmware: Path) -> Row:
     return Row(
         f"virtual bearing, paced in real time for {PACED_S:g} s, recorded",
         f"1 times real time, no chunk later than {1e3 * LATE_S:g} ms, no tick lost",
-        f"{real_time_factor:.3f} times, lateness {1e3 * float(np.mean([pacing.mean_lateness for pacing in pacings])):.1f} ms "
+        f"{real_time_factor:.3f} times, "
+        f"lateness {1e3 * float(np.mean([pacing.mean_lateness for pacing in pacings])):.1f} ms "
         f"mean, {1e3 * max_lateness:.1f} ms at most, {pacings[-1].slip_count} pacing slips, "
         f"{'none' if is_complete else 'some'} lost",
         is_complete and max_lateness <= LATE_S and real_time_factor >= 0.99,

@@ -33,7 +33,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.schema import CHOSEN
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
-from drawn import COUNT, Draw, Test, draw
+from drawn import DRAW_COUNT, Draw, Test, draw
 from drawn_families import FAMILIES
 from rows import ROOT, Row, Stopwatch
 
@@ -179,7 +179,9 @@ def _near_best_text(draw_results: Sequence[DrawResult]) -> str:
 def _error_text(kind: str) -> Callable[[Sequence[DrawResult]], str]:
     def metric_text(draw_results: Sequence[DrawResult]) -> str:
         kind_errors = [draw_result[kind] for draw_result in draw_results if kind in draw_result]
-        mean_errors, worst_errors = ([draw_result[name] for draw_result in kind_errors] for name in ("mean", "worst"))
+        mean_errors, worst_errors = (
+            [draw_result[name] for draw_result in kind_errors] for name in ("mean", "worst")
+        )
         return f"{_median(mean_errors, 100.0)}/{_median(worst_errors, 100.0)} %"
 
     return metric_text
@@ -305,7 +307,7 @@ def run_draws(numbers: Sequence[int], is_stored: bool) -> list[DrawResult]:
 
 def rows() -> list[Row]:
     """Return all rows of both halves."""
-    even, odd = (run_draws(range(first, COUNT, 2), first == 0) for first in (0, 1))
+    even, odd = (run_draws(range(first, DRAW_COUNT, 2), first == 0) for first in (0, 1))
     return [*make_half_rows("even half", even), *make_half_rows("unseen half", odd)]
 
 
@@ -317,10 +319,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     warnings.simplefilter("ignore")
     if options.every:
-        numbers = range(0, COUNT, 2 * options.every)
+        numbers = range(0, DRAW_COUNT, 2 * options.every)
         result_rows = make_half_rows("even half", run_draws(numbers, True))
     elif options.reveal:
-        all_results = run_draws(range(COUNT), True)
+        all_results = run_draws(range(DRAW_COUNT), True)
         halves = {"even half": all_results[::2], "odd half": all_results[1::2]}
         result_rows = [
             row for half, half_results in halves.items() for row in make_half_rows(half, half_results)

@@ -36,7 +36,7 @@ from anhyst_rigs.study.bearing.responses import StepCell, compare_steps
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains
 from rows import ROOT, Row
-from solid_magnets import COUNT, FIRST_RINGED_MAGNET, SPEEDS, SolidMagnet, solid_magnet
+from solid_magnets import FIRST_RINGED_MAGNET, MAGNET_COUNT, SPEEDS, SolidMagnet, solid_magnet
 from tracking import IRONS, RIG, with_iron
 
 TICKS_PER_SECOND, CYCLES, FORCE_BAND = 20_000.0, 4, (0.1, 0.5)
@@ -112,7 +112,9 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: SignalFormat = 
     """
     model = model if model.has_layers else model.at_rest  # a single lag is not compiled
     plan = make_plan(model, CompileRequest("full", io, TICKS_PER_SECOND), 0)
-    static_force = float(model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1])
+    static_force = float(
+        model.at_rest.predict([0.0, magnet.largest_current], gap, history="demagnetised").output[-1]
+    )
     ticks = round(TICKS_PER_SECOND / SPEEDS[-1])
     cycle_time = np.arange(CYCLES * ticks) / ticks
     force_fraction = FORCE_BAND[0] + (FORCE_BAND[1] - FORCE_BAND[0]) * (
@@ -225,7 +227,7 @@ def bearing_rows() -> list[Row]:
 
 def rows() -> list[Row]:
     """Evaluate all magnets; inspected and uninspected magnets have separate rows."""
-    results = [evaluate_magnet(number) for number in range(COUNT)]
+    results = [evaluate_magnet(number) for number in range(MAGNET_COUNT)]
     lines = []
     for title, is_odd in (("looked at", 0), ("not looked at", 1)):
         group = [result for result in results if result.number % 2 == is_odd]

@@ -23,14 +23,14 @@ from drawn_families import draw_iron
 from drawn_irons import PlantIron
 
 SEED = 20261124
-COUNT = 8
+MAGNET_COUNT = 8
 FIRST_RINGED_MAGNET = 6
 FAMILIES = ("preisach", "duhem", "cells")
 
 SPEEDS = (0.5, 5.0, 50.0)  # Hz
 GAPS = 3
-SAMPLES = 400  # samples per cycle
-CYCLES = 3  # the last one is recorded
+SAMPLES_PER_CYCLE = 400  # samples per cycle
+CYCLE_COUNT = 3  # the last one is recorded
 CELLS = 12
 NOISE = 3e-4  # force noise, relative to the largest force
 SPEED_NOISE = 1e-4  # current noise, relative to the largest current
@@ -51,7 +51,7 @@ class SolidMagnet:
     diffusion: float  # flux-density rate per field difference over the slab's depth, (T/s)/(A/m)
     rings: tuple[float, float, float]  # conductances, 1/ohm, and inductance of the second ring, H
     turns: float
-    top: float  # current of the largest force, A
+    largest_current: float  # current of the largest force, A
     gaps: tuple[float, ...]  # m
 
     def gap_reluctance(self, gap: float) -> float:
@@ -77,13 +77,19 @@ class SolidMagnet:
         return self.force(density)
 
     def cycle(self, rate: float, gap: float, low: float = 0.0, high: float = 1.0) -> Loop:
-        """Return the last of several triangles between fractions of `top`, without noise."""
-        current_cycle = self.top * (low + (high - low) * _triangle(SAMPLES))
-        current = np.tile(current_cycle, CYCLES)
-        time = np.arange(current.size) / (SAMPLES * rate)
+        """Return the last of several triangles between fractions of the largest current, without noise."""
+        current_cycle = self.largest_current * (low + (high - low) * _triangle(SAMPLES_PER_CYCLE))
+        current = np.tile(current_cycle, CYCLE_COUNT)
+        time = np.arange(current.size) / (SAMPLES_PER_CYCLE * rate)
         force = self.run(current, np.full(current.size, gap), time)
         label = f"{rate:g} Hz, {low:g} to {high:g}"
-        return Loop(label, current_cycle, force[-SAMPLES:], np.full(SAMPLES, gap), time[:SAMPLES])
+        return Loop(
+            label,
+            current_cycle,
+            force[-SAMPLES_PER_CYCLE:],
+            np.full(SAMPLES_PER_CYCLE, gap),
+            time[:SAMPLES_PER_CYCLE],
+        )
 
     def measure_loops(self) -> Loops:
         """Return the loops for identification: a full triangle at each rate and gap, with noise."""
@@ -96,7 +102,7 @@ class SolidMagnet:
             loops.append(
                 Loop(
                     loop.label,
-                    loop.input + SPEED_NOISE * self.top * noise[0],
+                    loop.input + SPEED_NOISE * self.largest_current * noise[0],
                     loop.output + NOISE * span * noise[1],
                     loop.schedule,
                     loop.time,
@@ -109,8 +115,8 @@ class SolidMagnet:
         rng = np.random.default_rng([SEED, self.number, 2])
         reversal_currents, time = [0.0], [0.0]
         for _ in range(20):
-            reversal_currents.append(float(self.top * rng.random()))
-            speed = self.top * 2.0 * 50.0 ** rng.random()  # A/s: triangles of 1 to 50 Hz
+            reversal_currents.append(float(self.largest_current * rng.random()))
+            speed = self.largest_current * 2.0 * 50.0 ** rng.random()  # A/s: triangles of 1 to 50 Hz
             time.append(time[-1] + max(1e-3, abs(reversal_currents[-1] - reversal_currents[-2]) / speed))
         clock = np.linspace(0.0, time[-1], samples)
         gap_phase = 2.0 * np.pi * 3.0 * clock / clock[-1]
@@ -222,7 +228,7 @@ def _make_slab_magnet(magnet: SolidMagnet) -> _Step:
 
 
 def solid_magnet(number: int) -> SolidMagnet:
-    """Sample a magnet by its number, 0 to :data:`COUNT` - 1."""
+    """Sample a magnet by its number, 0 to :data:`MAGNET_COUNT` - 1."""
     rng = np.random.default_rng([SEED, number])
 
     def sample_log(low: float, high: float) -> float:

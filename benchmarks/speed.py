@@ -35,14 +35,14 @@ def best_ns(function: Callable[[], object], items: int) -> float:
     return min(times)
 
 
-def _drive(samples: int) -> Array:
+def _drive_samples(samples: int) -> Array:
     return np.asarray(4.0 * np.sin(2.0 * np.pi * np.arange(samples) / SAMPLES_A_LOOP))
 
 
 def measure_scalar_step() -> Row:
     """Measure one forward step of the implicit law, solved to rounding error."""
     n = 200_000
-    r, omega = _drive(n), np.full(n, OMEGA)
+    r, omega = _drive_samples(n), np.full(n, OMEGA)
     law = Operator(KAPPA, REVERSIBILITY)
     state = demagnetised()
     step_time = best_ns(lambda: law.run(omega, r, state), n)
@@ -66,7 +66,7 @@ def measure_cell_steps() -> list[Row]:
     pinned = [Population(3e5, 40.0, 20.0, 1.5), Population(1e5, 120.0, 80.0, 2.0)]
     iron = make_iron(discretise_populations((3e4, 50.0), pinned), 0.0)
     jiles_atherton = Iron(4.3e5, 30.0, 25.0, 0.1, 0.0)
-    drive, zero = 1500.0 * _drive(n), np.zeros(n)
+    drive, zero = 1500.0 * _drive_samples(n), np.zeros(n)
     rho = np.full(n, 0.01)
 
     def both(law: AnyIron, states: int) -> tuple[float, float]:
@@ -99,7 +99,7 @@ def measure_batch_step(instruction_set: str) -> list[Row]:
     rng = np.random.default_rng(0)
     kappa, c = rng.uniform(0.3, 3.0, sets), rng.uniform(0.05, 0.6, sets)
     omega, scale = rng.uniform(-1.5, 5.0, sets), np.ones(sets)
-    offset, drive = np.zeros(sets), _drive(n)
+    offset, drive = np.zeros(sets), _drive_samples(n)
     x, y = np.zeros(sets), np.zeros(sets)
 
     columns = (kappa, c, omega, scale, offset, drive, x, y)

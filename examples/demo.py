@@ -84,8 +84,8 @@ BASELINE_TITLES: Mapping[MethodName, str] = {
 class Deviation:
     """Mean and largest absolute deviation, N."""
 
-    mean: float
-    worst: float
+    mean_deviation: float
+    largest_deviation: float
 
     @classmethod
     def of(cls, residuals: list[Array]) -> Deviation:
@@ -235,8 +235,13 @@ def run_electromagnet(output_folder: Path) -> ExampleResult:
         inverse_deviation, curve_inverse_deviation, max_force = demand_deviation(model)
     lines = []
     for title, own_error, curve_error, reference_force in (
-        ("force, unseen gaps, mean", model_deviation.mean, curve_deviation.mean, largest),
-        ("force on demand, worst", inverse_deviation.worst, curve_inverse_deviation.worst, max_force),
+        ("force, unseen gaps, mean", model_deviation.mean_deviation, curve_deviation.mean_deviation, largest),
+        (
+            "force on demand, worst",
+            inverse_deviation.largest_deviation,
+            curve_inverse_deviation.largest_deviation,
+            max_force,
+        ),
     ):
         lines.append(
             TableLine.of(
@@ -288,7 +293,9 @@ def run_bearing(output_folder: Path) -> ExampleResult:
         setups = make_setups(rig, controller, inputs.identify_magnet(), BEARING_METHODS)
         load = rig.settings.load.force_N
         noise_seeds = default_seeds(rig)
-        cells = compare_steps(list(setups.values()), [settings.gap_m], settings.step.heights_m, [load], noise_seeds)
+        cells = compare_steps(
+            list(setups.values()), [settings.gap_m], settings.step.heights_m, [load], noise_seeds
+        )
     steps = group_by_step(cells)
     last_step = steps[-1]
     overshoot = last_step.figure("overshoot_percent")

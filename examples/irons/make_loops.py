@@ -38,7 +38,7 @@ SMALL_BIASES = (0.3, 0.5, 0.7)  # relative to the largest current
 SMALL_AMPLITUDE = 0.04  # amplitude, relative to the largest current
 
 
-def _bundled() -> ModuleType:
+def _load_bundled_script() -> ModuleType:
     path = HERE.parent / "electromagnet" / "make_loops.py"
     spec = importlib.util.spec_from_file_location("bundled_magnet", path)
     assert spec is not None
@@ -49,16 +49,16 @@ def _bundled() -> ModuleType:
     return module
 
 
-bundled = _bundled()
+bundled = _load_bundled_script()
 SETTINGS = bundled.load()[1]
-CIRCUIT, DRIVE = SETTINGS["circuit"], SETTINGS["drive"]
-LARGEST: float = DRIVE["current_max_A"]
+CIRCUIT_SETTINGS, DRIVE_SETTINGS = SETTINGS["circuit"], SETTINGS["drive"]
+LARGEST: float = DRIVE_SETTINGS["current_max_A"]
 POLES = Poles(
-    turns=CIRCUIT["turns"],
+    turns=CIRCUIT_SETTINGS["turns"],
     resistance=1.2,
-    width=CIRCUIT["pole_width_m"],
-    depth=CIRCUIT["pole_depth_m"],
-    leakage=CIRCUIT["leakage_H"],
+    width=CIRCUIT_SETTINGS["pole_width_m"],
+    depth=CIRCUIT_SETTINGS["pole_depth_m"],
+    leakage=CIRCUIT_SETTINGS["leakage_H"],
     iron_length=SETTINGS["iron"]["length_m"],
 )
 
@@ -89,7 +89,7 @@ class Truth:
 
 def sweeps(turning_points: list[float]) -> FloatArray:
     """Return the samples of straight current ramps between points, A."""
-    step = DRIVE["sweep_A_per_s"] * DRIVE["sample_s"]
+    step = DRIVE_SETTINGS["sweep_A_per_s"] * DRIVE_SETTINGS["sample_s"]
     ramp_samples = [np.array(turning_points[:1])]
     for start, end in pairwise(turning_points):
         count = max(1, round(abs(end - start) / step))
@@ -98,7 +98,7 @@ def sweeps(turning_points: list[float]) -> FloatArray:
 
 
 def _truth(name: str, label: str, current: FloatArray, gap: FloatArray, first_counted: int) -> Truth:
-    time = DRIVE["sample_s"] * np.arange(current.size)
+    time = DRIVE_SETTINGS["sample_s"] * np.arange(current.size)
     force = np.ascontiguousarray(Coil(magnet(name)).run(current, gap)[:, 0])
     return Truth(label, time, current, gap, force, np.arange(current.size) >= first_counted)
 
@@ -109,7 +109,9 @@ def moving(name: str) -> Truth:
     current = sweeps([0.0, *(LARGEST * rng.random(MOVING_REVERSALS)).tolist(), 0.0])
     gaps = SETTINGS["identification"]["gaps_m"]
     middle_gap, gap_amplitude = 0.5 * (gaps[-1] + gaps[0]), 0.5 * (gaps[-1] - gaps[0])
-    gap = middle_gap + gap_amplitude * sine(DRIVE["sample_s"] / MOVING_PERIOD * np.arange(current.size))
+    gap = middle_gap + gap_amplitude * sine(
+        DRIVE_SETTINGS["sample_s"] / MOVING_PERIOD * np.arange(current.size)
+    )
     return _truth(name, "moving", current, gap, 0)
 
 
@@ -137,7 +139,7 @@ def rows(truths: list[Truth], offset: float) -> Iterator[str]:
         columns = (clock + truth.time, truth.current + offset, truth.force, truth.gap)
         for time, current, force, gap in zip(*columns, strict=True):
             yield f"{time:.2f},{current:.6f},{force:.6f},{gap:.9f},{truth.label}"
-        clock = float(columns[0][-1]) + DRIVE["pause_s"]
+        clock = float(columns[0][-1]) + DRIVE_SETTINGS["pause_s"]
 
 
 class Stepped:

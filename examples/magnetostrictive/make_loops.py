@@ -32,9 +32,9 @@ BIAS_FIELD = 30e3
 """Bias field of the magnet, A/m."""
 AMPLITUDES = (28e3, 20e3, 12e3, 6e3)
 """Amplitudes of the coil's field, A/m."""
-SAMPLES = 200
+SAMPLES_PER_CYCLE = 200
 """Samples per cycle."""
-SATURATION, LAMBDA, TIP = 1.0, 1.2e-3, -0.12
+SATURATION_T, LAMBDA, TIP = 1.0, 1.2e-3, -0.12
 NOISE_RMS, RESOLUTION = 1e-6, 0.5e-6
 
 
@@ -43,15 +43,15 @@ def make_rod(prestress: float) -> PreisachSteel:
     stress_factor = 1.0 + prestress / 12.0
     return PreisachSteel(
         family="preisach",
-        saturation_T=0.85 * SATURATION,
+        saturation_T=0.85 * SATURATION_T,
         pinning_A_per_m=2.2e3 * stress_factor**0.3,
         pinning_spread=0.45,
         bias_A_per_m=14e3 * stress_factor,
         bias_by_pinning=0.6,
         feedback_A_per_m_T=2e3,
-        saturation_sharp_T=0.05 * SATURATION,
+        saturation_sharp_T=0.05 * SATURATION_T,
         knee_sharp_A_per_m=12e3 * stress_factor,
-        saturation_slow_T=0.10 * SATURATION,
+        saturation_slow_T=0.10 * SATURATION_T,
         knee_slow_A_per_m=60e3,
     )
 
@@ -63,13 +63,13 @@ def strain(prestress: float, field: Array) -> Array:
     density = Piece(make_rod(prestress).make_steel()).run(np.concatenate([initial_ramp, total_field]))[
         initial_ramp.size :, 1
     ]
-    s = ((density - MU_0 * total_field) / SATURATION) ** 2
+    s = ((density - MU_0 * total_field) / SATURATION_T) ** 2
     return LAMBDA * (s + TIP * s**2)
 
 
 def field_cycles(amplitude: float) -> Array:
     """Return three cycles of the coil's field, A/m, from zero; the loop closes in the first."""
-    phase = 2.0 * np.pi * np.arange(3 * SAMPLES + 1) / SAMPLES
+    phase = 2.0 * np.pi * np.arange(3 * SAMPLES_PER_CYCLE + 1) / SAMPLES_PER_CYCLE
     return amplitude * np.sin(phase)
 
 
@@ -81,15 +81,21 @@ def write_loops(path: Path, prestresses: tuple[float, ...], noise: float) -> Non
         field = np.concatenate([field_cycles(amplitude) for amplitude in AMPLITUDES])
         strains = strain(prestress, field)
         for index, amplitude in enumerate(AMPLITUDES):
-            last_cycle = slice((3 * SAMPLES + 1) * index + 2 * SAMPLES, (3 * SAMPLES + 1) * (index + 1))
-            readings = strains[last_cycle] + noise * generator.standard_normal(SAMPLES + 1)
+            last_cycle = slice(
+                (3 * SAMPLES_PER_CYCLE + 1) * index + 2 * SAMPLES_PER_CYCLE,
+                (3 * SAMPLES_PER_CYCLE + 1) * (index + 1),
+            )
+            readings = strains[last_cycle] + noise * generator.standard_normal(SAMPLES_PER_CYCLE + 1)
             readings = np.round(readings / RESOLUTION) * RESOLUTION if noise else readings
             rows += [
                 (f"{amplitude / 1e3:g}", prestress, field_sample / 1e3, 1e6 * reading)
                 for field_sample, reading in zip(field[last_cycle].tolist(), readings.tolist(), strict=True)
             ]
     lines = ["loop,sigma_MPa,H_kA_per_m,eps_ppm"]
-    lines += [f"{label},{prestress:g},{field_sample:.5f},{reading:.3f}" for label, prestress, field_sample, reading in rows]
+    lines += [
+        f"{label},{prestress:g},{field_sample:.5f},{reading:.3f}"
+        for label, prestress, field_sample, reading in rows
+    ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
